@@ -1,0 +1,6 @@
+"""From channels to filtered signals with their derivatives, once and in one place."""
+
+from fingerlab.signals.filters import low_pass
+from fingerlab.signals.prepare import Signals, prepare
+
+__all__ = ["Signals", "low_pass", "prepare"]

@@ -1,0 +1,43 @@
+"""Zero-phase low-pass filter and derivatives of evenly sampled signals."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from fingerlab.errors import UserError
+from fingerlab.sessions.model import Array
+
+BUTTERWORTH_ORDER = 4
+"""Thesis section 4.1: 4th-order Butterworth low-pass."""
+
+
+def low_pass(values: Array, sample_rate_hz: float, cutoff_hz: float) -> Array:
+    """Butterworth low-pass run forwards and backwards, so that nothing is delayed.
+
+    Args:
+        values: shape (..., n), any unit; filtered along the last axis.
+        sample_rate_hz: sampling rate, Hz.
+        cutoff_hz: -3 dB frequency of the single pass, Hz (the double pass is at -6 dB there).
+
+    Returns:
+        Filtered values, same shape and unit.
+
+    Raises:
+        UserError: the cut-off is not below half the sampling rate, or the signal is too short.
+    """
+    if not 0 < cutoff_hz < sample_rate_hz / 2:
+        raise UserError(
+            f"A low-pass at {cutoff_hz:g} Hz is impossible at {sample_rate_hz:g} samples a second; "
+            f"choose a cut-off between 0 and {sample_rate_hz / 2:g} Hz."
+        )
+    sos = butter(BUTTERWORTH_ORDER, cutoff_hz, fs=sample_rate_hz, output="sos")
+    pad = min(int(3 * sample_rate_hz / cutoff_hz), values.shape[-1] - 1)
+    if pad < 1:
+        raise UserError("A run of fewer than two samples cannot be filtered; record at least a second.")
+    return np.asarray(sosfiltfilt(sos, values, axis=-1, padlen=pad))
+
+
+def derivative(values: Array, sample_rate_hz: float) -> Array:
+    """Central difference along the last axis; unit of ``values`` per second, same shape."""
+    return np.asarray(np.gradient(values, 1.0 / sample_rate_hz, axis=-1))

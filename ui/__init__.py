@@ -1,0 +1,1 @@
+"""The window. Shows what fingerlab computes and computes nothing itself."""
