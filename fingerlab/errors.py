@@ -9,5 +9,5 @@ class UserError(Exception):
     """
 
 
-class Cancelled(Exception):  # noqa: N818 (not an error: the user asked for it)
+class Cancelled(Exception):
     """The user asked a long calculation to stop."""

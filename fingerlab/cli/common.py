@@ -1,0 +1,87 @@
+"""What several commands share: the ``--json`` option, progress on standard error, safe output files."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from fingerlab.errors import UserError
+
+json_option = click.option(
+    "--json",
+    "json_target",
+    metavar="FILE",
+    help="Write the result as JSON to FILE, or to standard output with '-'.",
+)
+"""``json_target`` is None, ``-`` or a path. With ``-`` nothing else may go to standard output."""
+
+
+def write_json(result: dict[str, Any], target: str) -> None:
+    """Write ``result`` as JSON to a file, or to standard output where ``target`` is ``-``."""
+    text = json.dumps(result, indent=1, allow_nan=False)
+    if target == "-":
+        click.echo(text)
+    else:
+        write_text_safely(Path(target), text + "\n")
+
+
+def refuse_existing(path: Path) -> None:
+    """Nothing is overwritten without being asked.
+
+    Raises:
+        UserError: the file is there already, or its folder is not.
+    """
+    if path.exists():
+        raise UserError(
+            f"{path} exists already and is not overwritten; choose another name or remove it first."
+        )
+    if not path.parent.is_dir():
+        raise UserError(f"The folder {path.parent} does not exist; make it first or choose another place.")
+
+
+def write_text_safely(path: Path, text: str) -> None:
+    """Write a file whole or not at all: first beside it, then moved into place.
+
+    Raises:
+        UserError: the place cannot be written to or is full.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise UserError(
+            f"{path} cannot be written ({error.strerror}); choose a folder with room and write access."
+        ) from None
+
+
+def progress_bar(title: str) -> tuple[Any, Callable[[float, str], None]]:
+    """A progress bar on standard error.
+
+    Returns:
+        A context manager, and a function to call with the share done (0 to 1) and what is being done.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+    task = bar.add_task(title, total=1.0)
+
+    def report(share: float, what: str) -> None:
+        bar.update(task, completed=share, description=f"{title}: {what}")
+
+    return bar, report
