@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fingerlab.errors import UserError
 from fingerlab.rig import Rig
+from fingerlab.sessions.format import CHANNEL_UNITS
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 ChannelReader = Callable[[str, int, int], Array]
@@ -26,7 +28,9 @@ class Run:
         sample_rate_hz: sampling rate, Hz.
         trajectory: what the motor was told to do (``kind``, ``amplitude_deg``, ``frequency_hz``, ...).
         length: number of samples.
-        units: unit of each channel, by channel name; its keys are the channels present.
+        units: unit of each channel, by channel name; its keys are the channels present. Volts and
+            counts as read are named ``raw/...``.
+        reader: gives samples ``start:stop`` of a channel; one with a method ``load`` reads several at once.
         attributes: the run's other attributes as stored.
     """
 
@@ -48,14 +52,102 @@ class Run:
         """Samples ``start:stop`` of a channel as float64, shape (n,), in the unit ``units[name]``.
 
         Raises:
-            UserError: the run has no such channel, or the file can no longer be read.
+            UserError: the run has no such channel, the file can no longer be read, or the samples
+                break the format (time that runs backwards, NaN where none may be).
         """
+        self._require(name)
         return self.reader(name, start, self.length if stop is None else min(stop, self.length))
+
+    def load(
+        self, channels: Iterable[str] | None = None, start: int = 0, stop: int | None = None
+    ) -> dict[str, Array]:
+        """Samples ``start:stop`` of several channels (all of them for None), the file opened once.
+
+        Returns:
+            Channel name -> float64 array of shape (n,), in the unit ``units[name]``.
+
+        Raises:
+            UserError: as :meth:`channel`.
+        """
+        names = list(self.units if channels is None else channels)
+        for name in names:
+            self._require(name)
+        stop = self.length if stop is None else min(stop, self.length)
+        load_many = getattr(self.reader, "load", None)
+        if load_many is None:
+            return {name: self.reader(name, start, stop) for name in names}
+        result: dict[str, Array] = load_many(names, start, stop)
+        return result
 
     @property
     def cable_sign(self) -> int:
         """s of ``physics.md``: +1 for a flexion cable, -1 for an extension cable, 0 without one."""
         return {"flexion": 1, "extension": -1}.get(self.cable, 0)
+
+    @property
+    def seconds(self) -> float:
+        """Nominal length of the run, s."""
+        return self.length / self.sample_rate_hz
+
+    @classmethod
+    def from_arrays(
+        cls,
+        channels: Mapping[str, Any],
+        *,
+        name: str = "001",
+        phase: str = "on_air",
+        cable: str = "extension",
+        sample_rate_hz: float = 1000.0,
+        trajectory: Mapping[str, Any] | None = None,
+        units: Mapping[str, str] | None = None,
+        attributes: Mapping[str, Any] | None = None,
+    ) -> Run:
+        """A run that lives in memory, for simulations and tests.
+
+        Args:
+            channels: name -> values of shape (n,), SI; ``time`` is counted from 0 where it is absent.
+            units: unit of channels that the session format does not name.
+
+        Raises:
+            UserError: the channels are not one-dimensional and of one length.
+        """
+        arrays = {key: np.asarray(values, dtype=np.float64) for key, values in channels.items()}
+        shapes = {values.shape for values in arrays.values()}
+        if len(shapes) != 1 or len(next(iter(shapes))) != 1:
+            raise UserError(
+                f"Run {name} holds channels of shapes {sorted(shapes)}; all should be one-dimensional "
+                "and of one length."
+            )
+        length = next(iter(shapes))[0]
+        arrays.setdefault("time", np.arange(length) / sample_rate_hz)
+        known = {key: (units or {}).get(key, CHANNEL_UNITS.get(key, "")) for key in arrays}
+        return cls(
+            name,
+            phase,
+            cable,
+            float(sample_rate_hz),
+            dict(trajectory or {}),
+            length,
+            known,
+            ArrayReader(arrays),
+            dict(attributes or {}),
+        )
+
+    def _require(self, name: str) -> None:
+        if name not in self.units:
+            raise UserError(
+                f"Run {self.name} has no channel '{name}'; it holds {', '.join(self.units) or 'none'}."
+            )
+
+
+@dataclass(frozen=True)
+class ArrayReader:
+    """Channels that are in memory already."""
+
+    arrays: Mapping[str, Array]
+
+    def __call__(self, name: str, start: int, stop: int) -> Array:
+        return self.arrays[name][start:stop].copy()
 
 
 @dataclass(frozen=True)
@@ -76,3 +168,7 @@ class Session:
     rig: Rig
     runs: tuple[Run, ...]
     attributes: Mapping[str, Any] = field(default_factory=dict)
+
+    def runs_of(self, *phases: str) -> tuple[Run, ...]:
+        """The runs taken in one of the phases, in the order taken."""
+        return tuple(run for run in self.runs if run.phase in phases)

@@ -1,46 +1,217 @@
-"""Opening a session file. (First cut: the checks of the contract come with the sessions module.)"""
+"""Opening a session: structure is checked here, samples when they are read or in ``check_session``."""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import math
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import h5py
-import numpy as np
 
+from fingerlab.errors import UserError
 from fingerlab.rig import Rig
-from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.format import (
+    CABLES,
+    CHANNEL_UNITS,
+    FINGER_PHASES,
+    FORMAT_MAJOR,
+    FORMAT_NAME,
+    PHASES,
+    REQUIRED_CHANNELS,
+    REQUIRED_ROOT_ATTRIBUTES,
+    REQUIRED_RUN_ATTRIBUTES,
+    plain,
+    same_unit,
+)
+from fingerlab.sessions.model import Run, Session
+from fingerlab.sessions.samples import FileReader, open_hdf5
 
 
 def open_session(path: str | Path) -> Session:
-    """Open a session without reading its samples."""
+    """Open a session without reading its samples, so that ten hours cost no more than ten seconds.
+
+    Structure is checked here: format and version, attributes, channels, their units and lengths.
+    The file is closed again on return; channels open it anew when they are asked for.
+
+    Raises:
+        UserError: the file is missing, damaged, or breaks the session format; the sentence says where.
+    """
     path = Path(path)
-    runs = []
-    with h5py.File(path, "r") as file:
-        for name in sorted(file["runs"]):
-            group = file["runs"][name]
-            units = {k: str(d.attrs["units"]) for k, d in group.items() if isinstance(d, h5py.Dataset)}
-
-            def read(channel: str, start: int, stop: int, group_name: str = f"runs/{name}") -> Array:
-                with h5py.File(path, "r") as again:
-                    return np.asarray(again[group_name][channel][start:stop], dtype=np.float64)
-
-            runs.append(
-                Run(
-                    name,
-                    str(group.attrs["phase"]),
-                    str(group.attrs["cable"]),
-                    float(group.attrs["sample_rate_hz"]),
-                    json.loads(group.attrs["trajectory"]),
-                    len(group["time"]),
-                    units,
-                    read,
-                )
+    with open_hdf5(path) as file:
+        root = {name: plain(value) for name, value in file.attrs.items()}
+        _check_root(root, file, path)
+        rig = read_rig(root["rig"], f"{path}, attribute 'rig'")
+        runs = tuple(_read_run(file["runs"][name], name, path) for name in sorted(file["runs"], key=_order))
+    if not runs:
+        raise UserError(f"{path} holds no runs; a session has at least one group such as /runs/001.")
+    for run in runs:
+        if run.phase in FINGER_PHASES and rig.finger is None:
+            raise UserError(
+                f"{path}: run {run.name} is '{run.phase}' but the rig text has no 'finger'; "
+                "it should hold the finger's masses, lengths, inertias and stiffnesses."
             )
-        return Session(
-            path,
-            str(file.attrs["title"]),
-            str(file.attrs["created"]),
-            Rig.from_json(file.attrs["rig"]),
-            tuple(runs),
+    title, created = str(root.pop("title")), str(root.pop("created"))
+    return Session(path, title, created, rig, runs, root)
+
+
+def read_rig(text: Any, where: str) -> Rig:
+    """The rig from its JSON text; ``where`` opens the sentence of an error.
+
+    Raises:
+        UserError: the text is not JSON or holds something else than finite numbers.
+    """
+    try:
+        return Rig.from_json(text, where)
+    except (TypeError, ValueError) as error:
+        raise UserError(f"{where} holds something else than a number ({error}); use numbers in SI.") from None
+
+
+def content_hash(session: Session) -> str:
+    """SHA-256 of the session's file in hexadecimal, for the files of fitted models.
+
+    Raises:
+        UserError: the file can no longer be read.
+    """
+    digest = hashlib.sha256()
+    try:
+        with session.path.open("rb") as file:
+            while block := file.read(1 << 20):
+                digest.update(block)
+    except OSError as error:
+        raise UserError(f"{session.path} cannot be read ({error.strerror}); put it back.") from None
+    return digest.hexdigest()
+
+
+def _order(name: str) -> tuple[int, str]:
+    """Runs in the order taken: by number, so that 1000 comes after 999."""
+    return (int(name) if name.isdecimal() else 10**9, name)
+
+
+def _check_root(root: Mapping[str, Any], file: h5py.File, path: Path) -> None:
+    if root.get("format") != FORMAT_NAME:
+        raise UserError(
+            f"{path} is HDF5 but not a session; its attribute 'format' should be \"{FORMAT_NAME}\"."
         )
+    version = str(root.get("format_version", ""))
+    major = version.split(".")[0]
+    if not major.isdecimal():
+        raise UserError(f'{path} has format_version {version!r}; it should be a number such as "1".')
+    if int(major) > FORMAT_MAJOR:
+        raise UserError(
+            f"{path} is of the newer format version {version}, and this program reads up to version "
+            f"{FORMAT_MAJOR}; update FingerLab to read it."
+        )
+    for name in REQUIRED_ROOT_ATTRIBUTES:
+        if name not in root:
+            raise UserError(f"{path} lacks the attribute '{name}'; every session file has it at its root.")
+    if not isinstance(file.get("runs"), h5py.Group):
+        raise UserError(f"{path} has no group /runs; a session has at least one group such as /runs/001.")
+
+
+def _read_run(group: h5py.Group, name: str, path: Path) -> Run:
+    where = f"{path}: run {name}"
+    if not isinstance(group, h5py.Group):
+        raise UserError(f"{where} is not a group; it should be one, with a dataset for each channel.")
+    attributes = {key: plain(value) for key, value in group.attrs.items()}
+    for key in REQUIRED_RUN_ATTRIBUTES:
+        if key not in attributes:
+            raise UserError(f"{where} lacks the attribute '{key}'; every run has it.")
+    phase = _one_of(attributes.pop("phase"), PHASES, f"{where} has the phase")
+    cable = _one_of(attributes.pop("cable"), CABLES, f"{where} has the cable")
+    rate = _rate(attributes.pop("sample_rate_hz"), where)
+    trajectory = _trajectory(attributes.pop("trajectory"), where)
+    units, length = _channels(group, phase, where)
+    return Run(name, phase, cable, rate, trajectory, length, units, FileReader(path, name), attributes)
+
+
+def _one_of(value: Any, allowed: tuple[str, ...], where: str) -> str:
+    if value not in allowed:
+        raise UserError(f"{where} {value!r}; it should be one of {', '.join(allowed)}.")
+    return str(value)
+
+
+def _rate(value: Any, where: str) -> float:
+    try:
+        rate = float(value)
+    except (TypeError, ValueError):
+        rate = math.nan
+    if not (math.isfinite(rate) and rate > 0):
+        raise UserError(f"{where} has sample_rate_hz {value!r}; it should be a positive number.")
+    return rate
+
+
+def _trajectory(text: Any, where: str) -> dict[str, Any]:
+    try:
+        trajectory = json.loads(text)
+    except (TypeError, ValueError) as error:
+        raise UserError(
+            f"{where} has a trajectory that is not JSON ({error}); it should read like "
+            '{"kind": "sine", "amplitude_deg": 15, "frequency_hz": 1}.'
+        ) from None
+    if not isinstance(trajectory, dict):
+        raise UserError(
+            f"{where} has a trajectory that is not a JSON object; it should hold at least 'kind'."
+        )
+    return trajectory
+
+
+def _channels(group: h5py.Group, phase: str, where: str) -> tuple[dict[str, str], int]:
+    """Units by channel name, the contract's channels first, and the run's length."""
+    datasets = {key: item for key, item in group.items() if isinstance(item, h5py.Dataset)}
+    for name in REQUIRED_CHANNELS[phase]:
+        if name not in datasets:
+            raise UserError(
+                f"{where} lacks the channel '{name}'; a run of phase '{phase}' has "
+                f"{', '.join(REQUIRED_CHANNELS[phase])}."
+            )
+    length = _samples(datasets["time"], "time", where)
+    units = {}
+    for name, unit in CHANNEL_UNITS.items():
+        if name not in datasets:
+            continue
+        samples = _samples(datasets[name], name, where)
+        if samples != length:
+            raise UserError(
+                f"{where} has {samples} samples of '{name}' but {length} of time; "
+                "all channels of a run should be of one length."
+            )
+        _check_unit(datasets[name], name, unit, where)
+        units[name] = unit
+    if length == 0:
+        raise UserError(f"{where} is empty (no samples); remove it or record it again.")
+    return units | _extra_channels(group, datasets, length), length
+
+
+def _samples(dataset: h5py.Dataset, name: str, where: str) -> int:
+    if dataset.ndim != 1 or dataset.dtype.kind not in "fiu":
+        raise UserError(
+            f"{where}, channel '{name}' is of shape {dataset.shape} and type {dataset.dtype}; "
+            "a channel should be one-dimensional and of numbers."
+        )
+    return int(dataset.shape[0])
+
+
+def _check_unit(dataset: h5py.Dataset, name: str, unit: str, where: str) -> None:
+    found = plain(dataset.attrs["units"]) if "units" in dataset.attrs else None
+    if found is None:
+        raise UserError(f"{where}, channel '{name}' has no attribute 'units'; it should be '{unit}'.")
+    if not same_unit(str(found), unit):
+        raise UserError(
+            f"{where}, channel '{name}' is in '{found}'; it should be in '{unit}' (convert it before)."
+        )
+
+
+def _extra_channels(group: h5py.Group, datasets: Mapping[str, h5py.Dataset], length: int) -> dict[str, str]:
+    """Channels that the contract does not name but that share the run's time axis, ``raw/...`` included."""
+    extras = {key: item for key, item in datasets.items() if key not in CHANNEL_UNITS}
+    raw = group.get("raw")
+    if isinstance(raw, h5py.Group):
+        extras |= {f"raw/{key}": item for key, item in raw.items() if isinstance(item, h5py.Dataset)}
+    return {
+        key: str(plain(item.attrs.get("units", "")))
+        for key, item in extras.items()
+        if item.shape == (length,) and item.dtype.kind in "fiu" and key != "raw/time"
+    }

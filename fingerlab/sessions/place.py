@@ -1,0 +1,66 @@
+"""Where a file is to be written: claimed, written beside it, and moved into place when it is whole."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from fingerlab.errors import UserError
+
+
+def claim(path: Path) -> Path:
+    """Make ``NAME.part`` beside the wanted place, empty, so that no two programs write the same file.
+
+    Returns:
+        The path of the part file.
+
+    Raises:
+        UserError: the place is taken already, its folder is missing, or it cannot be written to.
+    """
+    refuse_taken(path)
+    part = path.with_name(path.name + ".part")
+    try:
+        part.open("xb").close()
+    except FileExistsError:
+        raise UserError(
+            f"{part} is there already, from a write that is under way or was broken off; "
+            "wait for it, or remove it and try again."
+        ) from None
+    except OSError as error:
+        raise UserError(
+            f"{path} cannot be written ({error.strerror}); choose a place with room and write access."
+        ) from None
+    return part
+
+
+def refuse_taken(path: Path) -> None:
+    """Nothing is overwritten without being asked.
+
+    Raises:
+        UserError: something of that name exists, or its folder does not.
+    """
+    if path.exists():
+        raise UserError(
+            f"{path} exists already and is not overwritten; choose another name or remove it first."
+        )
+    if not path.parent.is_dir():
+        raise UserError(f"The folder {path.parent} does not exist; make it first or choose another place.")
+
+
+def move_into_place(part: Path, path: Path) -> None:
+    """Give the finished file its name, unless somebody else took the name meanwhile.
+
+    Raises:
+        UserError: the name is taken by now, or moving failed; the part file is removed.
+    """
+    try:
+        refuse_taken(path)
+        os.replace(part, path)
+    except UserError:
+        part.unlink(missing_ok=True)
+        raise
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise UserError(
+            f"{path} cannot be written ({error.strerror}); choose a place with room and write access."
+        ) from None
