@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from fingerlab.errors import UserError
@@ -55,7 +54,7 @@ def move_into_place(part: Path, path: Path) -> None:
     """
     try:
         refuse_taken(path)
-        os.replace(part, path)
+        part.replace(path)
     except UserError:
         part.unlink(missing_ok=True)
         raise

@@ -1,0 +1,50 @@
+"""Copying a session whole: groups, datasets and attributes that this version does not know included."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+from fingerlab.errors import UserError
+from fingerlab.sessions.place import claim, move_into_place
+from fingerlab.sessions.reading import open_session
+from fingerlab.sessions.writing import write_attributes
+
+
+def copy_session(source: str | Path, target: str | Path, attributes: Mapping[str, Any] | None = None) -> Path:
+    """Copy a session file as it is, after checking its structure.
+
+    Args:
+        attributes: root attributes to set in the copy, such as ``title`` and ``tags``; the rest stays.
+
+    Returns:
+        The path of the copy.
+
+    Raises:
+        UserError: the source is no session, or the target exists, cannot be written to or is full.
+    """
+    source, target = Path(source), Path(target)
+    open_session(source)
+    part = claim(target)
+    try:
+        shutil.copyfile(source, part)
+        if attributes:
+            with h5py.File(part, "r+") as file:
+                write_attributes(file, attributes)
+        # An attribute such as a broken rig text must not turn a good session into a bad one.
+        open_session(part)
+    except (OSError, RuntimeError) as error:
+        part.unlink(missing_ok=True)
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+        raise UserError(
+            f"{target} cannot be written ({reason}); choose a place with room and write access."
+        ) from None
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+    move_into_place(part, target)
+    return target
