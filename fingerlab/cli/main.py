@@ -7,6 +7,7 @@ for the twin's compiler.
 from __future__ import annotations
 
 import importlib
+import io
 import sys
 from collections.abc import Sequence
 
@@ -16,34 +17,49 @@ import fingerlab
 from fingerlab.errors import UserError
 
 COMMANDS = {
-    "simulate": "fingerlab.cli.simulate:simulate",
-    "reveal": "fingerlab.cli.simulate:reveal",
-    "info": "fingerlab.cli.sessions:info",
-    "import": "fingerlab.cli.sessions:import_text",
-    "export": "fingerlab.cli.sessions:export",
-    "calibrate": "fingerlab.cli.calibrate:calibrate",
-    "fit": "fingerlab.cli.fit:fit",
-    "predict": "fingerlab.cli.predict:predict",
-    "diagnose": "fingerlab.cli.diagnose:diagnose",
-    "replicate": "fingerlab.cli.replicate:replicate",
-    "report": "fingerlab.cli.report:report",
+    "simulate": ("fingerlab.cli.simulate:simulate", "Record a session from the simulated rig."),
+    "reveal": ("fingerlab.cli.simulate:reveal", "Tell which effect a simulated session hides."),
+    "info": ("fingerlab.cli.sessions:info", "Show and check what is in a session."),
+    "import": ("fingerlab.cli.sessions:import_text", "Turn text files of the bench into a session."),
+    "export": ("fingerlab.cli.sessions:export", "Give a session to other tools."),
+    "calibrate": ("fingerlab.cli.calibrate:calibrate", "Calibrate a sensor from a stepped recording."),
+    "fit": ("fingerlab.cli.fit:fit", "Fit moment arms and friction losses."),
+    "predict": ("fingerlab.cli.predict:predict", "Predict the endpoint force of contact runs."),
+    "diagnose": ("fingerlab.cli.diagnose:diagnose", "Tell which physical effect the model is missing."),
+    "replicate": ("fingerlab.cli.replicate:replicate", "Repeat the thesis' experiment on the simulated rig."),
+    "report": ("fingerlab.cli.report:report", "Write the whole comparison as one page."),
 }
-"""Command word -> ``module:object`` that holds the click command."""
+"""Command word -> ``module:object`` that holds the click command, and what it does in one line.
+
+The line stands here as well so that ``fingerlab --help`` need not import every command.
+"""
 
 
 class LazyGroup(click.Group):
-    """A group that imports a command's module when the command is asked for."""
+    """A group that imports a command's module when the command is asked for, and not before."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        target = COMMANDS.get(name)
-        if target is None:
+        if name not in COMMANDS:
             return None
-        module, attribute = target.split(":")
+        module, attribute = COMMANDS[name][0].split(":")
         command: click.Command = getattr(importlib.import_module(module), attribute)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and not args[0].startswith("-") and args[0] not in COMMANDS:
+            raise click.UsageError(
+                f"There is no command '{args[0]}'; the commands are {', '.join(COMMANDS)}.", ctx
+            )
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(word, line) for word, (_, line) in COMMANDS.items()])
 
 
 @click.group(cls=LazyGroup, invoke_without_command=True)
@@ -61,11 +77,15 @@ def cli(ctx: click.Context) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0 on success, 2 on bad usage or bad input, 130 on Ctrl-C."""
+    for stream in (sys.stdout, sys.stderr):
+        # A Windows console may lack a Greek letter; that must not end a command that has done its work.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     try:
         code = cli.main(args=arguments, prog_name="fingerlab", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.ClickException as error:
-        _fail(" ".join(error.format_message().split()))
+        _fail(error.format_message())
     except UserError as error:
         _fail(str(error))
     except (click.Abort, KeyboardInterrupt):
@@ -74,6 +94,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _fail(sentence: str) -> None:
+    sentence = " ".join(sentence.split())
     click.echo(f"fingerlab: {sentence}", err=True)
     sys.exit(2)
 
