@@ -12,7 +12,7 @@ import h5py
 from fingerlab.errors import UserError
 from fingerlab.sessions.place import claim, move_into_place
 from fingerlab.sessions.reading import open_session
-from fingerlab.sessions.writing import write_attributes
+from fingerlab.sessions.run_writing import write_attributes
 
 
 def copy_session(source: str | Path, target: str | Path, attributes: Mapping[str, Any] | None = None) -> Path:

@@ -1,0 +1,186 @@
+"""Tables of numbers in text files: separator, decimal sign and header found out, rows read in blocks.
+
+The bench's earlier program wrote tabs, sometimes a header row, sometimes decimal commas
+(``session-format.md``); other programs write semicolons, commas or spaces.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from fingerlab.errors import UserError
+from fingerlab.sessions.model import Array
+
+BLOCK_LINES = 1 << 16
+"""Lines read together: about 4 MB of text with seven columns."""
+
+_SAMPLE_LINES = 200
+_CANDIDATES = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (None, "."), (None, ","))
+"""Separators (None is any white space) and decimal signs, in the order in which they are preferred."""
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*([eE][+-]?\d+)?|\.\d+([eE][+-]?\d+)?|nan|inf)", re.IGNORECASE)
+SEPARATOR_WORDS = {"\t": "tab", ";": "semicolon", ",": "comma", None: "space"}
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """How a text file is laid out. Its numbers are read by :func:`read_blocks`.
+
+    Attributes:
+        path: the file.
+        encoding: of its text.
+        separator: between cells; None for any white space.
+        decimal: ``"."`` or ``","``.
+        header: one name a column, or None without a header row.
+        columns: how many cells a row has.
+    """
+
+    path: Path
+    encoding: str
+    separator: str | None
+    decimal: str
+    header: tuple[str, ...] | None
+    columns: int
+
+
+def inspect_table(path: str | Path) -> TextTable:
+    """Find out how a text file is laid out from its first lines.
+
+    Raises:
+        UserError: the file is missing, is no text, or has no table of numbers.
+    """
+    path = Path(path)
+    encoding = _encoding(path)
+    with _open(path, encoding) as file:
+        lines = [line for _, line in islice(_rows(file), _SAMPLE_LINES)]
+    if not lines:
+        raise UserError(f"{path} is empty; it should hold a table of numbers, one row a sample.")
+    separator, decimal = _separator(lines, path)
+    first = _cells(lines[0], separator)
+    header = None
+    if not any(_is_number(cell, decimal) for cell in first):
+        header = tuple(cell.strip().strip('"') for cell in first)
+        if len(lines) == 1:
+            raise UserError(f"{path} holds a header but no rows; it should hold one row a sample.")
+    return TextTable(path, encoding, separator, decimal, header, len(first))
+
+
+def read_blocks(table: TextTable, block_lines: int = BLOCK_LINES) -> Iterator[Array]:
+    """The table's numbers, a block of rows at a time, each of shape (rows, columns).
+
+    Raises:
+        UserError: a row has more or fewer cells than the first, or a cell is not a number; the sentence
+            names file and line.
+    """
+    with _open(table.path, table.encoding) as file:
+        rows = _rows(file)
+        if table.header is not None:
+            next(rows)
+        while block := list(islice(rows, block_lines)):
+            yield _parse(block, table)
+
+
+def _parse(block: Sequence[tuple[int, str]], table: TextTable) -> Array:
+    lines = [line for _, line in block]
+    if table.decimal == ",":
+        if any("." in line for line in lines):
+            raise _fault(block, table)
+        lines = [line.replace(",", ".") for line in lines]
+    try:
+        values = np.loadtxt(lines, delimiter=table.separator, comments=None, ndmin=2, dtype=np.float64)
+    except ValueError:
+        raise _fault(block, table) from None
+    if values.shape != (len(block), table.columns):
+        raise _fault(block, table)
+    return np.asarray(values)
+
+
+def _fault(block: Sequence[tuple[int, str]], table: TextTable) -> UserError:
+    """The sentence about the first row of a block that does not fit."""
+    for number, line in block:
+        cells = _cells(line, table.separator)
+        if len(cells) != table.columns:
+            return UserError(
+                f"{table.path}, line {number} has {len(cells)} columns where the first row has "
+                f"{table.columns}; every row should have the same number of columns."
+            )
+        for index, cell in enumerate(cells):
+            if not _is_number(cell, table.decimal):
+                word = "comma" if table.decimal == "," else "point"
+                return UserError(
+                    f"{table.path}, line {number}, column {index + 1} holds {cell.strip()!r}; "
+                    f"it should be a number with a decimal {word}."
+                )
+    return UserError(f"{table.path} cannot be read as a table near line {block[0][0]}.")
+
+
+def _separator(lines: Sequence[str], path: Path) -> tuple[str | None, str]:
+    """The separator and decimal sign under which most lines are rows of at least two numbers."""
+
+    def score(candidate: tuple[str | None, str]) -> int:
+        separator, decimal = candidate
+        rows = (_cells(line, separator) for line in lines)
+        return sum(len(row) > 1 and all(_is_number(cell, decimal) for cell in row) for row in rows)
+
+    scores = [score(candidate) for candidate in _CANDIDATES]
+    best = max(scores)
+    if best == 0:
+        raise UserError(
+            f"{path} holds no row of two numbers or more in its first {len(lines)} lines; it should be a "
+            "table with tabs, semicolons, commas or spaces between the numbers."
+        )
+    return _CANDIDATES[scores.index(best)]
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    return line.split(separator)
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    text = cell.strip()
+    if decimal == ",":
+        # A point in a file with decimal commas is a thousands mark or a mistake; neither is guessed at.
+        text = text.replace(".", "?").replace(",", ".")
+    return _NUMBER.fullmatch(text) is not None
+
+
+def _rows(file: TextIO) -> Iterator[tuple[int, str]]:
+    """Numbered lines (from 1) without blank lines and comments."""
+    for number, line in enumerate(file, start=1):
+        text = line.strip(" \r\n").rstrip("\t")
+        if text.strip() and not text.startswith(("#", "%")):
+            yield number, text
+
+
+def _open(path: Path, encoding: str) -> TextIO:
+    try:
+        return path.open(encoding=encoding, errors="replace")
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror}); give a text file.") from None
+
+
+def _encoding(path: Path) -> str:
+    """Encoding by the file's first bytes; older programs wrote the degree sign in the Windows code page."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(1 << 16)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror}); give a text file.") from None
+    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    if b"\0" in start:
+        raise UserError(f"{path} is not a text file; 'fingerlab import' reads tables of numbers in text.")
+    try:
+        # The last character may be cut in two by the end of the sample.
+        start.decode("utf-8-sig") if len(start) < 1 << 16 else start[:-4].decode("utf-8-sig", "strict")
+    except UnicodeDecodeError as error:
+        if error.start < len(start) - 8:
+            return "cp1252"
+    return "utf-8-sig"
