@@ -1,4 +1,4 @@
-"""From channels to filtered signals with their derivatives, once and in one place."""
+"""From channels to filtered signals with their derivatives, regions and delays, once and in one place."""
 
 from fingerlab.signals.filters import low_pass
 from fingerlab.signals.prepare import Signals, prepare

@@ -1,0 +1,112 @@
+"""What the regression sees of one run: tension, joint torques and speeds, cut into periods."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerlab.errors import UserError
+from fingerlab.identify.thesis.specs import JOINTS, Joint
+from fingerlab.physics.nominal import (
+    JointMotion,
+    contact_lever_mcp,
+    contact_lever_pip,
+    mcp_torque,
+    pip_torque,
+    tension,
+)
+from fingerlab.rig import Finger, Rig
+from fingerlab.sessions.model import Array, Run
+from fingerlab.signals.periods import PeriodGrid, period_grid, repeats
+from fingerlab.signals.prepare import Signals, prepare
+
+
+@dataclass(frozen=True)
+class Traces:
+    """One run on the way into the analysis; arrays of shape (n,), SI.
+
+    Attributes:
+        tension: cable tension T at the pulley, N. lhs: left-hand side of each joint's equation, N m.
+        speed: joint speeds, rad/s. grid: the whole periods, None for a run that does not repeat.
+    """
+
+    signals: Signals
+    finger: Finger
+    cable: str
+    tension: Array
+    lhs: Mapping[Joint, Array]
+    speed: Mapping[Joint, Array]
+    grid: PeriodGrid | None
+    frequency_hz: float
+
+    def lever(self, joint: Joint, contact_angle: float = 0.0) -> Array:
+        """Lever of the contact force about a joint, m, shape (n,)."""
+        angles = self.signals.mcp, self.signals.pip
+        assert angles[0] is not None
+        assert angles[1] is not None
+        lever = contact_lever_pip if joint == "pip" else contact_lever_mcp
+        return lever(self.finger, angles[0], angles[1], contact_angle)
+
+
+def trace(run: Run, rig: Rig) -> Traces:
+    """Read, filter and evaluate one finger run.
+
+    Raises:
+        UserError: the rig knows no finger or no pulley, or the run lacks a channel that the equations need.
+    """
+    if rig.finger is None:
+        raise UserError("The session's rig gives no finger; 'finger' (masses, lengths, springs) is needed.")
+    for channel in ("mcp_angle", "pip_angle"):
+        if not run.has(channel):
+            raise UserError(f"Run {run.name} has no channel '{channel}'; the joint equations need it in rad.")
+    signals = prepare(run, rig)
+    motion = joint_motion(signals)
+    return Traces(
+        signals,
+        rig.finger,
+        run.cable,
+        tension(rig.motor, signals.motor_torque, signals.motor_acceleration),
+        {"mcp": mcp_torque(rig.finger, motion).total, "pip": pip_torque(rig.finger, motion).total},
+        {"mcp": motion.mcp_velocity, "pip": motion.pip_velocity},
+        run_grid(run, signals),
+        trajectory_frequency(run),
+    )
+
+
+def joint_motion(signals: Signals) -> JointMotion:
+    """The joints' angles, speeds and accelerations of a run that has them."""
+    parts = (
+        signals.mcp,
+        signals.pip,
+        signals.mcp_velocity,
+        signals.pip_velocity,
+        signals.mcp_acceleration,
+        signals.pip_acceleration,
+    )
+    for part in parts:
+        if part is None or not np.isfinite(part).all():
+            raise UserError(
+                f"Run {signals.run_name} has joint angles that are missing or not numbers; "
+                "the joint equations need both angles throughout."
+            )
+    mcp, pip, mcp_v, pip_v, mcp_a, pip_a = (p for p in parts if p is not None)
+    return JointMotion(mcp, pip, mcp_v, pip_v, mcp_a, pip_a)
+
+
+def trajectory_frequency(run: Run) -> float:
+    """Frequency that the trajectory names, Hz; 0 where it names none."""
+    value = run.trajectory.get("frequency_hz")
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
+        return 0.0
+    return float(value)
+
+
+def run_grid(run: Run, signals: Signals) -> PeriodGrid | None:
+    """The run's whole periods where its motor truly repeats at the trajectory's frequency, else None."""
+    grid = period_grid(len(signals), run.sample_rate_hz, trajectory_frequency(run))
+    return grid if grid is not None and repeats(signals.motor_position, grid) else None
+
+
+__all__ = ["JOINTS", "Traces", "joint_motion", "run_grid", "trace", "trajectory_frequency"]
