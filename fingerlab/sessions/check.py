@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -97,11 +97,14 @@ class _Tally:
             self.torque_current += float(current @ torque)
 
 
-def check_session(session: Session) -> CheckReport:
+def check_session(session: Session, progress: Callable[[float, str], None] | None = None) -> CheckReport:
     """Read a session's samples once, in pieces, and judge them against the session format.
 
     Structure has been checked by ``open_session``; this adds time that runs backwards, NaN, a sampling
     rate that the time channel does not keep, gaps, and what the file says of itself.
+
+    Args:
+        progress: called with the share done (0 to 1) and what is being read.
 
     Returns:
         Findings in the order of the runs; errors are those that break the format.
@@ -111,7 +114,9 @@ def check_session(session: Session) -> CheckReport:
     """
     findings: list[Finding] = []
     runs: list[RunCheck] = []
-    for run in session.runs:
+    for number, run in enumerate(session.runs):
+        if progress:
+            progress(number / len(session.runs), f"run {run.name}")
         tally = _Tally()
         try:
             for piece, first in _pieces(run):

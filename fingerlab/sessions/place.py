@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
+from types import TracebackType
 
 from fingerlab.errors import UserError
 
@@ -63,3 +65,61 @@ def move_into_place(part: Path, path: Path) -> None:
         raise UserError(
             f"{path} cannot be written ({error.strerror}); choose a place with room and write access."
         ) from None
+
+
+class OutputSet:
+    """Several files that are to appear together or not at all. Use as a context manager."""
+
+    def __init__(self) -> None:
+        self._parts: dict[Path, Path] = {}
+        self._folder: Path | None = None
+
+    def make_folder(self, folder: Path) -> None:
+        """Make the folder where it is missing; it goes again if the files do not come about.
+
+        Raises:
+            UserError: it is a file, its parent is missing, or it cannot be made.
+        """
+        if folder.is_dir():
+            return
+        if folder.exists():
+            raise UserError(f"{folder} is a file; give a folder to write to.")
+        if not folder.parent.is_dir():
+            raise UserError(f"The folder {folder.parent} does not exist; make it first or choose another.")
+        try:
+            folder.mkdir()
+        except OSError as error:
+            raise UserError(
+                f"The folder {folder} cannot be made ({error.strerror}); choose a place with write access."
+            ) from None
+        self._folder = folder
+
+    def claim(self, path: Path) -> Path:
+        """The part file to write to in place of ``path``.
+
+        Raises:
+            UserError: as :func:`claim`.
+        """
+        self._parts[path] = claim(path)
+        return self._parts[path]
+
+    def __enter__(self) -> OutputSet:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                for path in self._parts:
+                    refuse_taken(path)
+                for path, part in self._parts.items():
+                    move_into_place(part, path)
+                self._folder = None
+        finally:
+            for part in self._parts.values():
+                with suppress(OSError):
+                    part.unlink(missing_ok=True)
+            if self._folder is not None:
+                with suppress(OSError):
+                    self._folder.rmdir()

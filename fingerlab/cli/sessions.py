@@ -1,0 +1,257 @@
+"""``info``, ``import`` and ``export``: session files from the command line."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
+from fingerlab.errors import UserError
+from fingerlab.sessions import CheckReport, Session, check_session, open_session
+from fingerlab.sessions.format import CABLES, PHASES
+
+PATH = click.Path(path_type=Path)
+
+
+@click.command()
+@click.argument("session_file", metavar="S.h5", type=PATH)
+@json_option
+def info(session_file: Path, json_target: str | None) -> None:
+    """Show what is in a session, and check it against the format.
+
+    Every sample is read once: time that runs backwards, NaN where none may be and a wrong sampling rate
+    are errors; gaps and missing force are told.
+    """
+    session = open_session(session_file)
+    bar, report_progress = progress_bar("Checking")
+    with bar:
+        report = check_session(session, report_progress)
+    report.raise_first()
+    result = _info_json(session, report)
+    if json_target != "-":
+        _print_info(session, report)
+    if json_target is not None:
+        write_json(result, json_target)
+
+
+@click.command("import")
+@click.argument("files", metavar="A.txt [B.txt ...]", nargs=-1, required=True, type=PATH)
+@click.option(
+    "--map",
+    "mapping",
+    metavar="MAPPING",
+    default="auto",
+    show_default=True,
+    help="Which column is which channel: 'auto', an inline text, or a .json or .toml file (see above).",
+)
+@click.option("--out", "target", metavar="S.h5", type=PATH, help="Session to write.")
+@click.option(
+    "--rig",
+    "rig_file",
+    metavar="RIG.toml",
+    type=PATH,
+    help="Constants of the bench; without it those of the thesis' rig, partly assumed.",
+)
+@click.option(
+    "--phase",
+    "phases",
+    multiple=True,
+    type=click.Choice(PHASES),
+    help="Phase of the files: once for all or once for each.  [default: on_air]",
+)
+@click.option(
+    "--cable",
+    "cables",
+    multiple=True,
+    type=click.Choice(CABLES),
+    help="Cable of the files: once for all or once for each.  [default: extension]",
+)
+@click.option("--trajectory", metavar="JSON", help='What the motor was told, such as {"kind": "sine"}.')
+@click.option(
+    "--rate",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="HZ",
+    help="Samples a second, where no column holds the time.",
+)
+@click.option("--title", help="Title of the session.  [default: names the files]")
+@click.option("--dry-run", is_flag=True, help="Show the mapping and write nothing.")
+@click.option("--yes", is_flag=True, help="Do not ask before writing (it asks only on a terminal).")
+@json_option
+def import_text(
+    files: tuple[Path, ...],
+    mapping: str,
+    target: Path | None,
+    rig_file: Path | None,
+    phases: tuple[str, ...],
+    cables: tuple[str, ...],
+    trajectory: str | None,
+    rate: float | None,
+    title: str | None,
+    dry_run: bool,
+    yes: bool,
+    json_target: str | None,
+) -> None:
+    """Turn text files of the bench into one session, one run a file in the order given.
+
+    Tabs, semicolons, commas or spaces, decimal comma or point, and a header row are recognised. The
+    mapping is shown on standard error before anything is written.
+
+    MAPPING is 'auto': by the header's words, such as "MCP (deg)" or "torque (Nm)"; without a header, seven
+    columns are taken in the bench's own order: time, command, position, torque, MCP, PIP, force, angles in
+    degrees.
+
+    Or an inline text: time=1,motor_command=2:deg,motor_torque=4:mNm,pip_angle=6:deg:-1 (channel = column
+    number or header : unit : factor for a flipped sign). Columns that it does not name are left out.
+
+    Or a .json or .toml file with the same: motor_command = { column = 2, unit = "deg", scale = 1 }.
+
+    Angles without a unit are degrees. motor_current, which these files lack, follows from the torque by
+    the rig's constants and is marked as derived.
+    """
+    from fingerlab.rig_file import default_rig, load_rig
+    from fingerlab.sessions.importing import TextRun, describe, import_files, plan_import
+
+    if target is None and not dry_run:
+        raise UserError("The option --out S.h5 is missing; it names the session to write.")
+    if target is not None:
+        refuse_existing(target)
+    told = _trajectory(trajectory)
+    each_phase = _each(phases, "on_air", files, "phase")
+    each_cable = _each(cables, "extension", files, "cable")
+    sources = [
+        TextRun(path, phase, cable, told)
+        for path, phase, cable in zip(files, each_phase, each_cable, strict=True)
+    ]
+    rig = load_rig(rig_file) if rig_file else default_rig()
+    plans = plan_import(sources, mapping, rate)
+    for plan in plans:
+        for line in describe(plan):
+            click.echo(line, err=True)
+    _tell_assumptions(rig_file, phases, cables)
+    if dry_run or target is None:
+        return
+    if sys.stdin.isatty() and sys.stderr.isatty() and not yes:
+        click.confirm(f"Write {target}?", default=True, abort=True, err=True)
+    bar, report_progress = progress_bar("Importing")
+    name = title or f"imported from {', '.join(path.name for path in files)}"
+    with bar:
+        import_files(plans, target, rig, name, progress=report_progress)
+    if json_target is not None:
+        session = open_session(target)
+        write_json(_info_json(session, check_session(session)), json_target)
+    if json_target != "-":
+        click.echo(f"Wrote {target}: {len(plans)} runs.")
+
+
+@click.command()
+@click.argument("session_file", metavar="S.h5", type=PATH)
+@click.option(
+    "--to",
+    "kind",
+    required=True,
+    type=click.Choice(("csv", "mat", "parquet", "txt")),
+    help="csv, txt, parquet: one file a run; mat: one file a session, a struct a run.",
+)
+@click.option(
+    "--out",
+    "folder",
+    metavar="DIR",
+    required=True,
+    type=PATH,
+    help="Folder to write to; made where it is missing.",
+)
+@json_option
+def export(session_file: Path, kind: str, folder: Path, json_target: str | None) -> None:
+    """Give a session to other tools, with everything that is not a sample beside it as JSON.
+
+    Numbers are SI with the unit in the column's header, in full precision: a txt file that is imported
+    again gives the same numbers. Groups and datasets that the session format does not know go to a file
+    NAME-extra.h5. Nothing is overwritten.
+    """
+    from fingerlab.sessions.exporting import export_session
+
+    session = open_session(session_file)
+    bar, report_progress = progress_bar("Exporting")
+    with bar:
+        written = export_session(session, kind, folder, report_progress)
+    if json_target is not None:
+        write_json({"session": str(session_file), "files": [str(path) for path in written]}, json_target)
+    if json_target != "-":
+        click.echo(f"Wrote {len(written)} files to {folder}.")
+
+
+def _each(given: tuple[str, ...], default: str, files: tuple[Path, ...], name: str) -> tuple[str, ...]:
+    """One value a file from an option given never, once, or once for each file."""
+    if len(given) <= 1:
+        return (given or (default,)) * len(files)
+    if len(given) != len(files):
+        raise UserError(
+            f"--{name} is given {len(given)} times for {len(files)} files; give it once, or once for each."
+        )
+    return given
+
+
+def _trajectory(text: str | None) -> dict[str, Any]:
+    if text is None:
+        return {"kind": "unknown"}
+    try:
+        data = json.loads(text)
+    except ValueError as error:
+        raise UserError(f'--trajectory is not JSON ({error}); write it like {{"kind": "sine"}}.') from None
+    if not isinstance(data, dict):
+        raise UserError('--trajectory is not a JSON object; write it like {"kind": "sine"}.')
+    return data
+
+
+def _tell_assumptions(rig_file: Path | None, phases: tuple[str, ...], cables: tuple[str, ...]) -> None:
+    assumed = []
+    if not rig_file:
+        assumed.append("the rig's masses, lengths, springs and pulley (--rig)")
+    if not phases:
+        assumed.append("phase on_air (--phase)")
+    if not cables:
+        assumed.append("cable extension (--cable)")
+    if assumed:
+        click.echo(f"Assumed: {'; '.join(assumed)}.", err=True)
+
+
+def _info_json(session: Session, report: CheckReport) -> dict[str, Any]:
+    from fingerlab.sessions.exporting import session_metadata
+
+    counts = {check.run: check for check in report.runs}
+    result = session_metadata(session)
+    for run, item in zip(session.runs, result["runs"], strict=True):
+        del item["file"]
+        item["seconds"] = run.seconds
+        item["gaps"] = counts[run.name].gaps
+        item["lost_samples"] = counts[run.name].lost_samples
+        item["force_not_read"] = counts[run.name].force_not_read
+    result["session"] = str(session.path)
+    result["findings"] = [vars(finding) for finding in report.findings]
+    return result
+
+
+def _print_info(session: Session, report: CheckReport) -> None:
+    from rich.console import Console
+
+    from fingerlab.cli.tables import rig_table, runs_table
+
+    console = Console(width=None if sys.stdout.isatty() else 110)
+    console.print(f"{session.path}: {session.title}", style="bold", markup=False, highlight=False)
+    console.print(f"recorded {session.created}", highlight=False)
+    for key in ("operator", "notes", "software", "tags"):
+        if key in session.attributes:
+            console.print(f"{key}: {session.attributes[key]}", markup=False, highlight=False)
+    console.print(runs_table(session, report))
+    console.print(rig_table(session.rig, str(session.attributes["rig"])))
+    for finding in report.findings:
+        where = f"run {finding.run}: " if finding.run else ""
+        console.print(f"{finding.level}: {where}{finding.text}", markup=False, highlight=False)
+    seconds = sum(run.seconds for run in session.runs)
+    console.print(
+        f"{len(session.runs)} runs, {seconds:.1f} s; the file keeps the session format.", highlight=False
+    )

@@ -1,0 +1,257 @@
+"""A session to other tools: CSV, text, Parquet (one file a run) or MATLAB (one file a session).
+
+Beside them stand ``NAME.json`` with everything that is not a sample, and, where the session holds groups
+or datasets that the format does not know, ``NAME-extra.h5`` with those as they were.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from fingerlab.errors import UserError
+from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.place import OutputSet
+from fingerlab.sessions.reading import content_hash
+from fingerlab.sessions.run_writing import writing_to
+from fingerlab.sessions.samples import open_hdf5
+
+FORMATS = ("csv", "mat", "parquet", "txt")
+PIECE_SAMPLES = 1 << 17
+"""Samples written together."""
+
+Progress = Callable[[float, str], None]
+
+
+def export_session(
+    session: Session, kind: str, folder: str | Path, progress: Progress | None = None
+) -> list[Path]:
+    """Write a session for other tools. Numbers are SI, in double precision, written so that they come back.
+
+    Args:
+        kind: one of :data:`FORMATS`.
+        folder: where to; made where it is missing.
+        progress: called with the share done (0 to 1) and what is being written.
+
+    Returns:
+        The files written.
+
+    Raises:
+        UserError: unknown kind, a file exists already, or the place cannot be written to or is full;
+            nothing is left behind.
+    """
+    if kind not in FORMATS:
+        raise UserError(f"There is no export to {kind!r}; choose one of {', '.join(FORMATS)}.")
+    folder = Path(folder)
+    stem = session.path.stem
+    written: list[Path] = []
+    with OutputSet() as out, writing_to(folder):
+        out.make_folder(folder)
+
+        def place(name: str) -> Path:
+            written.append(folder / name)
+            return out.claim(folder / name)
+
+        metadata_part = place(f"{stem}.json")
+        files: dict[str, str] = {}
+        if kind == "mat":
+            files = {run.name: f"{stem}.mat" for run in session.runs}
+            _write_mat(session, place(f"{stem}.mat"), progress)
+        else:
+            for number, run in enumerate(session.runs):
+                if progress:
+                    progress(number / len(session.runs), f"run {run.name}")
+                files[run.name] = f"{stem}-{run.name}.{kind}"
+                _WRITERS[kind](session, run, place(files[run.name]))
+        if has_extras(session):
+            _write_extras(session, place(f"{stem}-extra.h5"))
+        metadata = session_metadata(session, files)
+        metadata_part.write_text(json.dumps(metadata, indent=1, ensure_ascii=False), encoding="utf-8")
+    return written
+
+
+def session_metadata(session: Session, files: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Everything of a session that is not a sample, ready for ``json.dumps``.
+
+    Args:
+        files: the file that holds each run's samples, by run name.
+    """
+    runs = []
+    for run in session.runs:
+        runs.append(
+            {
+                "name": run.name,
+                "file": (files or {}).get(run.name),
+                "phase": run.phase,
+                "cable": run.cable,
+                "sample_rate_hz": run.sample_rate_hz,
+                "trajectory": dict(run.trajectory),
+                "samples": run.length,
+                "units": dict(run.units),
+                "attributes": dict(run.attributes),
+            }
+        )
+    data = {
+        "session": session.path.name,
+        "sha256": content_hash(session),
+        "title": session.title,
+        "created": session.created,
+        "rig": json.loads(session.rig.to_json()),
+        "attributes": {key: value for key, value in session.attributes.items() if key != "rig"},
+        "runs": runs,
+    }
+    result: dict[str, Any] = json_safe(data)
+    return result
+
+
+def json_safe(value: Any) -> Any:
+    """The value with what JSON lacks replaced: NaN and infinity by null, unknown objects by their text."""
+    if isinstance(value, Mapping):
+        return {str(key): json_safe(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [json_safe(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, (str, int, bool)) else str(value)
+
+
+def column_title(name: str, unit: str) -> str:
+    """A column's header, such as ``mcp_angle (rad)``; 'fingerlab import' understands it."""
+    return f"{name} ({unit})" if unit else name
+
+
+def _pieces(run: Run) -> Iterator[dict[str, Array]]:
+    for start in range(0, run.length, PIECE_SAMPLES):
+        yield run.load(None, start, start + PIECE_SAMPLES)
+
+
+def _write_delimited(run: Run, part: Path, delimiter: str) -> None:
+    titles = [column_title(name, unit) for name, unit in run.units.items()]
+    if any(delimiter in title or '"' in title for title in titles):
+        raise UserError(
+            f"Run {run.name} has a channel whose name or unit holds a separator; export to parquet."
+        )
+    schema = pa.schema([(title, pa.float64()) for title in titles])
+    options = pa.csv.WriteOptions(delimiter=delimiter, quoting_style="none", quoting_header="none")
+    with pa.csv.CSVWriter(part, schema, write_options=options) as writer:
+        for piece in _pieces(run):
+            writer.write_batch(
+                pa.record_batch([pa.array(values) for values in piece.values()], schema=schema)
+            )
+
+
+def _write_csv(_: Session, run: Run, part: Path) -> None:
+    _write_delimited(run, part, ",")
+
+
+def _write_txt(_: Session, run: Run, part: Path) -> None:
+    _write_delimited(run, part, "\t")
+
+
+def _write_parquet(session: Session, run: Run, part: Path) -> None:
+    fields = [pa.field(name, pa.float64(), metadata={"units": unit}) for name, unit in run.units.items()]
+    about = {
+        "phase": run.phase,
+        "cable": run.cable,
+        "sample_rate_hz": repr(run.sample_rate_hz),
+        "trajectory": json.dumps(dict(run.trajectory)),
+        "session": session.path.name,
+        "run": run.name,
+    }
+    schema = pa.schema(fields, metadata=about)
+    with pa.parquet.ParquetWriter(part, schema) as writer:
+        for piece in _pieces(run):
+            writer.write_batch(
+                pa.record_batch([pa.array(values) for values in piece.values()], schema=schema)
+            )
+
+
+def _write_mat(session: Session, part: Path, progress: Progress | None) -> None:
+    """One struct a run (``run_001.mcp_angle``), and ``session`` with title, rig and attributes."""
+    from scipy.io import savemat
+    from scipy.io.matlab import MatWriteError
+
+    runs: dict[str, Any] = {}
+    for number, run in enumerate(session.runs):
+        if progress:
+            progress(number / len(session.runs), f"run {run.name}")
+        runs[f"run_{_matlab_name(run.name)}"] = _matlab_run(run)
+    session_struct = {
+        "title": session.title,
+        "created": session.created,
+        "rig": session.rig.to_json(),
+        "metadata": json.dumps(session_metadata(session), ensure_ascii=False),
+    }
+    try:
+        with part.open("wb") as file:
+            savemat(
+                file,
+                {"session": session_struct, **runs},
+                long_field_names=True,
+                do_compression=True,
+                oned_as="column",
+            )
+    except MatWriteError as error:
+        raise UserError(
+            f"{session.path} does not fit a .mat file ({error}); MATLAB reads the session itself with h5read."
+        ) from None
+
+
+def _matlab_run(run: Run) -> dict[str, Any]:
+    struct: dict[str, Any] = {
+        "phase": run.phase,
+        "cable": run.cable,
+        "sample_rate_hz": run.sample_rate_hz,
+        "trajectory": json.dumps(dict(run.trajectory)),
+        "units": {_matlab_name(name): unit for name, unit in run.units.items()},
+    }
+    for name, values in run.load().items():
+        struct[_matlab_name(name)] = values
+    return struct
+
+
+def _matlab_name(name: str) -> str:
+    """Letters, digits and underscores, at most 63: ``raw/load_cell`` becomes ``raw_load_cell``."""
+    return "".join(c if c.isascii() and c.isalnum() else "_" for c in name)[:63]
+
+
+def has_extras(session: Session) -> bool:
+    """Whether the file holds groups or datasets that are no channels of its runs."""
+    with open_hdf5(session.path) as file:
+        return bool(_extra_paths(session, file))
+
+
+def _extra_paths(session: Session, file: h5py.File) -> list[str]:
+    """Paths of everything that the export of samples leaves out, outermost first."""
+    paths = [name for name in file if name != "runs"]
+    for run in session.runs:
+        group = file["runs"][run.name]
+        for name, item in group.items():
+            if name == "raw" and isinstance(item, h5py.Group):
+                paths += [f"runs/{run.name}/raw/{key}" for key in item if f"raw/{key}" not in run.units]
+            elif name not in run.units:
+                paths.append(f"runs/{run.name}/{name}")
+    return paths
+
+
+def _write_extras(session: Session, part: Path) -> None:
+    with open_hdf5(session.path) as file, h5py.File(part, "w") as target:
+        for path in _extra_paths(session, file):
+            parent = target.require_group(path.rpartition("/")[0] or "/")
+            # References to the time axis stay behind with it.
+            file.copy(file[path], parent, name=path.rpartition("/")[2], expand_refs=False)
+
+
+_WRITERS: dict[str, Callable[[Session, Run, Path], None]] = {
+    "csv": _write_csv,
+    "txt": _write_txt,
+    "parquet": _write_parquet,
+}

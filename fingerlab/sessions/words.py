@@ -1,0 +1,32 @@
+"""A session in words, as a person reads it on the screen: degrees and seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def trajectory_words(trajectory: Mapping[str, Any]) -> str:
+    """What the motor was told to do, such as ``sine, 15°, 1 Hz, about 22°``."""
+    rest = dict(trajectory)
+    kind = str(rest.pop("kind", "unknown"))
+    words = kind.replace("_", " ")
+    amplitude = rest.pop("amplitude_deg", None)
+    if amplitude is not None:
+        words += f", {_number(amplitude)}°"
+    frequency = rest.pop("frequency_hz", None)
+    if frequency is not None:
+        words += f", {_number(frequency)} Hz"
+    offset = rest.pop("offset_deg", None)
+    if offset is not None:
+        words += f", about {_number(offset)}°"
+    for key, value in rest.items():
+        words += f", {key.replace('_', ' ')} {_number(value)}"
+    return words
+
+
+def _number(value: Any) -> str:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        text = str(value)
+        return text if len(text) <= 40 else text[:37] + "..."
+    return f"{value:.4g}"
