@@ -1,0 +1,69 @@
+"""The three things that ``start.py`` does: open the application, run the tests, pass a command on."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+
+from .display import qt_platform, why_none
+from .environment import prepare
+from .installing import child_environment
+from .messages import SetupError
+from .places import Places, here
+from .practice import practise
+
+USAGE = """\
+python start.py                 open FingerLab (without a display: practise from the command line)
+python start.py test [ARGS]     run every test, or what pytest's ARGS choose
+python start.py COMMAND [ARGS]  run a command, as 'fingerlab COMMAND'; --help after it explains it
+
+The first start makes .venv and installs the locked dependencies; later starts install nothing."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Do what the command line asks for and return its exit code."""
+    try:
+        return _run(here(), list(arguments))
+    except SetupError as obstacle:
+        print(f"FingerLab: {obstacle}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("Stopped.", file=sys.stderr)
+        return 130
+
+
+def _run(places: Places, arguments: list[str]) -> int:
+    if arguments in (["-h"], ["--help"]):
+        print(USAGE)
+        return 0
+    if arguments[:1] == ["test"]:
+        prepare(places, "test", "offscreen")
+        os.environ["QT_QPA_PLATFORM"] = "offscreen"
+        os.chdir(places.root)
+        return _become(places, ["-m", "pytest", *arguments[1:]])
+    if arguments:
+        prepare(places, "app", "")
+        return _become(places, ["-m", "fingerlab", *arguments])
+    platform = qt_platform()
+    prepare(places, "app", platform)
+    if not platform:
+        return practise(places, why_none())
+    return _become(places, ["-m", "fingerlab"])
+
+
+def _become(places: Places, arguments: list[str]) -> int:
+    """Hand over to the environment's Python; returns only where the system cannot replace a process."""
+    command = [str(places.python), *arguments]
+    environment = child_environment()
+    if sys.platform != "win32":
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os.execve(command[0], command, environment)
+    with subprocess.Popen(command, env=environment) as process:
+        while True:
+            try:
+                return process.wait()
+            except KeyboardInterrupt:
+                continue  # Ctrl-C reached the child as well; it decides how to end.
