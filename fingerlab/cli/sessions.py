@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,6 +13,10 @@ from fingerlab.cli.common import json_option, progress_bar, refuse_existing, wri
 from fingerlab.errors import UserError
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
 from fingerlab.sessions.format import CABLES, PHASES
+
+if TYPE_CHECKING:
+    from fingerlab.rig import Rig
+    from fingerlab.sessions.importing import TextRun
 
 PATH = click.Path(path_type=Path)
 
@@ -112,22 +116,14 @@ def import_text(
     Angles without a unit are degrees. motor_current, which these files lack, follows from the torque by
     the rig's constants and is marked as derived.
     """
-    from fingerlab.rig_file import default_rig, load_rig
-    from fingerlab.sessions.importing import TextRun, describe, import_files, plan_import
+    from fingerlab.sessions.importing import describe, import_files, plan_import
 
     if target is None and not dry_run:
         raise UserError("The option --out S.h5 is missing; it names the session to write.")
     if target is not None:
         refuse_existing(target)
-    told = _trajectory(trajectory)
-    each_phase = _each(phases, "on_air", files, "phase")
-    each_cable = _each(cables, "extension", files, "cable")
-    sources = [
-        TextRun(path, phase, cable, told)
-        for path, phase, cable in zip(files, each_phase, each_cable, strict=True)
-    ]
-    rig = load_rig(rig_file) if rig_file else default_rig()
-    plans = plan_import(sources, mapping, rate)
+    rig = _rig(rig_file)
+    plans = plan_import(_text_runs(files, phases, cables, trajectory), mapping, rate)
     for plan in plans:
         for line in describe(plan):
             click.echo(line, err=True)
@@ -182,6 +178,27 @@ def export(session_file: Path, kind: str, folder: Path, json_target: str | None)
         write_json({"session": str(session_file), "files": [str(path) for path in written]}, json_target)
     if json_target != "-":
         click.echo(f"Wrote {len(written)} files to {folder}.")
+
+
+def _rig(path: Path | None) -> Rig:
+    from fingerlab.rig_file import default_rig, load_rig
+
+    return load_rig(path) if path else default_rig()
+
+
+def _text_runs(
+    files: tuple[Path, ...], phases: tuple[str, ...], cables: tuple[str, ...], trajectory: str | None
+) -> list[TextRun]:
+    """The files with what they cannot say of themselves."""
+    from fingerlab.sessions.importing import TextRun
+
+    told = _trajectory(trajectory)
+    each_phase = _each(phases, "on_air", files, "phase")
+    each_cable = _each(cables, "extension", files, "cable")
+    return [
+        TextRun(path, phase, cable, told)
+        for path, phase, cable in zip(files, each_phase, each_cable, strict=True)
+    ]
 
 
 def _each(given: tuple[str, ...], default: str, files: tuple[Path, ...], name: str) -> tuple[str, ...]:

@@ -124,13 +124,13 @@ def _by_header(table: TextTable) -> tuple[Column, ...]:
     assert table.header is not None
     columns = []
     for index, cell in enumerate(table.header):
-        name, unit = _split_header(cell)
+        name, unit = split_header(cell)
         columns.append(_column(_channel_of(name, index), index, unit, 1.0, f"header '{cell}'", table))
     _refuse_twice(columns, table)
     return tuple(columns)
 
 
-def _split_header(cell: str) -> tuple[str, str | None]:
+def split_header(cell: str) -> tuple[str, str | None]:
     match = _HEADER_UNIT.match(cell)
     if match is None:
         return cell.strip(), None
@@ -158,7 +158,7 @@ def _wished(table: TextTable, channel: str, wish: _Wish) -> Column:
         column = int(column)
     if isinstance(column, str):
         index, source = _find_header(table, channel, column), f"header '{column}'"
-        unit = unit or _split_header(column)[1]
+        unit = unit or split_header(column)[1]
     else:
         index, source = column - 1, f"column {column}"
         if not 0 <= index < table.columns:
@@ -167,7 +167,7 @@ def _wished(table: TextTable, channel: str, wish: _Wish) -> Column:
                 f"{table.columns}."
             )
         if unit is None and table.header:
-            unit = _split_header(table.header[index])[1]
+            unit = split_header(table.header[index])[1]
     return _column(channel, index, unit, wish.scale, source, table)
 
 
@@ -178,7 +178,7 @@ def _find_header(table: TextTable, channel: str, wanted: str) -> int:
             "give the column by its number."
         )
     names = [cell.casefold() for cell in table.header]
-    bare = [_split_header(cell)[0].casefold() for cell in table.header]
+    bare = [split_header(cell)[0].casefold() for cell in table.header]
     for candidates in (names, bare):
         if candidates.count(wanted.casefold()) == 1:
             return candidates.index(wanted.casefold())

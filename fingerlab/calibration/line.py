@@ -1,0 +1,182 @@
+"""The straight line through the steps, how well it is known, and whether the data sheet allows it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy.special import stdtrit
+
+from fingerlab.calibration.sensors import Limit, Sensor
+from fingerlab.calibration.steps import Step
+from fingerlab.errors import UserError
+from fingerlab.sessions.model import Array
+
+CONFIDENCE = 0.90
+"""Share of the intervals that hold the true value; the same as for fitted model parameters."""
+
+UNSTEADY = 0.25
+"""A step whose samples spread by more than this share of the usual distance between steps was disturbed.
+
+Assumed: a reading that wanders by a quarter of a step cannot tell neighbouring steps apart well.
+"""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its 90 % interval ``low`` to ``high``, all in ``unit``."""
+
+    value: float
+    unit: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """quantity = gain * volts + offset, from the means of steps at known values.
+
+    Attributes:
+        sensor: which one.
+        gain, offset: the line, in ``unit``/V and ``unit``.
+        r2: coefficient of determination over the steps, unitless.
+        rms: root mean square of the residuals, ``unit``.
+        known: known value of each step, ``unit``.
+        steps: reading of each step.
+        residuals: known value less the line, ``unit``.
+        zero_volts: reading at zero, V.
+        suspect: why the data sheet does not allow it, one sentence each; empty where it does.
+    """
+
+    sensor: Sensor
+    gain: Estimate
+    offset: Estimate
+    r2: float
+    rms: float
+    known: tuple[float, ...]
+    steps: tuple[Step, ...]
+    residuals: tuple[float, ...]
+    zero_volts: float
+    suspect: tuple[str, ...]
+
+    def apply(self, volts: Array) -> Array:
+        """Readings in volts, any shape, as the quantity in SI."""
+        return self.gain.value * volts + self.offset.value
+
+    def to_json(self) -> dict[str, Any]:
+        """Ready for ``json.dumps``; all values in SI."""
+        published = self.sensor.published
+        return {
+            "schema": 1,
+            "sensor": self.sensor.name,
+            "unit": self.sensor.unit,
+            "gain": asdict(self.gain),
+            "offset": asdict(self.offset),
+            "confidence": CONFIDENCE,
+            "r2": self.r2,
+            "rms": self.rms,
+            "zero_volts": self.zero_volts,
+            "steps": [
+                {"known": known, "volts": s.volts, "spread": s.spread, "samples": s.samples, "residual": r}
+                for known, s, r in zip(self.known, self.steps, self.residuals, strict=True)
+            ],
+            "data_sheet": asdict(self.sensor.gain),
+            "thesis": None if published is None else {"gain": published[0], "offset": published[1]},
+            "suspect": list(self.suspect),
+        }
+
+
+def calibrate_steps(sensor: Sensor, steps: Sequence[Step], marks: Sequence[float]) -> Calibration:
+    """Fit the line by least squares to the means of the steps.
+
+    The means and not the samples are fitted: the samples of one step share the error of placing the
+    weight or the joint, so that counting each of them would make the intervals far too narrow.
+
+    Args:
+        steps: readings, one for each mark.
+        marks: known values in the sensor's ``mark_unit``.
+
+    Raises:
+        UserError: fewer than three steps, or all at one reading or one value.
+    """
+    known = np.asarray(marks, dtype=np.float64) * sensor.mark_factor
+    volts = np.array([step.volts for step in steps])
+    if len(volts) < 3 or len(volts) != len(known):
+        raise UserError(
+            f"{len(volts)} steps at {len(known)} known values do not make a line; at least three are needed."
+        )
+    spread = float(((volts - volts.mean()) ** 2).sum())
+    if np.ptp(known) == 0 or spread <= 1e-18 * len(volts):
+        raise UserError("All steps read the same; a calibration needs steps at different known values.")
+    gain = float(((volts - volts.mean()) @ (known - known.mean())) / spread)
+    offset = float(known.mean() - gain * volts.mean())
+    residuals = known - gain * volts - offset
+    variance = float(residuals @ residuals) / (len(volts) - 2)
+    factor = float(stdtrit(len(volts) - 2, 0.5 + CONFIDENCE / 2))
+    gain_error = factor * math.sqrt(variance / spread)
+    offset_error = factor * math.sqrt(variance * (1 / len(volts) + volts.mean() ** 2 / spread))
+    if gain == 0:
+        raise UserError("The readings do not follow the known values at all; check --marks and the wiring.")
+    zero_volts = -offset / gain
+    total = float(((known - known.mean()) ** 2).sum())
+    return Calibration(
+        sensor=sensor,
+        gain=Estimate(gain, sensor.gain.unit, gain - gain_error, gain + gain_error),
+        offset=Estimate(offset, sensor.unit, offset - offset_error, offset + offset_error),
+        r2=1.0 - float(residuals @ residuals) / total,
+        rms=float(np.sqrt(np.mean(residuals**2))),
+        known=tuple(known.tolist()),
+        steps=tuple(steps),
+        residuals=tuple(residuals.tolist()),
+        zero_volts=zero_volts,
+        suspect=tuple(_suspect(sensor, gain, zero_volts, steps, residuals)),
+    )
+
+
+def _suspect(
+    sensor: Sensor, gain: float, zero_volts: float, steps: Sequence[Step], residuals: Array
+) -> list[str]:
+    """Where the data sheet does not allow the result, one sentence each."""
+    found = []
+    # An angle sensor may be mounted either way round; a load cell gives more volts under more load.
+    size = gain if sensor.name == "load-cell" else abs(gain)
+    found += _outside(sensor.gain, size)
+    if sensor.zero is not None:
+        found += _outside(sensor.zero, zero_volts)
+    volts = np.array([step.volts for step in steps])
+    for extreme in (float(volts.min()), float(volts.max())):
+        found += _outside(sensor.volts, extreme)
+    worst = int(np.argmax(np.abs(residuals)))
+    limit = sensor.accuracy
+    if abs(residuals[worst]) > limit.high:
+        found.append(
+            f"Step {worst + 1} lies {_show(residuals[worst], limit.unit)} off the line, more than the "
+            f"{_show(limit.high, limit.unit)} of the data sheet ({limit.source})."
+        )
+    usual = float(np.median(np.abs(np.diff(volts))))
+    for number, step in enumerate(steps, start=1):
+        if step.spread > UNSTEADY * usual:
+            found.append(
+                f"Step {number} is not steady: its samples spread by {step.spread:.3g} V, while steps are "
+                f"{usual:.3g} V apart."
+            )
+    return found
+
+
+def _outside(limit: Limit, value: float) -> list[str]:
+    if limit.low <= value <= limit.high:
+        return []
+    low, high = _show(limit.low, limit.unit), _show(limit.high, limit.unit)
+    return [
+        f"The {limit.quantity} of {_show(value, limit.unit)} is outside {low} to {high} ({limit.source})."
+    ]
+
+
+def _show(value: float, unit: str) -> str:
+    """A number as a person reads it: radians as degrees."""
+    if unit.startswith("rad"):
+        return f"{math.degrees(value):.4g} °{unit[3:]}"
+    return f"{value:.4g} {unit}"
