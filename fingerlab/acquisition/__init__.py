@@ -1,0 +1,1 @@
+"""What the bench is told to do, and how it is recorded."""

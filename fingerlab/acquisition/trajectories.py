@@ -1,0 +1,195 @@
+"""Motor commands from the JSON text of a run's ``trajectory``; the rig and the simulated rig use the same.
+
+Every trajectory is ``envelope(t) * (offset + amplitude * wave(t))``: the envelope leads from rest to
+the motion in ``ramp_s`` seconds, ``wave`` stays within -1 to 1.
+
+====================  ======================================================================
+key                   meaning (default)
+====================  ======================================================================
+``kind``              ``sine``, ``chirp``, ``multisine``, ``steps`` or ``ramp_hold``
+``amplitude_deg``     half of the range at the pulley, degrees
+``offset_deg``        middle of the range, degrees (0)
+``frequency_hz``      sine; start of the chirp; base of the multisine; steps or ramps a second (1)
+``end_frequency_hz``  end of the chirp, reached at the end of the run (4 times the start)
+``frequencies_hz``    lines of the multisine (0.3, 0.7, 1.1, 1.9 and 2.7 times the base)
+``phase_deg``         phase of a sine at the start (0)
+``seed``              which sequence of step levels (0)
+``rise_s``            time from one step level to the next (0.15)
+``duration_s``        length of the run (20)
+``ramp_s``            time of the envelope (1.5)
+====================  ======================================================================
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fingerlab.errors import UserError
+from fingerlab.sessions.model import Array
+
+MULTISINE_RATIOS = (0.3, 0.7, 1.1, 1.9, 2.7)
+"""Lines of a multisine that names none: no line is a harmonic of another, so that harmonics show."""
+
+DEFAULT_DURATION_S = 20.0
+DEFAULT_RAMP_S = 1.5
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A motor command as a function of time.
+
+    Attributes:
+        kind: as in the JSON text. duration: s. ramp: s. amplitude, offset: rad at the pulley.
+        wave: takes times (s, shape (n,)), returns shape (n,) within -1 to 1.
+        settings: the JSON object it was made from, as stored in a session.
+    """
+
+    kind: str
+    duration: float
+    ramp: float
+    amplitude: float
+    offset: float
+    wave: Callable[[Array], Array]
+    settings: Mapping[str, Any]
+
+    def command(self, time: Array) -> Array:
+        """Motor command at the pulley, rad, shape (n,), at times in s; rest before zero."""
+        if self.ramp > 0:
+            share = np.clip(time / self.ramp, 0.0, 1.0)
+            envelope = 0.5 - 0.5 * np.cos(np.pi * share)
+        else:
+            envelope = np.where(time >= 0, 1.0, 0.0)
+        return np.asarray(envelope * (self.offset + self.amplitude * self.wave(time)))
+
+
+def read_trajectory(source: str | Mapping[str, Any], where: str = "the trajectory") -> Trajectory:
+    """A trajectory from JSON text or the object it holds.
+
+    Raises:
+        UserError: the text is not JSON, or the kind is unknown, or a number is missing or impossible.
+    """
+    settings = _object(source, where)
+    kind = settings.get("kind")
+    if kind not in WAVES:
+        raise UserError(f"{where} has the kind {kind!r}; it should be one of {', '.join(WAVES)}.")
+    duration = _number(settings, "duration_s", DEFAULT_DURATION_S, where, positive=True)
+    ramp = _number(settings, "ramp_s", DEFAULT_RAMP_S, where)
+    if ramp < 0:
+        raise UserError(f"{where} has 'ramp_s' = {ramp:g}; it should be zero or more seconds.")
+    return Trajectory(
+        kind=str(kind),
+        duration=duration,
+        ramp=ramp,
+        amplitude=math.radians(_number(settings, "amplitude_deg", None, where)),
+        offset=math.radians(_number(settings, "offset_deg", 0.0, where)),
+        wave=WAVES[str(kind)](settings, duration, where),
+        settings=dict(settings),
+    )
+
+
+def _sine(settings: Mapping[str, Any], duration: float, where: str) -> Callable[[Array], Array]:
+    frequency = _number(settings, "frequency_hz", 1.0, where, positive=True)
+    phase = math.radians(_number(settings, "phase_deg", 0.0, where))
+    return lambda time: np.sin(2 * np.pi * frequency * time + phase)
+
+
+def _chirp(settings: Mapping[str, Any], duration: float, where: str) -> Callable[[Array], Array]:
+    start = _number(settings, "frequency_hz", 1.0, where, positive=True)
+    end = _number(settings, "end_frequency_hz", 4.0 * start, where, positive=True)
+    rate = (end - start) / duration
+
+    def wave(time: Array) -> Array:
+        t = np.clip(time, 0.0, duration)
+        return np.sin(2 * np.pi * (start * t + 0.5 * rate * t * t))
+
+    return wave
+
+
+def _multisine(settings: Mapping[str, Any], duration: float, where: str) -> Callable[[Array], Array]:
+    base = _number(settings, "frequency_hz", 1.0, where, positive=True)
+    lines = settings.get("frequencies_hz", [ratio * base for ratio in MULTISINE_RATIOS])
+    if not isinstance(lines, list | tuple) or not lines or not all(_is_positive(f) for f in lines):
+        raise UserError(f"{where} has 'frequencies_hz' = {lines!r}; it should be a list of positive numbers.")
+    frequency = np.asarray(lines, dtype=np.float64)
+    order = np.arange(len(frequency))
+    phase = -np.pi * order * (order + 1) / len(frequency)  # Schroeder 1970: a low crest
+
+    def raw(time: Array) -> Array:
+        return np.asarray(np.sin(2 * np.pi * np.outer(time, frequency) + phase).sum(axis=1))
+
+    peak = float(np.max(np.abs(raw(np.arange(0.0, duration, 0.02 / frequency.max())))))
+    return lambda time: raw(time) / peak
+
+
+def _steps(settings: Mapping[str, Any], duration: float, where: str) -> Callable[[Array], Array]:
+    hold = 1.0 / _number(settings, "frequency_hz", 1.0, where, positive=True)
+    rise = _number(settings, "rise_s", 0.15, where, positive=True)
+    if rise > hold:
+        raise UserError(f"{where} has 'rise_s' = {rise:g}; it should not exceed the {hold:g} s of a step.")
+    seed = int(_number(settings, "seed", 0.0, where))
+    rng = np.random.default_rng(abs(seed))
+    count = math.ceil(duration / hold) + 2
+    # One level from each fifth of the range in random order, again and again: even coverage.
+    fifths = np.concatenate([rng.permutation(5) for _ in range(math.ceil(count / 5))])[:count]
+    level = (fifths + rng.random(count)) / 2.5 - 1.0
+
+    def wave(time: Array) -> Array:
+        position = np.clip(time, 0.0, duration) / hold
+        index = position.astype(np.int64)
+        share = np.clip((position - index) * hold / rise, 0.0, 1.0)
+        blend = 0.5 - 0.5 * np.cos(np.pi * share)
+        before = level[np.maximum(index - 1, 0)]
+        return np.asarray(before + blend * (level[index] - before))
+
+    return wave
+
+
+def _ramp_hold(settings: Mapping[str, Any], duration: float, where: str) -> Callable[[Array], Array]:
+    frequency = _number(settings, "frequency_hz", 1.0, where, positive=True)
+    corners = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # up, hold, down, hold
+    return lambda time: np.interp((time * frequency) % 1.0, corners, np.array([-1.0, 1.0, 1.0, -1.0, -1.0]))
+
+
+WAVES: dict[str, Callable[[Mapping[str, Any], float, str], Callable[[Array], Array]]] = {
+    "sine": _sine,
+    "chirp": _chirp,
+    "multisine": _multisine,
+    "steps": _steps,
+    "ramp_hold": _ramp_hold,
+}
+"""Kinds of trajectory."""
+
+
+def _object(source: str | Mapping[str, Any], where: str) -> Mapping[str, Any]:
+    if isinstance(source, str):
+        try:
+            source = json.loads(source)
+        except ValueError as error:
+            raise UserError(
+                f'{where} is not JSON ({error}); it should look like {{"kind": "sine", "amplitude_deg": 15, '
+                f'"frequency_hz": 1, "offset_deg": 22}}.'
+            ) from None
+    if not isinstance(source, Mapping):
+        raise UserError(f"{where} is not a JSON object with 'kind', 'amplitude_deg' and the like.")
+    return source
+
+
+def _is_positive(value: Any) -> bool:
+    return not isinstance(value, bool) and isinstance(value, int | float) and 0 < value < math.inf
+
+
+def _number(
+    settings: Mapping[str, Any], name: str, default: float | None, where: str, positive: bool = False
+) -> float:
+    value = settings.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise UserError(f"{where} has {name!r} = {value!r}; it should be a finite number.")
+    if positive and value <= 0:
+        raise UserError(f"{where} has {name!r} = {value:g}; it should be greater than zero.")
+    return float(value)

@@ -1,0 +1,112 @@
+"""``fingerlab simulate`` and ``fingerlab reveal``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
+from fingerlab.errors import UserError
+
+if TYPE_CHECKING:
+    from fingerlab.twin.protocols import RunPlan
+
+PROTOCOL_NAMES = ("on-air", "contact", "motor-bench", "thesis", "rich")
+
+
+@click.command()
+@click.option("--protocol", type=click.Choice(PROTOCOL_NAMES), help="Which runs to take.")
+@click.option(
+    "--effect",
+    "effects",
+    multiple=True,
+    metavar="ID[=STRENGTH]",
+    help="Put an effect of the catalogue into the bench; may be repeated. STRENGTH is a number in the SI "
+    "unit of the effect's first parameter, or like x0.5 for half of its default.",
+)
+@click.option("--hidden", is_flag=True, help="Pick an effect (or none) and seal it until 'reveal'.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), help="Same seed, same bench, same noise. Random by default."
+)
+@click.option("--preset", default="practice", show_default=True, help="practice, as-built, or a TOML file.")
+@click.option("--trajectory", metavar="JSON", help="Take one run with this trajectory instead of a protocol.")
+@click.option("--phase", help="Phase of that run: on_air, contact, motor_bench or free.")
+@click.option("--cable", type=click.Choice(["extension", "flexion", "none"]), help="Cable of that run.")
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="Session file to write.")
+@json_option
+def simulate(
+    protocol: str | None,
+    effects: tuple[str, ...],
+    hidden: bool,
+    seed: int | None,
+    preset: str,
+    trajectory: str | None,
+    phase: str | None,
+    cable: str | None,
+    out: Path,
+    json_target: str | None,
+) -> None:
+    """Record a session from the simulated rig."""
+    from fingerlab.twin.effects import parse_effects
+    from fingerlab.twin.preset import load_preset
+    from fingerlab.twin.session import new_seed, write_session
+
+    refuse_existing(out)
+    if hidden and effects:
+        raise UserError("--hidden picks the effect itself; leave out --effect, or leave out --hidden.")
+    chosen = parse_effects(effects)
+    bench = load_preset(preset)
+    name, plans = _plans(
+        protocol, trajectory, phase, cable, bench.numbers["protocol"]["contact_amplitude_deg"]
+    )
+    bar, report = progress_bar("Simulating")
+    with bar:
+        report(0.0, "compiling")
+        written = write_session(
+            out, bench, name, plans, chosen, new_seed() if seed is None else seed, hidden, report
+        )
+    click.echo(f"{written.runs} runs, {written.seconds:g} s, written to {out}.", err=True)
+    if json_target is not None:
+        write_json(written.to_json(), json_target)
+
+
+@click.command()
+@click.argument("session", type=click.Path(path_type=Path))
+@json_option
+def reveal(session: Path, json_target: str | None) -> None:
+    """Tell which effects a simulated SESSION has."""
+    from fingerlab.twin.effect_table import EFFECTS
+    from fingerlab.twin.session import reveal_session
+
+    told = reveal_session(session)
+    if json_target is not None:
+        write_json({"session": str(session), **told}, json_target)
+    if json_target == "-":
+        return
+    if not told["effects"]:
+        click.echo("No effect: nothing is missing from the nominal model but noise and tolerances.")
+    for name, values in told["effects"].items():
+        units = {p.name: p.unit for p in EFFECTS[name].parameters} if name in EFFECTS else {}
+        numbers = ", ".join(f"{k} = {v:.4g} {units.get(k, '')}".rstrip() for k, v in values.items())
+        click.echo(f"{name}: {numbers}")
+
+
+def _plans(
+    protocol: str | None, trajectory: str | None, phase: str | None, cable: str | None, amplitude: float
+) -> tuple[str, list[RunPlan]]:
+    from fingerlab.twin.protocols import PROTOCOLS, single_run
+
+    if (protocol is None) == (trajectory is None):
+        raise UserError(
+            "Give either --protocol with a name or --trajectory with JSON text, not both or neither."
+        )
+    if protocol is not None:
+        if phase or cable:
+            raise UserError(f"--phase and --cable go with --trajectory; the protocol {protocol} has its own.")
+        return protocol, PROTOCOLS[protocol](amplitude)
+    if phase is None:
+        raise UserError("--trajectory needs --phase: on_air, contact, motor_bench or free.")
+    text: Any = trajectory
+    return "single", [single_run(text, phase, cable)]

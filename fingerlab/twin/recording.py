@@ -1,0 +1,206 @@
+"""Simulated recordings: runs of a plan on one bench, through its sensors, as channels of a session."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.errors import UserError
+from fingerlab.sessions.model import Array
+from fingerlab.twin.bench import Bench, Sensors, Truth, build_bench, draw_truth, place_bench
+from fingerlab.twin.effects import Effects, apply_effects
+from fingerlab.twin.integrate import run_loop
+from fingerlab.twin.layout import BRISTLES, OUTPUTS, STATE
+from fingerlab.twin.preset import Preset
+from fingerlab.twin.protocols import RATE_HZ, RunPlan
+
+STEPS = 10
+"""Internal steps a sample: 10 kHz. Tests halve the step and bound the change of the recording."""
+
+APPROACH_DEG_PER_S = 12.0
+APPROACH_LIMIT_DEG = 150.0
+"""The operator's approach to the load cell: slow, and given up after this much at the pulley (assumed)."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One simulated run.
+
+    Attributes:
+        plan: with the trajectory as run (the contact offset filled in).
+        channels: name -> values of shape (n,), SI, as the session format names them.
+        truth: what really happened, by ``layout.OUTPUTS``, each of shape (n,), SI; never stored.
+    """
+
+    plan: RunPlan
+    channels: dict[str, Array]
+    truth: dict[str, Array]
+
+
+def simulate_session(
+    preset: Preset, plans: Sequence[RunPlan], effects: Effects, seed: int, steps: int = STEPS
+) -> Iterator[Recorded]:
+    """Take the runs of a session one after another on one bench.
+
+    The same seed draws the same bench, the same friction from run to run and the same noise, whatever
+    the effects are.
+
+    Args:
+        effects: id -> parameter -> value, SI; those of the preset are built in beside them.
+        steps: internal steps a sample.
+
+    Raises:
+        UserError: a trajectory is impossible, or the finger does not reach the load cell.
+    """
+    bench_seed, *run_seeds = np.random.SeedSequence(seed).spawn(1 + len(plans))
+    truth = draw_truth(preset, np.random.default_rng(bench_seed))
+    offset_deg: float | None = None
+    for plan, run_seed in zip(plans, run_seeds, strict=True):
+        trajectory = dict(plan.trajectory)
+        if plan.phase == "contact" and "offset_deg" not in trajectory:
+            if offset_deg is None:
+                offset_deg = approach(preset, truth, effects, plan.cable)
+            trajectory["offset_deg"] = offset_deg
+        ready = RunPlan(plan.phase, plan.cable, trajectory, plan.load_torque, plan.attributes)
+        yield simulate_run(preset, truth, ready, effects, np.random.default_rng(run_seed), steps)
+
+
+def simulate_run(
+    preset: Preset,
+    truth: Truth,
+    plan: RunPlan,
+    effects: Effects,
+    rng: np.random.Generator,
+    steps: int = STEPS,
+) -> Recorded:
+    """Take one run on a bench."""
+    trajectory = read_trajectory(plan.trajectory)
+    count = round(trajectory.duration * RATE_HZ)
+    if count < 2:
+        raise UserError(f"A run of {trajectory.duration:g} s holds no motion; give a longer 'duration_s'.")
+    command = trajectory.command(np.arange(count) / RATE_HZ)
+    bench = _bench(preset, truth, plan, effects)
+    _wander(bench, preset.numbers["joints"]["wander"], rng)
+    result = drive(bench, command, plan.phase == "contact", steps)
+    channels = _record(preset, bench.sensors, plan, command, result, rng)
+    return Recorded(plan, channels, result)
+
+
+def drive(bench: Bench, command: Array, in_contact: bool, steps: int = STEPS) -> dict[str, Array]:
+    """Let the position loop follow ``command`` (rad, shape (n,)) from rest; what really happened."""
+    state = np.zeros(1, STATE)[0]
+    state["q1"], state["q2"] = place_bench(bench, in_contact)
+    state["relaxed_1"], state["relaxed_2"] = state["q1"], state["q2"]
+    state["elongation"] = -bench.plant["slack"]
+    out = np.empty((len(command), len(OUTPUTS)))
+    memory = np.zeros(BRISTLES)
+    run_loop(bench.plant, bench.friction, bench.control, memory, state, command, steps, 1.0 / RATE_HZ, out)
+    if not np.isfinite(out).all():
+        raise UserError(
+            "The simulated bench ran away; choose effect strengths within the range that the catalogue gives."
+        )
+    return {name: out[:, k].copy() for k, name in enumerate(OUTPUTS)}
+
+
+def approach(preset: Preset, truth: Truth, effects: Effects, cable: str) -> float:
+    """Motor angle (degrees) at which an operator who winds slowly has the wanted mean contact force.
+
+    Raises:
+        UserError: the load cell is never reached.
+    """
+    bench = _bench(preset, truth, RunPlan("contact", cable, {}), effects)
+    time = np.arange(0.0, APPROACH_LIMIT_DEG / APPROACH_DEG_PER_S, 1.0 / RATE_HZ)
+    command = np.radians(APPROACH_DEG_PER_S * time)
+    wanted = preset.numbers["protocol"]["contact_force"]
+    result = drive(bench, command, in_contact=True)
+    reached = np.flatnonzero(result["force"] >= wanted)
+    if not reached.size:
+        raise UserError(
+            f"The fingertip does not press the cell with {wanted:g} N before {APPROACH_LIMIT_DEG:g} degrees "
+            f"at the pulley; choose weaker effects."
+        )
+    # Where the motor is, not where it was told to be: the loop's integral makes the two agree in the end.
+    return round(math.degrees(float(result["theta"][reached[0]])), 2)
+
+
+def _bench(preset: Preset, truth: Truth, plan: RunPlan, effects: Effects) -> Bench:
+    bench = build_bench(preset, truth, plan.cable)
+    bench.plant["load_torque"] = plan.load_torque
+    apply_effects(bench, preset.effects)
+    apply_effects(bench, effects)
+    return bench
+
+
+def _wander(bench: Bench, spread: float, rng: np.random.Generator) -> None:
+    """Friction is never quite the same twice."""
+
+    def factor() -> float:
+        return 1.0 + spread * float(np.clip(rng.standard_normal(), -2.0, 2.0))
+
+    for law in bench.friction:
+        share = factor()
+        for name in ("forward", "backward", "breakaway", "spread", "load_share"):
+            law[name] *= share
+    for name in ("viscous_1", "viscous_2", "motor_viscous", "wrap", "tip_friction"):
+        bench.plant[name] *= factor()
+
+
+def _record(
+    preset: Preset,
+    sensors: Sensors,
+    plan: RunPlan,
+    command: Array,
+    result: dict[str, Array],
+    rng: np.random.Generator,
+) -> dict[str, Array]:
+    noise = rng.standard_normal((4, len(command)))
+    motor = preset.rig.motor
+    count = 2.0 * math.pi / preset.numbers["control"]["counts"]
+    current = _quantised(result["current"] + sensors.current_noise * noise[0], sensors.current_step)
+    channels = {
+        "motor_command": command,
+        "motor_position": np.floor(result["theta"] / count) * count,
+        "motor_current": current,
+        "motor_torque": motor.torque_constant * motor.gear_ratio * current,
+    }
+    if plan.phase == "motor_bench":
+        channels["load_torque"] = np.full(len(command), plan.load_torque)
+        return channels
+    late = _late(sensors.delay, len(command))
+    drift = {"mcp_angle": _warm_up(len(command)) * sensors.drift}
+    for row, (name, angle) in enumerate((("mcp_angle", "q1"), ("pip_angle", "q2")), start=1):
+        seen = _bridge(late(result[angle]), sensors) + drift.get(name, 0.0)
+        channels[name] = _quantised(seen + sensors.angle_noise * noise[row], sensors.angle_step)
+    force = sensors.force_gain * late(result["force"]) + sensors.force_noise * noise[3]
+    channels["endpoint_force"] = _quantised(force, sensors.force_step)
+    return channels
+
+
+def _quantised(values: Array, step: float) -> Array:
+    return np.asarray(np.round(values / step) * step) if step > 0 else values
+
+
+def _late(delay: float, count: int) -> Any:
+    """A function that delays a channel by ``delay`` seconds; before the start it shows the rest."""
+    time = np.arange(count) / RATE_HZ
+    return (lambda values: values) if delay == 0 else (lambda values: np.interp(time - delay, time, values))
+
+
+def _bridge(angle: Array, sensors: Sensors) -> Array:
+    """What two magnetoresistive bridges at 45 degrees make of a shaft angle; zeroed at zero."""
+    if sensors.bridge_offset == 0 and sensors.bridge_mismatch == 0:
+        return angle
+    wide = 1.0 + sensors.bridge_mismatch
+    seen = 0.5 * np.arctan2(np.sin(2.0 * angle) + sensors.bridge_offset, wide * np.cos(2.0 * angle))
+    return np.asarray(seen - 0.5 * math.atan2(sensors.bridge_offset, wide))
+
+
+def _warm_up(count: int) -> Array:
+    """From 0 to 1 over the run, fast first (time constant: half the run)."""
+    share = np.arange(count) / count
+    return np.asarray((1.0 - np.exp(-2.0 * share)) / (1.0 - math.exp(-2.0)))

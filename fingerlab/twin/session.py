@@ -1,0 +1,130 @@
+"""Simulated sessions as files: written run by run, sealed where asked, revealed later."""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fingerlab.errors import UserError
+from fingerlab.sessions import SessionWriter, open_session
+from fingerlab.twin.effects import check_effects
+from fingerlab.twin.preset import Preset
+from fingerlab.twin.protocols import RATE_HZ, RunPlan
+from fingerlab.twin.recording import simulate_session
+from fingerlab.twin.sealing import pick_hidden, seal, unseal
+
+SEALED = "sealed"
+SIMULATION = "simulation"
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written: the file, its runs, seconds a run, and the seed (None where sealed)."""
+
+    path: Path
+    protocol: str
+    runs: int
+    seconds: float
+    seed: int | None
+    effects: Mapping[str, Mapping[str, float]] | None
+
+    def to_json(self) -> dict[str, Any]:
+        """For ``simulate --json``; a sealed session tells neither effect nor seed."""
+        return {
+            "session": str(self.path),
+            "protocol": self.protocol,
+            "runs": self.runs,
+            "seconds": self.seconds,
+            "seed": self.seed,
+            "sealed": self.effects is None,
+            "effects": None if self.effects is None else {k: dict(v) for k, v in self.effects.items()},
+        }
+
+
+def new_seed() -> int:
+    """A seed that nobody has chosen."""
+    return secrets.randbits(32)
+
+
+def write_session(
+    path: Path,
+    preset: Preset,
+    protocol: str,
+    plans: Sequence[RunPlan],
+    effects: Mapping[str, Mapping[str, float]],
+    seed: int,
+    hidden: bool = False,
+    progress: Progress | None = None,
+) -> Written:
+    """Simulate the runs of ``plans`` and write them as one session.
+
+    With ``hidden`` an effect is picked by the seed (or none) and sealed; the file then tells neither
+    it nor the seed.
+
+    Raises:
+        UserError: the file exists already or cannot be written, or a run is impossible.
+    """
+    chosen = (
+        pick_hidden([p.phase for p in plans], _hidden_rng(seed))
+        if hidden
+        else check_effects(effects, "The call")
+    )
+    told: dict[str, Any] = {"protocol": protocol, "preset": preset.name}
+    if hidden:
+        attributes = {SEALED: seal({**told, "effects": chosen, "seed": seed})}
+    else:
+        told |= {"effects": chosen, "seed": seed}
+        attributes = {}
+    attributes |= {SIMULATION: json.dumps(told), "tags": json.dumps(["simulated"])}
+    seconds = 0.0
+    with SessionWriter(
+        path, preset.rig, f"simulated session, {protocol} protocol", attributes=attributes, float32=True
+    ) as writer:
+        for k, run in enumerate(simulate_session(preset, plans, chosen, seed)):
+            plan = run.plan
+            writer.add_run(
+                plan.phase,
+                plan.cable,
+                RATE_HZ,
+                plan.trajectory,
+                run.channels,
+                {**plan.attributes, "complete": True},
+            )
+            seconds += len(run.channels["motor_command"]) / RATE_HZ
+            if progress is not None:
+                progress((k + 1) / len(plans), f"run {k + 1} of {len(plans)}")
+    return Written(path, protocol, len(plans), seconds, None if hidden else seed, None if hidden else chosen)
+
+
+def reveal_session(path: Path) -> dict[str, Any]:
+    """What a simulated session has that its nominal model has not, whether sealed or told openly.
+
+    Returns:
+        ``effects`` (id -> parameter -> value, SI), ``seed``, ``protocol``, ``preset``, ``sealed``.
+
+    Raises:
+        UserError: the file is no session, or not a simulated one, or its seal is damaged.
+    """
+    attributes = open_session(path).attributes
+    if SEALED in attributes:
+        return {**unseal(str(attributes[SEALED]), str(path)), "sealed": True}
+    if SIMULATION in attributes:
+        told = attributes[SIMULATION]
+        return {**(json.loads(told) if isinstance(told, str) else dict(told)), "sealed": False}
+    raise UserError(
+        f"{path} was not simulated by FingerLab, so there is nothing to reveal; "
+        f"give a session from 'simulate'."
+    )
+
+
+def _hidden_rng(seed: int) -> np.random.Generator:
+    """Independent of the bench and its noise: the same seed without ``hidden`` draws the same bench."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2**31,)))
