@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
+from collections.abc import Callable
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
@@ -20,3 +25,82 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"the recordings that the project did not make are not at {folder}")
     return folder
+
+
+MakeSession = Callable[..., Path]
+
+
+@pytest.fixture
+def make_session(tmp_path: Path) -> MakeSession:
+    """A function that writes a small good session with plain h5py, apart from the project's own writer.
+
+    ``make_session(name, change=f)`` calls ``f(file)`` on the open h5py file before it is closed, so that a
+    test can break exactly one thing.
+    """
+
+    def make(
+        name: str = "session.h5",
+        change: Callable[[h5py.File], None] | None = None,
+        phases: tuple[tuple[str, str], ...] = (("on_air", "extension"), ("contact", "flexion")),
+        samples: int = 4000,
+    ) -> Path:
+        path = tmp_path / name
+        with h5py.File(path, "w") as file:
+            file.attrs["format"] = "fingerlab-session"
+            file.attrs["format_version"] = "1"
+            file.attrs["created"] = "2026-11-01T09:00:00+01:00"
+            file.attrs["title"] = "Ring finger, Łódź"
+            file.attrs["rig"] = json.dumps(RIG)
+            for number, (phase, cable) in enumerate(phases, start=1):
+                _write_plain_run(file.create_group(f"runs/{number:03d}"), phase, cable, samples)
+            if change is not None:
+                change(file)
+        return path
+
+    return make
+
+
+RIG = {
+    "finger": {
+        "proximal_mass": 0.012,
+        "distal_mass": 0.013,
+        "proximal_half_length": 0.0225,
+        "distal_half_length": 0.024,
+        "proximal_inertia": 2.025e-6,
+        "distal_inertia": 2.496e-6,
+        "mcp_stiffness": 0.12,
+        "pip_stiffness": 0.06,
+        "wrist_angle": math.radians(15),
+        "gravity": 9.81,
+    },
+    "motor": {"torque_constant": 0.0302, "gear_ratio": 4.3, "pulley_radius": 0.015},
+    "tolerance": {"mcp_stiffness": 0.1},
+}
+
+
+def _write_plain_run(group: h5py.Group, phase: str, cable: str, samples: int) -> None:
+    group.attrs["phase"] = phase
+    group.attrs["cable"] = cable
+    group.attrs["sample_rate_hz"] = 1000.0
+    group.attrs["trajectory"] = json.dumps({"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0})
+    time = np.arange(samples) / 1000.0
+    swing = np.sin(2 * np.pi * time)
+    current = 0.3 + 0.2 * swing
+    channels = {
+        "motor_command": (np.radians(22 + 15 * swing), "rad"),
+        "motor_position": (np.radians(22 + 14.9 * swing), "rad"),
+        "motor_current": (current, "A"),
+        "motor_torque": (0.0302 * 4.3 * current, "N m"),
+    }
+    if phase in ("on_air", "contact"):
+        channels["mcp_angle"] = (np.radians(-10 - 8 * swing), "rad")
+        channels["pip_angle"] = (np.radians(-17 - 10 * swing), "rad")
+        force = 1 + 0.5 * swing if phase == "contact" else np.full(samples, np.nan)
+        channels["endpoint_force"] = (force, "N")
+    scale = group.create_dataset("time", data=time)
+    scale.attrs["units"] = "s"
+    scale.make_scale("time")
+    for name, (values, unit) in channels.items():
+        dataset = group.create_dataset(name, data=values.astype(np.float32), compression="gzip", shuffle=True)
+        dataset.attrs["units"] = unit
+        dataset.dims[0].attach_scale(scale)
