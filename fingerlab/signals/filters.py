@@ -38,6 +38,27 @@ def low_pass(values: Array, sample_rate_hz: float, cutoff_hz: float) -> Array:
     return np.asarray(sosfiltfilt(sos, values, axis=-1, padlen=pad))
 
 
+def low_pass_stretches(values: Array, sample_rate_hz: float, cutoff_hz: float) -> Array | None:
+    """Low-pass each unbroken stretch of a channel that was not read throughout.
+
+    Args:
+        values: shape (n,), any unit, NaN where nothing was read; else as :func:`low_pass`.
+
+    Returns:
+        Filtered values, same shape and unit. NaN in the gaps, and in stretches shorter than one period
+        of the cut-off, which a filter cannot tell from noise. None where no stretch is long enough.
+    """
+    finite = np.isfinite(values)
+    if finite.all():
+        return low_pass(values, sample_rate_hz, cutoff_hz)
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], finite, [False])).astype(np.int8)))
+    result = np.full(values.shape, np.nan)
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if stop - start >= sample_rate_hz / cutoff_hz:
+            result[start:stop] = low_pass(values[start:stop], sample_rate_hz, cutoff_hz)
+    return result if np.isfinite(result).any() else None
+
+
 def derivative(values: Array, sample_rate_hz: float) -> Array:
     """Central difference along the last axis; unit of ``values`` per second, same shape."""
     return np.asarray(np.gradient(values, 1.0 / sample_rate_hz, axis=-1))

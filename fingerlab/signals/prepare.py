@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from fingerlab.rig import Rig
 from fingerlab.sessions.model import Array, Run
-from fingerlab.signals.filters import derivative, low_pass
+from fingerlab.signals.filters import derivative, low_pass, low_pass_stretches
 
 THESIS_CUTOFF_HZ = 5.0
 """Thesis section 4.1: physiological finger motion does not exceed 3 to 5 Hz."""
@@ -20,7 +20,8 @@ class Signals:
         time: s. motor_position, motor_velocity, motor_acceleration: rad, rad/s, rad/s^2 at the pulley.
         motor_torque: N m at the gearbox output, as measured (no inertia subtracted).
         mcp, pip: joint angles, rad, flexion positive, with ``_velocity`` and ``_acceleration``.
-        force: N, compression positive. load_torque: N m (motor bench only).
+        force: N, compression positive, NaN where the load cell was not read; None where never.
+        load_torque: N m (motor bench only), with gaps in the same way.
         cable_sign: +1 flexion, -1 extension, 0 none.
     """
 
@@ -59,6 +60,9 @@ def prepare(run: Run, rig: Rig, cutoff_hz: float = THESIS_CUTOFF_HZ) -> Signals:
             return None
         return low_pass(run.channel(name), rate, cutoff_hz)
 
+    def with_gaps(name: str) -> Array | None:
+        return low_pass_stretches(run.channel(name), rate, cutoff_hz) if run.has(name) else None
+
     def twice(values: Array | None) -> tuple[Array | None, Array | None]:
         if values is None:
             return None, None
@@ -86,6 +90,6 @@ def prepare(run: Run, rig: Rig, cutoff_hz: float = THESIS_CUTOFF_HZ) -> Signals:
         pip=pip,
         pip_velocity=pip_velocity,
         pip_acceleration=pip_acceleration,
-        force=smooth("endpoint_force"),
-        load_torque=smooth("load_torque"),
+        force=with_gaps("endpoint_force"),
+        load_torque=with_gaps("load_torque"),
     )

@@ -18,6 +18,7 @@ from fingerlab.identify.thesis.examples import Example, example
 from fingerlab.identify.thesis.fitting import Progress, SessionFit, assemble, on_air_runs
 from fingerlab.identify.thesis.numbers import published_numbers
 from fingerlab.identify.thesis.onair import OnAirRun, reduce_run
+from fingerlab.identify.thesis.predicting import contact_runs
 from fingerlab.identify.thesis.prediction import AngleStep, ParameterSet, angle_sweep
 from fingerlab.identify.thesis.published import Quantity, beside_published
 from fingerlab.identify.thesis.specs import (
@@ -47,7 +48,7 @@ class ThesisAnalysis:
     cable: str
     fits: Mapping[FitSpec, SessionFit]
     on_air: tuple[OnAirRun, ...]
-    contact: tuple[ContactRun, ...]
+    contact: tuple[ContactRun[PredictionSpec], ...]
     sweep: tuple[AngleStep, ...]
     quantities: tuple[Quantity, ...]
     example_on_air: Example
@@ -61,7 +62,7 @@ class ThesisAnalysis:
 
 @dataclass(frozen=True)
 class _Contacts:
-    runs: tuple[ContactRun, ...]
+    runs: tuple[ContactRun[PredictionSpec], ...]
     sweep: tuple[AngleStep, ...]
     shown: Example | None
     modelled: Mapping[PredictionSpec, Array]
@@ -105,11 +106,6 @@ def thesis_analysis(session: Session, progress: Progress | None = None) -> Thesi
     )
 
 
-def contact_runs(session: Session) -> tuple[Run, ...]:
-    """Runs in contact with a cable, in the order taken; may be empty."""
-    return tuple(run for run in session.runs if run.phase == "contact" and run.cable_sign != 0)
-
-
 def _reduce_on_air(
     session: Session, runs: Sequence[Run], step: _Step
 ) -> tuple[tuple[OnAirRun, ...], Example]:
@@ -131,7 +127,7 @@ def _reduce_contact(
     session: Session, runs: Sequence[Run], sets: Mapping[PredictionSpec, ParameterSet | None], step: _Step
 ) -> _Contacts:
     """Every contact run predicted; the first is shown and swept over contact angles."""
-    reduced: list[ContactRun] = []
+    reduced: list[ContactRun[PredictionSpec]] = []
     sweep: tuple[AngleStep, ...] = ()
     shown: Example | None = None
     modelled: Mapping[PredictionSpec, Array] = {}

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from fingerlab.identify.thesis.onair import Curves, average_period
 from fingerlab.identify.thesis.prediction import ParameterSet, Prediction, judge, predicted_force
 from fingerlab.identify.thesis.specs import FOUR_REGIONS, JOINT_TITLES, JOINTS, THESIS_DELAYS, FitSpec, Joint
 from fingerlab.identify.thesis.traces import Traces
+from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import usable
 from fingerlab.signals.regions import REGION_TITLES
 
@@ -48,16 +50,22 @@ def prediction_specs() -> tuple[PredictionSpec, ...]:
     return tuple(specs)
 
 
+Key = TypeVar("Key", bound=Hashable)
+
+
 @dataclass(frozen=True)
-class ContactRun:
-    """All that is kept of a contact run. ``speed_range`` in rad/s over the usable samples, by joint."""
+class ContactRun(Generic[Key]):
+    """All that is kept of a contact run. ``speed_range`` in rad/s over the usable samples, by joint.
+
+    ``predictions`` goes by what names a parameter set: a ``PredictionSpec``, or the name of a model's set.
+    """
 
     name: str
     cable: str
     periods: int
     speed_range: Mapping[Joint, float]
     curves: Curves | None
-    predictions: Mapping[PredictionSpec, Prediction]
+    predictions: Mapping[Key, Prediction]
 
 
 def parameter_set(fit: SessionFit, cable: str, joint: Joint, region: str | None) -> ParameterSet | None:
@@ -73,8 +81,8 @@ def parameter_set(fit: SessionFit, cable: str, joint: Joint, region: str | None)
 
 
 def reduce_contact_run(
-    traces: Traces, sets: Mapping[PredictionSpec, ParameterSet | None]
-) -> tuple[ContactRun, Mapping[PredictionSpec, np.ndarray]]:
+    traces: Traces, sets: Mapping[Key, ParameterSet | None]
+) -> tuple[ContactRun[Key], Mapping[Key, Array]]:
     """Predict one contact run with every parameter set.
 
     Returns:

@@ -26,6 +26,8 @@ class Example:
 
     Attributes:
         raw_mcp, mcp: angle as recorded and filtered, rad. cloud: tension and LHS by joint and region.
+        start, stop: samples of the run that are shown, from the start of a period. period_samples: 0 where
+            the run does not repeat.
     """
 
     run: str
@@ -38,6 +40,7 @@ class Example:
     force: Array | None
     start: int
     stop: int
+    period_samples: float
     cloud: Mapping[tuple[Joint, str], tuple[Array, Array]]
 
     def cut(self, values: Array) -> Array:
@@ -66,6 +69,7 @@ def example(run: Run, traces: Traces) -> Example:
         None if signals.force is None else signals.force[part].copy(),
         start,
         stop,
+        0.0 if grid is None else grid.period,
         _clouds(traces),
     )
 

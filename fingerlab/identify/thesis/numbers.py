@@ -17,7 +17,7 @@ from fingerlab.signals.regions import REGIONS
 
 def published_numbers(
     on_air: Sequence[OnAirRun],
-    contact: Sequence[ContactRun],
+    contact: Sequence[ContactRun[PredictionSpec]],
     fits: Mapping[FitSpec, SessionFit],
     cable: str,
     sweep: Sequence[AngleStep],
@@ -52,7 +52,7 @@ def _regressions(fits: Mapping[FitSpec, SessionFit], cable: str) -> dict[str, Sp
     return numbers
 
 
-def _forces(contact: Sequence[ContactRun]) -> dict[str, Spread]:
+def _forces(contact: Sequence[ContactRun[PredictionSpec]]) -> dict[str, Spread]:
     def over(spec: PredictionSpec, name: str, scale: float = 1.0) -> Spread:
         found: Iterable[float] = (
             scale * float(getattr(run.predictions[spec], name)) for run in contact if spec in run.predictions
@@ -71,7 +71,9 @@ def _forces(contact: Sequence[ContactRun]) -> dict[str, Spread]:
     }
 
 
-def _speed_change(on_air: Sequence[OnAirRun], contact: Sequence[ContactRun], joint: Joint) -> Spread:
+def _speed_change(
+    on_air: Sequence[OnAirRun], contact: Sequence[ContactRun[PredictionSpec]], joint: Joint
+) -> Spread:
     """Range of the average period's speed of each contact run against the mean on air, per cent."""
     free = [float(np.ptp(run.curves.speed[joint])) for run in on_air if run.curves is not None]
     held = [float(np.ptp(run.curves.speed[joint])) for run in contact if run.curves is not None]

@@ -1,0 +1,248 @@
+"""``fit``: moment arms and friction losses, or the motor bench's J, gain and offset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, get_args
+
+import click
+from rich.table import Table
+
+from fingerlab.cli.common import json_option, progress_bar
+from fingerlab.cli.output import refuse_taken_early, table_console, write_results
+from fingerlab.errors import UserError
+from fingerlab.identify.model_file import Model, estimate_to_json, without_nan
+from fingerlab.identify.thesis.fitting import SessionFit, fit_session
+from fingerlab.identify.thesis.models import delay_estimate, model_of_fit, model_of_motor_bench
+from fingerlab.identify.thesis.motor_bench import MotorBenchFit, fit_motor_bench, motor_bench_runs
+from fingerlab.identify.thesis.pooling import RegionResult
+from fingerlab.identify.thesis.specs import JOINT_TITLES, FitSpec, Method
+from fingerlab.report.estimates import in_words, mean_and_deviation, number
+from fingerlab.sessions import Session, open_session
+from fingerlab.signals.regions import REGION_TITLES, THRESHOLDS_PERCENT
+
+PATH = click.Path(path_type=Path)
+CLI_DELAYS = ("none", "xcorr", "findsignal")
+
+
+@click.command()
+@click.argument("session_file", metavar="S.h5", type=PATH)
+@click.option(
+    "--method",
+    type=click.Choice(get_args(Method)),
+    default="regions",
+    show_default=True,
+    help="Four regions, flexion and extension only, or the whole of every run.",
+)
+@click.option(
+    "--delay",
+    type=click.Choice(CLI_DELAYS),
+    default="none",
+    show_default=True,
+    help="Shift the tension first: one delay a run by cross-correlation, or one a region by least squares.",
+)
+@click.option(
+    "--threshold",
+    type=click.Choice([str(t) for t in THRESHOLDS_PERCENT]),
+    default=str(THRESHOLDS_PERCENT[0]),
+    show_default=True,
+    help="Per cent of the joint's speed range that parts motion from standstill.",
+)
+@click.option("--model", "model_file", metavar="M.json", type=PATH, help="Keep the result as a model file.")
+@click.option("--figures", metavar="DIR", type=PATH, help="Draw the thesis' figures into a folder.")
+@json_option
+def fit(
+    session_file: Path,
+    method: Method,
+    delay: Any,
+    threshold: str,
+    model_file: Path | None,
+    figures: Path | None,
+    json_target: str | None,
+) -> None:
+    """Fit moment arms and friction losses to the on-air runs of a session.
+
+    Per joint and region: LHS = s a T + L, a straight line of joint torque on cable tension. Intervals are
+    90 %. Runs that do not repeat a trajectory serve '--method whole' only. A session that holds
+    motor-bench runs and no finger is fitted with J, gain and offset of the motor-bench equation.
+    """
+    session = open_session(session_file)
+    refuse_taken_early(json_target, model_file, figures)
+    if motor_bench_runs(session) and not any(run.phase == "on_air" for run in session.runs):
+        _fit_motor_bench(session, model_file, figures, json_target)
+        return
+    bar, report = progress_bar("Fitting")
+    with bar:
+        result = fit_session(session, FitSpec(method, delay, float(threshold)), report)
+    drawn = _figures(session, figures)
+    if json_target != "-":
+        _print_fit(session, result)
+    model = model_of_fit(session, result) if model_file is not None else None
+    _write(fit_json(result), json_target, model, model_file, drawn)
+
+
+def _write(
+    data: dict[str, Any], json_target: str | None, model: Model | None, place: Path | None, drawn: Any
+) -> None:
+    pair = (model, place) if model is not None and place is not None else None
+    write_results(data, json_target, pair, drawn)
+
+
+def _figures(session: Session, folder: Path | None) -> Any:
+    if folder is None:
+        return None
+    from fingerlab.identify.thesis.analysis import thesis_analysis
+    from fingerlab.report.thesis_figures import thesis_figures
+
+    bar, report = progress_bar("Drawing")
+    with bar:
+        analysis = thesis_analysis(session, report)
+    return thesis_figures(analysis), folder
+
+
+def _print_fit(session: Session, result: SessionFit) -> None:
+    console = table_console()
+    console.print(f"{session.path.name}: {result.spec.title}", soft_wrap=True)
+    for cable, results in result.cables.items():
+        table = Table(title=f"{cable} cable, {_runs(result.used[cable])}", title_justify="left")
+        table.add_column("joint")
+        table.add_column("region")
+        for column in ("moment arm (mm)", "friction loss (mN m)", "R2 pooled", "R2 by run", "delay (ms)"):
+            table.add_column(column, justify="right")
+        for (joint, region), one in results.items():
+            table.add_row(JOINT_TITLES[joint], REGION_TITLES[region], *_cells(one, result.spec.delay))
+        console.print(table)
+    console.print("± is half the 90 % interval; ± beside R2 is the deviation over runs.", soft_wrap=True)
+    if result.skipped:
+        names = ", ".join(name for name, _ in result.skipped)
+        reasons = " or ".join(dict.fromkeys(reason for _, reason in result.skipped))
+        console.print(f"Not used: {names} ({reasons}).", soft_wrap=True)
+
+
+def _runs(names: tuple[str, ...]) -> str:
+    if len(names) > 12:
+        return f"{len(names)} runs, {names[0]} to {names[-1]}"
+    return f"run{'s' if len(names) > 1 else ''} {', '.join(names)}"
+
+
+def _cells(result: RegionResult, delay: str) -> tuple[str, ...]:
+    if result.pooled is None:
+        return ("not found", "–", "–", "–", "–")
+    shift = "–"
+    if delay != "none":
+        shift = in_words(delay_estimate(result.pooled.delay_s, result.delays_s), with_unit=False)
+    return (
+        in_words(result.pooled.moment_arm, with_unit=False),
+        in_words(result.pooled.loss, with_unit=False),
+        number(result.pooled.r2),
+        mean_and_deviation(result.r2.mean, result.r2.deviation),
+        shift,
+    )
+
+
+def fit_json(result: SessionFit) -> dict[str, Any]:
+    """The JSON of ``fit``: SI units, null where there is no number."""
+    cables: dict[str, Any] = {}
+    for cable, results in result.cables.items():
+        joints: dict[str, Any] = {}
+        for (joint, region), one in results.items():
+            joints.setdefault(joint, {})[region] = _region_json(one)
+        cables[cable] = {"runs": list(result.used[cable]), "joints": joints}
+    data: dict[str, Any] = without_nan(
+        {
+            "schema": 1,
+            "session": str(result.session),
+            "kind": "finger",
+            "method": result.spec.method,
+            "delay": result.spec.delay,
+            "threshold_percent": result.spec.threshold,
+            "cables": cables,
+            "skipped": [{"run": name, "because": reason} for name, reason in result.skipped],
+        }
+    )
+    return data
+
+
+def _region_json(result: RegionResult) -> dict[str, Any] | None:
+    if result.pooled is None:
+        return None
+    return {
+        "moment_arm": estimate_to_json(result.pooled.moment_arm),
+        "friction_loss": estimate_to_json(result.pooled.loss),
+        "delay": estimate_to_json(delay_estimate(result.pooled.delay_s, result.delays_s)),
+        "r2": result.pooled.r2,
+        "samples": result.pooled.samples,
+        "by_run": [
+            {"run": run, "moment_arm": a, "friction_loss": loss, "r2": r2, "delay": d}
+            for run, a, loss, r2, d in zip(
+                result.runs,
+                result.moment_arms.values,
+                result.losses.values,
+                result.r2.values,
+                result.delays_s.values,
+                strict=True,
+            )
+        ],
+    }
+
+
+def _fit_motor_bench(
+    session: Session, model_file: Path | None, figures: Path | None, json_target: str | None
+) -> None:
+    if figures is not None:
+        raise UserError(
+            f"{session.path} holds motor-bench runs only and the thesis drew no figure of those; "
+            "leave out '--figures'."
+        )
+    bar, report = progress_bar("Fitting")
+    with bar:
+        result = fit_motor_bench(session, report)
+    if json_target != "-":
+        _print_motor_bench(session, result)
+    model = model_of_motor_bench(session, result) if model_file is not None else None
+    _write(motor_bench_json(result), json_target, model, model_file, None)
+
+
+def _print_motor_bench(session: Session, result: MotorBenchFit) -> None:
+    console = table_console()
+    console.print(
+        f"{session.path.name}: motor-bench runs only, so no moment arms; fitted "
+        "motor_torque = J * acceleration + gain * load_torque + offset.",
+        soft_wrap=True,
+    )
+    table = Table(title=_runs(tuple(result.run_r2)), title_justify="left")
+    table.add_column("parameter")
+    table.add_column("value", justify="right")
+    table.add_column("source")
+    for name, estimate in result.parameters.items():
+        source = "fixed by the rig" if name in result.fixed else "fitted"
+        table.add_row("J" if name == "inertia" else name, in_words(estimate), source)
+    console.print(table)
+    for name in result.absent:
+        console.print(f"No run varies the {_driver(name)}, so {name} was not fitted.", soft_wrap=True)
+    console.print(
+        f"R2 {number(result.r2)}, error {1e3 * result.rmse:.1f} mN m. ± is half the 90 % interval.",
+        soft_wrap=True,
+    )
+
+
+def _driver(name: str) -> str:
+    return "load" if name == "gain" else "acceleration"
+
+
+def motor_bench_json(result: MotorBenchFit) -> dict[str, Any]:
+    """The JSON of ``fit`` on motor-bench runs: SI units, null where there is no number."""
+    data: dict[str, Any] = without_nan(
+        {
+            "schema": 1,
+            "session": str(result.session),
+            "kind": "motor_bench",
+            "parameters": {name: estimate_to_json(p) for name, p in result.parameters.items()},
+            "fixed_by_rig": list(result.fixed),
+            "not_shown_by_data": list(result.absent),
+            "r2": result.r2,
+            "rmse": result.rmse,
+            "by_run": [{"run": run, "r2": r2} for run, r2 in result.run_r2.items()],
+        }
+    )
+    return data
