@@ -9,10 +9,10 @@ from typing import Any
 
 import h5py
 
-from fingerlab.errors import UserError
 from fingerlab.sessions.place import claim, move_into_place
 from fingerlab.sessions.reading import open_session
-from fingerlab.sessions.run_writing import write_attributes
+from fingerlab.sessions.run_writing import write_attributes, writing_to
+from fingerlab.sessions.target_file import TargetFile
 
 
 def copy_session(source: str | Path, target: str | Path, attributes: Mapping[str, Any] | None = None) -> Path:
@@ -31,20 +31,25 @@ def copy_session(source: str | Path, target: str | Path, attributes: Mapping[str
     open_session(source)
     part = claim(target)
     try:
-        shutil.copyfile(source, part)
+        with writing_to(target):
+            shutil.copyfile(source, part)
         if attributes:
-            with h5py.File(part, "r+") as file:
-                write_attributes(file, attributes)
+            _set_attributes(target, part, attributes)
         # An attribute such as a broken rig text must not turn a good session into a bad one.
         open_session(part)
-    except (OSError, RuntimeError) as error:
-        part.unlink(missing_ok=True)
-        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
-        raise UserError(
-            f"{target} cannot be written ({reason}); choose a place with room and write access."
-        ) from None
     except BaseException:
         part.unlink(missing_ok=True)
         raise
     move_into_place(part, target)
     return target
+
+
+def _set_attributes(target: Path, part: Path, attributes: Mapping[str, Any]) -> None:
+    with writing_to(target):
+        file = TargetFile(part)
+    with writing_to(target, file):
+        try:
+            with h5py.File(file, "r+") as session:
+                write_attributes(session, attributes)
+        finally:
+            file.close()

@@ -23,6 +23,7 @@ from fingerlab.sessions.place import OutputSet
 from fingerlab.sessions.reading import content_hash
 from fingerlab.sessions.run_writing import writing_to
 from fingerlab.sessions.samples import open_hdf5
+from fingerlab.sessions.target_file import TargetFile
 
 FORMATS = ("csv", "mat", "parquet", "txt")
 PIECE_SAMPLES = 1 << 17
@@ -243,11 +244,17 @@ def _extra_paths(session: Session, file: h5py.File) -> list[str]:
 
 
 def _write_extras(session: Session, part: Path) -> None:
-    with open_hdf5(session.path) as file, h5py.File(part, "w") as target:
-        for path in _extra_paths(session, file):
-            parent = target.require_group(path.rpartition("/")[0] or "/")
-            # References to the time axis stay behind with it.
-            file.copy(file[path], parent, name=path.rpartition("/")[2], expand_refs=False)
+    target = TargetFile(part)
+    try:
+        with open_hdf5(session.path) as file, h5py.File(target, "w") as extras:
+            for path in _extra_paths(session, file):
+                parent = extras.require_group(path.rpartition("/")[0] or "/")
+                # References to the time axis stay behind with it.
+                file.copy(file[path], parent, name=path.rpartition("/")[2], expand_refs=False)
+    finally:
+        target.close()
+    with writing_to(part, target):
+        pass
 
 
 _WRITERS: dict[str, Callable[[Session, Run, Path], None]] = {

@@ -15,6 +15,7 @@ import numpy as np
 from fingerlab.errors import UserError
 from fingerlab.sessions.format import CHANNEL_UNITS, REQUIRED_CHANNELS
 from fingerlab.sessions.samples import sample_fault
+from fingerlab.sessions.target_file import TargetFile
 
 CHUNK_SAMPLES = 16384
 """Samples a chunk: 16 s at 1 kHz, so that a screenful reads little and a whole run reads fast."""
@@ -27,11 +28,13 @@ class RunLayout:
     """Where and how a run is stored; ``real`` is the type of its channels (time is always double)."""
 
     path: Path
+    target: TargetFile
     name: str
     phase: str
     sample_rate_hz: float
     real: type[np.floating[Any]]
     compression_level: int
+    chunk_samples: int
 
 
 class RunWriter:
@@ -68,10 +71,11 @@ class RunWriter:
         if count == 0:
             return
         self._check_samples(arrays)
-        with writing_to(self._layout.path):
-            if not self._datasets:
-                self._create(arrays, count)
-            for key, values in arrays.items():
+        if not self._datasets:
+            with writing_to(self._layout.path, self._layout.target):
+                self._create(arrays)
+        for key, values in arrays.items():
+            with writing_to(self._layout.path, self._layout.target):
                 dataset = self._datasets[key]
                 dataset.resize((self.length + count,))
                 dataset[self.length :] = values
@@ -123,22 +127,22 @@ class RunWriter:
             if fault:
                 raise UserError(f"{self._layout.path}: run {self.name}, {fault}")
 
-    def _create(self, arrays: Mapping[str, np.ndarray[Any, Any]], count: int) -> None:
-        time = self._dataset("time", np.dtype(np.float64), count)
+    def _create(self, arrays: Mapping[str, np.ndarray[Any, Any]]) -> None:
+        time = self._dataset("time", np.dtype(np.float64))
         time.make_scale("time")
         for key, values in arrays.items():
             if key == "time":
                 continue
             kind = np.dtype(self._layout.real) if values.dtype.kind == "f" else values.dtype
-            self._dataset(key, kind, count).dims[0].attach_scale(time)
+            self._dataset(key, kind).dims[0].attach_scale(time)
 
-    def _dataset(self, key: str, kind: np.dtype[Any], count: int) -> h5py.Dataset:
+    def _dataset(self, key: str, kind: np.dtype[Any]) -> h5py.Dataset:
         dataset = self._group.create_dataset(
             key,
             shape=(0,),
             maxshape=(None,),
             dtype=kind,
-            chunks=(min(count, CHUNK_SAMPLES),),
+            chunks=(self._layout.chunk_samples,),
             compression="gzip",
             compression_opts=self._layout.compression_level,
             shuffle=True,
@@ -171,18 +175,22 @@ def write_attributes(target: h5py.HLObject, attributes: Mapping[str, Any]) -> No
 
 
 @contextmanager
-def writing_to(path: Path) -> Iterator[None]:
+def writing_to(path: Path, target: TargetFile | None = None) -> Iterator[None]:
     """Turn what HDF5 and the system say of a full or unreachable place into one sentence.
+
+    Args:
+        path: the place as the user named it.
+        target: the file that HDF5 writes to; its failures are looked for at the end.
 
     Raises:
         UserError: writing failed.
     """
     try:
         yield
+        if target is not None:
+            target.raise_failure()
     except (OSError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or " ".join(str(error).split())
-        if "errno = 28" in reason:
-            reason = "no space left on the device"
         raise UserError(
             f"{path} cannot be written ({reason}); choose a place with room and write access."
         ) from None

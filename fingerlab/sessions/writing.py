@@ -18,7 +18,14 @@ from fingerlab.errors import UserError
 from fingerlab.rig import Rig
 from fingerlab.sessions.format import CABLES, FORMAT_NAME, FORMAT_VERSION, PHASES
 from fingerlab.sessions.place import claim, move_into_place
-from fingerlab.sessions.run_writing import RunLayout, RunWriter, write_attributes, writing_to
+from fingerlab.sessions.run_writing import (
+    CHUNK_SAMPLES,
+    RunLayout,
+    RunWriter,
+    write_attributes,
+    writing_to,
+)
+from fingerlab.sessions.target_file import TargetFile
 
 
 class SessionWriter:
@@ -68,7 +75,8 @@ class SessionWriter:
         self._part = claim(self.path)
         try:
             with writing_to(self.path):
-                self._file = h5py.File(self._part, "w")
+                self._target = TargetFile(self._part)
+                self._file = h5py.File(self._target, "w")
                 write_attributes(self._file, {**(attributes or {}), **root})
                 self._file.create_group("runs")
         except BaseException:
@@ -88,8 +96,9 @@ class SessionWriter:
             self._discard()
             raise UserError(f"{self.path} would hold no runs and is not written; add at least one run.")
         try:
-            with writing_to(self.path):
+            with writing_to(self.path, self._target):
                 self._file.close()
+                self._target.close()
         except UserError:
             self._discard()
             raise
@@ -126,8 +135,12 @@ class SessionWriter:
         Raises:
             UserError: the run breaks the session format.
         """
-        run = self.begin_run(phase, cable, sample_rate_hz, trajectory, attributes, units=units, name=name)
-        run.append({**channels, **{f"raw/{key}": values for key, values in (raw or {}).items()}})
+        pieces = {**channels, **{f"raw/{key}": values for key, values in (raw or {}).items()}}
+        length = max((np.size(values) for values in pieces.values()), default=0)
+        run = self.begin_run(
+            phase, cable, sample_rate_hz, trajectory, attributes, units=units, name=name, length=length
+        )
+        run.append(pieces)
         run.finish()
         return run.name
 
@@ -142,11 +155,13 @@ class SessionWriter:
         units: Mapping[str, str] | None = None,
         derived: Mapping[str, str] | None = None,
         name: str | None = None,
+        length: int | None = None,
     ) -> RunWriter:
         """Begin a run that comes in pieces; arguments as in :meth:`add_run`.
 
         Args:
             derived: for channels that were not recorded, by name, how they were calculated.
+            length: how many samples will come, where that is known; a short run is stored smaller then.
 
         Raises:
             UserError: phase, cable or rate break the session format, or the place is full.
@@ -159,17 +174,21 @@ class SessionWriter:
             "sample_rate_hz": float(sample_rate_hz),
             "trajectory": dict(trajectory),
         }
-        with writing_to(self.path):
+        with writing_to(self.path, self._target):
             group = self._file["runs"].create_group(name)
             write_attributes(group, {**(attributes or {}), **header})
         self._count += 1
-        layout = RunLayout(self.path, name, phase, float(sample_rate_hz), self._float, self._level)
+        chunk = max(1, min(length or CHUNK_SAMPLES, CHUNK_SAMPLES))
+        layout = RunLayout(
+            self.path, self._target, name, phase, float(sample_rate_hz), self._float, self._level, chunk
+        )
         return RunWriter(group, layout, units or {}, derived or {})
 
     def _discard(self) -> None:
-        # A full disk makes closing fail as well; the file is thrown away, so its last words do not matter.
-        with suppress(Exception):
-            self._file.close()
+        # The file is thrown away, so its last words do not matter; either may not be there yet.
+        for name in ("_file", "_target"):
+            with suppress(Exception):
+                getattr(self, name).close()
         with suppress(OSError):
             self._part.unlink(missing_ok=True)
 
