@@ -1,0 +1,62 @@
+"""The window in tests: off screen, with settings and folders of its own."""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import QSettings, QThread
+from PySide6.QtWidgets import QApplication
+from pytestqt.qtbot import QtBot
+
+from fingerlab.ui import application
+from fingerlab.ui.settings import Settings
+from fingerlab.ui.window import MainWindow
+
+from . import invented
+
+WindowMaker = Callable[..., MainWindow]
+
+
+@pytest.fixture(scope="session")
+def qapp_args() -> list[str]:
+    return ["fingerlab"]
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> Settings:
+    return Settings(QSettings(str(tmp_path / "settings.ini"), QSettings.Format.IniFormat))
+
+
+@pytest.fixture
+def make_window(qtbot: QtBot, qapp: QApplication, settings: Settings) -> Iterator[WindowMaker]:
+    """Builds windows; afterwards each is closed as a person closes it, and no thread may be left."""
+    application.prepare(qapp, settings)
+    windows: list[MainWindow] = []
+
+    def make(**options: object) -> MainWindow:
+        window = MainWindow(settings, **options)  # type: ignore[arg-type]
+        window.resize(1280, 760)
+        window.show()
+        window.activateWindow()
+        qtbot.waitUntil(window.isActiveWindow)
+        windows.append(window)
+        return window
+
+    yield make
+    for window in windows:
+        window.close()
+        assert not window.findChildren(QThread) or not any(
+            thread.isRunning() for thread in window.findChildren(QThread)
+        )
+        window.deleteLater()
+
+
+@pytest.fixture
+def session_file(tmp_path: Path) -> Path:
+    return invented.write_session(tmp_path / "invented.h5")

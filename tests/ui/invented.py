@@ -1,0 +1,227 @@
+"""A session and diagnoses from closed forms, so that the window can be tested without the instrument.
+
+A joint with stiffness k that swings as A sin(wt) under Coulomb friction c: the motor gives
+k A sin(wt) + c sign(cos(wt)), the nominal model says k A sin(wt), so the residual is c sign(cos(wt)).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from fingerlab.identify.results import (
+    Candidate,
+    Comparison,
+    Diagnosis,
+    EquationError,
+    Failure,
+    Fingerprint,
+    ParameterEstimate,
+    PathStep,
+)
+
+STIFFNESS = 0.05  # N m/rad
+AMPLITUDE = 0.3  # rad
+FRICTION = 0.0048  # N m
+FREQUENCY = 1.0  # Hz
+FLOOR = 0.0004  # N m
+CABLE_FLOOR = 4e-5  # m
+NOISE = 0.0003  # N m
+RATE = 100.0
+DURATION = 12.0
+START_UP = 1.5
+CABLE_ARM = 0.012  # m
+
+RIG = {
+    "finger": {
+        "proximal_mass": 0.020,
+        "distal_mass": 0.018,
+        "proximal_half_length": 0.0225,
+        "distal_half_length": 0.025,
+        "proximal_inertia": 3.4e-6,
+        "distal_inertia": 3.8e-6,
+        "mcp_stiffness": 0.05,
+        "pip_stiffness": 0.04,
+        "wrist_angle": math.radians(15.0),
+        "gravity": 9.81,
+    },
+    "motor": {"torque_constant": 0.0302, "gear_ratio": 4.3, "pulley_radius": 0.01},
+}
+
+
+def write_session(path: Path, runs: int = 3, seconds: float = 4.0) -> Path:
+    """A small valid session file, written with h5py alone."""
+    time = np.arange(0.0, seconds, 1e-3)
+    swing = 0.3 * np.sin(2 * np.pi * time) * np.clip(time / 1.5, 0.0, 1.0)
+    with h5py.File(path, "w") as file:
+        file.attrs.update(
+            format="fingerlab-session",
+            format_version="1",
+            created="2024-05-06T07:08:09+00:00",
+            title="invented",
+            rig=json.dumps(RIG),
+        )
+        for number in range(1, runs + 1):
+            group = file.create_group(f"runs/{number:03d}")
+            group.attrs.update(phase="on_air", cable="extension", sample_rate_hz=1000.0)
+            group.attrs["trajectory"] = json.dumps(
+                {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0, "offset_deg": 22.0}
+            )
+            rng = np.random.default_rng(number)
+            channels = {
+                "motor_command": ("rad", swing),
+                "motor_position": ("rad", swing),
+                "motor_current": ("A", 0.2 - 0.1 * swing),
+                "motor_torque": ("N m", (0.2 - 0.1 * swing) * 0.0302 * 4.3),
+                "mcp_angle": ("rad", 0.5 - 0.5 * swing),
+                "pip_angle": ("rad", 0.4 - 0.5 * swing),
+            }
+            scale = group.create_dataset("time", data=time)
+            scale.attrs["units"] = "s"
+            scale.make_scale("time")
+            for name, (unit, values) in channels.items():
+                data = group.create_dataset(name, data=values + rng.normal(0, 1e-4, len(time)))
+                data.attrs["units"] = unit
+                data.dims[0].attach_scale(scale)
+    return path
+
+
+def _comparisons(session: str, with_friction: bool) -> tuple[Comparison, ...]:
+    time = np.arange(0.0, DURATION, 1 / RATE)
+    phase = 2 * np.pi * FREQUENCY * time
+    gap = (time < START_UP) | (time > DURATION - 0.3)
+    result = []
+    for number, run in enumerate(("001", "002", "003")):
+        noise = np.random.default_rng(number).normal(0, NOISE, len(time))
+        spring = STIFFNESS * AMPLITUDE * np.sin(phase)
+        friction = FRICTION * np.sign(np.cos(phase))
+        for scale, equation in ((1.0, "mcp_torque"), (0.8, "pip_torque")):
+            measured = scale * (spring + friction) + noise
+            modelled = scale * (spring + (friction if with_friction else 0.0))
+            result.append(_comparison(equation, session, run, time, measured, modelled, "N m", FLOOR, gap))
+        wound = CABLE_ARM * AMPLITUDE * np.sin(phase)
+        result.append(
+            _comparison(
+                "cable_kinematics", session, run, time, wound + noise * 0.1, wound, "m", CABLE_FLOOR, gap
+            )
+        )
+    return tuple(result)
+
+
+def _comparison(
+    equation: str,
+    session: str,
+    run: str,
+    time: np.ndarray,
+    measured: np.ndarray,
+    modelled: np.ndarray,
+    unit: str,
+    floor: float,
+    gap: np.ndarray,
+) -> Comparison:
+    measured, modelled = np.where(gap, np.nan, measured), np.where(gap, np.nan, modelled)
+    return Comparison(equation, session, run, "on_air", time, measured, modelled, unit, floor)
+
+
+def _fingerprint(gain: float) -> Fingerprint:
+    speed = np.linspace(-1.8, 1.8, 17)
+    curve = gain * np.sign(speed)
+    mean = FRICTION * np.sign(speed)
+    return Fingerprint(
+        "mcp_torque", "MCP speed", "rad/s", "N m", speed, mean, mean - 2e-4, mean + 2e-4, curve
+    )
+
+
+def nominal_diagnosis(session: str) -> Diagnosis:
+    """Coulomb friction is missing, and Stribeck friction cannot be told apart from it."""
+    coulomb = Candidate(
+        "coulomb_friction",
+        "Coulomb friction",
+        1.1,
+        0.83,
+        True,
+        {"torque": ParameterEstimate(FRICTION, "N m", 0.0046, 0.0050)},
+        ("joint_torque",),
+        "The residual flips sign with speed and is 4.8 mN m on both sides.",
+        True,
+        _fingerprint(FRICTION),
+    )
+    stribeck = Candidate(
+        "stribeck_friction",
+        "Stribeck friction",
+        1.12,
+        0.14,
+        True,
+        {"torque": ParameterEstimate(0.0051, "N m", 0.0042, 0.0068)},
+        ("joint_torque",),
+        "Coulomb friction that is 6 % larger near zero speed fits as well.",
+        True,
+        _fingerprint(0.0051),
+    )
+    tilt = Candidate(
+        "gravity_tilt",
+        "Tilted base",
+        12.3,
+        0.0,
+        False,
+        {},
+        ("joint_torque",),
+        "At one posture a tilt cannot be told from a preload; runs at several offsets would reveal it.",
+        False,
+    )
+    return Diagnosis(
+        sessions=(session,),
+        model=(),
+        errors={
+            "joint_torque": EquationError("N m", 0.00481, 0.83, FLOOR),
+            "cable_kinematics": EquationError("m", 4.1e-5, 0.999, CABLE_FLOOR),
+        },
+        score=12.4,
+        verdict="missing_effect",
+        candidates=(coulomb, stribeck, tilt),
+        set=("coulomb_friction", "stribeck_friction"),
+        path=(PathStep(None, 12.4), PathStep("coulomb_friction", 1.1)),
+        final_model=("coulomb_friction",),
+        next_experiment={
+            "trajectory": {"kind": "sine", "frequency_hz": 0.1, "amplitude_deg": 10.0},
+            "phase": "on_air",
+            "separates": ["coulomb_friction", "stribeck_friction"],
+            "expected_separation": 9.0,
+        },
+        seconds=0.1,
+        probability_nothing=0.0,
+        probability_unknown=0.03,
+        comparisons=_comparisons(session, with_friction=False),
+        failure=Failure("start of flexion, low speed", "mcp_torque", "002", 4.7, 5.3),
+    )
+
+
+def friction_diagnosis(session: str) -> Diagnosis:
+    """With Coulomb friction in the model nothing is missing."""
+    tilt = Candidate(
+        "gravity_tilt", "Tilted base", 1.1, 0.04, False, {}, ("joint_torque",), "No sign of it.", True
+    )
+    return Diagnosis(
+        sessions=(session,),
+        model=("coulomb_friction",),
+        errors={
+            "joint_torque": EquationError("N m", 0.00044, 0.998, FLOOR),
+            "cable_kinematics": EquationError("m", 4.1e-5, 0.999, CABLE_FLOOR),
+        },
+        score=1.1,
+        verdict="nothing_missing",
+        candidates=(tilt,),
+        set=(),
+        path=(PathStep(None, 1.1),),
+        final_model=("coulomb_friction",),
+        next_experiment=None,
+        seconds=0.1,
+        probability_nothing=0.95,
+        probability_unknown=0.01,
+        comparisons=_comparisons(session, with_friction=True),
+        failure=None,
+    )

@@ -1,0 +1,386 @@
+"""What a person does in the window, by real clicks, keys and drops on the real widgets.
+
+The diagnosis is made of closed forms here (``invented.py``), so that every number on the screen has a
+known value; ``test_real_diagnosis.py`` does the same with the instrument's own.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
+from PySide6.QtGui import QDragEnterEvent, QDropEvent, QGuiApplication
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication, QFileDialog, QLabel, QPushButton, QWidget
+from pytestqt.qtbot import QtBot
+
+from fingerlab.errors import Cancelled
+from fingerlab.identify.results import Diagnosis
+from fingerlab.sessions.model import Session
+from fingerlab.ui.window import MainWindow
+
+from . import invented
+
+LEFT = Qt.MouseButton.LeftButton
+PATIENCE = 10_000
+
+
+def invented_diagnosis(
+    sessions: Sequence[Session],
+    added: tuple[str, ...],
+    progress: Callable[[float, str], None],
+    cancelled: Callable[[], bool],
+) -> Diagnosis:
+    progress(0.5, "fitting")
+    name = str(sessions[0].path)
+    return invented.friction_diagnosis(name) if added else invented.nominal_diagnosis(name)
+
+
+class Held:
+    """A diagnosis that waits until it is let go or cancelled, as a slow one would."""
+
+    def __init__(self) -> None:
+        self.running = threading.Event()
+        self.go_on = threading.Event()
+        self.was_cancelled = threading.Event()
+
+    def __call__(
+        self,
+        sessions: Sequence[Session],
+        added: tuple[str, ...],
+        progress: Callable[[float, str], None],
+        cancelled: Callable[[], bool],
+    ) -> Diagnosis:
+        self.running.set()
+        while not self.go_on.wait(0.005):
+            if cancelled():
+                self.was_cancelled.set()
+                raise Cancelled
+        return invented_diagnosis(sessions, added, progress, cancelled)
+
+
+def drop(window: MainWindow, *paths: Path) -> None:
+    """Drop files on the window as a file manager does."""
+    data = QMimeData()
+    data.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
+    buttons, keys = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
+    action = Qt.DropAction.CopyAction
+    enter = QDragEnterEvent(QPoint(400, 300), action, data, buttons, keys)
+    QApplication.sendEvent(window, enter)
+    assert enter.isAccepted()
+    QApplication.sendEvent(window, QDropEvent(QPointF(400, 300), action, data, buttons, keys))
+
+
+def child(window: QWidget, kind: type, name: str):  # type: ignore[no-untyped-def]
+    found = window.findChild(kind, name)
+    assert found is not None, name
+    return found
+
+
+def click(window: QWidget, name: str) -> None:
+    button = child(window, QPushButton, name)
+    assert button.isVisible(), name
+    QTest.mouseClick(button, LEFT)
+
+
+def wait_for_result(qtbot: QtBot, window: MainWindow) -> None:
+    qtbot.waitUntil(lambda: window.controller.history is not None and not window.tasks.busy, timeout=PATIENCE)
+
+
+@pytest.fixture
+def opened(qtbot: QtBot, make_window, session_file: Path, monkeypatch: pytest.MonkeyPatch) -> MainWindow:  # type: ignore[no-untyped-def]
+    """A window in which a session was opened through the dialog."""
+    window = make_window(diagnose=invented_diagnosis)
+    monkeypatch.setattr(QFileDialog, "getOpenFileNames", staticmethod(lambda *_: ([str(session_file)], "")))
+    QTest.keyClick(window, Qt.Key.Key_O, Qt.KeyboardModifier.ControlModifier)
+    wait_for_result(qtbot, window)
+    return window
+
+
+def test_empty_window_offers_to_open_and_to_practise(make_window) -> None:  # type: ignore[no-untyped-def]
+    window = make_window()
+    assert child(window, QPushButton, "emptyOpen").isVisible()
+    assert child(window, QPushButton, "practise").isVisible()
+    assert not window.lab.isVisible()
+
+
+def test_opening_through_the_dialog_shows_model_and_measurement(opened: MainWindow) -> None:
+    assert opened.lab.isVisible()
+    assert "invented.h5" in child(opened, QLabel, "sessionName").text()
+    assert opened.windowTitle().startswith("invented.h5")
+    # Equation and run of the worst stretch; SI torque in millinewton metres on the screen.
+    assert opened.lab.bar.equation() == "mcp_torque"
+    assert opened.lab.bar.runs.currentText() == "Run 002 · on air · extension cable · sine 1 Hz, 15°"
+    time, residual = opened.lab.plot.residual.series
+    flexing = (np.cos(2 * np.pi * time) > 0.2) & np.isfinite(residual)
+    assert residual[flexing].mean() == pytest.approx(1e3 * invented.FRICTION, rel=0.02)
+    assert child(opened, QLabel, "stretchName").text() == "start of flexion, low speed"
+    assert all(stretch.isVisible() for stretch in opened.lab.plot.stretches)
+    assert opened.lab.plot.stretches[0].getRegion() == pytest.approx((4.7, 5.3))
+    low, high = opened.lab.plot.floor_band.getRegion()
+    assert (low, high) == pytest.approx((-0.4, 0.4))
+
+
+def test_both_plots_share_the_time_axis(opened: MainWindow) -> None:
+    plot = opened.lab.plot
+    plot.setFocus()
+    before = plot.top.viewRange()[0]
+    QTest.keyClick(plot, Qt.Key.Key_Plus)
+    after = plot.top.viewRange()[0]
+    assert after[1] - after[0] == pytest.approx((before[1] - before[0]) / 1.5, rel=1e-6)
+    assert plot.bottom.viewRange()[0] == pytest.approx(after)
+    QTest.keyClick(plot, Qt.Key.Key_Home)
+    assert plot.top.viewRange()[0] == pytest.approx(before)
+
+
+def test_clicking_a_candidate_shows_its_fingerprint(opened: MainWindow) -> None:
+    lab = opened.lab
+    assert child(opened, QLabel, "verdict").text() == "Missing: Coulomb friction, 83 %"
+    assert "Stribeck" in child(opened, QLabel, "setText").text()
+    view = lab.candidates.view
+    row = lab.candidates.list.index_of("stribeck_friction")
+    QTest.mouseClick(view.viewport(), LEFT, Qt.KeyboardModifier.NoModifier, view.visualRect(row).center())
+    assert lab.evidence.title.text().startswith("Stribeck friction")
+    assert child(opened, QLabel, "strength").text() == "torque: 5.1 (4.2 to 6.8) mN m"
+    x, curve = lab.evidence.plot.curve.getData()
+    assert x[-1] == pytest.approx(np.degrees(1.8))
+    assert curve[-1] == pytest.approx(5.1)
+    QTest.keyClick(view, Qt.Key.Key_Up)
+    assert lab.evidence.title.text().startswith("Coulomb friction")
+    assert child(opened, QLabel, "strength").text() == "torque: 4.8 ± 0.2 mN m"
+
+
+def test_effects_that_cannot_be_told_apart_are_marked(opened: MainWindow) -> None:
+    rows = {row.key: row for row in opened.lab.candidates.list.rows}
+    assert [key for key, row in rows.items() if row.in_set] == ["coulomb_friction", "stribeck_friction"]
+    assert not rows["gravity_tilt"].detectable
+    assert list(rows)[-1] == "gravity_tilt"
+    assert sum(row.probability for row in rows.values()) == pytest.approx(1.0)
+
+
+def test_adding_the_effect_makes_the_error_fall_and_undo_brings_it_back(
+    qtbot: QtBot, opened: MainWindow
+) -> None:
+    lab = opened.lab
+    table, path = lab.path.table, lab.path.path
+    assert table.cell("joint_torque", "now") == "4.81"
+    assert [bar.tried for bar in path.bars] == [True, False]
+    click(opened, "addToModel")
+    qtbot.waitUntil(lambda: lab.controller.history.can_undo and not opened.tasks.busy, timeout=PATIENCE)
+    assert table.cell("joint_torque", "nominal") == "4.81"
+    assert table.cell("joint_torque", "now") == "0.44"
+    assert "4.81 → <b>0.44</b> mN m" in child(opened, QLabel, "equationError").text()
+    assert [(bar.title, bar.score, bar.tried) for bar in path.bars] == [
+        ("Nominal", 12.4, True),
+        ("+ Coulomb friction", 1.1, True),
+    ]
+    assert lab.steps.current() == "true"
+    assert lab.steps.result("add") == "Coulomb friction"
+    assert child(opened, QLabel, "verdict").text() == "Nothing more is missing"
+    QTest.keyClick(opened, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+    assert table.cell("joint_torque", "now") == "4.81"
+    assert child(opened, QLabel, "verdict").text() == "Missing: Coulomb friction, 83 %"
+    click(opened, "redo")
+    assert table.cell("joint_torque", "now") == "0.44"
+    click(opened, "undo")
+    assert table.cell("joint_torque", "now") == "4.81"
+    assert not child(opened, QPushButton, "undo").isEnabled()
+
+
+def test_adding_keeps_the_view_that_the_user_chose(qtbot: QtBot, opened: MainWindow) -> None:
+    lab = opened.lab
+    click(opened, "equation_pip_torque")
+    lab.bar.runs.setFocus()
+    QTest.keyClick(lab.bar.runs, Qt.Key.Key_End)
+    lab.plot.setFocus()
+    QTest.keyClick(lab.plot, Qt.Key.Key_Plus)
+    shown = lab.bar.equation(), lab.bar.runs.currentText(), lab.plot.top.viewRange()
+    assert shown[0] == "pip_torque"
+    assert shown[1].startswith("Run 003")
+    lab.candidates.view.setFocus()
+    QTest.keyClick(lab.candidates.view, Qt.Key.Key_Return)
+    qtbot.waitUntil(lambda: lab.controller.history.can_undo, timeout=PATIENCE)
+    assert (lab.bar.equation(), lab.bar.runs.currentText(), lab.plot.top.viewRange()) == shown
+
+
+def test_the_steps_are_worked_by_keys(opened: MainWindow) -> None:
+    lab = opened.lab
+    control = Qt.KeyboardModifier.ControlModifier
+    assert lab.steps.current() == "add"
+    assert lab.steps.result("where") == "start of flexion, low speed"
+    QTest.keyClick(opened, Qt.Key.Key_3, Qt.KeyboardModifier.AltModifier)
+    assert lab.bar.equation() == "cable_kinematics"
+    QTest.keyClick(opened, Qt.Key.Key_2, control)
+    assert lab.steps.current() == "where"
+    assert lab.bar.equation() == "mcp_torque"
+    left, right = lab.plot.top.viewRange()[0]
+    assert left < 4.7 < 5.3 < right < 8
+    QTest.keyClick(opened, Qt.Key.Key_4, control)
+    assert QApplication.focusWidget() is lab.candidates.add_button
+    QTest.keyClick(opened, Qt.Key.Key_5, control)
+    assert lab.truth.isVisible()
+    assert "Coulomb friction and Stribeck friction" in lab.truth.next.text()
+    QTest.keyClick(opened, Qt.Key.Key_3, control)
+    assert QApplication.focusWidget() is lab.candidates.view
+    assert lab.evidence.isVisible()
+
+
+def test_nothing_missing_is_an_outcome_like_the_others(opened: MainWindow) -> None:
+    lab = opened.lab
+    row = lab.candidates.list.index_of("nothing_missing")
+    view = lab.candidates.view
+    QTest.mouseClick(view.viewport(), LEFT, Qt.KeyboardModifier.NoModifier, view.visualRect(row).center())
+    assert lab.evidence.title.text() == "Nothing missing"
+    assert "12.4 times" in lab.evidence.explanation.text()
+    button = child(opened, QPushButton, "addToModel")
+    assert not button.isEnabled()
+    assert "nothing to add" in button.toolTip()
+
+
+def test_dropping_a_session_opens_it(qtbot: QtBot, make_window, session_file: Path) -> None:  # type: ignore[no-untyped-def]
+    window = make_window(diagnose=invented_diagnosis)
+    drop(window, session_file)
+    wait_for_result(qtbot, window)
+    assert window.lab.isVisible()
+    assert window.settings.recent() == [session_file.resolve()]
+
+
+def test_a_wrong_file_is_one_sentence_and_what_was_open_stays(
+    qtbot: QtBot, opened: MainWindow, tmp_path: Path
+) -> None:
+    wrong = tmp_path / "notes.txt"
+    wrong.write_text("not a session", encoding="utf-8")
+    drop(opened, wrong)
+    message = child(opened, QLabel, "message")
+    qtbot.waitUntil(message.isVisible, timeout=PATIENCE)
+    assert "notes.txt" in message.text()
+    assert "Traceback" not in message.text()
+    assert opened.lab.isVisible()
+    assert "invented.h5" in child(opened, QLabel, "sessionName").text()
+    click(opened, "copyDetails")
+    copied = QGuiApplication.clipboard().text()
+    assert message.text() in copied
+    assert "Traceback" in copied
+
+
+def test_cancel_in_the_middle_of_a_refit_leaves_the_model_as_it_was(qtbot: QtBot, opened: MainWindow) -> None:
+    held = Held()
+    opened.controller._diagnose = held
+    click(opened, "addToModel")
+    qtbot.waitUntil(held.running.is_set, timeout=PATIENCE)
+    assert not child(opened, QPushButton, "addToModel").isEnabled()
+    click(opened, "cancel")
+    qtbot.waitUntil(lambda: not opened.tasks.busy, timeout=PATIENCE)
+    assert held.was_cancelled.is_set()
+    assert opened.lab.path.table.cell("joint_torque", "now") == "4.81"
+    assert not opened.controller.history.can_undo
+    assert child(opened, QPushButton, "addToModel").isEnabled()
+    assert child(opened, QLabel, "status").text().endswith("stopped")
+
+
+def test_cancel_before_the_first_result_offers_to_compare_again(
+    qtbot: QtBot,
+    make_window,
+    session_file: Path,  # type: ignore[no-untyped-def]
+) -> None:
+    held = Held()
+    window = make_window(diagnose=held)
+    drop(window, session_file)
+    qtbot.waitUntil(held.running.is_set, timeout=PATIENCE)
+    QTest.keyClick(window, Qt.Key.Key_Period, Qt.KeyboardModifier.ControlModifier)
+    qtbot.waitUntil(lambda: not window.tasks.busy, timeout=PATIENCE)
+    held.go_on.set()
+    click(window, "compareAgain")
+    wait_for_result(qtbot, window)
+    assert window.lab.isVisible()
+
+
+def test_opening_another_session_while_one_is_compared_takes_its_place(
+    qtbot: QtBot,
+    make_window,
+    session_file: Path,
+    tmp_path: Path,  # type: ignore[no-untyped-def]
+) -> None:
+    held = Held()
+    window = make_window(diagnose=held)
+    drop(window, session_file)
+    qtbot.waitUntil(held.running.is_set, timeout=PATIENCE)
+    window.controller._diagnose = invented_diagnosis
+    drop(window, invented.write_session(tmp_path / "another.h5"))
+    qtbot.waitUntil(lambda: "another.h5" in window.windowTitle(), timeout=PATIENCE)
+    wait_for_result(qtbot, window)
+    assert held.was_cancelled.is_set()
+    assert window.controller.history.now.diagnosis.sessions[0].endswith("another.h5")
+
+
+def test_closing_while_work_runs_leaves_no_thread(qtbot: QtBot, make_window, session_file: Path) -> None:  # type: ignore[no-untyped-def]
+    held = Held()
+    window = make_window(diagnose=held)
+    before = threading.active_count()
+    drop(window, session_file)
+    qtbot.waitUntil(held.running.is_set, timeout=PATIENCE)
+    window.close()
+    assert held.was_cancelled.is_set()
+    assert not window.tasks.busy
+    assert not window.isVisible()
+    assert threading.active_count() <= before
+
+
+def test_a_mistake_of_ours_is_told_in_one_sentence(qtbot: QtBot, make_window, session_file: Path) -> None:  # type: ignore[no-untyped-def]
+    def broken(*_: object) -> Diagnosis:
+        raise ZeroDivisionError("division by zero")
+
+    window = make_window(diagnose=broken)
+    drop(window, session_file)
+    message = child(window, QLabel, "message")
+    qtbot.waitUntil(message.isVisible, timeout=PATIENCE)
+    assert "ZeroDivisionError" in message.text()
+    assert message.text().count("\n") == 0
+    assert child(window, QPushButton, "compareAgain").isVisible()
+
+
+def test_recent_files_are_offered_at_the_next_start(opened: MainWindow, make_window, qtbot: QtBot) -> None:  # type: ignore[no-untyped-def]
+    opened.close()
+    again = make_window(diagnose=invented_diagnosis)
+    buttons = [b for b in again.empty.findChildren(QPushButton) if b.text() == "invented.h5"]
+    QTest.mouseClick(buttons[0], LEFT)
+    wait_for_result(qtbot, again)
+    assert again.lab.isVisible()
+
+
+def test_every_control_has_a_name_for_a_screen_reader(opened: MainWindow) -> None:
+    for widget in opened.findChildren(QWidget):
+        tabbed = widget.focusPolicy() & Qt.FocusPolicy.TabFocus
+        if widget.isVisible() and tabbed and widget.focusProxy() is None:
+            name = widget.accessibleName() or getattr(widget, "text", lambda: "")()
+            assert name, f"{type(widget).__name__} {widget.objectName()} in {widget.parent()}"
+
+
+@pytest.mark.parametrize("size", [(1280, 760), (1920, 1040), (960, 540)])
+def test_no_text_is_cut_off(opened: MainWindow, qtbot: QtBot, size: tuple[int, int]) -> None:
+    opened.resize(*size)
+    qtbot.wait(20)
+    assert (opened.width(), opened.height()) == size
+    for button in opened.findChildren(QPushButton):
+        if button.isVisible():
+            assert button.width() >= button.minimumSizeHint().width(), button.text()
+    for label in opened.findChildren(QLabel):
+        if label.isVisible() and label.text() and not label.wordWrap() and label.minimumSizeHint().width():
+            assert label.width() >= label.minimumSizeHint().width(), label.text()
+        if label.isVisible() and label.wordWrap() and label.text():
+            assert label.height() >= label.heightForWidth(label.width()), label.text()
+
+
+def test_dark_and_light_recolour_what_is_drawn(opened: MainWindow, qapp: QApplication) -> None:
+    plot = opened.lab.plot
+    opened._set_appearance("dark")
+    assert plot.measured.opts["pen"].color().name() == "#ececec"
+    assert plot.backgroundBrush().color().name() == "#141517"
+    opened._set_appearance("light")
+    assert plot.measured.opts["pen"].color().name() == "#1b1b1b"
+    assert plot.modelled.opts["pen"].color().name() == "#0072b2"
+    assert plot.modelled.opts["pen"].style() == Qt.PenStyle.DashLine

@@ -1,0 +1,7 @@
+"""``python -m fingerlab.ui [SESSION.h5 ...]`` opens the window with those sessions."""
+
+import sys
+
+from .application import run
+
+sys.exit(run(sys.argv[1:]))

@@ -1,0 +1,70 @@
+"""Starts the application."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from pathlib import Path
+from types import TracebackType
+
+from PySide6.QtCore import QTimer
+from PySide6.QtGui import QGuiApplication
+from PySide6.QtWidgets import QApplication
+
+import fingerlab
+
+from .settings import Settings
+from .theme import apply_appearance
+from .window import MainWindow
+
+
+def run(arguments: list[str]) -> int:
+    """Open the window, and the session files that ``arguments`` name; returns the exit code."""
+    app = QApplication.instance() or QApplication([sys.argv[0]])
+    assert isinstance(app, QApplication)
+    settings = Settings()
+    prepare(app, settings)
+    window = MainWindow(settings)
+    follow_system(app, settings)
+    previous = sys.excepthook
+    sys.excepthook = _show_in(window)
+    window.show()
+    paths = [Path(argument) for argument in arguments]
+    if paths:
+        QTimer.singleShot(0, lambda: window.open_paths(paths))
+    try:
+        return app.exec()
+    finally:
+        sys.excepthook = previous
+
+
+def prepare(app: QApplication, settings: Settings) -> None:
+    """Name, style and colours of the application."""
+    app.setApplicationName("FingerLab")
+    app.setOrganizationName("FingerLab")
+    app.setApplicationVersion(fingerlab.__version__)
+    app.setStyle("Fusion")
+    apply_appearance(app, settings.appearance())
+
+
+def follow_system(app: QApplication, settings: Settings) -> None:
+    """Change between light and dark when the desktop does, unless the user chose one."""
+
+    def changed() -> None:
+        if settings.appearance() == "system":
+            apply_appearance(app, "system")
+
+    QGuiApplication.styleHints().colorSchemeChanged.connect(changed)
+
+
+def _show_in(window: MainWindow):  # type: ignore[no-untyped-def]
+    """An exception hook that shows the mistake in the window instead of losing it."""
+
+    def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        details = "".join(traceback.format_exception(kind, error, trace))
+        sys.stderr.write(details)
+        window.show_mistake(
+            f"FingerLab made a mistake ({kind.__name__}: {error}); your session file is unchanged.", details
+        )
+
+    return hook

@@ -1,0 +1,1 @@
+"""The Model lab: see model and measurement, find where they part, name what is missing, add it."""

@@ -1,0 +1,293 @@
+"""Measured and modelled above, the residual below, one time axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, QPointF, Qt, Signal
+from PySide6.QtGui import QKeyEvent
+from PySide6.QtWidgets import QWidget
+
+from fingerlab.identify.results import Comparison, Failure
+from fingerlab.sessions.model import Array
+
+from ..theme import colours_of
+from ..widgets.curve import DecimatedCurve
+from ..widgets.numbers import decimals_for, fixed
+from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
+from ..widgets.units import ScreenUnit, screen_unit
+from .equations import equation_text
+
+AXIS_WIDTH = 72
+ZOOM_STEP = 1.5
+PAN_STEP = 0.1
+MARGIN = 0.06
+"""Share of the value range left free above and below the curves."""
+
+
+@dataclass(frozen=True)
+class _Shown:
+    comparison: Comparison
+    unit: ScreenUnit
+    time: Array
+    measured: Array
+    modelled: Array
+    residual: Array
+
+
+class ComparisonPlot(pg.GraphicsLayoutWidget):
+    """Two plots stacked. Keys: + and − zoom, ← and → move, Home shows the whole run.
+
+    Signals:
+        pointed(text): the values under the cursor, empty when it leaves.
+        stretch_named(text): the name of the tinted stretch, empty where none is tinted.
+    """
+
+    pointed = Signal(str)
+    stretch_named = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("comparisonPlot")
+        self._shown: _Shown | None = None
+        self._failure: Failure | None = None
+        self.setAcceptDrops(False)  # a file dropped here is for the window
+        self.setAccessibleName("Measured and modelled against time, and the residual")
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.ci.setContentsMargins(0, 4, 8, 0)
+        self.ci.setSpacing(4)
+        self.top: pg.PlotItem = self.addPlot(row=0, col=0)
+        self.bottom: pg.PlotItem = self.addPlot(row=1, col=0)
+        self.ci.layout.setRowStretchFactor(0, 5)
+        self.ci.layout.setRowStretchFactor(1, 4)
+        for plot in (self.top, self.bottom):
+            prepare_plot(plot)
+            plot.getAxis("left").setWidth(AXIS_WIDTH)
+            plot.setMouseEnabled(x=True, y=False)
+            plot.getViewBox().sigResized.connect(self._label_axes)
+        self.top.getAxis("bottom").setStyle(showValues=False)
+        self.bottom.getAxis("bottom").setHeight(bottom_axis_height())
+        self.bottom.setLabel("bottom", "Time (s)")
+        self.bottom.setXLink(self.top)
+        self._add_items()
+        self.scene().sigMouseMoved.connect(self._on_mouse_moved)
+        self._recolour()
+
+    def _add_items(self) -> None:
+        self.measured = DecimatedCurve(name="measured")
+        self.modelled = DecimatedCurve(name="modelled")
+        self.residual = DecimatedCurve(name="residual")
+        horizontal = pg.LinearRegionItem.Horizontal
+        self.floor_band = pg.LinearRegionItem((0, 0), orientation=horizontal, movable=False)
+        self.zero = pg.InfiniteLine(angle=0, movable=False)
+        self.stretches = [pg.LinearRegionItem((0, 0), movable=False) for _ in range(2)]
+        self.cursors = [pg.InfiniteLine(angle=90, movable=False) for _ in range(2)]
+        for plot, stretch, cursor in zip((self.top, self.bottom), self.stretches, self.cursors, strict=True):
+            stretch.setZValue(-20)
+            stretch.hide()
+            cursor.hide()
+            plot.addItem(stretch, ignoreBounds=True)
+            plot.addItem(cursor, ignoreBounds=True)
+        self.floor_band.setZValue(-10)
+        for item in (self.floor_band, self.zero, self.residual):
+            self.bottom.addItem(item, ignoreBounds=True)
+        for item in (self.measured, self.modelled):
+            self.top.addItem(item, ignoreBounds=True)
+
+    # what is shown
+
+    @property
+    def comparison(self) -> Comparison | None:
+        """The equation and run shown."""
+        return self._shown.comparison if self._shown is not None else None
+
+    def show_comparison(
+        self, comparison: Comparison | None, failure: Failure | None, keep_view: bool
+    ) -> None:
+        """Show one equation of one run, and the worst stretch where it lies in this one.
+
+        ``keep_view`` leaves the time range as the user set it (a refit of the same run).
+        """
+        self._failure = failure
+        if comparison is None:
+            self._shown = None
+            self._show_stretch()
+            for curve in (self.measured, self.modelled, self.residual):
+                curve.set_series(np.empty(0), np.empty(0))
+            return
+        before, shown = self._shown, _scale(comparison)
+        self._shown = shown
+        keep_view = keep_view and before is not None and before.unit == shown.unit
+        self.measured.set_series(shown.time, shown.measured)
+        self.modelled.set_series(shown.time, shown.modelled)
+        self.residual.set_series(shown.time, shown.residual)
+        floor = comparison.floor * shown.unit.factor
+        self.floor_band.setRegion((-floor, floor))
+        self._label_axes()
+        self._set_value_ranges(shown, floor, keep_view)
+        if not keep_view:
+            self.show_whole()
+        self._show_stretch()
+        self.setAccessibleDescription(_describe(shown, floor))
+
+    def _label_axes(self) -> None:
+        shown = self._shown
+        if shown is None:
+            return
+        label_left(self.top, equation_text(shown.comparison.equation).quantity, shown.unit)
+        label_left(self.bottom, "Residual", shown.unit)
+
+    def _set_value_ranges(self, shown: _Shown, floor: float, keep_view: bool) -> None:
+        low, high = _limits(np.concatenate([shown.measured, shown.modelled]))
+        largest = max(_largest(shown.residual), 2.0 * floor) * (1 + MARGIN)
+        if keep_view:  # the residual must be seen to fall, so the scales stay
+            shown_low, shown_high = self.top.viewRange()[1]
+            low, high = min(low, shown_low), max(high, shown_high)
+            largest = max(largest, self.bottom.viewRange()[1][1])
+        self.top.setYRange(low, high, padding=0)
+        self.bottom.setYRange(-largest, largest, padding=0)
+
+    def show_whole(self) -> None:
+        """The whole run."""
+        if self._shown is not None and len(self._shown.time):
+            start, stop = self._shown.time[0], self._shown.time[-1]
+            for plot in (self.top, self.bottom):
+                plot.getViewBox().setLimits(xMin=start, xMax=stop)
+            self.top.setXRange(start, stop, padding=0)
+
+    def show_stretch(self) -> None:
+        """The worst stretch, with as much again on either side."""
+        if self._failure_is_here() and self._failure is not None:
+            length = max(self._failure.stop - self._failure.start, 0.2)
+            middle = (self._failure.start + self._failure.stop) / 2
+            self.top.setXRange(middle - 2 * length, middle + 2 * length, padding=0)
+
+    def _failure_is_here(self) -> bool:
+        shown, failure = self._shown, self._failure
+        return (
+            shown is not None
+            and failure is not None
+            and failure.equation == shown.comparison.equation
+            and failure.run == shown.comparison.run
+        )
+
+    def _show_stretch(self) -> None:
+        here = self._failure_is_here()
+        for stretch in self.stretches:
+            stretch.setVisible(here)
+            if here and self._failure is not None:
+                stretch.setRegion((self._failure.start, self._failure.stop))
+        self.stretch_named.emit(self._failure.text if here and self._failure is not None else "")
+
+    # how it looks
+
+    def event(self, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.DevicePixelRatioChange:
+            self._recolour()  # pens are in device pixels
+        return bool(super().event(event))
+
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "cursors"):
+            self._recolour()
+
+    def _recolour(self) -> None:
+        colours = colours_of(self)
+        self.setBackground(colours.surface)
+        for plot in (self.top, self.bottom):
+            colour_plot(plot, colours)
+        width = self.devicePixelRatioF()
+        self.measured.setPen(line(colours.measured, width))
+        self.modelled.setPen(line(colours.modelled, width, dashed=True))
+        self.residual.setPen(line(colours.residual, width))
+        self.zero.setPen(line(colours.muted))
+        self.floor_band.setBrush(tint(colours.floor, 0.35))
+        for stretch in self.stretches:
+            stretch.setBrush(tint(colours.residual, 0.18))
+        for edge in (*self.floor_band.lines, *(e for s in self.stretches for e in s.lines)):
+            edge.setPen(pg.mkPen(None))
+        for cursor in self.cursors:
+            cursor.setPen(line(colours.muted))
+
+    # hand
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        left, right = self.top.viewRange()[0]
+        middle, half = (left + right) / 2, (right - left) / 2
+        key = event.key()
+        if key in (Qt.Key.Key_Plus, Qt.Key.Key_Equal):
+            half /= ZOOM_STEP
+        elif key == Qt.Key.Key_Minus:
+            half *= ZOOM_STEP
+        elif key in (Qt.Key.Key_Left, Qt.Key.Key_Right):
+            middle += (1 if key == Qt.Key.Key_Right else -1) * 2 * half * PAN_STEP
+        elif key == Qt.Key.Key_Home:
+            self.show_whole()
+            return
+        else:
+            super().keyPressEvent(event)
+            return
+        self.top.setXRange(middle - half, middle + half, padding=0)
+
+    def leaveEvent(self, event: QEvent) -> None:
+        super().leaveEvent(event)
+        for cursor in self.cursors:
+            cursor.hide()
+        self.pointed.emit("")
+
+    def _on_mouse_moved(self, place: QPointF) -> None:
+        shown = self._shown
+        for plot in (self.top, self.bottom):
+            if shown is not None and plot.sceneBoundingRect().contains(place):
+                time = plot.getViewBox().mapSceneToView(place).x()
+                index = int(np.clip(np.searchsorted(shown.time, time), 0, len(shown.time) - 1))
+                for cursor in self.cursors:
+                    cursor.setPos(shown.time[index])
+                    cursor.show()
+                self.pointed.emit(_values_at(shown, index))
+                return
+
+
+def _scale(comparison: Comparison) -> _Shown:
+    unit = screen_unit(comparison.unit, _largest(comparison.measured))
+    measured, modelled = comparison.measured * unit.factor, comparison.modelled * unit.factor
+    return _Shown(comparison, unit, comparison.time, measured, modelled, measured - modelled)
+
+
+def _largest(values: Array) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.abs(finite).max()) if len(finite) else 0.0
+
+
+def _limits(values: Array) -> tuple[float, float]:
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return -1.0, 1.0
+    low, high = float(finite.min()), float(finite.max())
+    margin = MARGIN * (high - low) or abs(high) or 1.0
+    return low - margin, high + margin
+
+
+def _values_at(shown: _Shown, index: int) -> str:
+    decimals = decimals_for(shown.comparison.floor * shown.unit.factor * 0.3)
+    if not np.isfinite(shown.residual[index]):
+        return f"{fixed(float(shown.time[index]), 2)} s: this equation says nothing here"
+    measured, modelled, residual = (
+        fixed(float(series[index]), decimals) for series in (shown.measured, shown.modelled, shown.residual)
+    )
+    return (
+        f"{fixed(float(shown.time[index]), 2)} s: measured {measured}, modelled {modelled}, "
+        f"residual {residual} {shown.unit.symbol}"
+    )
+
+
+def _describe(shown: _Shown, floor: float) -> str:
+    finite = shown.residual[np.isfinite(shown.residual)]
+    rms = float(np.sqrt(np.mean(finite**2))) if len(finite) else 0.0
+    decimals = decimals_for(floor * 0.3)
+    return (
+        f"{equation_text(shown.comparison.equation).quantity}, run {shown.comparison.run}: residual "
+        f"{fixed(rms, decimals)} {shown.unit.symbol} root mean square, floor {fixed(floor, decimals)}."
+    )

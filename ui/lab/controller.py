@@ -1,0 +1,147 @@
+"""Between the widgets and the instrument: what is open, what was found, and the calls that change it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal
+
+from fingerlab.identify.results import Diagnosis
+from fingerlab.sessions.model import Session
+
+from ..tasks import IsCancelled, Progress, TaskRunner
+from .history import History, Step
+
+DiagnoseCall = Callable[[Sequence[Session], tuple[str, ...], Progress, IsCancelled], Diagnosis]
+OpenCall = Callable[[Path], Session]
+
+
+def run_diagnosis(
+    sessions: Sequence[Session], added: tuple[str, ...], progress: Progress, cancelled: IsCancelled
+) -> Diagnosis:
+    """The instrument's diagnosis, imported in the worker so that the window opens without waiting for it."""
+    from fingerlab.identify.diagnosis import diagnose
+
+    result: Diagnosis = diagnose(sessions, added=added, progress=progress, cancelled=cancelled)
+    return result
+
+
+def read_session(path: Path) -> Session:
+    """Open a session file; imported late for the same reason."""
+    from fingerlab.sessions import open_session
+
+    return open_session(path)
+
+
+class LabController(QObject):
+    """Holds the open sessions and the history of models.
+
+    Signals:
+        sessions_changed: other sessions are open, or none.
+        result_changed: another diagnosis is shown, or none any more.
+        activity_changed: work started or ended.
+    """
+
+    sessions_changed = Signal()
+    result_changed = Signal()
+    activity_changed = Signal()
+
+    def __init__(
+        self,
+        tasks: TaskRunner,
+        diagnose: DiagnoseCall = run_diagnosis,
+        read: OpenCall = read_session,
+        parent: QObject | None = None,
+    ) -> None:
+        super().__init__(parent)
+        self.tasks = tasks
+        self.sessions: tuple[Session, ...] = ()
+        self.history: History | None = None
+        self._diagnose = diagnose
+        self._read = read
+        tasks.started.connect(self.activity_changed)
+        tasks.ended.connect(self.activity_changed)
+
+    @property
+    def diagnosis(self) -> Diagnosis | None:
+        """The diagnosis shown now."""
+        return self.history.now.diagnosis if self.history is not None else None
+
+    def open(self, paths: Sequence[Path], opened: Callable[[], None] | None = None) -> None:
+        """Open session files together and diagnose them; what was open stays until they are read."""
+        names = ", ".join(path.name for path in paths)
+
+        def work(progress: Progress, cancelled: IsCancelled) -> tuple[Session, ...]:
+            sessions = []
+            for number, path in enumerate(paths):
+                progress(number / len(paths), f"reading {path.name}")
+                sessions.append(self._read(path))
+            return tuple(sessions)
+
+        def done(sessions: Any) -> None:
+            self.sessions = sessions
+            self.history = None
+            self.sessions_changed.emit()
+            self.result_changed.emit()
+            if opened is not None:
+                opened()
+            self.compare()
+
+        self.tasks.start(f"Opening {names}", work, done)
+
+    def compare(self) -> None:
+        """Diagnose the open sessions with the nominal model."""
+
+        def done(diagnosis: Diagnosis) -> None:
+            self.history = History(diagnosis)
+            self.result_changed.emit()
+
+        self._run((), "Comparing model and measurement", done)
+
+    def add(self, effect: str) -> None:
+        """Refit with one more effect; the history moves on when the new diagnosis is there."""
+        history = self.history
+        if history is None or effect in history.now.added:
+            return
+        added = (*history.now.added, effect)
+
+        def done(diagnosis: Diagnosis) -> None:
+            history.push(Step(added, diagnosis))
+            self.result_changed.emit()
+
+        self._run(added, f"Refitting with {history.title(effect)}", done)
+
+    def undo(self) -> None:
+        """Back to the model before; nothing is computed again."""
+        self._move(History.undo)
+
+    def redo(self) -> None:
+        self._move(History.redo)
+
+    def close(self) -> None:
+        """Close the sessions."""
+        self.tasks.cancel()
+        self.sessions = ()
+        self.history = None
+        self.sessions_changed.emit()
+        self.result_changed.emit()
+
+    def _move(self, step: Callable[[History], None]) -> None:
+        if self.history is not None:
+            self.tasks.cancel()
+            step(self.history)
+            self.result_changed.emit()
+
+    def _run(self, added: tuple[str, ...], title: str, done: Callable[[Diagnosis], None]) -> None:
+        sessions = self.sessions
+
+        def work(progress: Progress, cancelled: IsCancelled) -> Diagnosis:
+            return self._diagnose(sessions, added, progress, cancelled)
+
+        def if_still_open(diagnosis: Diagnosis) -> None:
+            if self.sessions is sessions:
+                done(diagnosis)
+
+        self.tasks.start(title, work, if_still_open)

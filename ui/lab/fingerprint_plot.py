@@ -1,0 +1,140 @@
+"""The residual against the effect's own coordinate, with the effect's own curve over it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent
+from PySide6.QtWidgets import QWidget
+
+from fingerlab.identify.results import Fingerprint
+from fingerlab.sessions.model import Array
+
+from ..theme import colours_of, small_font
+from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
+from ..widgets.units import ScreenUnit, screen_unit
+from .equations import equation_text
+
+AXIS_WIDTH = 72
+MARGIN = 0.08
+
+
+class FingerprintPlot(pg.PlotWidget):
+    """Bins as points with their interval, the effect as a green curve, the floor as a grey band."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("fingerprint")
+        self.setAcceptDrops(False)  # a file dropped here is for the window
+        self.setAccessibleName("Fingerprint: residual against the effect's own coordinate")
+        self._unit: ScreenUnit | None = None
+        plot = self.getPlotItem()
+        prepare_plot(plot)
+        plot.getViewBox().sigResized.connect(self._label_left)
+        plot.setMouseEnabled(x=False, y=False)
+        plot.setContentsMargins(0, 4, 8, 0)
+        plot.getAxis("left").setWidth(AXIS_WIDTH)
+        plot.getAxis("bottom").setHeight(bottom_axis_height())
+        horizontal = pg.LinearRegionItem.Horizontal
+        self.floor_band = pg.LinearRegionItem((0, 0), orientation=horizontal, movable=False)
+        self.floor_band.setZValue(-10)
+        self.zero = pg.InfiniteLine(angle=0, movable=False)
+        self.bars = pg.ErrorBarItem(beam=0.0)
+        self.points = pg.ScatterPlotItem(size=6, pxMode=True)
+        self.curve = pg.PlotCurveItem(connect="finite", antialias=True)
+        self.empty = pg.TextItem("This effect has no fingerprint on these data.", anchor=(0.5, 0.5))
+        self.empty.setFont(small_font())
+        for item in (self.floor_band, self.zero, self.bars, self.curve, self.points, self.empty):
+            plot.addItem(item, ignoreBounds=True)
+        self.fingerprint: Fingerprint | None = None
+        self._recolour()
+        self.show_fingerprint(None)
+
+    def show_fingerprint(
+        self, fingerprint: Fingerprint | None, floor: float | None = None, with_curve: bool = True
+    ) -> None:
+        """Show a fingerprint; ``floor`` in its ``value_unit``; without curve where no effect is claimed."""
+        self.fingerprint = fingerprint
+        usable = fingerprint is not None and bool(np.isfinite(fingerprint.mean).any())
+        for item in (self.floor_band, self.zero, self.bars, self.points, self.curve):
+            item.setVisible(usable)
+        self.empty.setVisible(not usable)
+        plot = self.getPlotItem()
+        for name in ("left", "bottom"):
+            plot.getAxis(name).setStyle(showValues=usable)
+        if fingerprint is None or not usable:
+            plot.setRange(xRange=(-1, 1), yRange=(-1, 1), padding=0)
+            self._unit = None
+            plot.setLabel("left", "")
+            plot.setLabel("bottom", "")
+            self.setAccessibleDescription("No fingerprint")
+            return
+        self._draw(fingerprint, floor, with_curve)
+
+    def _draw(self, fingerprint: Fingerprint, floor: float | None, with_curve: bool) -> None:
+        across = screen_unit(fingerprint.coordinate_unit, _largest(fingerprint.centre))
+        up = screen_unit(fingerprint.value_unit, max(_largest(fingerprint.mean), floor or 0.0))
+        known = np.isfinite(fingerprint.mean)
+        x = fingerprint.centre[known] * across.factor
+        mean, low, high, curve = (
+            values[known] * up.factor
+            for values in (fingerprint.mean, fingerprint.low, fingerprint.high, fingerprint.curve)
+        )
+        low, high = np.where(np.isfinite(low), low, mean), np.where(np.isfinite(high), high, mean)
+        self.points.setData(x, mean)
+        self.bars.setData(x=x, y=mean, top=np.maximum(high - mean, 0), bottom=np.maximum(mean - low, 0))
+        self.curve.setData(x, curve if with_curve else np.full(len(x), np.nan))
+        band = (floor or 0.0) * up.factor
+        self.floor_band.setRegion((-band, band))
+        plot = self.getPlotItem()
+        coordinate = fingerprint.coordinate[:1].upper() + fingerprint.coordinate[1:]
+        plot.setLabel("bottom", across.label(coordinate))
+        self._unit = up
+        self._label_left()
+        bottom, top = _limits(np.concatenate([low, high, curve if with_curve else mean, [0.0]]))
+        plot.setRange(xRange=_limits(x), yRange=(bottom, top), padding=0)
+        self.setAccessibleDescription(
+            f"{equation_text(fingerprint.equation).quantity} residual in {up.symbol} against "
+            f"{fingerprint.coordinate} in {across.symbol}, {int(known.sum())} bins"
+        )
+
+    def _label_left(self) -> None:
+        if self._unit is not None:
+            label_left(self.getPlotItem(), "Residual", self._unit)
+
+    def event(self, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.DevicePixelRatioChange:
+            self._recolour()  # pens are in device pixels
+        return bool(super().event(event))
+
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "empty"):
+            self._recolour()
+
+    def _recolour(self) -> None:
+        colours = colours_of(self)
+        width = self.devicePixelRatioF()
+        self.setBackground(colours.surface)
+        colour_plot(self.getPlotItem(), colours)
+        self.zero.setPen(line(colours.muted))
+        self.bars.setData(pen=line(colours.residual, 1.5 * width))
+        self.points.setPen(line(colours.residual))
+        self.points.setBrush(pg.mkBrush(colours.residual))
+        self.curve.setPen(line(colours.candidate, 2 * width))
+        self.floor_band.setBrush(tint(colours.floor, 0.35))
+        for edge in self.floor_band.lines:
+            edge.setPen(pg.mkPen(None))
+        self.empty.setColor(colours.muted)
+
+
+def _largest(values: Array) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.abs(finite).max()) if len(finite) else 0.0
+
+
+def _limits(values: Array) -> tuple[float, float]:
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (-1.0, 1.0)
+    margin = MARGIN * (high - low) or abs(high) or 1.0
+    return low - margin, high + margin

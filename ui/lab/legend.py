@@ -1,0 +1,122 @@
+"""What lines, points and bands mean, beside the values under the cursor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPaintEvent
+from PySide6.QtWidgets import QHBoxLayout, QSizePolicy, QWidget
+
+from ..theme import Colours, colours_of, small_font
+from ..widgets.labels import ElidedLabel
+from ..widgets.plot_style import line, tint
+
+SAMPLE = 24.0
+GAP = 16.0
+
+
+@dataclass(frozen=True)
+class Key:
+    """One entry: its words, the colour by name, and how it is drawn."""
+
+    words: str
+    colour: str
+    style: Literal["solid", "dashed", "points", "band", "tint"] = "solid"
+
+
+CURVES = (
+    Key("measured", "measured"),
+    Key("modelled", "modelled", "dashed"),
+    Key("residual", "residual"),
+    Key("floor", "floor", "band"),
+)
+STRETCH = (Key("worst stretch:", "residual", "tint"),)
+FINGERPRINT = (
+    Key("residual, mean of a bin", "residual", "points"),
+    Key("the effect's own curve", "candidate"),
+    Key("floor", "floor", "band"),
+)
+
+
+RESIDUAL_ONLY = tuple(key for key in FINGERPRINT if key.colour != "candidate")
+
+
+class LegendKeys(QWidget):
+    """Painted samples with their words."""
+
+    def __init__(self, keys: tuple[Key, ...], parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setFont(small_font())
+        self.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
+        self.set_keys(keys)
+
+    def set_keys(self, keys: tuple[Key, ...]) -> None:
+        """Show other entries."""
+        self._keys = keys
+        self.setAccessibleName("Legend: " + ", ".join(f"{key.words} {key.style}" for key in keys))
+        self.updateGeometry()
+        self.update()
+
+    def sizeHint(self) -> QSize:
+        metrics = QFontMetricsF(small_font())
+        width = sum(SAMPLE + 4 + metrics.horizontalAdvance(key.words) for key in self._keys)
+        return QSize(int(width + GAP * (len(self._keys) - 1)) + 4, int(metrics.height()) + 4)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setFont(small_font())
+        colours = colours_of(self)
+        metrics = QFontMetricsF(painter.font())
+        x = 0.0
+        for key in self._keys:
+            self._paint_sample(painter, QRectF(x, 0, SAMPLE, self.height()), key, colours)
+            x += SAMPLE + 4
+            painter.setPen(QColor(colours.text))
+            width = metrics.horizontalAdvance(key.words)
+            place = QRectF(x, 0, width + 2, self.height())
+            painter.drawText(place, Qt.AlignmentFlag.AlignVCenter, key.words)
+            x += width + GAP
+
+    def _paint_sample(self, painter: QPainter, room: QRectF, key: Key, colours: Colours) -> None:
+        colour = getattr(colours, key.colour)
+        middle = room.center().y()
+        if key.style in ("band", "tint"):
+            alpha = 0.35 if key.style == "band" else 0.3
+            painter.fillRect(QRectF(room.left(), middle - 5, room.width(), 10), tint(colour, alpha))
+        elif key.style == "points":
+            painter.setPen(line(colour))
+            painter.setBrush(QColor(colour))
+            painter.drawEllipse(QPointF(room.center().x(), middle), 3, 3)
+        else:
+            painter.setPen(line(colour, 2 * self.devicePixelRatioF(), dashed=key.style == "dashed"))
+            painter.drawLine(QPointF(room.left(), middle), QPointF(room.right(), middle))
+
+
+class LegendRow(QWidget):
+    """The legend and the name of the tinted stretch at the left, the values under the cursor at the right."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.stretch_key = LegendKeys(STRETCH)
+        self.stretch = ElidedLabel()
+        self.stretch.setObjectName("stretchName")
+        self.values = ElidedLabel()
+        self.values.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        for label in (self.stretch, self.values):
+            label.setFont(small_font())
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(72, 0, 8, 0)
+        layout.setSpacing(4)
+        layout.addWidget(LegendKeys(CURVES))
+        layout.addSpacing(8)
+        layout.addWidget(self.stretch_key)
+        layout.addWidget(self.stretch, 1)
+        layout.addWidget(self.values, 1)
+        self.name_stretch("")
+
+    def name_stretch(self, text: str) -> None:
+        """Name the tinted stretch; empty where none is tinted."""
+        self.stretch.setText(text)
+        self.stretch_key.setVisible(bool(text))

@@ -1,0 +1,59 @@
+"""The last step: does the model hold, and what should be recorded next."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from ..widgets.labels import heading, remark
+from ..widgets.numbers import score_text
+from .history import History
+from .wording import NOTHING, UNKNOWN, lower_first, next_experiment_text
+
+
+class TruthPanel(QWidget):
+    """Words on the present model; signal ``report_asked``."""
+
+    report_asked = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.title = heading(large=True)
+        self.title.setWordWrap(True)
+        self.held_out = QLabel()
+        self.held_out.setWordWrap(True)
+        self.next = remark()
+        self.report = QPushButton("Save report page…")
+        self.report.setToolTip("The whole comparison as one self-contained page (Ctrl+S).")
+        self.report.clicked.connect(self.report_asked)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(8)
+        for widget in (self.title, self.held_out, self.next):
+            layout.addWidget(widget)
+        row = QHBoxLayout()
+        row.addWidget(self.report)
+        row.addStretch(1)
+        layout.addLayout(row)
+        layout.addStretch(1)
+
+    def show_history(self, history: History | None) -> None:
+        """Say how the present model does on runs that the fit has not seen."""
+        if history is None:
+            for label in (self.title, self.held_out, self.next):
+                label.setText("")
+            return
+        diagnosis = history.now.diagnosis
+        names = [lower_first(history.title(effect)) for effect in history.now.added]
+        model = "The nominal model" if not names else f"The model with {' and '.join(names)}"
+        if diagnosis.verdict == NOTHING:
+            self.title.setText("True, as far as these recordings can show")
+        elif diagnosis.verdict == UNKNOWN:
+            self.title.setText("Not true yet, and the catalogue cannot make it so")
+        else:
+            self.title.setText("Not true yet")
+        self.held_out.setText(
+            f"{model} misses runs held out of the fit by {score_text(diagnosis.score)} times the floor; "
+            f"the nominal model missed them by {score_text(history.first.diagnosis.score)} times."
+        )
+        self.next.setText(next_experiment_text(diagnosis, history))

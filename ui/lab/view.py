@@ -1,0 +1,172 @@
+"""The Model lab put together. Any frame can host it: it needs a controller and nothing else."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QHBoxLayout, QSplitter, QStackedWidget, QVBoxLayout, QWidget
+
+from .candidates_panel import CandidatesPanel
+from .comparison_bar import ComparisonBar
+from .comparison_plot import ComparisonPlot
+from .controller import LabController
+from .equations import equation_text
+from .evidence_panel import EvidencePanel
+from .history import Step
+from .legend import LegendRow
+from .path_panel import PathPanel
+from .steps_column import StepsColumn
+from .truth_panel import TruthPanel
+from .wording import NOTHING, UNKNOWN, best_choice, step_results
+
+STEPS_WIDTH = 168
+
+
+class LabView(QWidget):
+    """Steps at the left; plots above, candidates and evidence in the middle, error path below.
+
+    Signal ``report_asked``.
+    """
+
+    report_asked = Signal()
+
+    def __init__(self, controller: LabController, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.controller = controller
+        self.steps = StepsColumn()
+        self.bar = ComparisonBar()
+        self.legend = LegendRow()
+        self.plot = ComparisonPlot()
+        self.candidates = CandidatesPanel()
+        self.evidence = EvidencePanel()
+        self.truth = TruthPanel()
+        self.path = PathPanel()
+        self._shown_step: Step | None = None
+        self._build()
+        self._connect()
+        self.refresh()
+
+    def _build(self) -> None:
+        upper = QWidget()
+        plots = QVBoxLayout(upper)
+        plots.setContentsMargins(0, 0, 0, 0)
+        plots.setSpacing(4)
+        plots.addWidget(self.bar)
+        plots.addWidget(self.legend)
+        plots.addWidget(self.plot, 1)
+        self.right = QStackedWidget()
+        self.right.addWidget(self.evidence)
+        self.right.addWidget(self.truth)
+        middle = QWidget()
+        row = QHBoxLayout(middle)
+        row.setContentsMargins(0, 4, 0, 4)
+        row.setSpacing(16)
+        row.addWidget(self.candidates, 2)
+        row.addWidget(self.right, 3)
+        splitter = QSplitter(Qt.Orientation.Vertical)
+        splitter.setChildrenCollapsible(False)
+        for widget, share in ((upper, 11), (middle, 9), (self.path, 4)):
+            splitter.addWidget(widget)
+            splitter.setStretchFactor(splitter.count() - 1, share)
+        splitter.setSizes([384, 244, 104])
+        self.steps.setFixedWidth(STEPS_WIDTH)
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(8, 8, 8, 8)
+        layout.setSpacing(8)
+        left = QVBoxLayout()
+        left.addWidget(self.steps)
+        left.addStretch(1)
+        layout.addLayout(left)
+        layout.addWidget(splitter, 1)
+
+    def _connect(self) -> None:
+        self.steps.chosen.connect(self.go_to)
+        self.bar.changed.connect(self._show_comparison)
+        self.plot.pointed.connect(self.legend.values.setText)
+        self.plot.stretch_named.connect(self.legend.name_stretch)
+        self.candidates.chosen.connect(self._on_candidate)
+        self.candidates.add_asked.connect(self.controller.add)
+        self.path.undo_asked.connect(self.controller.undo)
+        self.path.redo_asked.connect(self.controller.redo)
+        self.truth.report_asked.connect(self.report_asked)
+        self.controller.result_changed.connect(self.refresh)
+        self.controller.activity_changed.connect(self._on_activity)
+
+    def refresh(self) -> None:
+        """Show the controller's present diagnosis."""
+        history = self.controller.history
+        if history is None:
+            self._shown_step = None
+            self.bar.show_comparisons((), (), None)
+            self.plot.show_comparison(None, None, keep_view=False)
+            self.candidates.show_diagnosis(None)
+            self.evidence.show_choice(None, None)
+            self.path.show_history(None)
+            self.truth.show_history(None)
+            self.steps.set_results({})
+            self.steps.set_current("compare")
+            return
+        diagnosis = history.now.diagnosis
+        first_look = self._shown_step is None
+        self._shown_step = history.now
+        failure = diagnosis.failure
+        wanted = (failure.equation, failure.run) if first_look and failure is not None else None
+        self.bar.show_comparisons(diagnosis.comparisons, self.controller.sessions, wanted)
+        self.candidates.show_diagnosis(diagnosis)
+        self.evidence.show_choice(best_choice(diagnosis), diagnosis)
+        self.path.show_history(history)
+        self.truth.show_history(history)
+        self.steps.set_results(step_results(diagnosis, history))
+        settled = bool(history.now.added) or diagnosis.verdict in (NOTHING, UNKNOWN)
+        self.steps.set_current("true" if settled else "add")
+        self.right.setCurrentWidget(self.truth if history.now.added else self.evidence)
+        if first_look:
+            self.candidates.view.setFocus()
+
+    def go_to(self, step: str) -> None:
+        """Go to a step of the work: show what it is about and put the keyboard there."""
+        self.steps.set_current(step)
+        diagnosis = self.controller.diagnosis
+        if diagnosis is None:
+            return
+        self.right.setCurrentWidget(self.truth if step == "true" else self.evidence)
+        if step == "compare":
+            self.plot.show_whole()
+            self.plot.setFocus()
+        elif step == "where":
+            if diagnosis.failure is not None:
+                self.bar.go_to(diagnosis.failure.equation, diagnosis.failure.run)
+                self.plot.show_stretch()
+            self.plot.setFocus()
+        elif step == "missing":
+            self.candidates.choose(best_choice(diagnosis))
+            self.candidates.view.setFocus()
+        elif step == "add":
+            target = self.candidates.add_button
+            (target if target.isEnabled() else self.candidates.view).setFocus()
+        else:
+            self.truth.report.setFocus()
+
+    def _show_comparison(self) -> None:
+        history, comparison = self.controller.history, self.bar.comparison()
+        if history is None or comparison is None:
+            self.plot.show_comparison(None, None, keep_view=False)
+            return
+        diagnosis = history.now.diagnosis
+        before = self.plot.comparison
+        same = before is not None and (before.equation, before.session, before.run) == (
+            comparison.equation,
+            comparison.session,
+            comparison.run,
+        )
+        self.plot.show_comparison(comparison, diagnosis.failure, keep_view=same)
+        family = equation_text(comparison.equation).family
+        now = diagnosis.errors.get(family)
+        first = history.first.diagnosis.errors.get(family, now)
+        self.bar.show_error(first, now)
+
+    def _on_candidate(self, key: str) -> None:
+        self.evidence.show_choice(key, self.controller.diagnosis)
+        self.right.setCurrentWidget(self.evidence)
+
+    def _on_activity(self) -> None:
+        self.candidates.set_busy(self.controller.tasks.busy)

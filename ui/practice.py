@@ -1,0 +1,96 @@
+"""Practice on a hidden effect: a session from the simulated rig, sealed until it is revealed. No Qt.
+
+The instrument's modules are imported in the worker: the twin's compiler is slow to load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+
+from fingerlab.errors import Cancelled
+from fingerlab.identify.results import ParameterEstimate
+from fingerlab.sessions.model import Session
+
+from .tasks import IsCancelled, Progress
+from .widgets.numbers import estimate_text
+
+PROTOCOL = "rich"
+
+
+def practice_folder() -> Path:
+    """Where practice sessions are kept: the user's own data folder."""
+    from platformdirs import user_data_path
+
+    return user_data_path("FingerLab", appauthor=False) / "practice"
+
+
+def simulate(progress: Progress, cancelled: IsCancelled) -> Path:
+    """Record a session with a sealed effect; returns its file.
+
+    Raises:
+        UserError: the folder cannot be written to.
+        Cancelled: the user stopped it; nothing is left behind.
+    """
+    progress(0.0, "preparing the simulated rig")
+    from fingerlab.twin.preset import load_preset
+    from fingerlab.twin.protocols import PROTOCOLS
+    from fingerlab.twin.session import new_seed, write_session
+
+    folder = practice_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"practice-{datetime.now():%Y-%m-%d-%H%M%S}.h5"
+    preset = load_preset()
+    plans = PROTOCOLS[PROTOCOL](preset.numbers["protocol"]["contact_amplitude_deg"])
+
+    def report(share: float, what: str) -> None:
+        if cancelled():
+            raise Cancelled
+        progress(share, what)
+
+    write_session(path, preset, PROTOCOL, plans, {}, new_seed(), hidden=True, progress=report)
+    return path
+
+
+def is_sealed(session: Session) -> bool:
+    """Whether the session holds an effect that was not told."""
+    return "sealed" in session.attributes
+
+
+def reveal(session: Session, model: Sequence[str]) -> str:
+    """What the session holds, and whether the effects in ``model`` name it.
+
+    Raises:
+        UserError: the session is not a simulated one, or its seal is damaged.
+    """
+    from fingerlab.twin.session import reveal_session
+
+    effects = reveal_session(session.path)["effects"]
+    hidden = set(effects)
+    if not effects:
+        answer = "Nothing was hidden: the bench has noise and tolerances and no missing effect."
+    else:
+        answer = "Hidden was: " + "; ".join(_told(name, values) for name, values in effects.items()) + "."
+    if hidden == set(model):
+        return f"{answer} Your model has just that."
+    named = " + ".join(_words(name) for name in model) or "no effect"
+    return f"{answer} Your model has {named}."
+
+
+def _told(name: str, values: dict[str, float]) -> str:
+    from fingerlab.twin.effect_table import EFFECTS
+
+    units = {p.name: p.unit for p in EFFECTS[name].parameters} if name in EFFECTS else {}
+    numbers = [
+        f"{_words(key)} {estimate_text(ParameterEstimate(value, units.get(key, ''), value, value))}"
+        for key, value in values.items()
+    ]
+    return f"{_words(name)} ({', '.join(numbers)})" if numbers else _words(name)
+
+
+def _words(name: str) -> str:
+    text = name.replace("_", " ")
+    for proper in ("coulomb", "stribeck"):
+        text = text.replace(proper, proper.capitalize())
+    return text

@@ -1,0 +1,74 @@
+"""What the window remembers between two starts: recent files, its place on the screen, its appearance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from PySide6.QtCore import QByteArray, QPoint, QRect, QSettings, QSize
+from PySide6.QtGui import QGuiApplication
+from PySide6.QtWidgets import QWidget
+
+from .theme import Appearance
+
+MAX_RECENT = 8
+MINIMUM_VISIBLE = 64
+"""Pixels of the window that must lie on a screen, in each direction, for the place to be kept."""
+
+
+class Settings:
+    """Reads and writes the settings; values that do not fit are ignored, never trusted."""
+
+    def __init__(self, store: QSettings | None = None) -> None:
+        self._store = store if store is not None else QSettings("FingerLab", "FingerLab")
+
+    def recent(self) -> list[Path]:
+        """Recently opened files that still exist, latest first."""
+        value = self._store.value("recent", [])
+        names = [value] if isinstance(value, str) else value
+        if not isinstance(names, (list, tuple)):
+            return []
+        return [Path(name) for name in names if isinstance(name, str) and Path(name).is_file()]
+
+    def remember(self, paths: Sequence[Path]) -> None:
+        """Put files at the head of the recent ones."""
+        new = [str(path.resolve()) for path in paths]
+        kept = [str(path) for path in self.recent() if str(path) not in new]
+        self._store.setValue("recent", (new + kept)[:MAX_RECENT])
+
+    def folder(self) -> str:
+        """Where the file dialog starts: beside the latest file."""
+        recent = self.recent()
+        return str(recent[0].parent) if recent else str(Path.home())
+
+    def appearance(self) -> Appearance:
+        """Light, dark, or what the system says."""
+        value = self._store.value("appearance", "system")
+        return value if value in ("light", "dark") else "system"
+
+    def set_appearance(self, appearance: Appearance) -> None:
+        self._store.setValue("appearance", appearance)
+
+    def save_place(self, window: QWidget) -> None:
+        self._store.setValue("geometry", window.saveGeometry())
+
+    def restore_place(self, window: QWidget, size: QSize) -> None:
+        """Put the window where it was; where that is no longer on a screen, in the middle of the first.
+
+        A screen may be gone or smaller than last time, and a settings file may hold anything.
+        """
+        geometry = self._store.value("geometry")
+        restored = isinstance(geometry, QByteArray) and window.restoreGeometry(geometry)
+        screens = QGuiApplication.screens()
+        if restored and any(_shows(screen.availableGeometry(), window.geometry()) for screen in screens):
+            return
+        room = QGuiApplication.primaryScreen().availableGeometry()
+        size = size.boundedTo(room.size())
+        window.resize(size)
+        spare = room.size() - size
+        window.move(room.topLeft() + QPoint(spare.width() // 2, spare.height() // 2))
+
+
+def _shows(screen: QRect, window: QRect) -> bool:
+    shown = screen.intersected(window)
+    return shown.width() >= MINIMUM_VISIBLE and shown.height() >= MINIMUM_VISIBLE

@@ -1,0 +1,75 @@
+"""The line at the bottom: what is running, how far it is, and a way to stop it."""
+
+from __future__ import annotations
+
+from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QPushButton, QWidget
+
+from .tasks import TaskRunner
+from .widgets.labels import ElidedLabel
+
+STEPS = 1000
+
+
+class TaskBar(QWidget):
+    """Follows a task runner. Ctrl+. cancels."""
+
+    def __init__(self, tasks: TaskRunner, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.text = ElidedLabel()
+        self.text.setObjectName("status")
+        self.text.setAccessibleName("Status")
+        self.progress = QProgressBar()
+        self.progress.setObjectName("progress")
+        self.progress.setAccessibleName("Progress")
+        self.progress.setRange(0, STEPS)
+        self.progress.setFixedWidth(200)
+        self.cancel = QPushButton("Cancel")
+        self.cancel.setObjectName("cancel")
+        self.cancel.setShortcut("Ctrl+.")
+        self.cancel.setToolTip("Stop what is running (Ctrl+.).")
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(16, 4, 8, 4)
+        layout.setSpacing(8)
+        layout.addWidget(self.text, 1)
+        layout.addWidget(self.progress)
+        layout.addWidget(self.cancel)
+        self.cancel.clicked.connect(self._on_cancel)
+        tasks.started.connect(self._on_started)
+        tasks.progressed.connect(self._on_progress)
+        tasks.ended.connect(self._on_ended)
+        self._tasks = tasks
+        self._title = ""
+        self._show_work(False)
+
+    def say(self, text: str) -> None:
+        """The last thing that happened."""
+        self.text.setText(text)
+
+    def _show_work(self, running: bool) -> None:
+        # Space is kept, so that nothing jumps when work starts or ends.
+        for widget in (self.progress, self.cancel):
+            policy = widget.sizePolicy()
+            policy.setRetainSizeWhenHidden(True)
+            widget.setSizePolicy(policy)
+            widget.setVisible(running)
+
+    def _on_started(self, title: str) -> None:
+        self._title = title
+        self.say(title)
+        self.progress.setValue(0)
+        self.cancel.setEnabled(True)
+        self._show_work(True)
+
+    def _on_progress(self, share: float, what: str) -> None:
+        self.progress.setValue(round(share * STEPS))
+        self.say(f"{self._title}: {what}" if what else self._title)
+
+    def _on_cancel(self) -> None:
+        self.cancel.setEnabled(False)
+        self.say(f"{self._title}: stopping")
+        self._tasks.cancel()
+
+    def _on_ended(self, how: str) -> None:
+        self._show_work(False)
+        words = {"done": "done", "stopped": "stopped", "failed": "failed"}
+        self.say(f"{self._title}: {words.get(how, how)}")

@@ -1,0 +1,1 @@
+"""Small widgets and drawing helpers that any tab can use."""

@@ -1,0 +1,38 @@
+"""Fewer points for the screen, without losing a spike or a gap.
+
+pyqtgraph's own decimation drops the newest samples and does not handle NaN, hence this one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fingerlab.sessions.model import Array
+
+
+def envelope(x: Array, y: Array, buckets: int) -> tuple[Array, Array]:
+    """Smallest and largest value of ``y`` in each of ``buckets`` stretches of equal sample count.
+
+    Args:
+        x: increasing, shape (n,), any unit. y: shape (n,), NaN where there is a gap.
+        buckets: at least 1; about one for each pixel.
+
+    Returns:
+        x and y of at most ``2 * buckets`` points; x and y themselves where they are no longer than that.
+        A stretch that is NaN throughout stays NaN.
+    """
+    count = len(x)
+    if count <= 2 * buckets:
+        return x, y
+    edges = np.linspace(0, count, buckets + 1).astype(np.intp)
+    starts = edges[:-1]
+    pairs = np.empty((buckets, 2))
+    pairs[:, 0] = np.fmin.reduceat(y, starts)
+    pairs[:, 1] = np.fmax.reduceat(y, starts)
+    # Where the stretch falls, the larger value came first: draw it in that order.
+    falling = y[starts] > y[edges[1:] - 1]
+    pairs[falling] = pairs[falling, ::-1]
+    places = np.empty((buckets, 2))
+    places[:, 0] = x[starts]
+    places[:, 1] = x[edges[1:] - 1]
+    return places.ravel(), pairs.ravel()

@@ -1,0 +1,51 @@
+"""Labels: one that shortens its text instead of cutting it off, and makers for the usual roles."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QSize, Qt
+from PySide6.QtGui import QPainter, QPaintEvent
+from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
+
+from ..theme import large_font, small_font
+
+
+class ElidedLabel(QLabel):
+    """One line that ends in … where room is short; the whole text is then in the tooltip."""
+
+    def __init__(self, text: str = "", parent: QWidget | None = None) -> None:
+        super().__init__(text, parent)
+        self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self.setTextFormat(Qt.TextFormat.PlainText)
+        self.setToolTip(text)
+
+    def setText(self, text: str) -> None:
+        super().setText(text)
+        self.setToolTip(text)
+
+    def minimumSizeHint(self) -> QSize:
+        return QSize(0, super().minimumSizeHint().height())
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        room = self.contentsRect()
+        text = self.fontMetrics().elidedText(self.text(), Qt.TextElideMode.ElideRight, room.width())
+        painter.setPen(self.palette().color(self.foregroundRole()))
+        painter.drawText(room, self.alignment() | Qt.TextFlag.TextSingleLine, text)
+
+
+def heading(text: str = "", large: bool = False) -> QLabel:
+    """A bold label."""
+    label = QLabel(text)
+    label.setProperty("role", "heading")
+    if large:
+        label.setFont(large_font())
+    return label
+
+
+def remark(text: str = "", wrap: bool = True) -> QLabel:
+    """A quiet label for side remarks."""
+    label = QLabel(text)
+    label.setProperty("role", "muted")
+    label.setFont(small_font())
+    label.setWordWrap(wrap)
+    return label
