@@ -149,13 +149,13 @@ def _suspect(
     volts = np.array([step.volts for step in steps])
     for extreme in (float(volts.min()), float(volts.max())):
         found += _outside(sensor.volts, extreme)
-    worst = int(np.argmax(np.abs(residuals)))
     limit = sensor.accuracy
-    if abs(residuals[worst]) > limit.high:
-        found.append(
-            f"Step {worst + 1} lies {_show(residuals[worst], limit.unit)} off the line, more than the "
-            f"{_show(limit.high, limit.unit)} of the data sheet ({limit.source})."
-        )
+    for number, residual in enumerate(residuals, start=1):
+        if not limit.low <= residual <= limit.high:
+            found.append(
+                f"Step {number} lies {_show(residual, limit.unit)} off the line, more than the "
+                f"{_show(limit.high, limit.unit)} of the data sheet ({limit.source})."
+            )
     usual = float(np.median(np.abs(np.diff(volts))))
     for number, step in enumerate(steps, start=1):
         if step.spread > UNSTEADY * usual:
