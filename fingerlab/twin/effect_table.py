@@ -261,7 +261,7 @@ _TABLE = (
     ),
     PlantEffect(
         "joint_coupling",
-        "A spring from the proximal to the distal body across the PIP joint, and to the MCP (glove).",
+        "A spring that pulls the two joint angles together (glove, skin, tendon).",
         (P("stiffness", "N m/rad", 0.025, 5e-3, 0.08),),
         FINGER,
         _coupling,
@@ -345,10 +345,12 @@ _TABLE = (
         FINGER,
         _stretch,
     ),
+    # Idealised: the cable's torque reaches the motor also while the gap is crossed. Under a cable that only
+    # pulls, a free pulley would rest against one flank for ever and play would never show.
     PlantEffect(
         "backlash",
-        "Play between gearbox and pulley; the pulley's hub grips, so that it stays where it was left.",
-        (P("play", "rad", 0.03, 5e-3, 0.09, "GP 42C data sheet: below 1 degree; keyed pulley assumed"),),
+        "Play between gearbox and pulley, whose bearing holds it where it was left until the gap is closed.",
+        (P("play", "rad", 0.015, 4e-3, 0.025, "GP 42C data sheet: below 1 degree; keyed pulley adds to it"),),
         FINGER,
         _backlash,
     ),

@@ -1,0 +1,90 @@
+"""Motor commands: closed forms, and one sentence for each impossible request."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fingerlab.acquisition.trajectories import WAVES, read_trajectory
+from fingerlab.errors import UserError
+
+TIME = np.arange(0.0, 20.0, 1e-3)
+
+
+def test_sine_after_the_ramp_is_the_sine() -> None:
+    wave = read_trajectory('{"kind": "sine", "amplitude_deg": 15, "frequency_hz": 1, "offset_deg": 22}')
+    expected = np.radians(22 + 15 * np.sin(2 * np.pi * TIME))
+    np.testing.assert_allclose(wave.command(TIME)[1500:], expected[1500:], atol=1e-12)
+    assert wave.duration == 20.0
+
+
+@pytest.mark.parametrize("kind", list(WAVES))
+def test_starts_at_rest_and_stays_within_its_range(kind: str) -> None:
+    wave = read_trajectory({"kind": kind, "amplitude_deg": 10.0, "frequency_hz": 0.8, "offset_deg": 22.0})
+    command = np.degrees(wave.command(TIME))
+    assert command[0] == 0.0
+    assert abs(command[1]) < 1e-3
+    assert command[1500:].min() >= 12.0 - 1e-2
+    assert command[1500:].max() <= 32.0 + 1e-2
+    assert np.ptp(command[1500:]) > 12.0
+
+
+def test_chirp_passes_its_frequencies_at_their_times() -> None:
+    settings = {"kind": "chirp", "amplitude_deg": 10.0, "frequency_hz": 0.5, "end_frequency_hz": 3.0}
+    command = read_trajectory(settings).command(TIME)[1500:]
+    rising = np.flatnonzero((command[:-1] < 0) & (command[1:] >= 0)) / 1000 + 1.5
+    for time, period in zip(rising[1:], np.diff(rising), strict=True):
+        middle = time - period / 2
+        assert 1 / period == pytest.approx(0.5 + 2.5 * middle / 20.0, rel=0.03)
+
+
+def test_multisine_has_its_lines_and_no_others() -> None:
+    lines = [0.4, 0.9, 1.5]
+    wave = read_trajectory({"kind": "multisine", "amplitude_deg": 8.0, "frequencies_hz": lines, "ramp_s": 0})
+    spectrum = np.abs(np.fft.rfft(wave.command(TIME)))
+    frequency = np.fft.rfftfreq(len(TIME), 1e-3)
+    strongest = np.sort(frequency[np.argsort(spectrum)[-3:]])
+    np.testing.assert_allclose(strongest, lines, atol=1e-9)
+    assert np.sort(spectrum)[-4] < 1e-6 * spectrum.max()
+
+
+def test_steps_hold_their_levels_and_depend_on_the_seed_alone() -> None:
+    settings = {"kind": "steps", "amplitude_deg": 10.0, "frequency_hz": 0.5, "offset_deg": 20.0, "seed": 4}
+    one, same = read_trajectory(settings).command(TIME), read_trajectory(settings).command(TIME)
+    other = read_trajectory({**settings, "seed": 5}).command(TIME)
+    assert np.array_equal(one, same)
+    assert not np.array_equal(one, other)
+    assert np.ptp(one[2200:3900]) == 0.0
+    levels = {round(math.degrees(v), 6) for v in one[3900::2000]}
+    assert len(levels) == 9
+
+
+def test_ramp_and_hold_moves_at_constant_speed_and_rests() -> None:
+    wave = read_trajectory({"kind": "ramp_hold", "amplitude_deg": 10.0, "frequency_hz": 0.25})
+    speed = np.degrees(np.gradient(wave.command(TIME), 1e-3))[4010:8000]
+    assert speed[100:900] == pytest.approx(20.0, rel=1e-9)
+    assert speed[1100:1900] == pytest.approx(0.0, abs=1e-9)
+    assert speed[2100:2900] == pytest.approx(-20.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("not json", "not JSON"),
+        ("[1]", "JSON object"),
+        ({"kind": "sine"}, "amplitude_deg"),
+        ({"kind": "sine", "amplitude_deg": math.nan}, "finite"),
+        ({"kind": "sine", "amplitude_deg": True}, "finite"),
+        ({"kind": "sine", "amplitude_deg": 3, "frequency_hz": 0}, "greater than zero"),
+        ({"kind": "sine", "amplitude_deg": 3, "ramp_s": -1}, "ramp_s"),
+        ({"kind": "multisine", "amplitude_deg": 3, "frequencies_hz": []}, "positive numbers"),
+        ({"kind": "steps", "amplitude_deg": 3, "frequency_hz": 10}, "rise_s"),
+        ({"amplitude_deg": 3}, "kind"),
+    ],
+)
+def test_impossible_trajectories_are_refused(source: Any, words: str) -> None:
+    with pytest.raises(UserError, match=words):
+        read_trajectory(source)
