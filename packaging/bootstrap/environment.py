@@ -8,7 +8,7 @@ import shutil
 import subprocess
 
 from . import libraries, system
-from .installing import NetworkError, child_environment, install_locked, make_venv
+from .installing import PipError, child_environment, install_locked, make_venv
 from .messages import Log, SetupError, say
 from .onlyone import only_one
 from .places import Places
@@ -32,8 +32,7 @@ def prepare(places: Places, tools: str, platform: str) -> None:
             f"{error.filename} is missing or cannot be read, so this copy of FingerLab is not complete; "
             "fetch it anew."
         ) from None
-    wanted_libraries = libraries.needed(platform) if platform else {}
-    if _complete(places, wanted) and not libraries.missing(wanted_libraries):
+    if _nothing_to_do(places, wanted, platform):
         return
     with only_one(places.root / ".venv.lock"):
         try:
@@ -45,12 +44,19 @@ def prepare(places: Places, tools: str, platform: str) -> None:
             ) from None
 
 
+def _nothing_to_do(places: Places, wanted: Stamp, platform: str) -> bool:
+    needed = libraries.needed(platform) if platform else {}
+    return _complete(places, wanted) and not libraries.missing(needed)
+
+
 def _complete(places: Places, wanted: Stamp) -> bool:
     held = read_stamp(places)
     return held is not None and held.serves(wanted) and places.python.exists()
 
 
 def _set_up(places: Places, wanted: Stamp, platform: str) -> None:
+    if _nothing_to_do(places, wanted, platform):
+        return  # another start was at it while this one waited
     complete = _complete(places, wanted)
     usable = complete or _usable(places, wanted)
     if not usable:
@@ -68,9 +74,9 @@ def _set_up(places: Places, wanted: Stamp, platform: str) -> None:
         if not usable:
             make_venv(places, log)
         install_locked(places, wanted.tools, log)
-    except NetworkError:
-        # pip fetches everything before it changes anything: the environment is as it was.
-        places.unfinished.unlink()
+    except PipError as obstacle:
+        if obstacle.untouched:
+            places.unfinished.unlink()
         raise
     if platform:
         _try_qt(places, log)
@@ -79,12 +85,9 @@ def _set_up(places: Places, wanted: Stamp, platform: str) -> None:
 
 
 def _usable(places: Places, wanted: Stamp) -> bool:
-    """Whether ``.venv`` can be installed into: whole, in its place, and of this Python."""
+    """Whether ``.venv`` can be installed into: not cut short, in its place, of this Python, and with pip."""
     if places.unfinished.exists() or not places.python.exists():
         return False
-    held = read_stamp(places)
-    if held is not None:
-        return held.same_base(wanted)
     question = (
         "import sys, sysconfig, pip; "
         "print('%d.%d' % sys.version_info[:2], sysconfig.get_platform(), sys.prefix, sep='\\n')"

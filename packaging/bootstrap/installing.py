@@ -12,8 +12,14 @@ from .messages import Log, SetupError
 from .places import Places
 
 
-class NetworkError(SetupError):
-    """The package index was not reached; nothing was installed."""
+class PipError(SetupError):
+    """pip gave up.
+
+    Attributes:
+        untouched: whether it did so before it changed anything: it fetches and checks all packages first.
+    """
+
+    untouched = False
 
 
 NETWORK_SIGNS = (
@@ -43,7 +49,7 @@ def child_environment() -> dict[str, str]:
     A ``PYTHONPATH`` (as robot middleware sets it) would put other versions before the locked ones; pip's
     settings for other targets would install elsewhere than into the environment.
     """
-    astray = {"PYTHONPATH", "PYTHONHOME", "PIP_TARGET", "PIP_PREFIX", "PIP_USER", "PIP_REQUIRE_HASHES"}
+    astray = {"PYTHONPATH", "PYTHONHOME", "PIP_TARGET", "PIP_PREFIX", "PIP_REQUIRE_HASHES", "PIP_QUIET"}
     kept = {name: value for name, value in os.environ.items() if name.upper() not in astray}
     kept["PIP_USER"] = "0"
     return kept
@@ -70,16 +76,21 @@ def install_locked(places: Places, tools: str, log: Log) -> None:
     """Install the locked dependencies of ``tools`` and the project itself into ``.venv``.
 
     Raises:
-        NetworkError: the package index was not reached.
-        SetupError: anything else that pip did not get over.
+        PipError: the package index was not reached, or anything else that pip did not get over.
     """
     pip = [str(places.python), "-m", "pip", "install", "--no-input", "--disable-pip-version-check"]
+    # Without a retry pip does not say that the index was out of reach; its own five take long.
+    pip += ["--retries", "3"]
     # The lock is complete, so pip needs neither to look for dependencies nor to build anything.
     locked = ["--require-hashes", "--no-deps", "--only-binary=:all:", "-r", str(places.locked(tools))]
     project = ["--no-build-isolation", "--no-deps", "--editable", str(places.root)]
     for what in (locked, project):
         if _logged([*pip, *what], log, progress=True) != 0:
-            raise explain(log)
+            said = log.path.read_text(encoding="utf-8", errors="replace")
+            said = said.rpartition("\n$ ")[2]  # the last command's words
+            obstacle = PipError(explain(said, log.path))
+            obstacle.untouched = "Installing collected packages" not in said
+            raise obstacle
 
 
 def _logged(command: Sequence[str], log: Log, progress: bool = False) -> int:
@@ -110,32 +121,36 @@ def _logged(command: Sequence[str], log: Log, progress: bool = False) -> int:
     return process.returncode
 
 
-def explain(log: Log) -> SetupError:
-    """The one sentence for what the log of a failed installation holds."""
-    text = log.path.read_text(encoding="utf-8", errors="replace")
-    where = f"pip's own words are in {log.path}."
+def explain(text: str, log: Path) -> str:
+    """The one sentence for what pip printed before it failed.
+
+    Args:
+        text: what pip printed.
+        log: the file that holds it, to be named.
+    """
+    where = f"pip's own words are in {log}."
     if "No space left on device" in text or "not enough space" in text:
-        return SetupError(f"The disk is full: FingerLab's environment takes about 1.5 GB; {where}")
+        return f"The disk is full: FingerLab's environment takes about 1.5 GB; {where}"
     if "CERTIFICATE_VERIFY_FAILED" in text or "certificate verify failed" in text:
-        return NetworkError(
+        return (
             "The package index cannot be trusted, because its certificate is not known to this machine "
             f"(often a company proxy: set PIP_CERT to its certificate); {where}"
         )
     if any(sign in text for sign in NETWORK_SIGNS):
-        return NetworkError(
+        return (
             "The network is missing: the package index could not be reached, so nothing was installed; "
-            f"connect and start again (behind a proxy set HTTPS_PROXY). {where[0].upper()}{where[1:]}"
+            f"connect and start again (behind a proxy set HTTPS_PROXY); {where}"
         )
     if "DO NOT MATCH THE HASHES" in text:
-        return SetupError(f"A downloaded package is not the one that was locked, so it was refused; {where}")
+        return f"A downloaded package is not the one that was locked, so it was refused; {where}"
     if "No matching distribution found" in text:
         package = text.split("No matching distribution found for ")[-1].split()[0]
         version = f"{sys.version_info[0]}.{sys.version_info[1]}"
         bits = 64 if sys.maxsize > 2**32 else 32
-        return SetupError(
+        return (
             f"There is no ready-made package of {package} for this {bits}-bit Python {version}; "
             f"a 64-bit Python 3.11 to 3.14 has them all; {where}"
         )
     errors = [line for line in text.splitlines() if line.lower().startswith("error")]
     reason = errors[-1].split(":", 1)[-1].strip().rstrip(".") if errors else "it gave no reason"
-    return SetupError(f"The dependencies could not be installed: {reason}; {where}")
+    return f"The dependencies could not be installed: {reason}; {where}"

@@ -32,11 +32,8 @@ class Stamp:
 
     def serves(self, wanted: Stamp) -> bool:
         """Whether this environment holds all that ``wanted`` asks for."""
-        return self.same_base(wanted) and self.locks == wanted.locks and _at_least(self.tools, wanted.tools)
-
-    def same_base(self, wanted: Stamp) -> bool:
-        """Whether installing into this environment can give what ``wanted`` asks for."""
-        return self.python == wanted.python and self.root == wanted.root
+        same = (self.python, self.root, self.locks) == (wanted.python, wanted.root, wanted.locks)
+        return same and _at_least(self.tools, wanted.tools)
 
 
 def _at_least(held: str, wanted: str) -> bool:
