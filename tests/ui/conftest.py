@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from PySide6.QtCore import QSettings, QThread
+from PySide6.QtCore import QCoreApplication, QEvent, QSettings, QThread
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
@@ -28,6 +28,13 @@ def qapp_args() -> list[str]:
     return ["fingerlab"]
 
 
+@pytest.fixture(scope="session", autouse=True)
+def prepared(qapp: QApplication, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Style and colours, once: applying them again costs more than most tests."""
+    store = QSettings(str(tmp_path_factory.mktemp("settings") / "none.ini"), QSettings.Format.IniFormat)
+    application.prepare(qapp, Settings(store))
+
+
 @pytest.fixture
 def settings(tmp_path: Path) -> Settings:
     return Settings(QSettings(str(tmp_path / "settings.ini"), QSettings.Format.IniFormat))
@@ -36,7 +43,6 @@ def settings(tmp_path: Path) -> Settings:
 @pytest.fixture
 def make_window(qtbot: QtBot, qapp: QApplication, settings: Settings) -> Iterator[WindowMaker]:
     """Builds windows; afterwards each is closed as a person closes it, and no thread may be left."""
-    application.prepare(qapp, settings)
     windows: list[MainWindow] = []
 
     def make(**options: object) -> MainWindow:
@@ -55,6 +61,7 @@ def make_window(qtbot: QtBot, qapp: QApplication, settings: Settings) -> Iterato
             thread.isRunning() for thread in window.findChildren(QThread)
         )
         window.deleteLater()
+    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
 
 
 @pytest.fixture
