@@ -80,8 +80,8 @@ def test_real_old_python_gets_one_sentence(version: str) -> None:
         ),
         (
             "WARNING: Retrying (Retry(total=2, ...)) after connection broken by 'SSLError("
-            "SSLCertVerificationError(1, '[SSL: CERTIFICATE_VERIFY_FAILED] certificate verify failed: unable to get local issuer"
-            " certificate (_ssl.c:1006)'))': /simple/click/\n",
+            "SSLCertVerificationError(1, '[SSL: CERTIFICATE_VERIFY_FAILED] certificate verify failed: "
+            "unable to get local issuer certificate (_ssl.c:1006)'))': /simple/click/\n",
             "The package index cannot be trusted",
         ),
         (
