@@ -83,7 +83,8 @@ def _print(session: Session, model: Model, result: SessionPrediction) -> None:
     same = any(s.sha256 == content_hash(session) for s in model.sessions)
     origin = "this session" if same else ", ".join(s.name for s in model.sessions)
     console.print(
-        f"{session.path.name}: {len(result.runs)} contact runs, model '{model.method}' fitted on {origin}.",
+        f"{session.path.name}: {len(result.runs)} contact run{'s' if len(result.runs) > 1 else ''}, "
+        f"model '{model.method}' fitted on {origin}.",
         soft_wrap=True,
     )
     if not np.isfinite(over_runs(result.runs, next(iter(result.sets)), "peak_measured").mean):

@@ -115,10 +115,8 @@ def figure_4_7(analysis: ThesisAnalysis) -> Figure | None:
         np.mean(np.abs(shown.speed[j]) <= speed_threshold(run.curves.speed[j], FOUR_REGIONS.threshold))
         for j in JOINTS
     ]
-    title = (
-        f"Speeds in contact, run {shown.run}: {100 * within[0]:.0f} % (MCP) and {100 * within[1]:.0f} % (PIP) "
-        "of the samples within the thresholds on air"
-    )
+    title = f"Run {shown.run}: {100 * within[0]:.0f} % (MCP), {100 * within[1]:.0f} % (PIP) of samples "
+    title += "within the on-air thresholds"
     axes[0].set_title(title, fontsize=10.5, loc="left")
     axes[1].set_xlabel("time (s)", fontsize=9)
     legend_below(figure, dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True)))
