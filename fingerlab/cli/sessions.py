@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
+from fingerlab.cli.common import json_option, progress_bar, write_json
 from fingerlab.errors import UserError
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
 from fingerlab.sessions.format import CABLES, PHASES
+from fingerlab.sessions.place import refuse_taken
 
 if TYPE_CHECKING:
     from fingerlab.rig import Rig
@@ -31,6 +32,7 @@ def info(session_file: Path, json_target: str | None) -> None:
     are errors; gaps and missing force are told.
     """
     session = open_session(session_file)
+    refuse_json(json_target)
     bar, report_progress = progress_bar("Checking")
     with bar:
         report = check_session(session, report_progress)
@@ -121,7 +123,8 @@ def import_text(
     if target is None and not dry_run:
         raise UserError("The option --out S.h5 is missing; it names the session to write.")
     if target is not None:
-        refuse_existing(target)
+        refuse_taken(target)
+    refuse_json(json_target)
     rig = _rig(rig_file)
     plans = plan_import(_text_runs(files, phases, cables, trajectory), mapping, rate)
     for plan in plans:
@@ -130,7 +133,7 @@ def import_text(
     _tell_assumptions(rig_file, phases, cables)
     if dry_run or target is None:
         return
-    if sys.stdin.isatty() and sys.stderr.isatty() and not yes:
+    if not yes and _on_a_terminal():
         click.confirm(f"Write {target}?", default=True, abort=True, err=True)
     bar, report_progress = progress_bar("Importing")
     name = title or f"imported from {', '.join(path.name for path in files)}"
@@ -171,6 +174,7 @@ def export(session_file: Path, kind: str, folder: Path, json_target: str | None)
     from fingerlab.sessions.exporting import export_session
 
     session = open_session(session_file)
+    refuse_json(json_target)
     bar, report_progress = progress_bar("Exporting")
     with bar:
         written = export_session(session, kind, folder, report_progress)
@@ -178,6 +182,11 @@ def export(session_file: Path, kind: str, folder: Path, json_target: str | None)
         write_json({"session": str(session_file), "files": [str(path) for path in written]}, json_target)
     if json_target != "-":
         click.echo(f"Wrote {len(written)} files to {folder}.")
+
+
+def _on_a_terminal() -> bool:
+    """Whether somebody is there to be asked."""
+    return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
 
 
 def _rig(path: Path | None) -> Rig:
@@ -199,6 +208,16 @@ def _text_runs(
         TextRun(path, phase, cable, told)
         for path, phase, cable in zip(files, each_phase, each_cable, strict=True)
     ]
+
+
+def refuse_json(json_target: str | None) -> None:
+    """Find out before the work that the JSON could not be written.
+
+    Raises:
+        UserError: the file exists, or its folder does not.
+    """
+    if json_target not in (None, "-"):
+        refuse_taken(Path(str(json_target)))
 
 
 def _each(given: tuple[str, ...], default: str, files: tuple[Path, ...], name: str) -> tuple[str, ...]:
