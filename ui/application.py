@@ -18,11 +18,11 @@ from .theme import apply_appearance
 from .window import MainWindow
 
 
-def run(arguments: list[str]) -> int:
+def run(arguments: list[str], settings: Settings | None = None) -> int:
     """Open the window, and the session files that ``arguments`` name; returns the exit code."""
     app = QApplication.instance() or QApplication([sys.argv[0]])
     assert isinstance(app, QApplication)
-    settings = Settings()
+    settings = settings if settings is not None else Settings()
     prepare(app, settings)
     window = MainWindow(settings)
     follow_system(app, settings)

@@ -135,6 +135,7 @@ class MainWindow(QMainWindow):
         """Close what is open."""
         self.message.hide()
         self.controller.close()
+        self.task_bar.say("Session closed")
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
         if any(url.isLocalFile() for url in event.mimeData().urls()):

@@ -18,8 +18,6 @@ from fingerlab.ui import application
 from fingerlab.ui.settings import Settings
 from fingerlab.ui.window import MainWindow
 
-from . import invented
-
 WindowMaker = Callable[..., MainWindow]
 
 
@@ -65,5 +63,6 @@ def make_window(qtbot: QtBot, qapp: QApplication, settings: Settings) -> Iterato
 
 
 @pytest.fixture
-def session_file(tmp_path: Path) -> Path:
-    return invented.write_session(tmp_path / "invented.h5")
+def session_file(make_session: Callable[..., Path]) -> Path:
+    """A small session of three runs, for the diagnoses of ``invented.py``."""
+    return make_session("invented.h5", phases=(("on_air", "extension"),) * 3)

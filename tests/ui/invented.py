@@ -1,4 +1,4 @@
-"""A session and diagnoses from closed forms, so that the window can be tested without the instrument.
+"""Diagnoses from closed forms, so that the window can be tested without the instrument.
 
 A joint with stiffness k that swings as A sin(wt) under Coulomb friction c: the motor gives
 k A sin(wt) + c sign(cos(wt)), the nominal model says k A sin(wt), so the residual is c sign(cos(wt)).
@@ -6,11 +6,6 @@ k A sin(wt) + c sign(cos(wt)), the nominal model says k A sin(wt), so the residu
 
 from __future__ import annotations
 
-import json
-import math
-from pathlib import Path
-
-import h5py
 import numpy as np
 
 from fingerlab.identify.results import (
@@ -35,59 +30,6 @@ RATE = 100.0
 DURATION = 12.0
 START_UP = 1.5
 CABLE_ARM = 0.012  # m
-
-RIG = {
-    "finger": {
-        "proximal_mass": 0.020,
-        "distal_mass": 0.018,
-        "proximal_half_length": 0.0225,
-        "distal_half_length": 0.025,
-        "proximal_inertia": 3.4e-6,
-        "distal_inertia": 3.8e-6,
-        "mcp_stiffness": 0.05,
-        "pip_stiffness": 0.04,
-        "wrist_angle": math.radians(15.0),
-        "gravity": 9.81,
-    },
-    "motor": {"torque_constant": 0.0302, "gear_ratio": 4.3, "pulley_radius": 0.01},
-}
-
-
-def write_session(path: Path, runs: int = 3, seconds: float = 4.0) -> Path:
-    """A small valid session file, written with h5py alone."""
-    time = np.arange(0.0, seconds, 1e-3)
-    swing = 0.3 * np.sin(2 * np.pi * time) * np.clip(time / 1.5, 0.0, 1.0)
-    with h5py.File(path, "w") as file:
-        file.attrs.update(
-            format="fingerlab-session",
-            format_version="1",
-            created="2024-05-06T07:08:09+00:00",
-            title="invented",
-            rig=json.dumps(RIG),
-        )
-        for number in range(1, runs + 1):
-            group = file.create_group(f"runs/{number:03d}")
-            group.attrs.update(phase="on_air", cable="extension", sample_rate_hz=1000.0)
-            group.attrs["trajectory"] = json.dumps(
-                {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0, "offset_deg": 22.0}
-            )
-            rng = np.random.default_rng(number)
-            channels = {
-                "motor_command": ("rad", swing),
-                "motor_position": ("rad", swing),
-                "motor_current": ("A", 0.2 - 0.1 * swing),
-                "motor_torque": ("N m", (0.2 - 0.1 * swing) * 0.0302 * 4.3),
-                "mcp_angle": ("rad", 0.5 - 0.5 * swing),
-                "pip_angle": ("rad", 0.4 - 0.5 * swing),
-            }
-            scale = group.create_dataset("time", data=time)
-            scale.attrs["units"] = "s"
-            scale.make_scale("time")
-            for name, (unit, values) in channels.items():
-                data = group.create_dataset(name, data=values + rng.normal(0, 1e-4, len(time)))
-                data.attrs["units"] = unit
-                data.dims[0].attach_scale(scale)
-    return path
 
 
 def _comparisons(session: str, with_friction: bool) -> tuple[Comparison, ...]:

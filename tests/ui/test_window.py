@@ -301,16 +301,16 @@ def test_cancel_before_the_first_result_offers_to_compare_again(
 
 def test_opening_another_session_while_one_is_compared_takes_its_place(
     qtbot: QtBot,
-    make_window,
+    make_window,  # type: ignore[no-untyped-def]
     session_file: Path,
-    tmp_path: Path,  # type: ignore[no-untyped-def]
+    make_session: Callable[..., Path],
 ) -> None:
     held = Held()
     window = make_window(diagnose=held)
     drop(window, session_file)
     qtbot.waitUntil(held.running.is_set, timeout=PATIENCE)
     window.controller._diagnose = invented_diagnosis
-    drop(window, invented.write_session(tmp_path / "another.h5"))
+    drop(window, make_session("another.h5"))
     qtbot.waitUntil(lambda: "another.h5" in window.windowTitle(), timeout=PATIENCE)
     wait_for_result(qtbot, window)
     assert held.was_cancelled.is_set()

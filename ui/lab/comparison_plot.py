@@ -23,6 +23,8 @@ from .equations import equation_text
 AXIS_WIDTH = 72
 ZOOM_STEP = 1.5
 PAN_STEP = 0.1
+SHORTEST_VIEW = 0.05
+"""Seconds; closer than a few samples there is nothing to see."""
 MARGIN = 0.06
 """Share of the value range left free above and below the curves."""
 
@@ -154,7 +156,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         if self._shown is not None and len(self._shown.time):
             start, stop = self._shown.time[0], self._shown.time[-1]
             for plot in (self.top, self.bottom):
-                plot.getViewBox().setLimits(xMin=start, xMax=stop)
+                plot.getViewBox().setLimits(xMin=start, xMax=stop, minXRange=SHORTEST_VIEW)
             self.top.setXRange(start, stop, padding=0)
 
     def show_stretch(self) -> None:

@@ -1,0 +1,72 @@
+"""From a recording to the missing effect, in the window and with the instrument's own diagnosis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PySide6.QtWidgets import QLabel
+from pytestqt.qtbot import QtBot
+
+from fingerlab.twin.effects import parse_effects
+from fingerlab.twin.preset import load_preset
+from fingerlab.twin.protocols import PROTOCOLS
+from fingerlab.twin.session import write_session
+
+from .test_window import child, click, drop
+
+PATIENCE = 120_000
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session of the simulated rig with joint friction; the twin shares no formula with the diagnosis."""
+    path = tmp_path_factory.mktemp("twin") / "friction.h5"
+    preset = load_preset()
+    plans = PROTOCOLS["rich"](preset.numbers["protocol"]["contact_amplitude_deg"])
+    write_session(path, preset, "rich", plans, parse_effects(("coulomb_friction",)), seed=3)
+    return path
+
+
+def work_through(qtbot: QtBot, window, path: Path, effect: str) -> None:  # type: ignore[no-untyped-def]
+    """Open, look, add, undo: what a person does."""
+    drop(window, path)
+    qtbot.waitUntil(lambda: window.controller.history is not None, timeout=PATIENCE)
+    lab = window.lab
+    assert lab.candidates.chosen_row().key == effect
+    time, measured = lab.plot.measured.series
+    _, modelled = lab.plot.modelled.series
+    both = np.isfinite(measured) & np.isfinite(modelled)
+    assert both.sum() > 0.5 * len(time)
+    assert lab.evidence.plot.fingerprint is not None
+    assert child(window, QLabel, "explanation").text()
+    assert child(window, QLabel, "strength").text()
+    before = lab.controller.history.now.diagnosis
+    click(window, "addToModel")
+    qtbot.waitUntil(lambda: lab.controller.history.can_undo, timeout=PATIENCE)
+    after = lab.controller.history.now.diagnosis
+    assert after.score < 0.6 * before.score
+    assert after.errors["joint_torque"].rmse < before.errors["joint_torque"].rmse
+    assert [bar.score for bar in lab.path.path.bars[:2]] == [before.score, after.score]
+    click(window, "undo")
+    assert lab.controller.diagnosis is before
+
+
+def test_simulated_friction_is_found_and_added(qtbot: QtBot, make_window, simulated: Path) -> None:  # type: ignore[no-untyped-def]
+    work_through(qtbot, make_window(), simulated, "coulomb_friction")
+
+
+def test_recorded_friction_is_found_and_added(qtbot: QtBot, make_window, shared_data: Path) -> None:  # type: ignore[no-untyped-def]
+    work_through(qtbot, make_window(), shared_data / "bench-coulomb.h5", "coulomb_friction")
+
+
+def test_cancelling_the_real_diagnosis_stops_it(qtbot: QtBot, make_window, simulated: Path) -> None:  # type: ignore[no-untyped-def]
+    window = make_window()
+    drop(window, simulated)
+    progress = window.task_bar.progress
+    qtbot.waitUntil(lambda: window.waiting.isVisible() and progress.value() > 0, timeout=PATIENCE)
+    click(window, "cancel")
+    qtbot.waitUntil(lambda: not window.tasks.busy, timeout=PATIENCE)
+    assert window.controller.history is None
+    assert child(window, QLabel, "status").text().endswith("stopped")
