@@ -23,11 +23,11 @@ from fingerlab.sessions.format import (
     REQUIRED_CHANNELS,
     REQUIRED_ROOT_ATTRIBUTES,
     REQUIRED_RUN_ATTRIBUTES,
-    plain,
     same_unit,
 )
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.samples import FileReader, open_hdf5
+from fingerlab.sessions.structure import DatasetFacts, attributes_of, datasets_of
 
 
 def open_session(path: str | Path) -> Session:
@@ -41,7 +41,7 @@ def open_session(path: str | Path) -> Session:
     """
     path = Path(path)
     with open_hdf5(path) as file:
-        root = {name: plain(value) for name, value in file.attrs.items()}
+        root = attributes_of(file)
         _check_root(root, file, path)
         rig = read_rig(root["rig"], f"{path}, attribute 'rig'")
         runs = tuple(_read_run(file["runs"][name], name, path) for name in sorted(file["runs"], key=_order))
@@ -115,7 +115,7 @@ def _read_run(group: h5py.Group, name: str, path: Path) -> Run:
     where = f"{path}: run {name}"
     if not isinstance(group, h5py.Group):
         raise UserError(f"{where} is not a group; it should be one, with a dataset for each channel.")
-    attributes = {key: plain(value) for key, value in group.attrs.items()}
+    attributes = attributes_of(group)
     for key in REQUIRED_RUN_ATTRIBUTES:
         if key not in attributes:
             raise UserError(f"{where} lacks the attribute '{key}'; every run has it.")
@@ -160,7 +160,7 @@ def _trajectory(text: Any, where: str) -> dict[str, Any]:
 
 def _channels(group: h5py.Group, phase: str, where: str) -> tuple[dict[str, str], int]:
     """Units by channel name, the contract's channels first, and the run's length."""
-    datasets = {key: item for key, item in group.items() if isinstance(item, h5py.Dataset)}
+    datasets = datasets_of(group)
     for name in REQUIRED_CHANNELS[phase]:
         if name not in datasets:
             raise UserError(
@@ -178,40 +178,40 @@ def _channels(group: h5py.Group, phase: str, where: str) -> tuple[dict[str, str]
                 f"{where} has {samples} samples of '{name}' but {length} of time; "
                 "all channels of a run should be of one length."
             )
-        _check_unit(datasets[name], name, unit, where)
+        _check_unit(datasets[name].unit, name, unit, where)
         units[name] = unit
     if length == 0:
         raise UserError(f"{where} is empty (no samples); remove it or record it again.")
     return units | _extra_channels(group, datasets, length), length
 
 
-def _samples(dataset: h5py.Dataset, name: str, where: str) -> int:
-    if dataset.ndim != 1 or dataset.dtype.kind not in "fiu":
+def _samples(dataset: DatasetFacts, name: str, where: str) -> int:
+    if len(dataset.shape) != 1 or not dataset.numeric:
+        kind = "numbers" if dataset.numeric else "something else than numbers"
         raise UserError(
-            f"{where}, channel '{name}' is of shape {dataset.shape} and type {dataset.dtype}; "
+            f"{where}, channel '{name}' is of shape {dataset.shape} and holds {kind}; "
             "a channel should be one-dimensional and of numbers."
         )
-    return int(dataset.shape[0])
+    return dataset.shape[0]
 
 
-def _check_unit(dataset: h5py.Dataset, name: str, unit: str, where: str) -> None:
-    found = plain(dataset.attrs["units"]) if "units" in dataset.attrs else None
+def _check_unit(found: str | None, name: str, unit: str, where: str) -> None:
     if found is None:
         raise UserError(f"{where}, channel '{name}' has no attribute 'units'; it should be '{unit}'.")
-    if not same_unit(str(found), unit):
+    if not same_unit(found, unit):
         raise UserError(
             f"{where}, channel '{name}' is in '{found}'; it should be in '{unit}' (convert it before)."
         )
 
 
-def _extra_channels(group: h5py.Group, datasets: Mapping[str, h5py.Dataset], length: int) -> dict[str, str]:
+def _extra_channels(group: h5py.Group, datasets: Mapping[str, DatasetFacts], length: int) -> dict[str, str]:
     """Channels that the contract does not name but that share the run's time axis, ``raw/...`` included."""
-    extras = {key: item for key, item in datasets.items() if key not in CHANNEL_UNITS}
+    extras = {key: facts for key, facts in datasets.items() if key not in CHANNEL_UNITS}
     raw = group.get("raw")
     if isinstance(raw, h5py.Group):
-        extras |= {f"raw/{key}": item for key, item in raw.items() if isinstance(item, h5py.Dataset)}
+        extras |= {f"raw/{key}": facts for key, facts in datasets_of(raw).items()}
     return {
-        key: str(plain(item.attrs.get("units", "")))
-        for key, item in extras.items()
-        if item.shape == (length,) and item.dtype.kind in "fiu" and key != "raw/time"
+        key: facts.unit or ""
+        for key, facts in extras.items()
+        if facts.shape == (length,) and facts.numeric and key != "raw/time"
     }

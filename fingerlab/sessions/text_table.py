@@ -7,6 +7,7 @@ The bench's earlier program wrote tabs, sometimes a header row, sometimes decima
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -122,12 +123,15 @@ def _fault(block: Sequence[tuple[int, str]], table: TextTable) -> UserError:
 
 
 def _separator(lines: Sequence[str], path: Path) -> tuple[str | None, str]:
-    """The separator and decimal sign under which most lines are rows of at least two numbers."""
+    """The separator and decimal sign under which most lines are rows of the same number of numbers."""
 
     def score(candidate: tuple[str | None, str]) -> int:
         separator, decimal = candidate
         rows = (_cells(line, separator) for line in lines)
-        return sum(len(row) > 1 and all(_is_number(cell, decimal) for cell in row) for row in rows)
+        widths = Counter(
+            len(row) for row in rows if len(row) > 1 and all(_is_number(cell, decimal) for cell in row)
+        )
+        return max(widths.values(), default=0)
 
     scores = [score(candidate) for candidate in _CANDIDATES]
     best = max(scores)
