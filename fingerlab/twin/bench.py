@@ -152,8 +152,7 @@ def _fill_finger(plant: Any, preset: Preset, truth: Truth) -> None:
 
 def _fill_drive(plant: Any, preset: Preset, truth: Truth, cable: str) -> None:
     numbers, motor = preset.numbers["cable"], preset.rig.motor
-    assert motor.pulley_radius is not None  # both checked by the preset
-    assert motor.inertia is not None
+    assert motor.pulley_radius is not None  # checked by the preset
     plant["cable_sign"] = {"extension": -1.0, "flexion": 1.0, "none": 0.0}[cable]
     if cable != "none":
         plant["arm_1"], plant["arm_2"] = truth.arms[cable]
@@ -163,7 +162,7 @@ def _fill_drive(plant: Any, preset: Preset, truth: Truth, cable: str) -> None:
     plant["sheath_stiffness"] = numbers["sheath_stiffness"]
     plant["pulley_radius"] = motor.pulley_radius * truth.factors["pulley_radius"]
     plant["torque_constant"] = motor.torque_constant * truth.factors["torque_constant"] * motor.gear_ratio
-    plant["inertia"] = motor.inertia * truth.factors["inertia"]
+    plant["inertia"] = preset.numbers["motor"]["inertia"] * truth.factors["inertia"]
     plant["motor_viscous"] = preset.numbers["motor"]["viscous"]
     plant["current_lag"] = preset.numbers["motor"]["current_lag"]
     plant["ripple_order"] = 1.0

@@ -87,7 +87,7 @@ def check_effects(effects: Mapping[str, Mapping[str, float]], where: str) -> dic
 
     result: dict[str, dict[str, float]] = {}
     for name, values in effects.items():
-        if name not in EFFECTS:
+        if name not in EFFECTS or not isinstance(values, Mapping):
             raise UserError(
                 f"{where} has the unknown effect {name!r}; the catalogue has {', '.join(EFFECTS)}."
             )

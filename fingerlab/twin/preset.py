@@ -19,9 +19,16 @@ AS_BUILT = "as-built"
 
 SECTIONS: dict[str, dict[str, int]] = {
     "arms": {"extension": 2, "flexion": 2, "spread": 1},
-    "cable": {"stiffness": 1, "damping_time": 1, "slack": 1, "pretravel": 1, "sheath_stiffness": 1},
+    "cable": {
+        "stiffness": 1,
+        "damping_time": 1,
+        "slack": 1,
+        "pretravel": 1,
+        "scatter": 1,
+        "sheath_stiffness": 1,
+    },
     "joints": {"viscous": 2, "wander": 1},
-    "motor": {"viscous": 1, "current_lag": 1},
+    "motor": {"inertia": 1, "viscous": 1, "current_lag": 1},
     "contact": {
         "posture": 2,
         "posture_spread": 1,
@@ -99,6 +106,8 @@ def parse_preset(text: str, name: str) -> Preset:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise UserError(f"The preset {name} is not TOML ({error}).") from None
+    from fingerlab.twin.effects import check_effects  # which needs the bench, which needs presets
+
     unknown = set(data) - set(SECTIONS) - {"title", "rig", "effects"}
     if unknown:
         raise UserError(
@@ -107,11 +116,10 @@ def parse_preset(text: str, name: str) -> Preset:
         )
     numbers = {section: _section(data.get(section, {}), section, name) for section in SECTIONS}
     rig = Rig.from_json(json.dumps(data.get("rig", {})), f"The preset {name}, 'rig'")
-    if rig.finger is None or rig.motor.pulley_radius is None or rig.motor.inertia is None:
-        raise UserError(
-            f"The preset {name} needs 'rig.finger' and the motor's 'pulley_radius' and 'inertia'."
-        )
-    return Preset(name, str(data.get("title", name)), rig, numbers, data.get("effects", {}))
+    if rig.finger is None or rig.motor.pulley_radius is None:
+        raise UserError(f"The preset {name} needs 'rig.finger' and 'rig.motor.pulley_radius'.")
+    effects = check_effects(data.get("effects", {}), f"The preset {name}")
+    return Preset(name, str(data.get("title", name)), rig, numbers, effects)
 
 
 def _section(data: Any, section: str, name: str) -> dict[str, Any]:

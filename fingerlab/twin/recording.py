@@ -85,7 +85,7 @@ def simulate_run(
         raise UserError(f"A run of {trajectory.duration:g} s holds no motion; give a longer 'duration_s'.")
     command = trajectory.command(np.arange(count) / RATE_HZ)
     bench = _bench(preset, truth, plan, effects)
-    _wander(bench, preset.numbers["joints"]["wander"], rng)
+    _wander(bench, preset, rng)
     result = drive(bench, command, plan.phase == "contact", steps)
     channels = _record(preset, bench.sensors, plan, command, result, rng)
     return Recorded(plan, channels, result)
@@ -136,11 +136,14 @@ def _bench(preset: Preset, truth: Truth, plan: RunPlan, effects: Effects) -> Ben
     return bench
 
 
-def _wander(bench: Bench, spread: float, rng: np.random.Generator) -> None:
-    """Friction is never quite the same twice."""
+def _wander(bench: Bench, preset: Preset, rng: np.random.Generator) -> None:
+    """Friction is never quite the same twice, nor does the cable hang equally loose."""
+
+    def chance() -> float:
+        return float(np.clip(rng.standard_normal(), -2.0, 2.0))
 
     def factor() -> float:
-        return 1.0 + spread * float(np.clip(rng.standard_normal(), -2.0, 2.0))
+        return 1.0 + preset.numbers["joints"]["wander"] * chance()
 
     for law in bench.friction:
         share = factor()
@@ -148,6 +151,7 @@ def _wander(bench: Bench, spread: float, rng: np.random.Generator) -> None:
             law[name] *= share
     for name in ("viscous_1", "viscous_2", "motor_viscous", "wrap", "tip_friction"):
         bench.plant[name] *= factor()
+    bench.plant["slack"] = max(bench.plant["slack"] + preset.numbers["cable"]["scatter"] * chance(), 0.0)
 
 
 def _record(

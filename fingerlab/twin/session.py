@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from fingerlab.errors import UserError
-from fingerlab.sessions import SessionWriter, open_session
+from fingerlab.sessions import Run, Session, SessionWriter, open_session
+from fingerlab.sessions.format import CHANNEL_UNITS
 from fingerlab.twin.effects import check_effects
 from fingerlab.twin.preset import Preset
 from fingerlab.twin.protocols import RATE_HZ, RunPlan
-from fingerlab.twin.recording import simulate_session
+from fingerlab.twin.recording import Recorded, simulate_session
 from fingerlab.twin.sealing import pick_hidden, seal, unseal
 
 SEALED = "sealed"
@@ -102,6 +103,37 @@ def write_session(
             if progress is not None:
                 progress((k + 1) / len(plans), f"run {k + 1} of {len(plans)}")
     return Written(path, protocol, len(plans), seconds, None if hidden else seed, None if hidden else chosen)
+
+
+def simulated_session(
+    preset: Preset, protocol: str, plans: Sequence[RunPlan], seed: int, progress: Progress | None = None
+) -> Session:
+    """Simulate a session and keep it in memory, for an analysis that needs no file."""
+    runs = []
+    for k, recorded in enumerate(simulate_session(preset, plans, {}, seed)):
+        runs.append(_run_in_memory(f"{k + 1:03d}", recorded))
+        if progress is not None:
+            progress((k + 1) / len(plans), f"run {k + 1} of {len(plans)}")
+    name = f"{preset.name}, {protocol} protocol, seed {seed}"
+    return Session(Path(name), name, "", preset.rig, tuple(runs))
+
+
+def _run_in_memory(name: str, recorded: Recorded) -> Run:
+    channels = dict(recorded.channels)
+    length = len(channels["motor_command"])
+    channels["time"] = np.arange(length) / RATE_HZ
+    plan = recorded.plan
+    return Run(
+        name=name,
+        phase=plan.phase,
+        cable=plan.cable,
+        sample_rate_hz=RATE_HZ,
+        trajectory=plan.trajectory,
+        length=length,
+        units={channel: CHANNEL_UNITS[channel] for channel in channels},
+        reader=lambda channel, start, stop: channels[channel][start:stop],
+        attributes=plan.attributes,
+    )
 
 
 def reveal_session(path: Path) -> dict[str, Any]:
