@@ -1,1 +1,1 @@
-"""identify"""
+"""Fit, compare, diagnose, next experiment."""

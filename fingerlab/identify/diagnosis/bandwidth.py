@@ -1,0 +1,70 @@
+"""The two bandwidths of the diagnosis, and the filters between them.
+
+Nonlinear terms are formed at high bandwidth, then measured signals and terms pass the same zero-phase
+low-pass and are decimated. Friction formed from a speed at 8 Hz makes Coulomb friction look like Stribeck
+friction; formed at 40 Hz it does not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.signal import firwin, upfirdn
+
+from fingerlab.sessions.model import Array
+
+WIDE_RATE_HZ = 250.0
+WIDE_CUTOFF_HZ = 40.0
+NARROW_RATE_HZ = 25.0
+NARROW_CUTOFF_HZ = 8.0
+NARROW_TAPS = 81  # odd, so that the delay is a whole number of samples and can be removed
+NARROW_STEP = round(WIDE_RATE_HZ / NARROW_RATE_HZ)
+NARROW_HALF = NARROW_TAPS // 2
+
+
+def wide_kernels(sample_rate_hz: float) -> tuple[Array, int]:
+    """Low-pass kernel at 40 Hz with its first and second derivative, shape (taps, 3), and the decimation.
+
+    Units 1, 1/s, 1/s^2. At a sampling rate below 250 Hz nothing is decimated.
+    """
+    step = max(1, round(sample_rate_hz / WIDE_RATE_HZ))
+    cutoff = min(WIDE_CUTOFF_HZ, 0.3 * sample_rate_hz)
+    taps = 2 * round(1.2 * sample_rate_hz / cutoff) + 1
+    smooth = firwin(taps, cutoff, fs=sample_rate_hz)
+    slope = -np.gradient(smooth, 1.0 / sample_rate_hz)
+    # A finite kernel must differentiate a ramp to exactly one and a parabola to exactly two.
+    lag = (np.arange(taps) - taps // 2) / sample_rate_hz
+    slope /= float(slope @ lag)
+    bend = np.gradient(np.gradient(smooth, 1.0 / sample_rate_hz), 1.0 / sample_rate_hz)
+    bend -= bend.mean()
+    bend /= 0.5 * float(bend @ lag**2)
+    return np.stack((smooth, slope, bend), axis=1), step
+
+
+def widen(values: Array, kernels: Array, step: int) -> Array:
+    """Values with first and second derivative at the wide rate, shape (3, m); only whole windows."""
+    windows = sliding_window_view(values, len(kernels))[::step]
+    return np.ascontiguousarray((windows @ kernels).T)
+
+
+_NARROW = firwin(NARROW_TAPS, NARROW_CUTOFF_HZ, fs=WIDE_RATE_HZ)
+EFFECTIVE_SHARE = float(1.0 / (NARROW_RATE_HZ / WIDE_RATE_HZ * np.sum(_NARROW**2) ** -1))
+"""Independent samples per decimated sample of white noise: noise bandwidth over Nyquist frequency."""
+EFFECTIVE_SHARE = min(1.0, EFFECTIVE_SHARE)
+
+
+def narrow_count(length: int) -> int:
+    """Number of decimated samples that a wide signal of ``length`` samples gives."""
+    return max(0, (length - NARROW_TAPS) // NARROW_STEP + 1)
+
+
+def narrow(columns: Array) -> Array:
+    """Low-pass at 8 Hz and decimate to 25 Hz along axis 0; shape (n, k) -> (narrow_count(n), k)."""
+    count = narrow_count(len(columns))
+    filtered = upfirdn(_NARROW, columns, down=NARROW_STEP, axis=0)
+    # Output k of upfirdn ends at wide sample k*step; the first whole window ends at taps-1.
+    first = (NARROW_TAPS - 1) // NARROW_STEP
+    return np.asarray(filtered[first : first + count])
+
+
+assert (NARROW_TAPS - 1) % NARROW_STEP == 0, "the first whole window must fall on a decimated sample"

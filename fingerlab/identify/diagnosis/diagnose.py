@@ -1,0 +1,177 @@
+"""The public entry: sessions in, diagnosis out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from fingerlab.errors import UserError
+from fingerlab.identify.diagnosis.display import Display
+from fingerlab.identify.diagnosis.errors import equation_errors
+from fingerlab.identify.diagnosis.evidence import Evidence, alike, justified
+from fingerlab.identify.diagnosis.model import Choice
+from fingerlab.identify.diagnosis.next_experiment import propose
+from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
+from fingerlab.identify.diagnosis.search import Watch, forward, refine, weigh
+from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.wording import detectable, explanation, parameters
+from fingerlab.identify.results import Candidate, Diagnosis, ParameterEstimate, PathStep, Verdict
+from fingerlab.physics.effects import CATALOGUE, effect
+from fingerlab.physics.effects.base import Effect
+from fingerlab.sessions.model import Session
+
+
+def diagnose(
+    sessions: Sequence[Session],
+    added: Sequence[str] = (),
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    with_curves: bool = True,
+) -> Diagnosis:
+    """Where the model fails and which effect is missing.
+
+    Args:
+        sessions: at least one. added: ids of effects that the model holds already.
+        progress: called with the share done (0 to 1) and what is being done.
+        cancelled: asked now and then; True stops the calculation.
+        with_curves: whether measured and modelled curves and fingerprints are wanted.
+
+    Raises:
+        UserError: an unknown effect, nothing to analyse, a run that cannot be read.
+        Cancelled: ``cancelled`` answered True.
+    """
+    started = time.perf_counter()
+    if not sessions:
+        raise UserError("No session was given; name at least one session file.")
+    given = [effect(name) for name in dict.fromkeys(added)]
+    # Small matrices: several threads of linear algebra only get in each other's way.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _diagnose(sessions, given, _Scale(progress), cancelled, with_curves, started)
+
+
+class _Scale:
+    """Spreads the progress of the stages over one bar."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self.progress = progress
+
+    def part(self, low: float, high: float) -> Progress:
+        def tell(share: float, what: str) -> None:
+            if self.progress is not None:
+                self.progress(low + (high - low) * share, what)
+
+        return tell
+
+
+def _diagnose(
+    sessions: Sequence[Session],
+    given: Sequence[Effect],
+    scale: _Scale,
+    cancelled: Callable[[], bool] | None,
+    with_curves: bool,
+    started: float,
+) -> Diagnosis:
+    display = Display(wanted=with_curves)
+    reduced = reduce_sessions(
+        sessions, list(CATALOGUE.values()), scale.part(0.0, 0.4), cancelled, display.keep
+    )
+    effects = reduced.layout.effects
+    for one in given:
+        if one not in effects:
+            raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
+    study = Study(reduced)
+    watch = Watch(scale.part(0.4, 0.7), cancelled)
+    base = _base(study, given)
+    evidence = weigh(study, base, effects, watch)
+    first_weights = study.weights
+    path = forward(study, evidence, effects, len(given), Watch(scale.part(0.7, 0.95), cancelled))
+    study.weights = first_weights
+    loose = sum(f.slack_samples for g in reduced.groups for f in g.folds)
+    chosen = alike(evidence)
+    curves = display.curves(study, evidence) if with_curves else None
+    candidates = _candidates(evidence, chosen, loose, curves.fingerprints if curves else {})
+    verdict = _verdict(evidence)
+    return Diagnosis(
+        sessions=tuple(str(s.path) for s in sessions),
+        model=tuple(e.id for e in given),
+        errors=equation_errors(study, evidence.base),
+        score=evidence.base.score,
+        verdict=verdict,
+        candidates=candidates,
+        set=tuple(evidence.trials[i].model.choices[-1].effect.id for i in chosen)
+        if verdict == "missing_effect"
+        else (),
+        path=tuple(PathStep(_last(s) if k else None, s.score) for k, s in enumerate(path)),
+        final_model=tuple(c.effect.id for c in path[-1].model.choices),
+        next_experiment=propose(sessions, study, evidence, chosen),
+        seconds=time.perf_counter() - started,
+        probability_nothing=evidence.nothing,
+        probability_unknown=evidence.unknown,
+        parameters=_model_parameters(evidence.base, evidence.temperature),
+        comparisons=curves.comparisons if curves else (),
+        failure=curves.failure if curves else None,
+    )
+
+
+def _base(study: Study, given: Sequence[Effect]) -> Trial:
+    """The model as given, each of its effects at the grid point that fits best."""
+    trial = study.settle([])
+    for one in given:
+        choices = list(trial.model.choices)
+        shapes = [study.fit([*choices, Choice(one, i)], trial, 3) for i in range(len(one.shapes))]
+        trial = refine(study, min(shapes, key=lambda t: t.fit.cost))
+        trial = study.settle(trial.model.choices, trial)
+    return trial
+
+
+def _last(trial: Trial) -> str | None:
+    return trial.model.choices[-1].effect.id if trial.model.choices else None
+
+
+def _verdict(evidence: Evidence) -> Verdict:
+    found = float(np.sum(evidence.probabilities))
+    if evidence.nothing >= max(found, evidence.unknown):
+        return "nothing_missing"
+    return "missing_effect" if found >= evidence.unknown else "not_in_catalogue"
+
+
+def _candidates(evidence: Evidence, chosen: Sequence[int], loose: int, prints: dict) -> tuple[Candidate, ...]:
+    verdict = _verdict(evidence)
+    result = []
+    order = sorted(
+        range(len(evidence.trials)), key=lambda i: (-evidence.probabilities[i], evidence.trials[i].misfit)
+    )
+    for i in order:
+        trial = evidence.trials[i]
+        one = trial.model.choices[-1].effect
+        shown = detectable(trial, one, evidence.temperature, loose)
+        result.append(
+            Candidate(
+                effect=one.id,
+                title=one.title,
+                score=trial.score,
+                probability=float(evidence.probabilities[i]),
+                in_set=verdict == "missing_effect" and i in chosen,
+                parameters=parameters(trial, one, evidence.temperature),
+                equations=one.acts_on,
+                explanation=explanation(evidence, trial, one, shown or justified(evidence.base, trial)),
+                detectable=shown or justified(evidence.base, trial),
+                fingerprint=prints.get(one.id),
+            )
+        )
+    return tuple(result)
+
+
+def _model_parameters(trial: Trial, heat: float) -> dict[str, ParameterEstimate]:
+    from fingerlab.identify.diagnosis.wording import Z90, deviations
+
+    spread = deviations(trial, heat)
+    return {
+        u.key: ParameterEstimate(
+            float(v), u.gain.unit, float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
+        )
+        for u, v in zip(trial.model.unknowns, trial.fit.values, strict=True)
+    }

@@ -1,0 +1,105 @@
+"""From misfits on held-out runs to probabilities, and the rules by which a step is justified.
+
+All hypotheses are compared on the same held-out runs under the same weights. Log evidence is minus half the
+misfit over a *temperature*: what no model explains is systematic and stays the same for about a second, so
+that samples a cycle apart are not new evidence. Temperature 1 is white noise at the floor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerlab.identify.diagnosis.study import Trial
+from fingerlab.sessions.model import Array
+
+CORRELATED_VALUES = 16.0
+"""Independent noise values within one correlation time (about a second) of a systematic misfit; assumed."""
+EARNED_SHARE = 0.006
+"""Share of the explained misfit that every further unknown must earn beyond a smaller model; a larger nested
+model gains about 0.1 % by chance and bias."""
+LEAST_SHARE = 0.2
+"""A missing effect must explain this share of the reproducible misfit, or nothing is missing."""
+LEAST_FALL = 0.02
+"""... and lower the squared score by this much: below, the misfit is a matter of sensor steps."""
+UNKNOWN_SHARE = 0.65
+"""An effect outside the catalogue is thought to explain this share of the misfit."""
+PRIOR_NOTHING, PRIOR_UNKNOWN, PRIOR_EFFECTS = 0.5, 0.05, 0.45
+LEAST_LOG_ODDS = 5.0
+SET_PROBABILITY = 0.95
+SET_LOG_ODDS = 3.0
+"""An effect is in the set when its log odds against the best are above minus this (odds of about 1 to 20)."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Judged hypotheses: the trials with their probabilities, and the two other verdicts."""
+
+    base: Trial
+    trials: tuple[Trial, ...]
+    probabilities: Array  # (trials,)
+    log_odds: Array  # (trials,), against the best trial
+    nothing: float
+    unknown: float
+    temperature: float
+
+
+def freedom(trial: Trial) -> int:
+    """Unknowns that the trial's last effect brings: gains, and one for a grid of shapes."""
+    effect = trial.model.choices[-1].effect
+    return len(effect.gains) + len(effect.relaxes) + (1 if len(effect.shapes) > 2 else 0)
+
+
+def temperature(misfit: float, count: float) -> float:
+    """How much less than its face value a misfit weighs (see the module's text)."""
+    return 1.0 + CORRELATED_VALUES * max(misfit, 0.0) / max(count, 1.0)
+
+
+def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
+    """Probabilities of "nothing missing", of every trial's last effect, and of something unknown.
+
+    Args:
+        base: the model as given. trials: the model with one effect more, each; all scored on held-out runs
+            where they could matter.
+    """
+    zero, count = max(base.misfit, 0.0), base.count
+    charged = np.array([t.misfit + EARNED_SHARE * freedom(t) * max(zero - t.misfit, 0.0) for t in trials])
+    best = float(charged.min()) if len(trials) else zero
+    heat = temperature(min(best, zero), count)
+    tolerated = zero - max(LEAST_SHARE * zero, LEAST_FALL * count)
+    effects = -0.5 * charged / heat + np.log(PRIOR_EFFECTS / max(len(trials), 1))
+    nothing = -0.5 * tolerated / heat + np.log(PRIOR_NOTHING)
+    unexplained = (1.0 - UNKNOWN_SHARE) * zero + LEAST_FALL * count + 2 * LEAST_LOG_ODDS * heat
+    unknown = -0.5 * unexplained / heat + np.log(PRIOR_UNKNOWN)
+    everything = np.concatenate((effects, [nothing, unknown]))
+    weights = np.exp(everything - everything.max())
+    weights /= weights.sum()
+    log_odds = effects - effects.max() if len(trials) else effects
+    return Evidence(base, tuple(trials), weights[:-2], log_odds, float(weights[-2]), float(weights[-1]), heat)
+
+
+def alike(evidence: Evidence) -> list[int]:
+    """Indices of the trials that these data cannot tell apart, best first."""
+    order = np.argsort(-evidence.probabilities, kind="stable")
+    total = evidence.probabilities.sum()
+    chosen: list[int] = []
+    covered = 0.0
+    for i in order:
+        enough = total > 0 and covered / total >= SET_PROBABILITY
+        if enough and evidence.log_odds[i] < -SET_LOG_ODDS:
+            break
+        chosen.append(int(i))
+        covered += float(evidence.probabilities[i])
+    return chosen
+
+
+def justified(base: Trial, trial: Trial) -> bool:
+    """Whether adding the trial's last effect to ``base`` is a step that the held-out runs bear out."""
+    fall = base.misfit - trial.misfit
+    charge = EARNED_SHARE * freedom(trial) * max(fall, 0.0)
+    heat = temperature(trial.misfit, trial.count)
+    likely = 0.5 * (fall - charge) / heat > LEAST_LOG_ODDS
+    shares = fall > max(LEAST_SHARE * max(base.misfit, 0.0), LEAST_FALL * base.count)
+    return bool(likely and shares)

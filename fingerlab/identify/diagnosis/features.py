@@ -1,0 +1,228 @@
+"""Which columns stand in which equation, and how their coefficients depend on the unknowns.
+
+The residual of every equation is a linear combination of *features*: measured signals, the nominal
+model's parts, nuisances that every model carries, and the terms of the effects. A feature's coefficient is
+
+    h = -(constant + parameter) * scale * shift weight
+
+with ``scale`` 1, the signed moment arm, or its inverse. All that depends on the unknowns sits in h, so that
+one Gram matrix of the features serves every model, every grid point and every fold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fingerlab.physics import nominal
+from fingerlab.physics.effects.base import Effect, Gain, Row, Scale
+from fingerlab.physics.effects.motion import Motion
+from fingerlab.physics.effects.sensing import lateral_levers
+from fingerlab.rig import Finger, Rig
+from fingerlab.sessions.model import Array
+
+SHIFTS_S = tuple(0.024 * k for k in range(-2, 10))
+"""Delays (s) at which the motor's channels are kept; values between them are interpolated."""
+INTERPOLATION_POINTS = 6
+
+
+TOUCHING_FORCE_N = 0.2
+"""Contact force from which the tip is held by the load cell's face, N; assumed: ten times the cell's noise."""
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A column: the equation it stands in and how its coefficient is made.
+
+    ``parameter`` names the unknown that multiplies it (None: none), ``constant`` what it has without.
+    ``shift`` is an index into ``SHIFTS_S`` for a motor channel. ``routed`` unknowns have one value for each
+    cable routing. ``owner`` is the effect that brings it (None: nominal model and nuisances) at the grid
+    point ``shape``.
+    """
+
+    row: Row
+    parameter: str | None = None
+    constant: float = 0.0
+    scale: Scale = "direct"
+    shift: int | None = None
+    routed: bool = False
+    owner: str | None = None
+    shape: int = 0
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The features in order, and the plausible range of every unknown of nominal model and nuisances."""
+
+    features: tuple[Feature, ...]
+    nuisances: dict[str, Gain]
+    effects: tuple[Effect, ...]
+    base: Array = field(repr=False)  # indices of the features without an owner
+
+    def rows(self) -> Array:
+        """Equation of each feature, shape (features,)."""
+        return np.array([int(f.row) for f in self.features])
+
+    def indices(self, owner: str, shape: int) -> Array:
+        """Features that the effect ``owner`` brings at its grid point ``shape``."""
+        return np.array(
+            [i for i, f in enumerate(self.features) if f.owner == owner and f.shape == shape], dtype=int
+        )
+
+
+def _part(finger: Finger, **changes: float) -> Finger:
+    values = {**vars(finger), **changes}
+    return Finger(**values)
+
+
+def _joint_parts(finger: Finger, motion: Motion) -> list[tuple[Row, str, Array]]:
+    """LHS of each joint split by the constant that it is proportional to; torques in N m."""
+    _, q = motion.finger_and_joints
+    still = dict(mcp_stiffness=0.0, pip_stiffness=0.0, proximal_inertia=0.0, distal_inertia=0.0)
+    proximal = _part(finger, distal_mass=0.0, **{**still, "proximal_inertia": finger.proximal_inertia})
+    distal = _part(finger, proximal_mass=0.0, **{**still, "distal_inertia": finger.distal_inertia})
+    return [
+        (Row.MCP, "proximal_mass", nominal.mcp_torque(proximal, q).total),
+        (Row.MCP, "distal_mass", nominal.mcp_torque(distal, q).total),
+        (Row.MCP, "mcp_stiffness", finger.mcp_stiffness * q.mcp),
+        (Row.PIP, "distal_mass", nominal.pip_torque(distal, q).total),
+        (Row.PIP, "pip_stiffness", finger.pip_stiffness * q.pip),
+    ]
+
+
+def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
+    """Features of nominal model and nuisances, shifted motor channels excepted."""
+    if motion.finger is None:
+        load = motion.load if motion.load is not None else np.zeros_like(motion.time)
+        return [
+            (Feature(Row.BENCH, "bench_inertia"), motion.acceleration),
+            (Feature(Row.BENCH, "bench_gain"), load),
+            (Feature(Row.BENCH, "bench_offset"), np.ones_like(motion.time)),
+        ]
+    finger, q = motion.finger_and_joints
+    one = np.ones_like(motion.time)
+    force = np.zeros_like(one) if motion.force is None else motion.force
+    columns = [
+        (Feature(row, name, constant=1.0, scale="joint"), values)
+        for row, name, values in _joint_parts(finger, motion)
+    ]
+    contact_mcp = force * nominal.contact_lever_mcp(finger, q.mcp, q.pip)
+    contact_pip = force * nominal.contact_lever_pip(finger, q.mcp, q.pip)
+    columns += [
+        (Feature(Row.MCP, "force_gain", constant=1.0, scale="joint"), contact_mcp),
+        (Feature(Row.PIP, "force_gain", constant=1.0, scale="joint"), contact_pip),
+        (Feature(Row.MCP, "loss_mcp", scale="joint", routed=True), -one),
+        (Feature(Row.PIP, "loss_pip", scale="joint", routed=True), -one),
+        (Feature(Row.MCP, "trace_mcp", scale="joint"), q.mcp_velocity),
+        (Feature(Row.PIP, "trace_pip", scale="joint"), q.pip_velocity),
+        (Feature(Row.CABLE, constant=1.0, scale="arm_mcp"), q.mcp),
+        (Feature(Row.CABLE, constant=1.0, scale="arm_pip"), q.pip),
+        (Feature(Row.CABLE, "offset", routed=True), one),
+        (Feature(Row.FORCE), force),
+    ]
+    columns += [
+        (Feature(term.row, name, scale="joint"), values * term.values)
+        for name, values in _tangential_forces(finger, motion).items()
+        for term in lateral_levers(motion, name)
+    ]
+    return columns
+
+
+def _tangential_forces(finger: Finger, motion: Motion) -> dict[str, Array]:
+    """Shapes of the unknown force along the load cell's face in contact, where the tip sticks and drags.
+
+    A share of the normal force, a constant that the tip was set down with, and a spring on the tip's travel
+    since the start (the tip sticks); units N, N (times 1 N), and m (times a stiffness).
+    """
+    _, q = motion.finger_and_joints
+    if motion.force is None:
+        zero = np.zeros_like(motion.time)
+        return {"lateral": zero, "lateral_constant": zero, "lateral_spring": zero}
+    tip = 2 * finger.proximal_half_length * np.cos(finger.wrist_angle - q.mcp) + 2 * (
+        finger.distal_half_length * np.cos(q.mcp + q.pip - finger.wrist_angle)
+    )
+    touching = np.clip(motion.force / TOUCHING_FORCE_N, 0.0, 1.0)
+    return {
+        "lateral": motion.force,
+        "lateral_constant": touching,
+        "lateral_spring": touching * (tip - tip.mean()),
+    }
+
+
+def shifted_columns(motion: Motion) -> list[tuple[Feature, Array]]:
+    """Motor channels that a delay moves against the joints' channels; the shift is applied by the caller."""
+    if motion.finger is None:
+        return [(Feature(Row.BENCH, constant=-1.0), motion.torque)]
+    rate = np.gradient(motion.tension, 1.0 / motion.sample_rate_hz)
+    pull = motion.acceleration / motion.radius
+    inertia = motion.motor.inertia or 0.0
+    columns: list[tuple[Feature, Array]] = []
+    for row in (Row.MCP, Row.PIP):
+        columns.append((Feature(row, "torque_gain", constant=-1.0), motion.tension))
+        columns.append((Feature(row, "rotor_inertia", constant=inertia), pull))
+    columns.append((Feature(Row.CABLE, constant=-1.0), motion.radius * motion.position))
+    columns.append((Feature(Row.CABLE, "torque_gain", constant=-1.0, scale="compliance"), motion.tension))
+    columns.append((Feature(Row.CABLE, "rotor_inertia", constant=inertia, scale="compliance"), pull))
+    columns.append((Feature(Row.CABLE, "cable_damping"), rate))
+    return columns
+
+
+def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
+    """Plausible range of every unknown that each model carries; ``typical`` is one standard deviation.
+
+    Constants of the rig move within 2.5 tolerances and no further: a prior alone lets a mass absorb what
+    it should not.
+    """
+    ranges = {
+        "bench_inertia": Gain("kg m^2", 0.0, 0.1, 1e-3),
+        "bench_gain": Gain("1", -100.0, 100.0, 1.0),
+        "bench_offset": Gain("N m", -10.0, 10.0, 0.1),
+    }
+    if rig.finger is None:
+        return ranges
+    for name in ("proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness"):
+        tolerance = rig.tolerance_of(name)
+        ranges[name] = Gain("1", -2.5 * tolerance, 2.5 * tolerance, tolerance, source="rig file")
+    inertia = rig.motor.inertia
+    spread = 5e-5 if inertia is None else inertia * rig.tolerance_of("inertia")
+    ranges["rotor_inertia"] = Gain("kg m^2", -2.5 * spread, 2.5 * spread, spread, source="rig file")
+    ranges |= {
+        "torque_gain": Gain("1", -0.05, 0.05, rig.tolerance_of("torque_constant"), source="rig file"),
+        "force_gain": Gain("1", -0.03, 0.03, 0.01, source="FC2231 data sheet: 1 % of span"),
+        "loss_mcp": Gain("N m", -0.05, 0.05, 0.01),
+        "loss_pip": Gain("N m", -0.05, 0.05, 0.01),
+        "trace_mcp": Gain("N m s/rad", 0.0, 4e-4, 1e-4),
+        "trace_pip": Gain("N m s/rad", 0.0, 4e-4, 1e-4),
+        "offset": Gain("m", -0.05, 0.05, 0.01),
+        "cable_compliance": Gain("m/N", 0.0, 6e-5, 2e-5),
+        "cable_damping": Gain("m s/N", -2e-6, 2e-6, 5e-7),
+        "lateral": Gain("tan", -0.12, 0.12, 0.05),
+        "lateral_constant": Gain("N", -0.1, 0.1, 0.05),
+        "lateral_spring": Gain("N/m", -600.0, 600.0, 200.0),
+        "delay": Gain("s", -0.001, 0.001, 0.0003),
+        "arm_mcp": Gain("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm"),
+        "arm_pip": Gain("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm"),
+    }
+    return ranges
+
+
+def shift_weights(delay: float) -> tuple[Array, Array]:
+    """Weights of the kept shifts that interpolate at ``delay`` (s), and their derivative (1/s).
+
+    Lagrange interpolation on the six nearest shifts: at 24 ms spacing a 3 Hz tone is off by less than
+    0.01 %, an 8 Hz tone by 1.4 %, and a delay that is itself a kept shift by nothing.
+    """
+    spacing = SHIFTS_S[1] - SHIFTS_S[0]
+    count = INTERPOLATION_POINTS
+    place = (delay - SHIFTS_S[0]) / spacing
+    first = min(max(int(np.floor(place)) - count // 2 + 1, 0), len(SHIFTS_S) - count)
+    powers = (place - first) ** np.arange(count)
+    weights, slopes = np.zeros(len(SHIFTS_S)), np.zeros(len(SHIFTS_S))
+    weights[first : first + count] = _LAGRANGE @ powers
+    slopes[first : first + count] = _LAGRANGE[:, 1:] @ (np.arange(1, count) * powers[:-1]) / spacing
+    return weights, slopes
+
+
+_LAGRANGE = np.linalg.inv(np.vander(np.arange(float(INTERPOLATION_POINTS)), increasing=True)).T
+"""Row k: coefficients, by rising power, of the polynomial that is 1 at node k and 0 at the others."""

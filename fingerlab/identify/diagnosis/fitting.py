@@ -1,0 +1,231 @@
+"""Fitting a model to Gram matrices: Gauss-Newton within bounds, priors as extra observations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
+from fingerlab.identify.diagnosis.features import SHIFTS_S, Layout
+from fingerlab.identify.diagnosis.model import Model
+from fingerlab.identify.diagnosis.reduction import Fold, Group, GroupKey
+from fingerlab.physics.effects.base import Row
+from fingerlab.sessions.model import Array
+
+SLACK_SPREAD_M = 1e-4
+"""Cable that may hang loose at no tension before that is called slack, m; assumed."""
+
+Weights = Mapping[GroupKey, Array]
+"""Inverse covariance of the equations' noise for each group, (5, 5) over :class:`Row`."""
+
+
+class Data:
+    """Sums over the runs that a fit may see: for each group its Gram matrices, with noise and without."""
+
+    def __init__(self, groups: Sequence[Group]) -> None:
+        self.groups = groups
+        self._shares = [[noise_share(g, f) for f in g.folds] for g in groups]
+        self.clean = [
+            [f.gram - n for f, n in zip(g.folds, s, strict=True)]
+            for g, s in zip(groups, self._shares, strict=True)
+        ]
+        self.grams = [np.sum([f.gram for f in g.folds], axis=0) for g in groups]
+        self.cleans = [np.sum(c, axis=0) for c in self.clean]
+        self.slacks = [np.sum([f.slack for f in g.folds], axis=0) for g in groups]
+
+    def without(self, k: int) -> Data:
+        """The same sums less fold ``k`` of every group that has more than one."""
+        rest = object.__new__(Data)
+        rest.groups = self.groups
+        rest._shares, rest.clean = self._shares, self.clean
+        rest.grams, rest.cleans, rest.slacks = [], [], []
+        for i, group in enumerate(self.groups):
+            drop = k < len(group.folds) and len(group.folds) > 1
+            rest.grams.append(self.grams[i] - group.folds[k].gram if drop else self.grams[i])
+            rest.cleans.append(self.cleans[i] - self.clean[i][k] if drop else self.cleans[i])
+            rest.slacks.append(self.slacks[i] - group.folds[k].slack if drop else self.slacks[i])
+        return rest
+
+
+def noise_share(group: Group, fold: Fold) -> Array:
+    """What noise alone adds to a fold's feature products, (features, features).
+
+    Taking it away keeps noisy regressors from being pulled towards zero (Fuller, "Measurement Error
+    Models", 1987, section 2.2): a tension that carries current noise would otherwise hide cable stretch.
+    """
+    if group.noise_samples <= 0:
+        return np.zeros_like(group.noise)
+    counts = np.where(group.cable_rows, fold.taut_samples, fold.taut_samples + fold.slack_samples)
+    return group.noise / group.noise_samples * np.minimum.outer(counts, counts)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Best values and their inverse covariance (information), with the cost reached."""
+
+    values: Array
+    information: Array
+    cost: float
+
+
+def feature_weights(weights: Array, rows: Array) -> Array:
+    """Weight of each product of features, (k, k)."""
+    return np.asarray(weights[np.ix_(rows, rows)])
+
+
+class Fitter:
+    """Fits one model; keeps the weighted Gram matrices that all its iterations share."""
+
+    def __init__(self, model: Model, data: Data, weights: Weights) -> None:
+        self.model = model
+        self.data = data
+        rows = model.layout.rows()[model.active]
+        chosen = np.ix_(model.active, model.active)
+        self.matrices = []  # without noise: cost and gradient
+        self.curvatures = []  # with noise, hence positive: the step
+        for group, gram, clean, slack in zip(data.groups, data.grams, data.cleans, data.slacks, strict=True):
+            weight = feature_weights(weights[group.key], rows)
+            loose = 0.0 if model.slack_free else slack[chosen] / SLACK_SPREAD_M**2
+            self.matrices.append(EFFECTIVE_SHARE * (clean[chosen] * weight + loose))
+            self.curvatures.append(EFFECTIVE_SHARE * (gram[chosen] * weight + loose))
+
+    def cost(self, values: Array) -> float:
+        """Minus twice the log posterior, up to a constant."""
+        total = float(
+            np.sum((values - self._prior_mean()) ** 2 / self.model.spread**2 * self._prior_weight())
+        )
+        for group, matrix in zip(self.data.groups, self.matrices, strict=True):
+            h, _ = self.model.coefficients(values, group)
+            total += float(h @ matrix @ h)
+        return total
+
+    def _prior_mean(self) -> Array:
+        return self.model.start()
+
+    def _prior_weight(self) -> Array:
+        """1 for nuisances; weak for moment arms, losses, offsets and effects, of which nothing is known."""
+        free = ("arm_", "loss_", "offset", "bench_")
+        return np.array(
+            [
+                0.01
+                if u.key.startswith(free) or "." in u.key or (u.key == "delay" and u.gain.high > 0.01)
+                else 1.0
+                for u in self.model.unknowns
+            ]
+        )
+
+    def run(self, start: Array | None = None, iterations: int = 12) -> Fit:
+        """Gauss-Newton with step halving from ``start``; stops when the cost no longer falls."""
+        values = np.clip(self.model.start() if start is None else start, self.model.low, self.model.high)
+        cost = self.cost(values)
+        information = np.eye(len(values))
+        for _ in range(iterations):
+            gradient, information = self._normal_equations(values)
+            step = _bounded_step(values, gradient, information, self.model.low, self.model.high)
+            improved = False
+            for fraction in (1.0, 0.5, 0.2, 0.05):
+                trial = np.clip(values + fraction * step, self.model.low, self.model.high)
+                trial_cost = self.cost(trial)
+                if trial_cost < cost:
+                    gain = cost - trial_cost
+                    values, cost, improved = trial, trial_cost, True
+                    break
+            if not improved or gain < 1e-3:
+                break
+        return Fit(values, information, cost)
+
+    def _normal_equations(self, values: Array) -> tuple[Array, Array]:
+        prior = self._prior_weight() / self.model.spread**2
+        gradient = prior * (values - self._prior_mean())
+        information = np.diag(prior)
+        for group, matrix, curvature in zip(self.data.groups, self.matrices, self.curvatures, strict=True):
+            h, jacobian = self.model.coefficients(values, group)
+            gradient = gradient + h @ matrix @ jacobian
+            information = information + jacobian.T @ curvature @ jacobian
+        return gradient, information
+
+
+def _bounded_step(values: Array, gradient: Array, information: Array, low: Array, high: Array) -> Array:
+    """Minimiser of the quadratic model inside the bounds (active set with release, as in BVLS)."""
+    scale = 1.0 / np.sqrt(np.diag(information))
+    matrix = information * np.outer(scale, scale) + 1e-9 * np.eye(len(values))
+    slope = gradient * scale
+    floor, ceiling = (low - values) / scale, (high - values) / scale
+    step = np.zeros(len(values))
+    # What stands at a bound and is pushed outwards starts fixed; it is let go below if that was wrong.
+    fixed = ((floor > -1e-12) & (slope > 0)) | ((ceiling < 1e-12) & (slope < 0))
+    for _ in range(6 * len(values)):
+        free = np.flatnonzero(~fixed)
+        target = step.copy()
+        if len(free):
+            rest = slope[free] + matrix[free][:, fixed] @ step[fixed]
+            target[free] = np.linalg.solve(matrix[free][:, free], -rest)
+        out = ~fixed & ((target < floor - 1e-12) | (target > ceiling + 1e-12))
+        if out.any():
+            # Go as far as the first bound on the way, and stay there.
+            change = target - step
+            with np.errstate(divide="ignore", invalid="ignore"):
+                room = np.where(change > 0, (ceiling - step) / change, (floor - step) / change)
+            room[~out] = np.inf
+            first = int(np.argmin(room))
+            step = step + max(0.0, float(room[first])) * change
+            step[first] = ceiling[first] if change[first] > 0 else floor[first]
+            fixed[first] = True
+            continue
+        step = target
+        pull = slope + matrix @ step
+        wrong = fixed & (((step <= floor) & (pull < -1e-6)) | ((step >= ceiling) & (pull > 1e-6)))
+        if not wrong.any():
+            break
+        fixed[int(np.argmax(np.where(wrong, np.abs(pull), -1.0)))] = False
+    return step * scale
+
+
+def row_covariance(model: Model, values: Array, group: Group, matrix: Array, samples: float) -> Array:
+    """Covariance (5, 5) of the equations' residuals from a matrix of feature products over ``samples``."""
+    rows = model.layout.rows()[model.active]
+    h, _ = model.coefficients(values, group)
+    products = h[:, None] * matrix[np.ix_(model.active, model.active)] * h[None, :]
+    covariance = np.zeros((5, 5))
+    for i in Row:
+        for j in Row:
+            covariance[i, j] = products[np.ix_(rows == i, rows == j)].sum()
+    return covariance / max(samples, 1.0)
+
+
+def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
+    """Moment arms (m) of each routing from a straight regression of tension on joint torque in free motion."""
+    arms: dict[str, float] = {}
+    order = sorted(groups, key=lambda g: g.key[1] != "free")
+    zero_shift = SHIFTS_S.index(0.0)
+    for group in order:
+        routing = {1: "flexion", -1: "extension"}.get(group.cable_sign)
+        if routing is None or f"arm_mcp@{routing}" in arms:
+            continue
+        gram = np.sum([f.gram for f in group.folds], axis=0)
+        for row, name in ((Row.MCP, "arm_mcp"), (Row.PIP, "arm_pip")):
+
+            def pick(wanted: set[str], row: Row = row, shift: int | None = None) -> list[int]:
+                return [
+                    i
+                    for i, f in enumerate(layout.features)
+                    if f.owner is None and f.row == row and f.parameter in wanted and f.shift == shift
+                ]
+
+            torque = pick({"proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness", "force_gain"})
+            loss = pick({"loss_mcp", "loss_pip"})
+            pull = pick({"torque_gain"}, shift=zero_shift)
+            inertia = pick({"rotor_inertia"}, shift=zero_shift)
+            size = len(layout.features)
+            left = np.zeros((size, 2))
+            left[torque, 0] = group.cable_sign
+            left[loss, 1] = 1.0
+            right = np.zeros(size)
+            right[pull] = 1.0
+            right[inertia] = -layout.features[inertia[0]].constant
+            solution = np.linalg.lstsq(left.T @ gram @ left, left.T @ gram @ right, rcond=None)[0]
+            slope = float(solution[0])
+            arms[f"{name}@{routing}"] = float(np.clip(1.0 / slope if slope > 1e-9 else 0.01, 0.003, 0.035))
+    return arms

@@ -1,0 +1,139 @@
+"""Which effect next: every effect of the catalogue tried beside the model as it stands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerlab.errors import Cancelled
+from fingerlab.identify.diagnosis.evidence import Evidence, judge, justified
+from fingerlab.identify.diagnosis.fitting import Weights
+from fingerlab.identify.diagnosis.model import Choice
+from fingerlab.identify.diagnosis.reduction import Progress
+from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.physics.effects.base import Effect
+
+HELD_OUT_TRIALS = 6
+"""This many of the best effects are scored on held-out runs; the rest are far behind and scored in sample."""
+LONGEST_PATH = 4
+"""At most this many effects are added."""
+SCREEN_ITERATIONS, FULL_ITERATIONS = 3, 8
+
+
+@dataclass(frozen=True)
+class Watch:
+    """Where a long calculation reports, and where it hears that it should stop."""
+
+    progress: Progress | None = None
+    cancelled: Callable[[], bool] | None = None
+
+    def tell(self, share: float, what: str) -> None:
+        """Report, and stop where asked to.
+
+        Raises:
+            Cancelled: the user asked for it.
+        """
+        if self.cancelled is not None and self.cancelled():
+            raise Cancelled
+        if self.progress is not None:
+            self.progress(share, what)
+
+
+def screen(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch) -> list[Trial]:
+    """The base model with each effect that it does not hold yet, after a few steps; best first.
+
+    Each effect stands at the grid point that fits best after one step.
+    """
+    given = base.model.choices
+    held = {c.effect.id for c in given}
+    rest = [e for e in effects if e.id not in held]
+    trials = []
+    for number, effect in enumerate(rest):
+        watch.tell(number / len(rest), f"trying {effect.title.lower()}")
+        shapes = [study.fit([*given, Choice(effect, i)], base, 1) for i in range(len(effect.shapes))]
+        best = min(shapes, key=lambda t: t.fit.cost)
+        trials.append(study.fit(best.model.choices, best, SCREEN_ITERATIONS))
+    return sorted(trials, key=lambda t: t.fit.cost)
+
+
+def refine(study: Study, trial: Trial) -> Trial:
+    """The trial fitted to the end, at its grid point or a neighbour that fits better."""
+    *given, last = trial.model.choices
+    neighbours = [i for i in (last.shape - 1, last.shape, last.shape + 1) if 0 <= i < len(last.effect.shapes)]
+    trials = [study.fit([*given, Choice(last.effect, i)], trial, FULL_ITERATIONS) for i in neighbours]
+    return min(trials, key=lambda t: t.fit.cost)
+
+
+def weigh(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch) -> Evidence:
+    """Judge all effects beside ``base`` under the weights of the best of them.
+
+    The repeatability of the equations depends on the model that they are seen through, so the best effect
+    sets the weights, and all are judged again until the best stays the best.
+    """
+    trials = screen(study, base, effects, watch)
+    leader = ""
+    for _ in range(3):
+        front = sorted((refine(study, t) for t in trials[:HELD_OUT_TRIALS]), key=lambda t: t.fit.cost)
+        trials = front + trials[HELD_OUT_TRIALS:]
+        if not front or front[0].model.choices[-1].effect.id == leader or front[0].fit.cost >= base.fit.cost:
+            break
+        leader = front[0].model.choices[-1].effect.id
+        study.settle(front[0].model.choices, front[0], rounds=2)
+        base = study.fit(base.model.choices, base, FULL_ITERATIONS)
+    watch.tell(0.95, "scoring on held-out runs")
+    scored = [study.hold_out(t) for t in trials[:HELD_OUT_TRIALS]]
+    scored += [study.count(study.fit(t.model.choices, t, 1)) for t in trials[HELD_OUT_TRIALS:]]
+    return judge(study.hold_out(base), scored)
+
+
+def drop_idle(study: Study, trial: Trial, keep: int) -> Trial:
+    """The trial without effects, beyond the first ``keep``, that later ones have made needless."""
+    choices = list(trial.model.choices)
+    for choice in list(choices[keep:-1]):
+        without = [c for c in choices if c is not choice]
+        smaller = study.hold_out(study.fit(without, trial, FULL_ITERATIONS))
+        reordered = study.hold_out(study.fit([*without, choice], trial, FULL_ITERATIONS))
+        if not justified(smaller, reordered):
+            choices = without
+    if len(choices) == len(trial.model.choices):
+        return trial
+    return study.hold_out(study.fit(choices, trial, FULL_ITERATIONS))
+
+
+def worth_adding(study: Study, base: Trial, best: Trial) -> bool:
+    """Whether the step is justified under the weights of either model, so that it cannot earn its own floor."""
+    kept = study.weights
+    study.settle(base.model.choices, base, rounds=2)
+    before = study.hold_out(study.fit(base.model.choices, base, FULL_ITERATIONS))
+    after = study.hold_out(study.fit(best.model.choices, best, FULL_ITERATIONS))
+    study.weights = kept
+    return justified(before, after)
+
+
+def forward(study: Study, first: Evidence, effects: Sequence[Effect], keep: int, watch: Watch) -> list[Trial]:
+    """The model as given, then with each effect worth adding; all held out, under the last step's weights."""
+    steps, weights = [first.base], [study.weights]
+    evidence = first
+    while len(steps) <= LONGEST_PATH and evidence.trials:
+        best = evidence.trials[int(np.argmax(evidence.probabilities))]
+        if not (justified(evidence.base, best) and worth_adding(study, evidence.base, best)):
+            break
+        chosen = drop_idle(study, best, keep)
+        steps.append(chosen)
+        weights.append(study.weights)
+        watch.tell(0.5, f"looking beyond {best.model.choices[-1].effect.title.lower()}")
+        evidence = weigh(study, chosen, effects, watch)
+    return _borne_out(study, steps, weights)
+
+
+def _borne_out(study: Study, steps: list[Trial], weights: list[Weights]) -> list[Trial]:
+    """The steps as far as each is justified under the weights of the last one kept."""
+    while True:
+        study.weights = weights[-1]
+        scored = [study.hold_out(study.fit(s.model.choices, s, FULL_ITERATIONS)) for s in steps]
+        idle = [k for k in range(1, len(scored)) if not justified(scored[k - 1], scored[k])]
+        if not idle:
+            return scored
+        steps, weights = steps[: idle[0]], weights[: idle[0]]

@@ -1,0 +1,109 @@
+"""From a run to stretches of high-bandwidth motion, each short enough to hold in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fingerlab.errors import UserError
+from fingerlab.identify.diagnosis.bandwidth import WIDE_RATE_HZ, wide_kernels, widen
+from fingerlab.physics.effects.motion import Motion
+from fingerlab.physics.nominal import JointMotion
+from fingerlab.rig import Rig
+from fingerlab.sessions.model import Array, Run
+
+LONGEST_STRETCH_S = 60.0
+"""A longer run is cut, so that memory does not grow with its length, s."""
+SETTLING_S = 2.0
+"""Left out at the start of a run: the ramp from rest (1.5 s on the bench) and the end of its transient, s."""
+SHORTEST_STRETCH_S = 2.0
+
+FINGER_CHANNELS = ("motor_position", "motor_torque", "mcp_angle", "pip_angle")
+BENCH_CHANNELS = ("motor_position", "motor_torque")
+
+
+def stretches(run: Run, rig: Rig) -> Iterator[Motion]:
+    """The run's motion after its start-up ramp, in stretches of at most a minute.
+
+    Raises:
+        UserError: a channel is missing, holds NaN, or the run is too short to analyse.
+    """
+    on_bench = run.phase == "motor_bench"
+    needed = BENCH_CHANNELS if on_bench else FINGER_CHANNELS
+    for name in needed:
+        if not run.has(name):
+            raise UserError(
+                f"Run {run.name} has no channel '{name}'; a {run.phase} run needs {', '.join(needed)}."
+            )
+    rate = run.sample_rate_hz
+    first = int(SETTLING_S * rate)
+    if run.length - first < SHORTEST_STRETCH_S * rate:
+        raise UserError(
+            f"Run {run.name} lasts {run.length / rate:.1f} s; "
+            f"a diagnosis needs at least {SETTLING_S + SHORTEST_STRETCH_S:g} s."
+        )
+    length = int(LONGEST_STRETCH_S * rate)
+    for start in range(first, run.length, length):
+        stop = min(start + length, run.length)
+        if stop - start >= SHORTEST_STRETCH_S * rate:
+            yield _motion(run, rig, start, stop, on_bench)
+
+
+def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool) -> Motion:
+    kernels, step = wide_kernels(run.sample_rate_hz)
+
+    def read(name: str) -> Array:
+        values = run.channel(name, start, stop)
+        if not np.all(np.isfinite(values)):
+            bad = start + int(np.flatnonzero(~np.isfinite(values))[0])
+            raise UserError(
+                f"Run {run.name}, channel '{name}' holds a value that is not a number at sample {bad}; "
+                "only endpoint_force may, where no load cell was read."
+            )
+        return widen(values, kernels, step)
+
+    position, torque = read("motor_position"), read("motor_torque")
+    joints = force = load = None
+    if on_bench:
+        load = read("load_torque")[0] if run.has("load_torque") else np.zeros(position.shape[1])
+    else:
+        mcp, pip = read("mcp_angle"), read("pip_angle")
+        joints = JointMotion(mcp[0], pip[0], mcp[1], pip[1], mcp[2], pip[2])
+        force = _force(run, start, stop, kernels, step)
+    half = len(kernels) // 2
+    return Motion(
+        phase=run.phase,
+        cable_sign=run.cable_sign,
+        sample_rate_hz=run.sample_rate_hz / step,
+        time=(start + half + step * np.arange(position.shape[1])) / run.sample_rate_hz,
+        position=position[0],
+        velocity=position[1],
+        acceleration=position[2],
+        torque=torque[0],
+        motor=rig.motor,
+        finger=None if on_bench else rig.finger,
+        joints=joints,
+        force=force,
+        load=load,
+    )
+
+
+def _force(run: Run, start: int, stop: int, kernels: Array, step: int) -> Array | None:
+    """Contact force, N; None in free motion, where the load cell shows only its noise."""
+    if run.phase != "contact":
+        return None
+    if not run.has("endpoint_force"):
+        raise UserError(
+            f"Run {run.name} is a contact run without 'endpoint_force'; it needs the load cell's force in N."
+        )
+    values = run.channel("endpoint_force", start, stop)
+    if not np.all(np.isfinite(values)):
+        raise UserError(
+            f"Run {run.name} is a contact run, but 'endpoint_force' holds values that are not numbers; "
+            "it needs the load cell's force in N."
+        )
+    return widen(values, kernels[:, :1], step)[0]
+
+
+assert WIDE_RATE_HZ > 0

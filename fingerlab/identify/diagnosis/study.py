@@ -1,0 +1,222 @@
+"""A model fitted and scored: weights from the bench's repeatability, misfit on runs held out of the fit.
+
+The misfit of a model is counted in units of the repeatability floor: chi-square per independent value, after
+what noise alone would give has been taken away. It is reproducible by construction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
+from fingerlab.identify.diagnosis.fitting import (
+    SLACK_SPREAD_M,
+    Data,
+    Fit,
+    Fitter,
+    Weights,
+    feature_weights,
+    row_covariance,
+    starting_arms,
+)
+from fingerlab.identify.diagnosis.model import Choice, Model, build
+from fingerlab.identify.diagnosis.reduction import Group, GroupKey, Reduced
+from fingerlab.physics.effects.base import Row
+from fingerlab.sessions.model import Array
+
+WANDER = 0.05
+"""Friction differs from run to run by this share, one standard deviation; assumed ("some per cent")."""
+LEAST_TENSION_SPREAD_N = 1e-3
+LEAST_LENGTH_SPREAD_M = 5e-7
+LEAST_TORQUE_SPREAD = 1e-6
+"""No equation is trusted beyond these spreads (N, m, N m): about a tenth of the sensors' resolution."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A model with its fit and the misfit left on each run.
+
+    ``misfits`` holds one entry a fold of each group: (chi-square without noise, independent values). They come
+    from held-out runs where ``held_out`` is set.
+    """
+
+    model: Model
+    fit: Fit
+    misfits: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (folds, 2); empty: not counted yet
+    held_out: bool = False
+    residuals: Mapping[GroupKey, Array] = field(default_factory=dict)
+    """Mean squares and products of the equations' residuals for each group, (5, 5) over ``Row``, noise included."""
+
+    @property
+    def misfit(self) -> float:
+        """Chi-square without noise, summed over all runs."""
+        return float(self.misfits[:, 0].sum())
+
+    @property
+    def count(self) -> float:
+        """Independent values behind ``misfit``."""
+        return float(self.misfits[:, 1].sum())
+
+    @property
+    def score(self) -> float:
+        """Error over all equations in units of the repeatability floor; 1.0 is the floor."""
+        return float(np.sqrt(1.0 + max(self.misfit, 0.0) / max(self.count, 1.0)))
+
+
+@dataclass
+class Study:
+    """The reduced sessions, and the weights under which models are compared."""
+
+    reduced: Reduced
+    weights: Weights = field(default_factory=dict)
+    arms: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.arms = starting_arms(self.reduced.layout, self.reduced.groups)
+        _fill_missing_noise(self.reduced.groups)
+        if not self.weights:
+            self.weights = {g.key: _first_weights() for g in self.reduced.groups}
+        self.data = Data(self.reduced.groups)
+
+    def start_values(self, model: Model, like: Trial | None = None) -> Array:
+        """Start of a fit: the values of ``like`` where they are shared, else arms from a regression."""
+        values = model.start()
+        known = dict(self.arms)
+        if like is not None:
+            known |= dict(zip((u.key for u in like.model.unknowns), like.fit.values, strict=True))
+        for key, value in known.items():
+            if key in model.index:
+                values[model.index[key]] = value
+        return values
+
+    def fit(self, choices: Sequence[Choice], like: Trial | None = None, iterations: int = 10) -> Trial:
+        """Fit nominal model, nuisances and ``choices`` to all runs."""
+        model = build(self.reduced.layout, self.reduced.groups, choices)
+        fit = Fitter(model, self.data, self.weights).run(self.start_values(model, like), iterations)
+        return Trial(model, fit)
+
+    def count(self, trial: Trial) -> Trial:
+        """The trial with its misfit on every run, in sample."""
+        misfits = [
+            self._square(trial.model, trial.fit.values, i, k)
+            for i, group in enumerate(self.reduced.groups)
+            for k in range(len(group.folds))
+        ]
+        return Trial(trial.model, trial.fit, np.array(misfits))
+
+    def hold_out(self, trial: Trial) -> Trial:
+        """The same model with every run scored by a fit that has not seen it.
+
+        Fold k of every group is left out together. A group with one run only is scored in sample.
+        """
+        rounds = max(len(g.folds) for g in self.reduced.groups)
+        scored: dict[tuple[GroupKey, int], tuple[float, float]] = {}
+        products = {g.key: np.zeros((5, 5)) for g in self.reduced.groups}
+        for k in range(rounds):
+            data = self.data.without(k)
+            fit = Fitter(trial.model, data, self.weights).run(trial.fit.values, 2)
+            for i, group in enumerate(self.reduced.groups):
+                if k < len(group.folds):
+                    scored[group.key, k] = self._square(trial.model, fit.values, i, k)
+                    products[group.key] += self._products(trial.model, fit.values, i, k)
+        misfits = [scored[g.key, k] for g in self.reduced.groups for k in range(len(g.folds))]
+        residuals = {g.key: products[g.key] / max(g.samples, 1) for g in self.reduced.groups}
+        return Trial(trial.model, trial.fit, np.array(misfits), True, residuals)
+
+    def reweigh(self, trial: Trial) -> None:
+        """Take the noise covariance that the trial's own features leave between cycles as the new weights."""
+        self.weights = {g.key: self._noise_weights(trial, g) for g in self.reduced.groups}
+
+    def settle(self, choices: Sequence[Choice], like: Trial | None = None, rounds: int = 3) -> Trial:
+        """Fit and reweigh until the weights belong to the fit."""
+        trial = self.fit(choices, like)
+        for _ in range(rounds):
+            self.reweigh(trial)
+            trial = self.fit(choices, trial)
+        return trial
+
+    def _noise_weights(self, trial: Trial, group: Group) -> Array:
+        covariance = row_covariance(trial.model, trial.fit.values, group, group.noise, group.noise_samples)
+        return _inverse(covariance, self.reduced.on_bench)
+
+    def _square(self, model: Model, values: Array, i: int, k: int) -> tuple[float, float]:
+        """Reproducible chi-square of fold k of group i and the number of independent values behind it."""
+        group = self.reduced.groups[i]
+        fold = group.folds[k]
+        rows = model.layout.rows()[model.active]
+        chosen = np.ix_(model.active, model.active)
+        h, _ = model.coefficients(values, group)
+        weight = feature_weights(self.weights[group.key], rows)
+        matrix = self.data.clean[i][k][chosen] * weight
+        square = float(h @ matrix @ h)
+        square -= self._wandering(model, h, fold.gram[chosen] * weight, matrix)
+        if self.reduced.on_bench:
+            return EFFECTIVE_SHARE * square, EFFECTIVE_SHARE * fold.taut_samples
+        count = 3 * fold.taut_samples + 2 * fold.slack_samples
+        if fold.slack_samples:
+            count += fold.slack_samples
+            if not model.slack_free:
+                square += float(h @ fold.slack[chosen] @ h) / SLACK_SPREAD_M**2
+        return EFFECTIVE_SHARE * square, EFFECTIVE_SHARE * count
+
+    def _products(self, model: Model, values: Array, i: int, k: int) -> Array:
+        """Sums of residual products over fold k of group i, (5, 5); slack moments count where they are charged."""
+        group = self.reduced.groups[i]
+        fold = group.folds[k]
+        sums = row_covariance(model, values, group, fold.gram, 1.0)
+        if not model.slack_free:
+            sums = sums + row_covariance(model, values, group, fold.slack, 1.0)
+        return sums
+
+    def _wandering(self, model: Model, h: Array, curvature: Array, matrix: Array) -> float:
+        """What the run's own friction explains when it may differ by WANDER from the common value."""
+        gains = [
+            f"{c.effect.id}.{name}" for c in model.choices if c.effect.wanders for name in c.effect.gains
+        ]
+        if not gains:
+            return 0.0
+        owners = [self.reduced.layout.features[i] for i in model.active]
+        parts = []
+        for gain in gains:
+            part = np.where([f"{f.owner}.{f.parameter}" == gain for f in owners], h, 0.0)
+            if np.any(part):
+                parts.append(part)
+        if not parts:
+            return 0.0
+        columns = np.stack(parts, axis=1)
+        pull = columns.T @ matrix @ h * EFFECTIVE_SHARE
+        stiffness = columns.T @ curvature @ columns * EFFECTIVE_SHARE + np.eye(len(parts)) / WANDER**2
+        return float(pull @ np.linalg.solve(stiffness, pull)) / EFFECTIVE_SHARE
+
+
+def _first_weights() -> Array:
+    """Weights before anything is known of the noise: 20 mN, 2 um, 1 mN m; only their order matters."""
+    return np.diag([1 / 0.02**2, 1 / 0.02**2, 1 / 2e-6**2, 1 / 1e-3**2, 0.0])
+
+
+def _inverse(covariance: Array, on_bench: bool) -> Array:
+    """Inverse of the noise covariance over the equations that exist, zero elsewhere; shape (5, 5)."""
+    result = np.zeros((5, 5))
+    if on_bench:
+        result[Row.BENCH, Row.BENCH] = 1.0 / max(covariance[Row.BENCH, Row.BENCH], LEAST_TORQUE_SPREAD**2)
+        return result
+    least = np.diag([LEAST_TENSION_SPREAD_N**2, LEAST_TENSION_SPREAD_N**2, LEAST_LENGTH_SPREAD_M**2])
+    block = covariance[:3, :3] + least
+    scale = np.sqrt(np.diag(block))
+    result[:3, :3] = np.linalg.inv(block / np.outer(scale, scale)) / np.outer(scale, scale)
+    return result
+
+
+def _fill_missing_noise(groups: Sequence[Group]) -> None:
+    """Groups without a repeated cycle take the noise of the others, per sample."""
+    known = [g for g in groups if g.noise_samples > 0]
+    if not known:
+        return
+    total = sum(g.noise_samples for g in known)
+    pooled = np.sum([g.noise for g in known], axis=0) / total
+    for group in groups:
+        if group.noise_samples <= 0:
+            group.noise, group.noise_samples = pooled * total, total

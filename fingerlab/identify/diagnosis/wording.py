@@ -1,0 +1,107 @@
+"""Parameters with intervals, and the sentences that explain an effect."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fingerlab.identify.diagnosis.evidence import Evidence
+from fingerlab.identify.diagnosis.study import Trial
+from fingerlab.identify.results import ParameterEstimate
+from fingerlab.physics.effects.base import Effect
+
+Z90 = 1.645  # two-sided 90 % of a normal distribution
+DETECTABLE_LOG_ODDS = 5.0
+
+SCREEN_UNITS = {
+    "N m": (1e3, "mN m"),
+    "m/N": (1e6, "um/N"),
+    "s": (1e3, "ms"),
+    "kg": (1e3, "g"),
+    "N m s/rad": (1e3, "mN m s/rad"),
+    "m s/N": (1e6, "um s/N"),
+    "rad": (180.0 / np.pi, "deg"),
+    "rad/s": (180.0 / np.pi, "deg/s"),
+    "kg m^2": (1e7, "g cm^2"),
+    "m": (1e3, "mm"),
+}
+"""SI unit -> factor and unit in which a person reads it."""
+
+
+def deviations(trial: Trial, heat: float) -> dict[str, float]:
+    """Standard deviation of every unknown, given what else is unknown; SI units."""
+    information = trial.fit.information
+    scale = 1.0 / np.sqrt(np.diag(information))
+    covariance = np.linalg.pinv(information * np.outer(scale, scale), hermitian=True) * np.outer(scale, scale)
+    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0) * heat)
+    return dict(zip((u.key for u in trial.model.unknowns), (float(s) for s in spread), strict=True))
+
+
+def own_keys(effect: Effect) -> dict[str, str]:
+    """Name of each of the effect's parameters -> key of the unknown."""
+    if effect.special == "delay":
+        return {"delay": "delay"}
+    return {name: f"{effect.id}.{name}" for name in effect.gains} | {name: name for name in effect.relaxes}
+
+
+def parameters(trial: Trial, effect: Effect, heat: float) -> dict[str, ParameterEstimate]:
+    """The effect's parameters with 90 % intervals; a grid parameter's interval is to its neighbours."""
+    values = dict(zip((u.key for u in trial.model.unknowns), trial.fit.values, strict=True))
+    gains = {u.key: u.gain for u in trial.model.unknowns}
+    spread = deviations(trial, heat)
+    result = {}
+    for name, key in own_keys(effect).items():
+        gain, value = gains[key], float(values[key])
+        low = max(gain.low, value - Z90 * spread[key])
+        high = min(gain.high, value + Z90 * spread[key])
+        result[name] = ParameterEstimate(value, gain.unit, low, high)
+    choice = next(c for c in trial.model.choices if c.effect is effect)
+    for name, unit in effect.shape_units.items():
+        grid = sorted(float(s[name]) for s in effect.shapes)
+        value = float(effect.shapes[choice.shape][name])
+        at = grid.index(value)
+        result[name] = ParameterEstimate(value, unit, grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)])
+    return result
+
+
+def detectable(trial: Trial, effect: Effect, heat: float, slack_samples: int) -> bool:
+    """Whether a plausible strength of the effect would have shown in these data."""
+    if effect.special == "slack":
+        return slack_samples > 0
+    spread = deviations(trial, heat)
+    gains = {u.key: u.gain for u in trial.model.unknowns}
+    ratios = [gains[key].typical / max(spread[key], 1e-300) for key in own_keys(effect).values()]
+    return bool(ratios) and 0.5 * max(ratios) ** 2 > DETECTABLE_LOG_ODDS
+
+
+def quantity(estimate: ParameterEstimate) -> str:
+    """Value with half its 90 % interval, with as many digits as that allows, in a unit for the screen."""
+    factor, unit = SCREEN_UNITS.get(estimate.unit, (1.0, estimate.unit))
+    half = 0.5 * (estimate.high - estimate.low) * factor
+    value = estimate.value * factor
+    shown = "" if unit == "1" else f" {unit}"
+    if half <= 0 or not np.isfinite(half):
+        return f"{value:.3g}{shown}"
+    digits = int(np.clip(1 - np.floor(np.log10(half)), 0, 6))
+    return f"{value:.{digits}f} ± {half:.{digits}f}{shown}"
+
+
+def explanation(evidence: Evidence, trial: Trial, effect: Effect, shown: bool) -> str:
+    """One or two plain sentences with the evidence in numbers."""
+    fall = f"{evidence.base.score:.2f} to {trial.score:.2f} floors"
+    if not shown:
+        return f"{effect.explanation} These data could not show it at a plausible strength; {effect.reveal} would."
+    if trial.misfit > evidence.base.misfit * 0.98:
+        return f"{effect.explanation} Nothing of that is seen: the held-out error goes from {fall}."
+    numbers = [
+        f"{_title(effect, name)} {quantity(p)}"
+        for name, p in parameters(trial, effect, evidence.temperature).items()
+    ]
+    found = f" ({'; '.join(numbers)})" if numbers else ""
+    return f"{effect.explanation[:-1]}{found}. With it the held-out error goes from {fall}."
+
+
+def _title(effect: Effect, name: str) -> str:
+    gain = effect.gains.get(name) or effect.relaxes.get(name)
+    title = gain.title if gain is not None and gain.title else name.replace("_", " ")
+    joint = {"mcp": "MCP ", "pip": "PIP "}.get(name.rsplit("_", 1)[-1], "")
+    return f"{joint}{title}"

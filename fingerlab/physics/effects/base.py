@@ -1,0 +1,115 @@
+"""What an effect is: one small object that the fit, the ranking, the plots and the report work from.
+
+An effect adds *terms* to the equations. Every equation is written as measured minus modelled, and a
+term is a column of the modelled side times an unknown gain:
+
+* ``MCP`` and ``PIP``: cable tension (N) that the motor channel gives, minus the tension that the joint's
+  torque balance implies. A term with ``scale="joint"`` is a torque at the joint (N m); the fit divides it
+  by the signed moment arm. A term with ``scale="direct"`` is a tension (N).
+* ``CABLE``: cable wound on the pulley (m) minus the length that the joints call for. A term with
+  ``scale="direct"`` is a length (m), one with ``scale="arm_mcp"`` or ``"arm_pip"`` an angle (rad) that the
+  signed moment arm turns into a length.
+  One with ``scale="compliance"`` is a tension (N) that the motor gives and the cable never sees; the cable's
+  compliance turns it into a length.
+* ``BENCH``: motor torque (N m) of a motor-bench run minus its nominal equation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Literal
+
+from fingerlab.physics.effects.motion import Motion
+from fingerlab.sessions.model import Array
+
+
+class Row(IntEnum):
+    """The equation that a term stands in."""
+
+    MCP = 0
+    PIP = 1
+    CABLE = 2
+    BENCH = 3
+    FORCE = 4  # the load cell's reading, kept for scale; stands in no equation of its own
+
+
+Scale = Literal["joint", "direct", "arm_mcp", "arm_pip", "compliance"]
+
+
+@dataclass(frozen=True)
+class Term:
+    """One column of an equation: ``values`` of shape (n,) times (``constant`` + the gain named ``gain``).
+
+    An empty ``gain`` leaves the constant alone.
+    """
+
+    row: Row
+    gain: str
+    values: Array
+    scale: Scale = "direct"
+    constant: float = 0.0
+
+
+@dataclass(frozen=True)
+class Gain:
+    """An unknown strength.
+
+    Attributes:
+        unit: SI unit.
+        low, high: plausible range; the fit never leaves it.
+        typical: a strength that would matter, in ``unit``; scales the fit and the prior.
+        source: where range and typical strength come from, or "assumed".
+        title: what it is called in a sentence.
+    """
+
+    unit: str
+    low: float
+    high: float
+    typical: float
+    source: str = "assumed"
+    title: str = ""
+
+
+Shape = Mapping[str, float]
+Columns = Callable[[Motion, Shape], list[Term]]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A physical effect that the nominal model leaves out.
+
+    Attributes:
+        id: fixed name of ``effects.md``. title: in an operator's words.
+        acts_on: equation families changed: joint_torque, cable_kinematics, motor_torque, endpoint_force.
+        gains: the linear unknowns, by name.
+        columns: terms from signals and one point of ``shapes``.
+        shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
+        shape_units: unit of each nonlinear unknown.
+        coordinate: what the residual is plotted against to see this effect (a ``Motion`` quantity).
+        equation: the row in which that fingerprint is drawn.
+        explanation: one sentence for a person, without numbers.
+        reveal: the experiment that shows the effect where these data could not.
+        phases: phases of a run in which it can act; empty means all.
+        special: how the fit treats it where it is not a column: "delay" or "slack".
+        relaxes: nuisance gains that this effect sets free (it is the same term without the tight prior).
+        wanders: whether its strength differs by some per cent from run to run, as friction does.
+    """
+
+    id: str
+    title: str
+    acts_on: tuple[str, ...]
+    gains: Mapping[str, Gain]
+    columns: Columns
+    coordinate: str
+    equation: Row
+    explanation: str
+    reveal: str
+    shapes: Sequence[Shape] = field(default_factory=lambda: ({},))
+    shape_units: Mapping[str, str] = field(default_factory=dict)
+    phases: tuple[str, ...] = ()
+    bench: bool = False
+    special: Literal["", "delay", "slack"] = ""
+    relaxes: Mapping[str, Gain] = field(default_factory=dict)
+    wanders: bool = False

@@ -1,0 +1,148 @@
+"""The cable between pulley and finger: slack, stretch, play, moment arms, sheath friction."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import lfilter
+
+from fingerlab.physics import nominal
+from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
+from fingerlab.physics.effects.hysteresis import stop_operator
+from fingerlab.physics.effects.motion import Motion
+from fingerlab.sessions.model import Array
+
+MOTOR_STICKING_TRAVEL_DEG = 0.15
+"""Travel over which friction on the motor side builds up, degrees at the pulley: a few encoder steps; assumed."""
+
+
+def winding_state(motion: Motion, travel_deg: float = MOTOR_STICKING_TRAVEL_DEG) -> Array:
+    """Direction of cable travel with sticking, in [-1, 1], shape (n,); +1 winding in."""
+    return stop_operator(motion.position, float(np.radians(travel_deg)))
+
+
+def pull_terms(gain: str, pull: Array) -> list[Term]:
+    """Tension (N) that the motor gives and the cable never sees: missing in both joints and in the stretch."""
+    return [Term(Row.MCP, gain, pull), Term(Row.PIP, gain, pull), Term(Row.CABLE, gain, pull, "compliance")]
+
+
+def _no_columns(motion: Motion, shape: Shape) -> list[Term]:
+    return []
+
+
+def _lagging_stretch(motion: Motion, shape: Shape) -> list[Term]:
+    """What a damper beside the cable's spring takes from the stretch: the tension lags by the time constant.
+
+    The stretch itself is the compliance that every model carries, set free; these terms replace the tension
+    in it by the lagging one.
+    """
+    time_constant = shape["time_constant"]
+    if time_constant == 0:
+        return []
+    keep = float(np.exp(-1.0 / (motion.sample_rate_hz * time_constant)))
+
+    def change(values: Array) -> Array:
+        lagging, _ = lfilter([1.0 - keep], [1.0, -keep], values, zi=[keep * values[0]])
+        return np.asarray(lagging - values)
+
+    pull = motion.acceleration / motion.radius
+    return [
+        Term(Row.CABLE, "", change(motion.tension), "compliance", constant=-1.0),
+        Term(Row.CABLE, "", change(pull), "compliance", constant=motion.motor.inertia or 0.0),
+    ]
+
+
+def _backlash(motion: Motion, shape: Shape) -> list[Term]:
+    half = 0.5 * shape["gap_deg"]
+    state = stop_operator(motion.position, float(np.radians(half)))
+    return [Term(Row.CABLE, "half_gap", motion.radius * state)]
+
+
+def _varying_arm(motion: Motion, shape: Shape) -> list[Term]:
+    """a(theta1) = a (1 + p theta1), b(theta2) = b (1 + q theta2); first order in p and q."""
+    f, q = motion.finger_and_joints
+    force = 0.0 if motion.force is None else motion.force
+    mcp = nominal.mcp_torque(f, q).total + force * nominal.contact_lever_mcp(f, q.mcp, q.pip)
+    pip = nominal.pip_torque(f, q).total + force * nominal.contact_lever_pip(f, q.mcp, q.pip)
+    return [
+        Term(Row.MCP, "growth_mcp", -mcp * q.mcp, "joint"),
+        Term(Row.PIP, "growth_pip", -pip * q.pip, "joint"),
+        Term(Row.CABLE, "growth_mcp", 0.5 * q.mcp**2, "arm_mcp"),
+        Term(Row.CABLE, "growth_pip", 0.5 * q.pip**2, "arm_pip"),
+    ]
+
+
+def _capstan(motion: Motion, shape: Shape) -> list[Term]:
+    loss = motion.tension * winding_state(motion)
+    return pull_terms("loss", loss)
+
+
+EFFECTS = (
+    Effect(
+        id="cable_slack",
+        title="Cable slack",
+        acts_on=("cable_kinematics",),
+        gains={},
+        columns=_no_columns,
+        coordinate="tension",
+        equation=Row.CABLE,
+        explanation="While the tension is about zero the motor pays out cable that the joints do not take up.",
+        reveal="a sine whose offset is so low that the cable is let out entirely",
+        special="slack",
+    ),
+    Effect(
+        id="cable_stretch",
+        title="Cable stretch",
+        acts_on=("cable_kinematics",),
+        gains={},
+        columns=_lagging_stretch,
+        shapes=tuple({"time_constant": value} for value in (0.0, 0.004, 0.008, 0.016, 0.032)),
+        shape_units={"time_constant": "s"},
+        relaxes={
+            "cable_compliance": Gain("m/N", 0.0, 1e-3, 1e-4, title="cable compliance"),
+            "cable_damping": Gain("m s/N", -2e-5, 2e-5, 2e-6, title="cable damping"),
+        },
+        coordinate="tension",
+        equation=Row.CABLE,
+        explanation="The cable that is wound beyond what the joints call for is proportional to the tension.",
+        reveal="a contact run, where the tension changes much and the joints hardly move",
+    ),
+    Effect(
+        id="backlash",
+        title="Play between gearbox and pulley",
+        acts_on=("cable_kinematics",),
+        gains={"half_gap": Gain("rad", 0.0, 0.1, 0.01, title="half the play")},
+        columns=_backlash,
+        coordinate="motor speed",
+        equation=Row.CABLE,
+        explanation="At each reversal the motor turns through a gap before the cable follows.",
+        reveal="slow steps up and down with the cable under tension",
+        shapes=tuple({"gap_deg": value} for value in (0.5, 1.0, 2.0, 4.0)),
+        shape_units={"gap_deg": "deg"},
+    ),
+    Effect(
+        id="varying_moment_arm",
+        title="Moment arm that changes with angle",
+        acts_on=("joint_torque", "cable_kinematics"),
+        gains={
+            "growth_mcp": Gain("1/rad", -1.0, 1.0, 0.2, title="growth of a with angle"),
+            "growth_pip": Gain("1/rad", -1.0, 1.0, 0.2, title="growth of b with angle"),
+        },
+        columns=_varying_arm,
+        coordinate="joint angle",
+        equation=Row.CABLE,
+        explanation="Torque and cable length call for a moment arm that grows or shrinks with the joint angle.",
+        reveal="a slow sine over the whole travel",
+    ),
+    Effect(
+        id="capstan_friction",
+        title="Sheath (capstan) friction",
+        acts_on=("joint_torque", "motor_torque"),
+        gains={"loss": Gain("1", 0.0, 0.5, 0.05, title="share of the tension lost in the sheath")},
+        columns=_capstan,
+        coordinate="tension times direction of travel",
+        equation=Row.PIP,
+        explanation="The motor needs more tension winding in and less paying out, in proportion to the tension.",
+        reveal="runs at several loads, contact included",
+        wanders=True,
+    ),
+)

@@ -1,0 +1,190 @@
+"""Motor and gearbox: torque that never reaches the cable."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
+from fingerlab.physics.effects.cable import pull_terms, winding_state
+from fingerlab.physics.effects.hysteresis import dahl_state
+from fingerlab.physics.effects.motion import Motion
+from fingerlab.sessions.model import Array
+
+FRICTION = Gain("N m", 0.0, 0.1, 0.005, title="friction torque at the gearbox output")
+
+
+def drive_terms(motion: Motion, gain: str, torque: Array) -> list[Term]:
+    """A torque on the motor side (N m): in both joint equations as a tension, or in the bench equation."""
+    if motion.finger is None:
+        return [Term(Row.BENCH, gain, torque)]
+    return pull_terms(gain, torque / motion.radius)
+
+
+def _coulomb(motion: Motion, shape: Shape) -> list[Term]:
+    return drive_terms(motion, "coulomb", winding_state(motion))
+
+
+def _viscous(motion: Motion, shape: Shape) -> list[Term]:
+    return drive_terms(motion, "viscous", motion.velocity)
+
+
+def _inertia(motion: Motion, shape: Shape) -> list[Term]:
+    return drive_terms(motion, "inertia", motion.acceleration)
+
+
+def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
+    state = winding_state(motion)
+    slow = np.exp(-((motion.velocity / shape["stribeck_speed"]) ** 2))
+    return drive_terms(motion, "coulomb", state) + drive_terms(motion, "extra", state * slow)
+
+
+def _presliding(motion: Motion, shape: Shape) -> list[Term]:
+    return drive_terms(motion, "dahl", dahl_state(motion.position, float(np.radians(shape["travel_deg"]))))
+
+
+def _asymmetric(motion: Motion, shape: Shape) -> list[Term]:
+    """Friction of its own size in each direction; what both share is Coulomb friction."""
+    state = winding_state(motion)
+    return drive_terms(motion, "winding", np.maximum(state, 0.0)) + drive_terms(
+        motion, "paying_out", np.minimum(state, 0.0)
+    )
+
+
+def _load_dependent(motion: Motion, shape: Shape) -> list[Term]:
+    load = motion.torque if motion.load is None else motion.load
+    return drive_terms(motion, "share", np.abs(load) * winding_state(motion))
+
+
+def _spring(motion: Motion, shape: Shape) -> list[Term]:
+    return drive_terms(motion, "stiffness", motion.position)
+
+
+def _ripple(motion: Motion, shape: Shape) -> list[Term]:
+    phase = shape["order"] * motion.position
+    return drive_terms(motion, "sine", np.sin(phase)) + drive_terms(motion, "cosine", np.cos(phase))
+
+
+RIPPLE = Gain("N m", -0.05, 0.05, 0.003, title="ripple amplitude")
+SPEEDS = tuple({"stribeck_speed": value} for value in (0.1, 0.3, 0.8, 2.0))
+
+EFFECTS = (
+    Effect(
+        id="motor_coulomb_friction",
+        title="Coulomb friction in motor and gearbox",
+        acts_on=("motor_torque",),
+        gains={"coulomb": FRICTION},
+        columns=_coulomb,
+        coordinate="motor speed",
+        equation=Row.PIP,
+        explanation="MCP and PIP equations miss the same tension, which flips sign with motor speed.",
+        reveal="a motor-bench run without a finger",
+        bench=True,
+        wanders=True,
+    ),
+    Effect(
+        id="motor_viscous_friction",
+        title="Viscous friction in motor and gearbox",
+        acts_on=("motor_torque",),
+        gains={"viscous": Gain("N m s/rad", 0.0, 0.02, 0.001, title="viscous coefficient")},
+        columns=_viscous,
+        coordinate="motor speed",
+        equation=Row.PIP,
+        explanation="MCP and PIP equations miss the same tension, in proportion to motor speed.",
+        reveal="a motor-bench run at several speeds",
+        bench=True,
+        wanders=True,
+    ),
+    Effect(
+        id="motor_inertia",
+        title="Other inertia of rotor, gearbox and pulley",
+        acts_on=("motor_torque",),
+        gains={"inertia": Gain("kg m^2", -3e-4, 2e-3, 2e-4, title="inertia beyond nominal")},
+        columns=_inertia,
+        coordinate="motor acceleration",
+        equation=Row.PIP,
+        explanation="MCP and PIP equations miss the same tension, in proportion to motor acceleration.",
+        reveal="a fast chirp on the motor bench",
+    ),
+    Effect(
+        id="motor_stribeck_friction",
+        title="Stribeck friction in motor and gearbox",
+        acts_on=("motor_torque",),
+        gains={"coulomb": FRICTION, "extra": FRICTION},
+        columns=_stribeck,
+        coordinate="motor speed",
+        equation=Row.PIP,
+        explanation="The same tension is missing in both joints, flips sign with motor speed and is larger when slow.",
+        reveal="a chirp from 0.1 to 3 Hz on the motor bench",
+        shapes=SPEEDS,
+        shape_units={"stribeck_speed": "rad/s"},
+        bench=True,
+        wanders=True,
+    ),
+    Effect(
+        id="motor_presliding",
+        title="Presliding on the motor side",
+        acts_on=("motor_torque",),
+        gains={"dahl": FRICTION},
+        columns=_presliding,
+        coordinate="motor speed",
+        equation=Row.PIP,
+        explanation="The same tension is missing in both joints and builds up over a small motor travel after a reversal.",
+        reveal="small sines, 1 to 5 degrees, on the motor bench",
+        shapes=tuple({"travel_deg": value} for value in (1.0, 2.0, 4.0, 8.0)),
+        shape_units={"travel_deg": "deg"},
+        bench=True,
+        wanders=True,
+    ),
+    Effect(
+        id="asymmetric_friction",
+        title="Motor friction that differs by direction",
+        acts_on=("motor_torque",),
+        gains={"winding": FRICTION, "paying_out": FRICTION},
+        columns=_asymmetric,
+        coordinate="motor speed",
+        equation=Row.PIP,
+        explanation="The same tension is missing in both joints, and more of it in one direction of travel.",
+        reveal="slow sines on the motor bench",
+        bench=True,
+        wanders=True,
+    ),
+    Effect(
+        id="load_dependent_friction",
+        title="Friction that grows with load",
+        acts_on=("motor_torque",),
+        gains={"share": Gain("1", 0.0, 0.5, 0.05, title="friction as a share of the torque")},
+        columns=_load_dependent,
+        coordinate="tension times direction of travel",
+        equation=Row.PIP,
+        explanation="The missing tension opposes the travel and grows with the torque transmitted.",
+        reveal="a motor bench with two known loads",
+        bench=True,
+        wanders=True,
+    ),
+    Effect(
+        id="motor_spring",
+        title="Elastic torque on the motor side",
+        acts_on=("motor_torque",),
+        gains={"stiffness": Gain("N m/rad", -0.05, 0.2, 0.01, title="stiffness")},
+        columns=_spring,
+        coordinate="motor angle",
+        equation=Row.PIP,
+        explanation="The same tension is missing in both joints, in proportion to the motor angle.",
+        reveal="slow steps on the motor bench",
+        bench=True,
+    ),
+    Effect(
+        id="torque_ripple",
+        title="Torque ripple",
+        acts_on=("motor_torque",),
+        gains={"sine": RIPPLE, "cosine": RIPPLE},
+        columns=_ripple,
+        coordinate="motor angle",
+        equation=Row.PIP,
+        explanation="The same tension is missing in both joints and repeats with the motor angle.",
+        reveal="a slow sine of large amplitude on the motor bench",
+        shapes=tuple({"order": float(n)} for n in (6, 9, 13, 18, 26, 36, 52)),
+        shape_units={"order": "1/turn"},
+        bench=True,
+    ),
+)

@@ -1,0 +1,115 @@
+"""Springs, stops and slow relaxation of the joints."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import lfilter
+
+from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
+from fingerlab.physics.effects.friction import both, joint_terms
+from fingerlab.physics.effects.motion import Motion
+from fingerlab.sessions.model import Array
+
+
+def _hardening(motion: Motion, shape: Shape) -> list[Term]:
+    _, joints = motion.finger_and_joints
+    return joint_terms("cubic", joints.mcp**3, joints.pip**3)
+
+
+def _linear(motion: Motion, shape: Shape) -> list[Term]:
+    _, joints = motion.finger_and_joints
+    return joint_terms("stiffness", joints.mcp, joints.pip)
+
+
+def _coupling(motion: Motion, shape: Shape) -> list[Term]:
+    _, joints = motion.finger_and_joints
+    difference = joints.mcp - joints.pip
+    return [
+        Term(Row.MCP, "coupling", difference, "joint"),
+        Term(Row.PIP, "coupling", -difference, "joint"),
+    ]
+
+
+def _relaxing(angle: Array, rate: float, time_constant: float) -> Array:
+    """What a spring in series with a damper still holds, rad: the angle through a first-order high-pass."""
+    keep = float(np.exp(-1.0 / (rate * time_constant)))
+    return np.asarray(lfilter([keep, -keep], [1.0, -keep], angle - angle[0]))
+
+
+def _creep(motion: Motion, shape: Shape) -> list[Term]:
+    _, joints = motion.finger_and_joints
+    arguments = motion.sample_rate_hz, shape["time_constant"]
+    return joint_terms("relaxing", _relaxing(joints.mcp, *arguments), _relaxing(joints.pip, *arguments))
+
+
+def _stop(motion: Motion, shape: Shape) -> list[Term]:
+    _, joints = motion.finger_and_joints
+    edge = float(np.radians(shape["edge_deg"]))
+
+    def beyond(angle: Array) -> Array:
+        return np.asarray(np.maximum(angle - edge, 0.0) - np.maximum(-angle - edge, 0.0))
+
+    return joint_terms("stop", beyond(joints.mcp), beyond(joints.pip))
+
+
+EFFECTS = (
+    Effect(
+        id="spring_hardening",
+        title="Spring hardening",
+        acts_on=("joint_torque",),
+        gains=both("cubic", Gain("N m/rad^3", 0.0, 2.0, 0.1, title="cubic stiffness")),
+        columns=_hardening,
+        coordinate="joint angle",
+        equation=Row.PIP,
+        explanation="The missing torque grows with the cube of the joint angle.",
+        reveal="a sine of larger amplitude and offset",
+    ),
+    Effect(
+        id="stiffness_error",
+        title="Other joint stiffness",
+        acts_on=("joint_torque",),
+        gains=both("stiffness", Gain("N m/rad", -0.06, 0.06, 0.01, title="stiffness beyond nominal")),
+        columns=_linear,
+        coordinate="joint angle",
+        equation=Row.PIP,
+        explanation="The missing torque is proportional to the joint angle.",
+        reveal="steps over the whole travel",
+    ),
+    Effect(
+        id="joint_coupling",
+        title="Stiffness between MCP and PIP",
+        acts_on=("joint_torque",),
+        gains={"coupling": Gain("N m/rad", 0.0, 0.06, 0.01, title="coupling stiffness")},
+        columns=_coupling,
+        coordinate="difference of joint angles",
+        equation=Row.PIP,
+        explanation="The missing torques of MCP and PIP are equal and opposite and follow the difference of the angles.",
+        reveal="a chirp, in which the two joints move in different proportion",
+    ),
+    Effect(
+        id="viscoelastic_creep",
+        title="Viscoelastic creep",
+        acts_on=("joint_torque",),
+        gains=both("relaxing", Gain("N m/rad", 0.0, 0.06, 0.01, title="relaxing stiffness")),
+        columns=_creep,
+        coordinate="time",
+        equation=Row.PIP,
+        explanation="After a change of angle an extra spring torque appears and dies away.",
+        reveal="steps, each held for several seconds",
+        shapes=tuple({"time_constant": value} for value in (0.1, 0.3, 1.0, 3.0)),
+        shape_units={"time_constant": "s"},
+    ),
+    Effect(
+        id="joint_stop",
+        title="Stiff end of travel",
+        acts_on=("joint_torque",),
+        gains=both("stop", Gain("N m/rad", 0.0, 5.0, 0.2, title="stop stiffness")),
+        columns=_stop,
+        coordinate="joint angle",
+        equation=Row.PIP,
+        explanation="Beyond a certain angle the joint is suddenly much stiffer.",
+        reveal="a slow sine of larger amplitude",
+        shapes=tuple({"edge_deg": value} for value in (15.0, 20.0, 25.0, 30.0, 35.0)),
+        shape_units={"edge_deg": "deg"},
+    ),
+)

@@ -1,0 +1,117 @@
+"""Friction in the joints: torque against the direction of joint motion."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
+from fingerlab.physics.effects.hysteresis import dahl_state, stop_operator
+from fingerlab.physics.effects.motion import Motion
+from fingerlab.sessions.model import Array
+
+STICKING_TRAVEL_DEG = (0.08, 0.25)
+"""Travel over which a Coulomb joint builds up its friction, degrees: above the sensor's 0.04 degree step
+(KMA210 data sheet), so that noise does not flip the sign of a joint at rest; assumed."""
+
+COULOMB_GAIN = Gain("N m", 0.0, 0.05, 0.005, title="friction torque")
+VISCOUS_GAIN = Gain("N m s/rad", 0.0, 0.02, 0.002, title="viscous coefficient")
+
+
+def joint_terms(gain: str, mcp: Array, pip: Array) -> list[Term]:
+    """A torque in both joints, each with a gain of its own: ``gain_mcp`` and ``gain_pip``."""
+    return [Term(Row.MCP, f"{gain}_mcp", mcp, "joint"), Term(Row.PIP, f"{gain}_pip", pip, "joint")]
+
+
+def both(name: str, gain: Gain) -> dict[str, Gain]:
+    """The same kind of gain for MCP and PIP."""
+    return {f"{name}_mcp": gain, f"{name}_pip": gain}
+
+
+def _viscous(motion: Motion, shape: Shape) -> list[Term]:
+    _, joints = motion.finger_and_joints
+    return joint_terms("viscous", joints.mcp_velocity, joints.pip_velocity)
+
+
+def _states(motion: Motion, travel_deg: float) -> tuple[Array, Array]:
+    _, joints = motion.finger_and_joints
+    travel = float(np.radians(travel_deg))
+    return stop_operator(joints.mcp, travel), stop_operator(joints.pip, travel)
+
+
+def _coulomb(motion: Motion, shape: Shape) -> list[Term]:
+    return joint_terms("coulomb", *_states(motion, shape["travel_deg"]))
+
+
+def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
+    _, joints = motion.finger_and_joints
+    mcp, pip = _states(motion, STICKING_TRAVEL_DEG[0])
+    speed = shape["stribeck_speed"]
+    return joint_terms("coulomb", mcp, pip) + joint_terms(
+        "extra",
+        mcp * np.exp(-((joints.mcp_velocity / speed) ** 2)),
+        pip * np.exp(-((joints.pip_velocity / speed) ** 2)),
+    )
+
+
+def _presliding(motion: Motion, shape: Shape) -> list[Term]:
+    _, joints = motion.finger_and_joints
+    travel = float(np.radians(shape["travel_deg"]))
+    return joint_terms("dahl", dahl_state(joints.mcp, travel), dahl_state(joints.pip, travel))
+
+
+EFFECTS = (
+    Effect(
+        id="viscous_friction",
+        title="Viscous joint friction",
+        acts_on=("joint_torque",),
+        gains=both("viscous", VISCOUS_GAIN),
+        columns=_viscous,
+        coordinate="joint speed",
+        equation=Row.PIP,
+        explanation="The torque that is missing grows in proportion to joint speed and changes sign with it.",
+        reveal="sines at two frequencies, 0.5 and 2 Hz, with the same amplitude",
+        wanders=True,
+    ),
+    Effect(
+        id="coulomb_friction",
+        title="Coulomb joint friction",
+        acts_on=("joint_torque",),
+        gains=both("coulomb", COULOMB_GAIN),
+        columns=_coulomb,
+        coordinate="joint speed",
+        equation=Row.PIP,
+        explanation="The torque that is missing flips sign with joint speed and has one size on each side.",
+        reveal="slow sines with full reversals",
+        shapes=tuple({"travel_deg": travel} for travel in STICKING_TRAVEL_DEG),
+        shape_units={"travel_deg": "deg"},
+        wanders=True,
+    ),
+    Effect(
+        id="stribeck_friction",
+        title="Stribeck joint friction",
+        acts_on=("joint_torque",),
+        gains=both("coulomb", COULOMB_GAIN) | both("extra", COULOMB_GAIN),
+        columns=_stribeck,
+        coordinate="joint speed",
+        equation=Row.PIP,
+        explanation="The torque that is missing flips sign with joint speed and is larger when the joint is slow.",
+        reveal="a chirp from 0.2 to 3 Hz",
+        shapes=tuple({"stribeck_speed": speed} for speed in (0.1, 0.25, 0.5, 1.0)),
+        shape_units={"stribeck_speed": "rad/s"},
+        wanders=True,
+    ),
+    Effect(
+        id="presliding_hysteresis",
+        title="Presliding hysteresis (Dahl)",
+        acts_on=("joint_torque",),
+        gains=both("dahl", COULOMB_GAIN),
+        columns=_presliding,
+        coordinate="joint speed",
+        equation=Row.PIP,
+        explanation="After each reversal the missing torque builds up over a small travel of the joint.",
+        reveal="sines of small amplitude, 2 to 5 degrees",
+        shapes=tuple({"travel_deg": travel} for travel in (1.0, 2.0, 4.0, 8.0)),
+        shape_units={"travel_deg": "deg"},
+        wanders=True,
+    ),
+)

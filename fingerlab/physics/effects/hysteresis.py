@@ -1,0 +1,51 @@
+"""Operators with memory, computed without a sample-by-sample loop.
+
+Both operators step by maps that compose: a clamp after a clamp is a clamp, an affine map after an affine
+map is affine. All prefixes of a chain of n such maps come out of log2(n) array passes (Hillis and Steele,
+"Data parallel algorithms", 1986).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fingerlab.sessions.model import Array
+
+
+def stop_operator(position: Array, travel: float) -> Array:
+    """Elastoplastic friction state in [-1, 1], shape (n,): what sticks until it has moved ``travel``.
+
+    The state follows the position with slope 1/``travel`` (same unit as ``position``) and saturates at
+    +-1: Prandtl's stop operator (Visintin, "Differential Models of Hysteresis", 1994, section III.1).
+    It starts at zero.
+    """
+    low, high = position - travel, position + travel
+    step = 1
+    while step < len(position):
+        # map_k after map_{k-step}: clamp the earlier interval into the later one.
+        new_low = np.clip(low[:-step], low[step:], high[step:])
+        new_high = np.clip(high[:-step], low[step:], high[step:])
+        low = np.concatenate((low[:step], new_low))
+        high = np.concatenate((high[:step], new_high))
+        step *= 2
+    play = np.clip(position[0], low, high)
+    return np.asarray((position - play) / travel)
+
+
+def dahl_state(position: Array, travel: float) -> Array:
+    """Dahl's friction state in [-1, 1], shape (n,), exact between samples; starts at zero.
+
+    dz/dx = (1 - z sign(v)) / travel (Dahl 1968, exponent 1), so that over a step dx the state
+    relaxes towards sign(dx) by exp(-|dx| / travel).
+    """
+    change = np.diff(position, prepend=position[:1])
+    decay = np.exp(-np.abs(change) / travel)
+    drive = np.sign(change) * (1.0 - decay)
+    step = 1
+    while step < len(position):
+        new_drive = decay[step:] * drive[:-step] + drive[step:]
+        new_decay = decay[step:] * decay[:-step]
+        drive = np.concatenate((drive[:step], new_drive))
+        decay = np.concatenate((decay[:step], new_decay))
+        step *= 2
+    return drive

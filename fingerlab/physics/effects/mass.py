@@ -1,0 +1,89 @@
+"""Gravity, mass and rotational energy that the nominal model has otherwise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
+from fingerlab.physics.effects.motion import Motion
+
+
+def _tilt(motion: Motion, shape: Shape) -> list[Term]:
+    """Derivative of the gravity torques with the wrist angle."""
+    f, q = motion.finger_and_joints
+    proximal = f.wrist_angle - q.mcp
+    distal = q.mcp + q.pip - f.wrist_angle
+    pip = -f.distal_mass * f.gravity * f.distal_half_length * np.sin(distal)
+    mcp = (f.proximal_mass + 2 * f.distal_mass) * f.gravity * f.proximal_half_length * np.sin(proximal) + pip
+    return [Term(Row.MCP, "tilt", mcp, "joint"), Term(Row.PIP, "tilt", pip, "joint")]
+
+
+def _point_mass(motion: Motion, shape: Shape) -> list[Term]:
+    """Torques of a unit mass at ``place`` times the distal body's length, 0 at the PIP joint and 1 at the tip."""
+    f, q = motion.finger_and_joints
+    l1, lever = 2 * f.proximal_half_length, 2 * f.distal_half_length * shape["place"]
+    distal = q.mcp + q.pip - f.wrist_angle
+    cos2, sin2 = np.cos(q.pip), np.sin(q.pip)
+    rate, bend = q.mcp_velocity + q.pip_velocity, q.mcp_acceleration + q.pip_acceleration
+    pip = (
+        lever**2 * bend
+        + lever * l1 * (cos2 * q.mcp_acceleration + sin2 * q.mcp_velocity**2)
+        - f.gravity * lever * np.cos(distal)
+    )
+    mcp = (
+        pip
+        + l1**2 * q.mcp_acceleration
+        + l1 * lever * (cos2 * bend - sin2 * rate**2)
+        - f.gravity * l1 * np.cos(f.wrist_angle - q.mcp)
+    )
+    return [Term(Row.MCP, "mass", mcp, "joint"), Term(Row.PIP, "mass", pip, "joint")]
+
+
+def _distal_rotation(motion: Motion, shape: Shape) -> list[Term]:
+    """What I2 adds when the distal body turns with the absolute rate; relative to the rig's I2."""
+    f, q = motion.finger_and_joints
+    return [
+        Term(Row.MCP, "share", f.distal_inertia * (q.mcp_acceleration + q.pip_acceleration), "joint"),
+        Term(Row.PIP, "share", f.distal_inertia * q.mcp_acceleration, "joint"),
+    ]
+
+
+EFFECTS = (
+    Effect(
+        id="gravity_tilt",
+        title="Tilted base",
+        acts_on=("joint_torque",),
+        gains={"tilt": Gain("rad", -0.35, 0.35, 0.1, title="tilt of the base")},
+        columns=_tilt,
+        coordinate="joint angle",
+        equation=Row.MCP,
+        explanation="The missing torques are those of gravity from another direction.",
+        reveal="slow steps over the whole travel",
+    ),
+    Effect(
+        id="added_mass",
+        title="Mass that the budget left out",
+        acts_on=("joint_torque",),
+        gains={"mass": Gain("kg", 0.0, 0.02, 0.003, title="added mass")},
+        columns=_point_mass,
+        coordinate="joint acceleration",
+        equation=Row.MCP,
+        explanation="The missing torques are those of more weight and inertia on the finger.",
+        reveal="a chirp up to 3 Hz",
+        shapes=tuple({"place": value} for value in (0.0, 0.5, 1.0)),
+        shape_units={"place": "of the distal length"},
+    ),
+    Effect(
+        id="distal_rotation",
+        title="Rotational energy of the distal body",
+        acts_on=("joint_torque",),
+        gains={
+            "share": Gain("1", 0.9, 1.1, 1.0, source="Lagrangian with the absolute rate", title="share of I2")
+        },
+        columns=_distal_rotation,
+        coordinate="joint acceleration",
+        equation=Row.MCP,
+        explanation="The missing torques are I2 times the acceleration that the relative rate leaves out.",
+        reveal="a fast chirp, 2 to 5 Hz",
+    ),
+)

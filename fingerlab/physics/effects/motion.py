@@ -1,0 +1,50 @@
+"""Signals that the terms of an equation are made from, all of one run and on one time axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerlab.physics import nominal
+from fingerlab.rig import Finger, Motor
+from fingerlab.sessions.model import Array
+
+
+@dataclass(frozen=True)
+class Motion:
+    """High-bandwidth signals of one stretch of one run; arrays have shape (n,) and SI units.
+
+    The joint channels are None in a motor-bench run; ``force`` is zero where nothing is touched.
+    """
+
+    phase: str
+    cable_sign: int
+    sample_rate_hz: float
+    time: Array
+    position: Array  # motor, rad at the pulley
+    velocity: Array
+    acceleration: Array
+    torque: Array  # motor, N m at the gearbox output
+    motor: Motor
+    finger: Finger | None = None
+    joints: nominal.JointMotion | None = None
+    force: Array | None = None
+    load: Array | None = None
+
+    @property
+    def radius(self) -> float:
+        """Pulley radius, m; 1 for a motor bench without a pulley, where tension reads as torque."""
+        return self.motor.pulley_radius if self.finger is not None and self.motor.pulley_radius else 1.0
+
+    @property
+    def tension(self) -> Array:
+        """Motor torque over pulley radius, N; inertia not subtracted."""
+        return np.asarray(self.torque / self.radius)
+
+    @property
+    def finger_and_joints(self) -> tuple[Finger, nominal.JointMotion]:
+        """The finger's constants and motion; only finger runs have terms that ask for them."""
+        if self.finger is None or self.joints is None:
+            raise ValueError("a motor-bench run has no joints")
+        return self.finger, self.joints

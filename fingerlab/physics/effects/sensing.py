@@ -1,0 +1,134 @@
+"""Sensors that are late, bent or adrift, and contact that is not what the model says."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fingerlab.physics import nominal
+from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
+from fingerlab.physics.effects.cable import _no_columns
+from fingerlab.physics.effects.motion import Motion
+from fingerlab.sessions.model import Array
+
+
+def _angle_error_terms(motion: Motion, gain: str, mcp: Array, pip: Array) -> list[Term]:
+    """What an error of the measured angles (rad) does to spring torque and cable length.
+
+    The sensor reads too much by the gain times the column: the springs' torque and the cable that the
+    joints call for are then too large by as much.
+    """
+    f, _ = motion.finger_and_joints
+    return [
+        Term(Row.MCP, f"{gain}_mcp", -f.mcp_stiffness * mcp, "joint"),
+        Term(Row.PIP, f"{gain}_pip", -f.pip_stiffness * pip, "joint"),
+        Term(Row.CABLE, f"{gain}_mcp", -mcp, "arm_mcp"),
+        Term(Row.CABLE, f"{gain}_pip", -pip, "arm_pip"),
+    ]
+
+
+def _nonlinearity(motion: Motion, shape: Shape) -> list[Term]:
+    _, joints = motion.finger_and_joints
+    harmonic = shape["harmonic"]
+    return _angle_error_terms(
+        motion, "sine", np.sin(harmonic * joints.mcp), np.sin(harmonic * joints.pip)
+    ) + _angle_error_terms(motion, "cosine", np.cos(harmonic * joints.mcp), np.cos(harmonic * joints.pip))
+
+
+def _drift(motion: Motion, shape: Shape) -> list[Term]:
+    return _angle_error_terms(motion, "rate", motion.time, motion.time)
+
+
+def _touch(motion: Motion) -> Array:
+    return np.zeros_like(motion.time) if motion.force is None else motion.force
+
+
+def _force_gain(motion: Motion, shape: Shape) -> list[Term]:
+    f, q = motion.finger_and_joints
+    force = _touch(motion)
+    return [
+        Term(Row.MCP, "gain", force * nominal.contact_lever_mcp(f, q.mcp, q.pip), "joint"),
+        Term(Row.PIP, "gain", force * nominal.contact_lever_pip(f, q.mcp, q.pip), "joint"),
+    ]
+
+
+def lateral_levers(motion: Motion, gain: str) -> list[Term]:
+    """Levers (m) of a force along the load cell's face about both joints."""
+    f, q = motion.finger_and_joints
+    distal = q.mcp + q.pip - f.wrist_angle
+    pip = 2.0 * f.distal_half_length * np.sin(distal)
+    mcp = pip - 2.0 * f.proximal_half_length * np.sin(f.wrist_angle - q.mcp)
+    return [Term(Row.MCP, gain, mcp, "joint"), Term(Row.PIP, gain, pip, "joint")]
+
+
+HARMONIC = Gain(
+    "rad", -0.05, 0.05, 0.01, source="KMA210 data sheet: +-1 degree linearity", title="harmonic error"
+)
+
+EFFECTS = (
+    Effect(
+        id="transport_delay",
+        title="Joint angles and force recorded late",
+        acts_on=("joint_torque", "cable_kinematics"),
+        gains={"delay": Gain("s", 0.0, 0.19, 0.02, title="delay")},
+        columns=_no_columns,
+        coordinate="motor speed",
+        equation=Row.CABLE,
+        explanation="Angles and force follow the motor's own channels after a constant time.",
+        reveal="a chirp, in which a delay grows with frequency",
+        special="delay",
+    ),
+    Effect(
+        id="angle_sensor_nonlinearity",
+        title="Harmonic error of the angle sensors",
+        acts_on=("joint_torque", "cable_kinematics"),
+        gains={f"{part}_{joint}": HARMONIC for part in ("sine", "cosine") for joint in ("mcp", "pip")},
+        columns=_nonlinearity,
+        coordinate="joint angle",
+        equation=Row.CABLE,
+        explanation="Torque and cable length miss what an angle error with a harmonic of the angle would cause.",
+        reveal="slow steps over the whole travel",
+        shapes=tuple({"harmonic": float(n)} for n in (2, 4, 8)),
+        shape_units={"harmonic": "1/turn"},
+    ),
+    Effect(
+        id="sensor_drift",
+        title="Drift of an angle sensor",
+        acts_on=("joint_torque", "cable_kinematics"),
+        gains={
+            f"rate_{joint}": Gain(
+                "rad/s", -0.004, 0.004, 0.0005, source="KMA210 data sheet: 0.64 degree", title="drift rate"
+            )
+            for joint in ("mcp", "pip")
+        },
+        columns=_drift,
+        coordinate="time",
+        equation=Row.CABLE,
+        explanation="The misfit grows steadily over each run.",
+        reveal="a run of several minutes at rest",
+    ),
+    Effect(
+        id="load_cell_gain",
+        title="Span error of the load cell",
+        acts_on=("endpoint_force",),
+        gains={"gain": Gain("1", -0.3, 0.3, 0.05, title="force that the load cell leaves out, as a share")},
+        columns=_force_gain,
+        coordinate="force",
+        equation=Row.PIP,
+        explanation="In contact both joints miss a torque in proportion to the force that was read.",
+        reveal="a calibration of the load cell with known weights",
+        phases=("contact",),
+    ),
+    Effect(
+        id="contact_angle",
+        title="Contact force that leans",
+        acts_on=("endpoint_force",),
+        gains={},
+        columns=_no_columns,
+        relaxes={"lateral": Gain("tan", -1.7, 1.7, 0.3, title="tangent of the lean")},
+        coordinate="force",
+        equation=Row.PIP,
+        explanation="In contact MCP and PIP miss torques in the proportion that a sideways force would cause.",
+        reveal="free motion with the flexion cable before contact",
+        phases=("contact",),
+    ),
+)
