@@ -109,14 +109,20 @@ class OutputSet:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        moved: list[Path] = []
         try:
             if kind is None:
                 for path in self._parts:
                     refuse_taken(path)
                 for path, part in self._parts.items():
                     move_into_place(part, path)
+                    moved.append(path)
                 self._folder = None
+                moved = []
         finally:
+            for path in moved:  # a later one failed; these are ours and not whole without it
+                with suppress(OSError):
+                    path.unlink()
             for part in self._parts.values():
                 with suppress(OSError):
                     part.unlink(missing_ok=True)

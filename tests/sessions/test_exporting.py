@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -135,4 +136,20 @@ def test_a_disk_that_fills_up(tmp_path, session, monkeypatch, kind):
     monkeypatch.setattr(exporting, "_pieces", full)
     with pytest.raises(UserError, match=r"out cannot be written \(No space left on device\)"):
         export_session(session, kind, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_files_appear_together_or_not_at_all(tmp_path, session, monkeypatch):
+    real, moved = Path.replace, []
+
+    def fail_at_the_third(self, target):
+        if len(moved) == 2:
+            raise OSError(28, "No space left on device")
+        moved.append(target)
+        return real(self, target)
+
+    monkeypatch.setattr(Path, "replace", fail_at_the_third)
+    with pytest.raises(UserError, match="No space left"):
+        export_session(session, "csv", tmp_path / "out")
+    assert len(moved) == 2
     assert not (tmp_path / "out").exists()
