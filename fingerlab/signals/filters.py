@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
@@ -31,11 +33,17 @@ def low_pass(values: Array, sample_rate_hz: float, cutoff_hz: float) -> Array:
             f"A low-pass at {cutoff_hz:g} Hz is impossible at {sample_rate_hz:g} samples a second; "
             f"choose a cut-off between 0 and {sample_rate_hz / 2:g} Hz."
         )
-    sos = butter(BUTTERWORTH_ORDER, cutoff_hz, fs=sample_rate_hz, output="sos")
+    sos = _sections(sample_rate_hz, cutoff_hz)
     pad = min(int(3 * sample_rate_hz / cutoff_hz), values.shape[-1] - 1)
     if pad < 1:
         raise UserError("A run of fewer than two samples cannot be filtered; record at least a second.")
     return np.asarray(sosfiltfilt(sos, values, axis=-1, padlen=pad))
+
+
+@lru_cache(maxsize=64)
+def _sections(sample_rate_hz: float, cutoff_hz: float) -> Array:
+    """The filter's second-order sections; every run of a session asks for the same ones."""
+    return np.asarray(butter(BUTTERWORTH_ORDER, cutoff_hz, fs=sample_rate_hz, output="sos"))
 
 
 def low_pass_stretches(values: Array, sample_rate_hz: float, cutoff_hz: float) -> Array | None:

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from fingerlab.errors import UserError
 from fingerlab.rig import Rig
 from fingerlab.sessions.model import Array, Run
 from fingerlab.signals.filters import derivative, low_pass, low_pass_stretches
 
 THESIS_CUTOFF_HZ = 5.0
 """Thesis section 4.1: physiological finger motion does not exceed 3 to 5 Hz."""
+
+NEEDED = ("motor_position", "motor_torque")
+FILTERED = (*NEEDED, "mcp_angle", "pip_angle", "endpoint_force", "load_torque")
+"""Channels that are low-passed; the first two every run must have."""
 
 
 @dataclass(frozen=True)
@@ -54,14 +61,23 @@ def prepare(run: Run, rig: Rig, cutoff_hz: float = THESIS_CUTOFF_HZ) -> Signals:
         UserError: a channel is missing or unreadable, or the cut-off does not fit the sampling rate.
     """
     rate = run.sample_rate_hz
-
-    def smooth(name: str) -> Array | None:
-        if not run.has(name):
-            return None
-        return low_pass(run.channel(name), rate, cutoff_hz)
+    channels = run.load(["time", *(name for name in FILTERED if name in NEEDED or run.has(name))])
+    whole = [name for name in FILTERED if name in channels and np.isfinite(channels[name]).all()]
+    for name in NEEDED:
+        if name not in whole:
+            raise UserError(
+                f"Run {run.name} holds values in '{name}' that are not numbers; the motor's channels should "
+                "have no gaps."
+            )
+    # One call for all channels: designing the filter takes as long as filtering one of them.
+    filtered = dict(
+        zip(whole, low_pass(np.stack([channels[n] for n in whole]), rate, cutoff_hz), strict=True)
+    )
 
     def with_gaps(name: str) -> Array | None:
-        return low_pass_stretches(run.channel(name), rate, cutoff_hz) if run.has(name) else None
+        if name in filtered or name not in channels:
+            return filtered.get(name)
+        return low_pass_stretches(channels[name], rate, cutoff_hz)
 
     def twice(values: Array | None) -> tuple[Array | None, Array | None]:
         if values is None:
@@ -69,9 +85,9 @@ def prepare(run: Run, rig: Rig, cutoff_hz: float = THESIS_CUTOFF_HZ) -> Signals:
         velocity = derivative(values, rate)
         return velocity, derivative(velocity, rate)
 
-    position = low_pass(run.channel("motor_position"), rate, cutoff_hz)
+    position = filtered["motor_position"]
     velocity = derivative(position, rate)
-    mcp, pip = smooth("mcp_angle"), smooth("pip_angle")
+    mcp, pip = with_gaps("mcp_angle"), with_gaps("pip_angle")
     mcp_velocity, mcp_acceleration = twice(mcp)
     pip_velocity, pip_acceleration = twice(pip)
     return Signals(
@@ -79,11 +95,11 @@ def prepare(run: Run, rig: Rig, cutoff_hz: float = THESIS_CUTOFF_HZ) -> Signals:
         phase=run.phase,
         cable_sign=run.cable_sign,
         sample_rate_hz=rate,
-        time=run.channel("time"),
+        time=channels["time"],
         motor_position=position,
         motor_velocity=velocity,
         motor_acceleration=derivative(velocity, rate),
-        motor_torque=low_pass(run.channel("motor_torque"), rate, cutoff_hz),
+        motor_torque=filtered["motor_torque"],
         mcp=mcp,
         mcp_velocity=mcp_velocity,
         mcp_acceleration=mcp_acceleration,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fingerlab.errors import UserError
 from fingerlab.identify.thesis.onair import OnAirRun, reduce_run
+from fingerlab.identify.thesis.pieces import in_pieces
 from fingerlab.identify.thesis.pooling import CableFit, pool
 from fingerlab.identify.thesis.specs import FitSpec
 from fingerlab.identify.thesis.traces import trace
@@ -36,12 +37,12 @@ class SessionFit:
 
 
 def on_air_runs(session: Session) -> tuple[Run, ...]:
-    """Runs on air with a cable, in the order taken.
+    """Runs on air with a cable, in the order taken, long ones in pieces.
 
     Raises:
         UserError: the session has none.
     """
-    runs = tuple(run for run in session.runs if run.phase == "on_air" and run.cable_sign != 0)
+    runs = in_pieces(run for run in session.runs if run.phase == "on_air" and run.cable_sign != 0)
     if not runs:
         raise UserError(
             f"{session.path} has no run on air with a cable; moment arms and losses are fitted to runs of "

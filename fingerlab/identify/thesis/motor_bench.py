@@ -12,6 +12,7 @@ from scipy.stats import t as student
 from fingerlab.errors import UserError
 from fingerlab.identify.results import ParameterEstimate
 from fingerlab.identify.thesis.fitting import Progress
+from fingerlab.identify.thesis.pieces import in_pieces
 from fingerlab.identify.thesis.regression import CONFIDENCE
 from fingerlab.rig import Rig
 from fingerlab.sessions.model import Array, Run, Session
@@ -53,8 +54,8 @@ class _RunSums:
 
 
 def motor_bench_runs(session: Session) -> tuple[Run, ...]:
-    """The session's motor-bench runs, in the order taken."""
-    return tuple(run for run in session.runs if run.phase == "motor_bench")
+    """The session's motor-bench runs, in the order taken, long ones in pieces."""
+    return in_pieces(run for run in session.runs if run.phase == "motor_bench")
 
 
 def fit_motor_bench(session: Session, progress: Progress | None = None) -> MotorBenchFit:

@@ -10,6 +10,7 @@ from fingerlab.errors import UserError
 from fingerlab.identify.thesis.contact import ContactRun, reduce_contact_run
 from fingerlab.identify.thesis.examples import Example, example
 from fingerlab.identify.thesis.fitting import Progress
+from fingerlab.identify.thesis.pieces import in_pieces
 from fingerlab.identify.thesis.prediction import AngleStep, ParameterSet, angle_sweep
 from fingerlab.identify.thesis.traces import trace
 from fingerlab.sessions.model import Array, Run, Session
@@ -34,8 +35,8 @@ class SessionPrediction:
 
 
 def contact_runs(session: Session) -> tuple[Run, ...]:
-    """Runs in contact with a cable, in the order taken; may be empty."""
-    return tuple(run for run in session.runs if run.phase == "contact" and run.cable_sign != 0)
+    """Runs in contact with a cable, in the order taken, long ones in pieces; may be empty."""
+    return in_pieces(run for run in session.runs if run.phase == "contact" and run.cable_sign != 0)
 
 
 def predict_session(

@@ -177,3 +177,23 @@ def test_foreign_recording_with_a_delay(shared_data: Path) -> None:
     values = late["pip", "flexion"].delays_s.values
     assert min(values) > 0.003
     assert max(values) - min(values) <= 0.004
+
+
+def test_long_runs_are_cut_into_pieces_that_start_with_a_period(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same parameters in pieces, no sample lost or doubled, and never more than a piece in memory."""
+    from fingerlab.identify.thesis import pieces
+
+    monkeypatch.setattr(pieces, "LARGEST_PIECE", 15000)
+    tension = made.sine_tension(50.0)
+    whole = made.run("001", {**made.on_air(tension), "counter": np.arange(50000.0)})
+    parts = pieces.in_pieces([whole])
+    assert [p.name for p in parts] == ["001:1", "001:2", "001:3", "001:4"]
+    counters = [p.channel("counter") for p in parts]
+    np.testing.assert_array_equal(np.concatenate(counters), np.arange(50000.0))
+    assert all(c[0] % 1000 == 0 for c in counters)
+    assert max(map(len, counters)) <= 15000
+    np.testing.assert_array_equal(parts[1].channel("counter", 5, 8), counters[1][5:8])
+    fit = fit_session(made.session(whole), FitSpec()).cables["extension"]["pip", "flexion"]
+    assert fit.pooled is not None
+    assert fit.pooled.moment_arm.value == pytest.approx(made.B, rel=1e-3)
+    assert fit.runs == ("001:1", "001:2", "001:3", "001:4")
