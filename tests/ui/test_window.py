@@ -114,7 +114,7 @@ def test_opening_through_the_dialog_shows_model_and_measurement(opened: MainWind
     assert opened.windowTitle().startswith("invented.h5")
     # Equation and run of the worst stretch; SI torque in millinewton metres on the screen.
     assert opened.lab.bar.equation() == "mcp_torque"
-    assert opened.lab.bar.runs.currentText() == "Run 002 · on air · extension cable · sine 1 Hz, 15°"
+    assert opened.lab.bar.runs.currentText() == "Run 002 · on air, extension, sine 1 Hz, 15°"
     time, residual = opened.lab.plot.residual.series
     flexing = (np.cos(2 * np.pi * time) > 0.2) & np.isfinite(residual)
     assert residual[flexing].mean() == pytest.approx(1e3 * invented.FRICTION, rel=0.02)
@@ -145,13 +145,13 @@ def test_clicking_a_candidate_shows_its_fingerprint(opened: MainWindow) -> None:
     row = lab.candidates.list.index_of("stribeck_friction")
     QTest.mouseClick(view.viewport(), LEFT, Qt.KeyboardModifier.NoModifier, view.visualRect(row).center())
     assert lab.evidence.title.text().startswith("Stribeck friction")
-    assert child(opened, QLabel, "strength").text() == "torque: 5.1 (4.2 to 6.8) mN m"
+    assert child(opened, QLabel, "strength").text() == "torque 5.1 (4.2 to 6.8) mN m"
     x, curve = lab.evidence.plot.curve.getData()
     assert x[-1] == pytest.approx(np.degrees(1.8))
     assert curve[-1] == pytest.approx(5.1)
     QTest.keyClick(view, Qt.Key.Key_Up)
     assert lab.evidence.title.text().startswith("Coulomb friction")
-    assert child(opened, QLabel, "strength").text() == "torque: 4.8 ± 0.2 mN m"
+    assert child(opened, QLabel, "strength").text() == "torque 4.8 ± 0.2 mN m"
 
 
 def test_effects_that_cannot_be_told_apart_are_marked(opened: MainWindow) -> None:

@@ -11,12 +11,8 @@ from fingerlab.identify.results import EQUATION_TITLES, Comparison, EquationErro
 from fingerlab.sessions.model import Session
 
 from .equations import FLOOR_HELP, equation_text
+from .stretches import joined
 from .wording import error_texts, run_text
-
-
-def run_key(comparison: Comparison) -> str:
-    """Session and run in one text: Qt hands back a tuple as a list, a text as it is."""
-    return f"{comparison.session}\n{comparison.run}"
 
 
 class ComparisonBar(QWidget):
@@ -74,7 +70,7 @@ class ComparisonBar(QWidget):
         ``wanted`` is the equation and run to start at; None keeps the present choice where it exists.
         """
         keep_equation, keep_run = self.equation(), self.runs.currentData()
-        self._comparisons = {(c.equation, run_key(c)): c for c in comparisons}
+        self._comparisons = joined(comparisons)
         self._sessions = {c.session: _session_of(c, sessions) for c in comparisons} if sessions else {}
         present = [e for e in EQUATION_TITLES if any(key[0] == e for key in self._comparisons)]
         for equation, button in self._buttons.items():

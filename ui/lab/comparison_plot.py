@@ -19,6 +19,7 @@ from ..widgets.numbers import decimals_for, fixed
 from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
 from ..widgets.units import ScreenUnit, screen_unit
 from .equations import equation_text
+from .wording import failure_words
 
 AXIS_WIDTH = 72
 ZOOM_STEP = 1.5
@@ -60,10 +61,10 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.ci.setContentsMargins(0, 4, 8, 0)
         self.ci.setSpacing(4)
-        self.top: pg.PlotItem = self.addPlot(row=0, col=0)
-        self.bottom: pg.PlotItem = self.addPlot(row=1, col=0)
-        self.ci.layout.setRowStretchFactor(0, 5)
-        self.ci.layout.setRowStretchFactor(1, 4)
+        self.top: pg.PlotItem = self.addPlot(row=0, col=0, enableMenu=False)
+        self.bottom: pg.PlotItem = self.addPlot(row=1, col=0, enableMenu=False)
+        self.ci.layout.setRowStretchFactor(0, 10)
+        self.ci.layout.setRowStretchFactor(1, 9)
         for plot in (self.top, self.bottom):
             prepare_plot(plot)
             plot.getAxis("left").setWidth(AXIS_WIDTH)
@@ -181,7 +182,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
             stretch.setVisible(here)
             if here and self._failure is not None:
                 stretch.setRegion((self._failure.start, self._failure.stop))
-        self.stretch_named.emit(self._failure.text if here and self._failure is not None else "")
+        self.stretch_named.emit(failure_words(self._failure) if here else "")
 
     # how it looks
 

@@ -12,7 +12,7 @@ from ..widgets.numbers import estimate_text
 from .equations import EQUATION_TEXTS, FLOOR_HELP, equation_text, family_title
 from .fingerprint_plot import FingerprintPlot
 from .legend import FINGERPRINT, RESIDUAL_ONLY, LegendKeys
-from .wording import OUTCOME_TITLES, find_candidate, outcome_explanation
+from .wording import OUTCOME_TITLES, find_candidate, outcome_explanation, parameter_words
 
 
 class EvidencePanel(QWidget):
@@ -38,8 +38,8 @@ class EvidencePanel(QWidget):
         head = QHBoxLayout()
         head.setContentsMargins(0, 0, 8, 0)
         head.setSpacing(16)
-        head.addWidget(self.title, 3)
-        head.addWidget(self.strength, 2)
+        head.addWidget(self.title, 2)
+        head.addWidget(self.strength, 3)
         layout.addLayout(head)
         layout.addWidget(self.explanation)
         keys = QHBoxLayout()
@@ -65,12 +65,13 @@ class EvidencePanel(QWidget):
 
     def _show_candidate(self, candidate: Candidate, diagnosis: Diagnosis) -> None:
         places = ", ".join(_place(name) for name in candidate.equations)
-        self.title.setText(f"{candidate.title} · acts in: {places}" if places else candidate.title)
+        self.title.setText(candidate.title)
+        self.title.setToolTip(f"{candidate.title} acts in: {places}" if places else candidate.title)
         self.explanation.setText(candidate.explanation)
         self.explanation.setToolTip(candidate.explanation)
         self._set_strength(
             "   ".join(
-                f"{name.replace('_', ' ')}: {estimate_text(estimate)}"
+                f"{parameter_words(name)} {estimate_text(estimate)}"
                 for name, estimate in candidate.parameters.items()
             )
         )
@@ -91,7 +92,8 @@ class EvidencePanel(QWidget):
 
     def _set_strength(self, text: str) -> None:
         self.strength.setText(text)
-        self.strength.setToolTip(f"{text}\nFitted strength with its 90 % interval." if text else "")
+        lines = text.replace("   ", "\n")
+        self.strength.setToolTip(f"{lines}\nFitted strength with its 90 % interval." if text else "")
 
 
 def _place(name: str) -> str:

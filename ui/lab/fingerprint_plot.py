@@ -23,7 +23,7 @@ class FingerprintPlot(pg.PlotWidget):
     """Bins as points with their interval, the effect as a green curve, the floor as a grey band."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+        super().__init__(parent, enableMenu=False)
         self.setObjectName("fingerprint")
         self.setAcceptDrops(False)  # a file dropped here is for the window
         self.setAccessibleName("Fingerprint: residual against the effect's own coordinate")

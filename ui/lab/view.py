@@ -67,7 +67,7 @@ class LabView(QWidget):
         for widget, share in ((upper, 11), (middle, 9), (self.path, 4)):
             splitter.addWidget(widget)
             splitter.setStretchFactor(splitter.count() - 1, share)
-        splitter.setSizes([384, 244, 104])
+        splitter.setSizes([360, 272, 100])
         self.steps.setFixedWidth(STEPS_WIDTH)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(8, 8, 8, 8)
@@ -116,8 +116,10 @@ class LabView(QWidget):
         self.path.show_history(history)
         self.truth.show_history(history)
         self.steps.set_results(step_results(diagnosis, history))
-        settled = bool(history.now.added) or diagnosis.verdict in (NOTHING, UNKNOWN)
-        self.steps.set_current("true" if settled else "add")
+        if history.now.added or diagnosis.verdict == NOTHING:
+            self.steps.set_current("true")
+        else:
+            self.steps.set_current("missing" if diagnosis.verdict == UNKNOWN else "add")
         self.right.setCurrentWidget(self.truth if history.now.added else self.evidence)
         if first_look:
             self.candidates.view.setFocus()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fingerlab.identify.results import Candidate, Comparison, Diagnosis, EquationError
+from fingerlab.identify.results import Candidate, Comparison, Diagnosis, EquationError, Failure
 from fingerlab.sessions.model import Session
 
 from ..widgets.numbers import decimals_for, fixed, percent, score_text
@@ -11,6 +11,7 @@ from .history import History
 
 NOTHING = "nothing_missing"
 UNKNOWN = "not_in_catalogue"
+NO_BREAK = "\u00a0"
 OUTCOME_TITLES = {NOTHING: "Nothing missing", UNKNOWN: "Not in the catalogue"}
 PHASES = {"on_air": "on air", "contact": "contact", "motor_bench": "motor bench", "free": "free"}
 
@@ -23,6 +24,14 @@ def lower_first(title: str) -> str:
     if title[:2].isupper() or title.startswith(PROPER_NAMES):
         return title
     return title[:1].lower() + title[1:]
+
+
+def failure_words(failure: Failure | None) -> str:
+    """What the finger does in the worst stretch; equation, run and time are seen beside it anyway."""
+    if failure is None:
+        return "no stretch stands out"
+    place, _, words = failure.text.partition(": ")
+    return (words or place).partition(";")[0].strip()
 
 
 def find_candidate(diagnosis: Diagnosis, effect: str) -> Candidate | None:
@@ -77,11 +86,10 @@ def outcome_explanation(outcome: str, diagnosis: Diagnosis) -> str:
 def step_results(diagnosis: Diagnosis, history: History) -> dict[str, str]:
     """What each of the five steps found, in a few words; a step not yet done is left out."""
     results = {"compare": f"error {score_text(diagnosis.score)} × floor"}
-    failure = diagnosis.failure
-    results["where"] = failure.text if failure is not None else "no stretch stands out"
+    results["where"] = failure_words(diagnosis.failure)
     if diagnosis.verdict == "missing_effect":
         best = diagnosis.candidates[0]
-        results["missing"] = f"{best.title} {percent(best.probability)}"
+        results["missing"] = f"{best.title} {percent(best.probability).replace(' ', NO_BREAK)}"
     elif diagnosis.verdict == UNKNOWN:
         results["missing"] = "not in the catalogue"
     else:
@@ -113,17 +121,15 @@ def error_texts(before: EquationError, now: EquationError) -> tuple[str, str, st
 
 def run_text(comparison: Comparison, session: Session | None, many: bool) -> str:
     """A run in the list: number, phase, cable, what the motor did."""
-    parts = [f"Run {comparison.run}", PHASES.get(comparison.phase, comparison.phase)]
+    parts = [PHASES.get(comparison.phase, comparison.phase)]
     run = next((r for r in session.runs if r.name == comparison.run), None) if session else None
     if run is not None:
         if run.cable != "none":
-            parts.append(f"{run.cable} cable")
+            parts.append(run.cable)
         trajectory = trajectory_text(dict(run.trajectory))
         if trajectory:
             parts.append(trajectory)
-    if not comparison.held_out:
-        parts.append("used in the fit")
-    text = " · ".join(parts)
+    text = f"Run {comparison.run} · {', '.join(parts)}"
     return f"{session.path.stem}: {text}" if many and session is not None else text
 
 
@@ -160,11 +166,20 @@ def sessions_text(sessions: tuple[Session, ...]) -> str:
     return f"{names} · {total} run{'s' if total != 1 else ''}: {phases}" if total else f"{names} · no runs"
 
 
+def parameter_words(name: str) -> str:
+    """A parameter's name in words."""
+    words = name.removesuffix("_deg").split("_")
+    capitals = {"mcp": "MCP", "pip": "PIP", "coulomb": "Coulomb", "stribeck": "Stribeck"}
+    return " ".join(capitals.get(word, word) for word in words)
+
+
 def next_experiment_text(diagnosis: Diagnosis, history: History) -> str:
     """What to record next, and what that would tell apart."""
     wanted = diagnosis.next_experiment
     if not wanted:
-        return "No further recording is called for."
+        if diagnosis.verdict == NOTHING:
+            return "No further recording is called for."
+        return "No recording is known that would tell more."
     raw = wanted.get("trajectory")
     trajectory = trajectory_text(raw) if isinstance(raw, dict) else str(raw or "")
     phase = PHASES.get(str(wanted.get("phase", "")), str(wanted.get("phase", "")))

@@ -11,8 +11,7 @@ from .units import ScreenUnit
 
 
 def prepare_plot(plot: pg.PlotItem) -> None:
-    """Once for each plot: no hidden menus, no auto-ranging, readable ticks."""
-    plot.setMenuEnabled(False)
+    """Once for each plot: no auto-ranging, readable ticks."""
     plot.hideButtons()
     plot.getViewBox().disableAutoRange()
     for name in ("left", "bottom"):
@@ -36,7 +35,7 @@ def label_left(plot: pg.PlotItem, quantity: str, unit: ScreenUnit) -> None:
     """Quantity and unit along the left axis; the unit alone where the plot is too low for both."""
     text = unit.label(quantity)
     metrics = QFontMetricsF(small_font())
-    if metrics.horizontalAdvance(text) > plot.getViewBox().height() and unit.symbol:
+    if metrics.horizontalAdvance(text) > 1.05 * plot.getViewBox().height() and unit.symbol:
         text = unit.symbol
     if plot.getAxis("left").labelText != text:
         plot.setLabel("left", text)

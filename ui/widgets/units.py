@@ -33,6 +33,8 @@ def screen_unit(si: str, largest: float) -> ScreenUnit:
         return ScreenUnit(prefix + _pretty(si), 1e6 if prefix == "µ" else 1e3)
     if si == "rad" or si.startswith("rad/"):
         return ScreenUnit("°" + _pretty(si[3:]), DEGREES)
+    if si == "deg":
+        return ScreenUnit("°", 1.0)
     if si == "1/rad":
         return ScreenUnit("1/°", 1.0 / DEGREES)
     if si == "kg":

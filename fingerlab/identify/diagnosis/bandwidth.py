@@ -59,12 +59,12 @@ def narrow_count(length: int) -> int:
 
 
 def narrow(columns: Array) -> Array:
-    """Low-pass at 8 Hz and decimate to 25 Hz along axis 0; shape (n, k) -> (narrow_count(n), k)."""
-    count = narrow_count(len(columns))
-    filtered = upfirdn(_NARROW, columns, down=NARROW_STEP, axis=0)
+    """Low-pass at 8 Hz and decimate to 25 Hz along the last axis; shape (..., n) -> (..., narrow_count(n))."""
+    count = narrow_count(columns.shape[-1])
+    filtered = upfirdn(_NARROW, columns, down=NARROW_STEP, axis=-1)
     # Output k of upfirdn ends at wide sample k*step; the first whole window ends at taps-1.
     first = (NARROW_TAPS - 1) // NARROW_STEP
-    return np.asarray(filtered[first : first + count])
+    return np.asarray(filtered[..., first : first + count])
 
 
 assert (NARROW_TAPS - 1) % NARROW_STEP == 0, "the first whole window must fall on a decimated sample"

@@ -89,11 +89,10 @@ class Display:
                 (
                     nominal.contact_lever_mcp(finger, q.mcp, q.pip),
                     nominal.contact_lever_pip(finger, q.mcp, q.pip),
-                ),
-                1,
+                )
             )
-            both = narrow(both[MARGIN:-MARGIN])
-            levers = (both[:, 0], both[:, 1])
+            both = narrow(both[:, MARGIN:-MARGIN])
+            levers = (both[0], both[1])
         kept = Kept(
             str(session.path), run.name, run.phase, group_key(run), low.columns.astype(np.float32), low.taut,
             low.time, _coordinates(motion), levers,
@@ -137,8 +136,8 @@ def _coordinates(motion: Motion) -> dict[str, Array]:
         }
     if motion.force is not None:
         wide["force"] = motion.force
-    narrowed = narrow(np.stack([v[MARGIN:-MARGIN] for v in wide.values()], axis=1))
-    return {name: narrowed[:, i] for i, name in enumerate(wide)}
+    narrowed = narrow(np.stack([v[MARGIN:-MARGIN] for v in wide.values()]))
+    return {name: narrowed[i] for i, name in enumerate(wide)}
 
 
 def _residuals(trial: Trial, group: Group, kept: Kept) -> dict[Row, Array]:

@@ -66,8 +66,7 @@ def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
     """
     zero, count = max(base.misfit, 0.0), base.count
     charged = np.array([t.misfit + EARNED_SHARE * freedom(t) * max(zero - t.misfit, 0.0) for t in trials])
-    best = float(charged.min()) if len(trials) else zero
-    heat = temperature(min(best, zero), count)
+    heat = temperature(min((t.misfit for t in trials), default=zero), count)
     tolerated = zero - max(LEAST_SHARE * zero, LEAST_FALL * count)
     effects = -0.5 * charged / heat + np.log(PRIOR_EFFECTS / max(len(trials), 1))
     nothing = -0.5 * tolerated / heat + np.log(PRIOR_NOTHING)

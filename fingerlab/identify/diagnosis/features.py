@@ -25,6 +25,9 @@ from fingerlab.sessions.model import Array
 SHIFTS_S = tuple(0.024 * k for k in range(-2, 10))
 """Delays (s) at which the motor's channels are kept; values between them are interpolated."""
 INTERPOLATION_POINTS = 6
+SLOPE = len(SHIFTS_S)
+"""Index of a motor channel's time derivative, which stands for the shifts where the delay stays below 1 ms."""
+NO_SHIFT = SHIFTS_S.index(0.0)
 
 
 TOUCHING_FORCE_N = 0.2
@@ -36,7 +39,7 @@ class Feature:
     """A column: the equation it stands in and how its coefficient is made.
 
     ``parameter`` names the unknown that multiplies it (None: none), ``constant`` what it has without.
-    ``shift`` is an index into ``SHIFTS_S`` for a motor channel. ``routed`` unknowns have one value for each
+    ``shift`` is an index into ``SHIFTS_S``, or ``SLOPE``, for a motor channel. ``routed`` unknowns have one value for each
     cable routing. ``owner`` is the effect that brings it (None: nominal model and nuisances) at the grid
     point ``shape``.
     """
@@ -218,9 +221,16 @@ def shift_weights(delay: float) -> tuple[Array, Array]:
     place = (delay - SHIFTS_S[0]) / spacing
     first = min(max(int(np.floor(place)) - count // 2 + 1, 0), len(SHIFTS_S) - count)
     powers = (place - first) ** np.arange(count)
-    weights, slopes = np.zeros(len(SHIFTS_S)), np.zeros(len(SHIFTS_S))
+    weights, slopes = np.zeros(SLOPE + 1), np.zeros(SLOPE + 1)
     weights[first : first + count] = _LAGRANGE @ powers
     slopes[first : first + count] = _LAGRANGE[:, 1:] @ (np.arange(1, count) * powers[:-1]) / spacing
+    return weights, slopes
+
+
+def slope_weights(delay: float) -> tuple[Array, Array]:
+    """The same for a delay so small that the channel's value and time derivative are enough."""
+    weights, slopes = np.zeros(SLOPE + 1), np.zeros(SLOPE + 1)
+    weights[NO_SHIFT], weights[SLOPE], slopes[SLOPE] = 1.0, -delay, -1.0
     return weights, slopes
 
 

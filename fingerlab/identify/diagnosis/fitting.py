@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
-from fingerlab.identify.diagnosis.features import SHIFTS_S, Layout
+from fingerlab.identify.diagnosis.features import NO_SHIFT, Layout
 from fingerlab.identify.diagnosis.model import Model
 from fingerlab.identify.diagnosis.reduction import Fold, Group, GroupKey
 from fingerlab.physics.effects.base import Row
@@ -90,19 +90,22 @@ class Fitter:
             loose = 0.0 if model.slack_free else slack[chosen] / SLACK_SPREAD_M**2
             self.matrices.append(EFFECTIVE_SHARE * (clean[chosen] * weight + loose))
             self.curvatures.append(EFFECTIVE_SHARE * (gram[chosen] * weight + loose))
+        self._mean = model.start()
+        self._stiffness = self._prior_weight() / model.spread**2
+        self._low, self._high = model.low, model.high
+        self._at: tuple[Array, list[tuple[Array, Array]]] | None = None
+
+    def _coefficients(self, values: Array) -> list[tuple[Array, Array]]:
+        if self._at is None or not np.array_equal(self._at[0], values):
+            self._at = (values.copy(), [self.model.coefficients(values, g) for g in self.data.groups])
+        return self._at[1]
 
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""
-        total = float(
-            np.sum((values - self._prior_mean()) ** 2 / self.model.spread**2 * self._prior_weight())
-        )
-        for group, matrix in zip(self.data.groups, self.matrices, strict=True):
-            h, _ = self.model.coefficients(values, group)
+        total = float(np.sum((values - self._mean) ** 2 * self._stiffness))
+        for (h, _), matrix in zip(self._coefficients(values), self.matrices, strict=True):
             total += float(h @ matrix @ h)
         return total
-
-    def _prior_mean(self) -> Array:
-        return self.model.start()
 
     def _prior_weight(self) -> Array:
         """1 for nuisances; weak for moment arms, losses, offsets and effects, of which nothing is known."""
@@ -118,15 +121,15 @@ class Fitter:
 
     def run(self, start: Array | None = None, iterations: int = 12) -> Fit:
         """Gauss-Newton with step halving from ``start``; stops when the cost no longer falls."""
-        values = np.clip(self.model.start() if start is None else start, self.model.low, self.model.high)
+        values = np.clip(self._mean if start is None else start, self._low, self._high)
         cost = self.cost(values)
         information = np.eye(len(values))
         for _ in range(iterations):
             gradient, information = self._normal_equations(values)
-            step = _bounded_step(values, gradient, information, self.model.low, self.model.high)
+            step = _bounded_step(values, gradient, information, self._low, self._high)
             improved = False
             for fraction in (1.0, 0.5, 0.2, 0.05):
-                trial = np.clip(values + fraction * step, self.model.low, self.model.high)
+                trial = np.clip(values + fraction * step, self._low, self._high)
                 trial_cost = self.cost(trial)
                 if trial_cost < cost:
                     gain = cost - trial_cost
@@ -137,11 +140,10 @@ class Fitter:
         return Fit(values, information, cost)
 
     def _normal_equations(self, values: Array) -> tuple[Array, Array]:
-        prior = self._prior_weight() / self.model.spread**2
-        gradient = prior * (values - self._prior_mean())
-        information = np.diag(prior)
-        for group, matrix, curvature in zip(self.data.groups, self.matrices, self.curvatures, strict=True):
-            h, jacobian = self.model.coefficients(values, group)
+        gradient = self._stiffness * (values - self._mean)
+        information = np.diag(self._stiffness)
+        sums = zip(self._coefficients(values), self.matrices, self.curvatures, strict=True)
+        for (h, jacobian), matrix, curvature in sums:
             gradient = gradient + h @ matrix @ jacobian
             information = information + jacobian.T @ curvature @ jacobian
         return gradient, information
@@ -187,19 +189,17 @@ def row_covariance(model: Model, values: Array, group: Group, matrix: Array, sam
     """Covariance (5, 5) of the equations' residuals from a matrix of feature products over ``samples``."""
     rows = model.layout.rows()[model.active]
     h, _ = model.coefficients(values, group)
-    products = h[:, None] * matrix[np.ix_(model.active, model.active)] * h[None, :]
-    covariance = np.zeros((5, 5))
-    for i in Row:
-        for j in Row:
-            covariance[i, j] = products[np.ix_(rows == i, rows == j)].sum()
-    return covariance / max(samples, 1.0)
+    spread = np.zeros((len(h), len(Row)))
+    spread[np.arange(len(h)), rows] = h
+    covariance = spread.T @ matrix[np.ix_(model.active, model.active)] @ spread
+    return np.asarray(covariance / max(samples, 1.0))
 
 
 def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
     """Moment arms (m) of each routing from a straight regression of tension on joint torque in free motion."""
     arms: dict[str, float] = {}
     order = sorted(groups, key=lambda g: g.key[1] != "free")
-    zero_shift = SHIFTS_S.index(0.0)
+    zero_shift = NO_SHIFT
     for group in order:
         routing = {1: "flexion", -1: "extension"}.get(group.cable_sign)
         if routing is None or f"arm_mcp@{routing}" in arms:

@@ -7,7 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fingerlab.identify.diagnosis.features import Feature, Layout, shift_weights
+from fingerlab.identify.diagnosis.features import (
+    NO_SHIFT,
+    SLOPE,
+    Feature,
+    Layout,
+    shift_weights,
+    slope_weights,
+)
 from fingerlab.identify.diagnosis.reduction import Group
 from fingerlab.physics.effects.base import Effect, Gain, Row
 from fingerlab.sessions.model import Array
@@ -39,6 +46,7 @@ class Model:
         unknowns: free parameters in the order of the parameter vector.
         active: indices of the features that take part, shape (k,).
         slack_free: whether the cable may be slack at no cost.
+        delayed: whether the motor's channels may be late by more than a millisecond.
     """
 
     layout: Layout
@@ -46,6 +54,7 @@ class Model:
     unknowns: tuple[Unknown, ...]
     active: Array
     slack_free: bool
+    delayed: bool
     index: dict[str, int]
     tables: dict[int, _Table] = field(default_factory=dict)
 
@@ -80,7 +89,8 @@ class Model:
         divisor = np.where(table.inverse, inner, 1.0)
         scale = table.sign * np.where(table.inverse, 1.0 / divisor, inner)
         change = table.sign * np.where(table.inverse, -1.0 / divisor**2, 1.0)
-        weights, slopes = shift_weights(values[table.delay] if table.delay >= 0 else 0.0)
+        delay = float(values[table.delay]) if table.delay >= 0 else 0.0
+        weights, slopes = shift_weights(delay) if self.delayed else slope_weights(delay)
         shifted = table.shift >= 0
         weight = np.where(shifted, weights[table.shift], 1.0)
         lines = np.arange(len(amount))
@@ -172,7 +182,14 @@ def build(layout: Layout, groups: Sequence[Group], choices: Sequence[Choice]) ->
                 unknowns.append(Unknown("delay", choice.effect.gains["delay"]))
         if "delay" not in special:
             unknowns.append(Unknown("delay", layout.nuisances["delay"]))
-    active = [i for i in layout.base if layout.features[i].row != Row.FORCE]
+    delayed = "delay" in special
+    kept = (None, NO_SHIFT, SLOPE)
+    active = [
+        i
+        for i in layout.base
+        if layout.features[i].row != Row.FORCE
+        and (layout.features[i].shift != SLOPE if delayed else layout.features[i].shift in kept)
+    ]
     for choice in choices:
         if choice.effect.special == "delay":
             continue
@@ -181,4 +198,6 @@ def build(layout: Layout, groups: Sequence[Group], choices: Sequence[Choice]) ->
         ]
         active += list(layout.indices(choice.effect.id, choice.shape))
     index = {u.key: i for i, u in enumerate(unknowns)}
-    return Model(layout, tuple(choices), tuple(unknowns), np.array(active), "slack" in special, index)
+    return Model(
+        layout, tuple(choices), tuple(unknowns), np.array(active), "slack" in special, delayed, index
+    )

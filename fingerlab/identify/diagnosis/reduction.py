@@ -16,6 +16,7 @@ from fingerlab.errors import Cancelled, UserError
 from fingerlab.identify.diagnosis.bandwidth import NARROW_RATE_HZ, WIDE_RATE_HZ, narrow
 from fingerlab.identify.diagnosis.features import (
     SHIFTS_S,
+    SLOPE,
     Feature,
     Layout,
     base_columns,
@@ -97,7 +98,7 @@ def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> La
     """The features in the order in which :func:`narrow_columns` fills them."""
     features = [f for f, _ in base_columns(motion)]
     for feature, _ in shifted_columns(motion):
-        shifts: Sequence[int | None] = [None] if motion.finger is None else range(len(SHIFTS_S))
+        shifts: Sequence[int | None] = [None] if motion.finger is None else range(SLOPE + 1)
         features += [_with(feature, shift=k) for k in shifts]
     base = np.arange(len(features))
     for effect in effects:
@@ -125,22 +126,22 @@ def narrow_columns(motion: Motion, effects: Sequence[Effect]) -> Narrow:
         for shift in SHIFTS_S:
             k = round(shift * WIDE_RATE_HZ)
             columns.append(values[MARGIN - k : n - MARGIN - k])
+        columns.append(np.gradient(values, 1.0 / motion.sample_rate_hz)[inner])
     for effect in effects:
         for shape in effect.shapes:
             columns += [term.values[inner] for term in effect.columns(motion, shape)]
-    wide = np.stack(columns, axis=1)
-    low = narrow(wide)
-    return Narrow(low, _taut(motion, inner), narrow(motion.time[inner, None])[:, 0], motion)
+    low = narrow(np.stack(columns))
+    return Narrow(low.T, _taut(motion, inner), narrow(motion.time[inner]), motion)
 
 
 def _taut(motion: Motion, inner: slice) -> Array:
     """Samples into whose low-pass window no slack moment falls."""
     if motion.finger is None:
-        return np.ones(len(narrow(motion.time[inner, None])), dtype=bool)
+        return np.ones(len(narrow(motion.time[inner])), dtype=bool)
     pull = (motion.torque - (motion.motor.inertia or 0.0) * motion.acceleration) / motion.radius
     smooth = np.convolve(pull, np.ones(9) / 9, mode="same")  # 36 ms: the tension's own noise is then small
     loose = (smooth < SLACK_TENSION_N).astype(float)
-    return np.asarray(np.abs(narrow(loose[inner, None])[:, 0]) < 0.01)
+    return np.asarray(np.abs(narrow(loose[inner])) < 0.01)
 
 
 def runs_to_analyse(sessions: Sequence[Session]) -> tuple[list[tuple[Session, Run]], bool]:

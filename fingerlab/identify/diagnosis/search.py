@@ -85,7 +85,7 @@ def weigh(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch) ->
     watch.tell(0.95, "scoring on held-out runs")
     scored = [study.hold_out(t) for t in trials[:HELD_OUT_TRIALS]]
     scored += [study.count(study.fit(t.model.choices, t, 1)) for t in trials[HELD_OUT_TRIALS:]]
-    return judge(study.hold_out(base), scored)
+    return judge(study.hold_out(base, residuals=True), scored)
 
 
 def drop_idle(study: Study, trial: Trial, keep: int) -> Trial:

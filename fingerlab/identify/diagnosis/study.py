@@ -107,10 +107,11 @@ class Study:
         ]
         return Trial(trial.model, trial.fit, np.array(misfits))
 
-    def hold_out(self, trial: Trial) -> Trial:
+    def hold_out(self, trial: Trial, residuals: bool = False) -> Trial:
         """The same model with every run scored by a fit that has not seen it.
 
-        Fold k of every group is left out together. A group with one run only is scored in sample.
+        Fold k of every group is left out together. A group with one run only is scored in sample. With
+        ``residuals`` the equations' own residuals are kept too.
         """
         rounds = max(len(g.folds) for g in self.reduced.groups)
         scored: dict[tuple[GroupKey, int], tuple[float, float]] = {}
@@ -121,10 +122,11 @@ class Study:
             for i, group in enumerate(self.reduced.groups):
                 if k < len(group.folds):
                     scored[group.key, k] = self._square(trial.model, fit.values, i, k)
-                    products[group.key] += self._products(trial.model, fit.values, i, k)
+                    if residuals:
+                        products[group.key] += self._products(trial.model, fit.values, i, k)
         misfits = [scored[g.key, k] for g in self.reduced.groups for k in range(len(g.folds))]
-        residuals = {g.key: products[g.key] / max(g.samples, 1) for g in self.reduced.groups}
-        return Trial(trial.model, trial.fit, np.array(misfits), True, residuals)
+        means = {g.key: products[g.key] / max(g.samples, 1) for g in self.reduced.groups}
+        return Trial(trial.model, trial.fit, np.array(misfits), True, means if residuals else {})
 
     def reweigh(self, trial: Trial) -> None:
         """Take the noise covariance that the trial's own features leave between cycles as the new weights."""
