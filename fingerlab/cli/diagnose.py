@@ -32,11 +32,13 @@ def diagnose(sessions: tuple[Path, ...], added: tuple[str, ...], json_target: st
     Scores are held-out errors in units of the bench's repeatability: 1.0 is the floor.
     """
     from fingerlab.identify.diagnosis import diagnose as run
-    from fingerlab.sessions import open_session
+    from fingerlab.sessions import check_session, open_session
 
     if json_target not in (None, "-"):
         refuse_existing(Path(str(json_target)))
     opened = [open_session(path) for path in sessions]
+    for session in opened:
+        check_session(session).raise_first()
     bar, report = progress_bar("Diagnosing")
     with bar:
         result = run(opened, added, progress=report, with_curves=False)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.signal import firwin, upfirdn
+from scipy.signal import firwin
 
 from fingerlab.sessions.model import Array
 
@@ -61,10 +61,17 @@ def narrow_count(length: int) -> int:
 def narrow(columns: Array) -> Array:
     """Low-pass at 8 Hz and decimate to 25 Hz along the last axis; shape (..., n) -> (..., narrow_count(n))."""
     count = narrow_count(columns.shape[-1])
-    filtered = upfirdn(_NARROW, columns, down=NARROW_STEP, axis=-1)
-    # Output k of upfirdn ends at wide sample k*step; the first whole window ends at taps-1.
-    first = (NARROW_TAPS - 1) // NARROW_STEP
-    return np.asarray(filtered[..., first : first + count])
+    if count == 0:
+        return np.zeros((*columns.shape[:-1], 0))
+    parts = len(_POLYPHASE[0])
+    blocks = count + parts - 1
+    padded = np.zeros((*columns.shape[:-1], blocks * NARROW_STEP))
+    used = min(columns.shape[-1], padded.shape[-1])
+    padded[..., :used] = columns[..., :used]
+    # One product for all blocks of a step; then part j of the kernel has met block k + j of output k.
+    products = padded.reshape(*columns.shape[:-1], blocks, NARROW_STEP) @ _POLYPHASE
+    return np.sum([products[..., j : j + count, j] for j in range(parts)], axis=0)
 
 
-assert (NARROW_TAPS - 1) % NARROW_STEP == 0, "the first whole window must fall on a decimated sample"
+_POLYPHASE = np.pad(_NARROW, (0, -NARROW_TAPS % NARROW_STEP)).reshape(-1, NARROW_STEP).T
+"""The kernel cut into steps: row m, column j holds tap j * step + m."""

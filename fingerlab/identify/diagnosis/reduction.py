@@ -7,7 +7,9 @@ effects then cost nothing that grows with the recording.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,7 +25,7 @@ from fingerlab.identify.diagnosis.features import (
     nuisance_ranges,
     shifted_columns,
 )
-from fingerlab.identify.diagnosis.stretches import stretches
+from fingerlab.identify.diagnosis.stretches import LONGEST_STRETCH_S, stretches
 from fingerlab.physics.effects.base import Effect, Row
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
@@ -34,6 +36,9 @@ FOLDS = 10
 """Runs of a group are dealt to at most this many folds; ten runs or fewer are held out one by one."""
 SLACK_TENSION_N = 0.12
 """Below this tension the cable may be slack, N; assumed: a few times the noise of the current at 8 Hz."""
+
+WORKERS = 2
+"""Threads that form columns ahead of the sums; numpy lets go of the interpreter in its inner loops."""
 
 GroupKey = tuple[str, str]
 
@@ -200,13 +205,14 @@ def reduce_sessions(
         key = group_key(run)
         totals[key] = totals.get(key, 0) + 1
     seen: dict[GroupKey, int] = {}
+    narrowed = _narrowed_ahead(pairs, effects)
     for number, (session, run) in enumerate(pairs):
         if cancelled is not None and cancelled():
             raise Cancelled
         if progress is not None:
             progress(number / len(pairs), f"reading run {run.name}")
         key = group_key(run)
-        for low in narrow_stretches(run, session, effects):
+        for low in next(narrowed):
             if layout is None:
                 layout = layout_of(low.wide, session, effects)
             if key not in groups:
@@ -231,6 +237,35 @@ def reduce_sessions(
 def cable_rows(layout: Layout) -> Array:
     """Which features stand in the cable equation, (features,) bool."""
     return np.array([f.row == Row.CABLE for f in layout.features])
+
+
+def _narrowed_ahead(
+    pairs: Sequence[tuple[Session, Run]], effects: Sequence[Effect]
+) -> Iterator[Iterable[Narrow]]:
+    """The runs' stretches in order; the next run is worked on while the caller adds up the last.
+
+    A run that is longer than one stretch is not worked on ahead, so that memory stays that of a few minutes.
+    """
+    longest = LONGEST_STRETCH_S
+
+    def work(pair: tuple[Session, Run]) -> Iterable[Narrow]:
+        session, run = pair
+        narrow_run = narrow_stretches(run, session, effects)
+        return list(narrow_run) if run.length <= longest * run.sample_rate_hz else narrow_run
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        ahead: deque[Future[Iterable[Narrow]]] = deque()
+        waiting = iter(pairs)
+        try:
+            for pair in waiting:
+                ahead.append(pool.submit(work, pair))
+                if len(ahead) > WORKERS:
+                    yield ahead.popleft().result()
+            while ahead:
+                yield ahead.popleft().result()
+        finally:
+            for future in ahead:
+                future.cancel()
 
 
 def _add(fold: Fold, low: Narrow, layout: Layout) -> None:

@@ -18,6 +18,8 @@ LONGEST_STRETCH_S = 60.0
 SETTLING_S = 2.0
 """Left out at the start of a run: the ramp from rest (1.5 s on the bench) and the end of its transient, s."""
 SHORTEST_STRETCH_S = 2.0
+CLEARLY_NEGATIVE_WORK = 0.1
+"""Share of the absolute work that must be negative before a bench's torque is read as a reaction; assumed."""
 
 FINGER_CHANNELS = ("motor_position", "motor_torque", "mcp_angle", "pip_angle")
 BENCH_CHANNELS = ("motor_position", "motor_torque")
@@ -64,6 +66,8 @@ def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool) -> Motion
         return widen(values, kernels, step)
 
     position, torque = read("motor_position"), read("motor_torque")
+    if on_bench:
+        torque = _drive_sign(torque[0], position[1]) * torque
     joints = force = load = None
     if on_bench:
         load = read("load_torque")[0] if run.has("load_torque") else np.zeros(position.shape[1])
@@ -87,6 +91,16 @@ def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool) -> Motion
         force=force,
         load=load,
     )
+
+
+def _drive_sign(torque: Array, velocity: Array) -> float:
+    """-1 where a bench's torque does clearly negative work on a passive load, else +1.
+
+    A machine that only rubs and stores cannot give back more work than it gets: such a recording shows the
+    reaction, and its sign is turned so that friction opposes motion.
+    """
+    work, traffic = float(torque @ velocity), float(np.abs(torque) @ np.abs(velocity))
+    return -1.0 if work < -CLEARLY_NEGATIVE_WORK * traffic else 1.0
 
 
 def _force(run: Run, start: int, stop: int, kernels: Array, step: int) -> Array | None:

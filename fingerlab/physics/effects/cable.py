@@ -17,7 +17,9 @@ MOTOR_STICKING_TRAVEL_DEG = 0.15
 
 def winding_state(motion: Motion, travel_deg: float = MOTOR_STICKING_TRAVEL_DEG) -> Array:
     """Direction of cable travel with sticking, in [-1, 1], shape (n,); +1 winding in."""
-    return stop_operator(motion.position, float(np.radians(travel_deg)))
+    return motion.remember(
+        ("winding", travel_deg), lambda: stop_operator(motion.position, float(np.radians(travel_deg)))
+    )
 
 
 def pull_terms(gain: str, pull: Array) -> list[Term]:

@@ -35,7 +35,10 @@ def _viscous(motion: Motion, shape: Shape) -> list[Term]:
 def _states(motion: Motion, travel_deg: float) -> tuple[Array, Array]:
     _, joints = motion.finger_and_joints
     travel = float(np.radians(travel_deg))
-    return stop_operator(joints.mcp, travel), stop_operator(joints.pip, travel)
+    return (
+        motion.remember(("sticking mcp", travel), lambda: stop_operator(joints.mcp, travel)),
+        motion.remember(("sticking pip", travel), lambda: stop_operator(joints.pip, travel)),
+    )
 
 
 def _coulomb(motion: Motion, shape: Shape) -> list[Term]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -31,6 +32,13 @@ class Motion:
     joints: nominal.JointMotion | None = None
     force: Array | None = None
     load: Array | None = None
+    _memory: dict[object, Array] = field(default_factory=dict, repr=False, compare=False)
+
+    def remember(self, key: object, make: Callable[[], Array]) -> Array:
+        """``make()``, computed once for each ``key``: several effects share the same state of friction."""
+        if key not in self._memory:
+            self._memory[key] = make()
+        return self._memory[key]
 
     @property
     def radius(self) -> float:
