@@ -59,7 +59,7 @@ def narrow_count(length: int) -> int:
 
 
 def narrow(columns: Array) -> Array:
-    """Low-pass at 8 Hz and decimate to 25 Hz along the last axis; shape (..., n) -> (..., narrow_count(n))."""
+    """Low-pass at 8 Hz and decimate to 25 Hz; shape (..., n) -> (..., narrow_count(n))."""
     count = narrow_count(columns.shape[-1])
     if count == 0:
         return np.zeros((*columns.shape[:-1], 0))

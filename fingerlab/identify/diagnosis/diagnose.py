@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -17,8 +17,8 @@ from fingerlab.identify.diagnosis.next_experiment import propose
 from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
 from fingerlab.identify.diagnosis.search import Watch, forward, refine, weigh
 from fingerlab.identify.diagnosis.study import Study, Trial
-from fingerlab.identify.diagnosis.wording import detectable, explanation, parameters
-from fingerlab.identify.results import Candidate, Diagnosis, ParameterEstimate, PathStep, Verdict
+from fingerlab.identify.diagnosis.wording import Z90, detectable, deviations, explanation, parameters
+from fingerlab.identify.results import Candidate, Diagnosis, Fingerprint, ParameterEstimate, PathStep, Verdict
 from fingerlab.physics.effects import CATALOGUE, effect
 from fingerlab.physics.effects.base import Effect
 from fingerlab.sessions.model import Session
@@ -138,7 +138,9 @@ def _verdict(evidence: Evidence) -> Verdict:
     return "missing_effect" if found >= evidence.unknown else "not_in_catalogue"
 
 
-def _candidates(evidence: Evidence, chosen: Sequence[int], loose: int, prints: dict) -> tuple[Candidate, ...]:
+def _candidates(
+    evidence: Evidence, chosen: Sequence[int], loose: int, prints: Mapping[str, Fingerprint]
+) -> tuple[Candidate, ...]:
     verdict = _verdict(evidence)
     result = []
     order = sorted(
@@ -166,8 +168,6 @@ def _candidates(evidence: Evidence, chosen: Sequence[int], loose: int, prints: d
 
 
 def _model_parameters(trial: Trial, heat: float) -> dict[str, ParameterEstimate]:
-    from fingerlab.identify.diagnosis.wording import Z90, deviations
-
     spread = deviations(trial, heat)
     return {
         u.key: ParameterEstimate(

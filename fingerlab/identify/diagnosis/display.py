@@ -158,7 +158,7 @@ def _arms(trial: Trial, group: Group) -> tuple[float, float]:
 
 
 def _measured(trial: Trial, group: Group, kept: Kept, row: Row) -> Array:
-    """The measured side of an equation: tension without the rotor's inertia (N), cable wound (m), torque (N m)."""
+    """The measured side: tension without the rotor's inertia (N), cable wound (m), torque (N m)."""
     h, _ = trial.model.coefficients(trial.fit.values, group)
     chosen = []
     for k, i in enumerate(trial.model.active):
@@ -228,7 +228,7 @@ def _fingerprint(
     stretches: Iterable[Kept],
     bench: bool,
 ) -> Fingerprint | None:
-    """The base model's residual binned over the effect's own coordinate, with what the effect explains of it."""
+    """The base model's residual over the effect's own coordinate, with what the effect explains."""
     row = Row.BENCH if bench else effect.equation
     places, residuals, explained = [], [], []
     for kept in stretches:
@@ -248,7 +248,7 @@ def _fingerprint(
 
 
 def _binned(effect: Effect, row: Row, place: Array, residual: Array, explained: Array) -> Fingerprint | None:
-    edges = np.linspace(*np.quantile(place, (0.005, 0.995)), BINS + 1)
+    edges = np.linspace(float(np.quantile(place, 0.005)), float(np.quantile(place, 0.995)), BINS + 1)
     if not edges[-1] > edges[0]:
         return None
     number = np.clip(np.digitize(place, edges) - 1, 0, BINS - 1)

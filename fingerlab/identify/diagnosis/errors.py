@@ -91,7 +91,7 @@ def _variance(study: Study, group: Group, row: Row, shift: int | None) -> float:
 
 
 def _contact(study: Study, group: Group) -> tuple[float, float]:
-    """Lever (m) of the contact force about the PIP joint, and the force's variance (N^2); zero without contact."""
+    """Lever (m) of the force about the PIP joint and the force's variance (N^2); zero without contact."""
     if group.key[1] != "contact":
         return 0.0, 0.0
     force, torque = _find(study, row=Row.FORCE), _find(study, row=Row.PIP, parameter="force_gain")

@@ -12,6 +12,7 @@ one Gram matrix of the features serves every model, every grid point and every f
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -22,16 +23,19 @@ from fingerlab.physics.effects.sensing import lateral_levers
 from fingerlab.rig import Finger, Rig
 from fingerlab.sessions.model import Array
 
+IntArray = np.ndarray[Any, np.dtype[np.int64]]
+BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+
 SHIFTS_S = tuple(0.024 * k for k in range(-2, 10))
 """Delays (s) at which the motor's channels are kept; values between them are interpolated."""
 INTERPOLATION_POINTS = 6
 SLOPE = len(SHIFTS_S)
-"""Index of a motor channel's time derivative, which stands for the shifts where the delay stays below 1 ms."""
+"""Index of a motor channel's time derivative, which replaces the shifts below a delay of 1 ms."""
 NO_SHIFT = SHIFTS_S.index(0.0)
 
 
 TOUCHING_FORCE_N = 0.2
-"""Contact force from which the tip is held by the load cell's face, N; assumed: ten times the cell's noise."""
+"""Force from which the tip is held by the load cell's face, N; assumed: ten times its noise."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +43,8 @@ class Feature:
     """A column: the equation it stands in and how its coefficient is made.
 
     ``parameter`` names the unknown that multiplies it (None: none), ``constant`` what it has without.
-    ``shift`` is an index into ``SHIFTS_S``, or ``SLOPE``, for a motor channel. ``routed`` unknowns have one value for each
-    cable routing. ``owner`` is the effect that brings it (None: nominal model and nuisances) at the grid
+    ``shift`` is an index into ``SHIFTS_S``, or ``SLOPE``, for a motor channel. ``routed`` unknowns have one
+    value for each cable routing. ``owner`` is the effect that brings it (None: nominal model and nuisances) at the grid
     point ``shape``.
     """
 
@@ -61,13 +65,13 @@ class Layout:
     features: tuple[Feature, ...]
     nuisances: dict[str, Gain]
     effects: tuple[Effect, ...]
-    base: Array = field(repr=False)  # indices of the features without an owner
+    base: IntArray = field(repr=False)  # indices of the features without an owner
 
-    def rows(self) -> Array:
+    def rows(self) -> IntArray:
         """Equation of each feature, shape (features,)."""
         return np.array([int(f.row) for f in self.features])
 
-    def indices(self, owner: str, shape: int) -> Array:
+    def indices(self, owner: str, shape: int) -> IntArray:
         """Features that the effect ``owner`` brings at its grid point ``shape``."""
         return np.array(
             [i for i, f in enumerate(self.features) if f.owner == owner and f.shape == shape], dtype=int
@@ -82,7 +86,8 @@ def _part(finger: Finger, **changes: float) -> Finger:
 def _joint_parts(finger: Finger, motion: Motion) -> list[tuple[Row, str, Array]]:
     """LHS of each joint split by the constant that it is proportional to; torques in N m."""
     _, q = motion.finger_and_joints
-    still = dict(mcp_stiffness=0.0, pip_stiffness=0.0, proximal_inertia=0.0, distal_inertia=0.0)
+    names = ("mcp_stiffness", "pip_stiffness", "proximal_inertia", "distal_inertia")
+    still = dict.fromkeys(names, 0.0)
     proximal = _part(finger, distal_mass=0.0, **{**still, "proximal_inertia": finger.proximal_inertia})
     distal = _part(finger, proximal_mass=0.0, **{**still, "distal_inertia": finger.distal_inertia})
     return [

@@ -196,7 +196,7 @@ def row_covariance(model: Model, values: Array, group: Group, matrix: Array, sam
 
 
 def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
-    """Moment arms (m) of each routing from a straight regression of tension on joint torque in free motion."""
+    """Moment arms (m) of each routing from a straight regression of tension on joint torque."""
     arms: dict[str, float] = {}
     order = sorted(groups, key=lambda g: g.key[1] != "free")
     zero_shift = NO_SHIFT

@@ -53,7 +53,7 @@ def finger_motion(
     values: Mapping[str, float],
     touching_from: float | None,
 ) -> Motion | None:
-    """Finger on a cable, free or pressing from the MCP angle ``touching_from`` (rad) on; None where it would go slack.
+    """Finger on a cable, free, or pressing from the MCP angle ``touching_from`` (rad) on; None: it would go slack.
 
     ``values`` are the fitted unknowns by key.
     """
@@ -95,7 +95,7 @@ def _pairwise(mcp: Array, pip: Array) -> tuple[Array, Array, Array, Array]:
 def _balance(finger: Finger, sign: int, a: float, b: float, wound: Array) -> tuple[Array, Array, Array]:
     """Angles (rad) and tension (N) where springs and gravity balance the cable, by fixed-point iteration.
 
-    With gravity held, the springs are linear: s (a t1 + b t2) = wound, K1 t1 = s a T - g1, K2 t2 = s b T - g2.
+    With gravity held all is linear: s (a t1 + b t2) = wound, K1 t1 = s a T - g1, K2 t2 = s b T - g2.
     """
     k1, k2 = finger.mcp_stiffness, finger.pip_stiffness
     mcp, pip = np.zeros_like(wound), np.zeros_like(wound)

@@ -19,6 +19,7 @@ from fingerlab.identify.diagnosis.bandwidth import NARROW_RATE_HZ, WIDE_RATE_HZ,
 from fingerlab.identify.diagnosis.features import (
     SHIFTS_S,
     SLOPE,
+    BoolArray,
     Feature,
     Layout,
     base_columns,
@@ -61,7 +62,7 @@ class Group:
     key: GroupKey
     cable_sign: int
     folds: list[Fold]
-    cable_rows: Array  # (features,) bool: features of the cable equation
+    cable_rows: BoolArray  # (features,) bool: features of the cable equation
     noise: Array  # (features, features): products of what does not repeat from cycle to cycle
     noise_samples: float = 0.0
     condition_count: int = 0
@@ -91,7 +92,7 @@ class Narrow:
     """Features of one stretch, decimated: ``columns`` (n, features), ``taut`` (n,) bool, ``time`` (n,) s."""
 
     columns: Array
-    taut: Array
+    taut: BoolArray
     time: Array
     wide: Motion
 
@@ -116,7 +117,7 @@ def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> La
 
 
 def _with(feature: Feature, **changes: object) -> Feature:
-    return Feature(**{**vars(feature), **changes})  # type: ignore[arg-type]
+    return Feature(**{**vars(feature), **changes})
 
 
 def narrow_columns(motion: Motion, effects: Sequence[Effect]) -> Narrow:
@@ -139,7 +140,7 @@ def narrow_columns(motion: Motion, effects: Sequence[Effect]) -> Narrow:
     return Narrow(low.T, _taut(motion, inner), narrow(motion.time[inner]), motion)
 
 
-def _taut(motion: Motion, inner: slice) -> Array:
+def _taut(motion: Motion, inner: slice) -> BoolArray:
     """Samples into whose low-pass window no slack moment falls."""
     if motion.finger is None:
         return np.ones(len(narrow(motion.time[inner])), dtype=bool)
@@ -234,7 +235,7 @@ def reduce_sessions(
     return Reduced(layout, list(groups.values()), on_bench, radius)
 
 
-def cable_rows(layout: Layout) -> Array:
+def cable_rows(layout: Layout) -> BoolArray:
     """Which features stand in the cable equation, (features,) bool."""
     return np.array([f.row == Row.CABLE for f in layout.features])
 

@@ -103,7 +103,7 @@ def drop_idle(study: Study, trial: Trial, keep: int) -> Trial:
 
 
 def worth_adding(study: Study, base: Trial, best: Trial) -> bool:
-    """Whether the step is justified under the weights of either model, so that it cannot earn its own floor."""
+    """Whether the step is justified under the weights of either model: it may not earn its own floor."""
     kept = study.weights
     study.settle(base.model.choices, base, rounds=2)
     before = study.hold_out(study.fit(base.model.choices, base, FULL_ITERATIONS))

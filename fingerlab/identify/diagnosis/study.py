@@ -39,7 +39,7 @@ LEAST_TORQUE_SPREAD = 1e-6
 class Trial:
     """A model with its fit and the misfit left on each run.
 
-    ``misfits`` holds one entry a fold of each group: (chi-square without noise, independent values). They come
+    ``misfits`` holds one entry a fold of each group: (chi-square without noise, independent values);
     from held-out runs where ``held_out`` is set.
     """
 
@@ -48,7 +48,7 @@ class Trial:
     misfits: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (folds, 2); empty: not counted yet
     held_out: bool = False
     residuals: Mapping[GroupKey, Array] = field(default_factory=dict)
-    """Mean squares and products of the equations' residuals for each group, (5, 5) over ``Row``, noise included."""
+    """Mean products of the equations' residuals for each group, (5, 5) over ``Row``, noise included."""
 
     @property
     def misfit(self) -> float:
@@ -165,7 +165,7 @@ class Study:
         return EFFECTIVE_SHARE * square, EFFECTIVE_SHARE * count
 
     def _products(self, model: Model, values: Array, i: int, k: int) -> Array:
-        """Sums of residual products over fold k of group i, (5, 5); slack moments count where they are charged."""
+        """Sums of residual products over a fold, (5, 5); slack moments count where they are charged."""
         group = self.reduced.groups[i]
         fold = group.folds[k]
         sums = row_covariance(model, values, group, fold.gram, 1.0)

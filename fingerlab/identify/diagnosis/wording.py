@@ -89,7 +89,8 @@ def explanation(evidence: Evidence, trial: Trial, effect: Effect, shown: bool) -
     """One or two plain sentences with the evidence in numbers."""
     fall = f"{evidence.base.score:.2f} to {trial.score:.2f} floors"
     if not shown:
-        return f"{effect.explanation} These data could not show it at a plausible strength; {effect.reveal} would."
+        hidden = "These data could not show it at a plausible strength"
+        return f"{effect.explanation} {hidden}; {effect.reveal} would."
     if trial.misfit > evidence.base.misfit * 0.98:
         return f"{effect.explanation} Nothing of that is seen: the held-out error goes from {fall}."
     numbers = [

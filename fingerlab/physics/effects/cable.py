@@ -12,7 +12,7 @@ from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
 MOTOR_STICKING_TRAVEL_DEG = 0.15
-"""Travel over which friction on the motor side builds up, degrees at the pulley: a few encoder steps; assumed."""
+"""Travel over which motor friction builds up, degrees at the pulley: a few encoder steps; assumed."""
 
 
 def winding_state(motion: Motion, travel_deg: float = MOTOR_STICKING_TRAVEL_DEG) -> Array:
@@ -23,7 +23,7 @@ def winding_state(motion: Motion, travel_deg: float = MOTOR_STICKING_TRAVEL_DEG)
 
 
 def pull_terms(gain: str, pull: Array) -> list[Term]:
-    """Tension (N) that the motor gives and the cable never sees: missing in both joints and in the stretch."""
+    """Tension (N) that the motor gives and the cable never sees: not in the joints, not in the stretch."""
     return [Term(Row.MCP, gain, pull), Term(Row.PIP, gain, pull), Term(Row.CABLE, gain, pull, "compliance")]
 
 
@@ -87,7 +87,7 @@ EFFECTS = (
         columns=_no_columns,
         coordinate="tension",
         equation=Row.CABLE,
-        explanation="While the tension is about zero the motor pays out cable that the joints do not take up.",
+        explanation="At about zero tension the motor pays out cable that the joints do not take up.",
         reveal="a sine whose offset is so low that the cable is let out entirely",
         special="slack",
     ),
@@ -132,7 +132,7 @@ EFFECTS = (
         columns=_varying_arm,
         coordinate="joint angle",
         equation=Row.CABLE,
-        explanation="Torque and cable length call for a moment arm that grows or shrinks with the joint angle.",
+        explanation="Torque and cable length call for a moment arm that changes with the joint angle.",
         reveal="a slow sine over the whole travel",
     ),
     Effect(
@@ -143,7 +143,7 @@ EFFECTS = (
         columns=_capstan,
         coordinate="tension times direction of travel",
         equation=Row.PIP,
-        explanation="The motor needs more tension winding in and less paying out, in proportion to the tension.",
+        explanation="The motor needs more tension winding in, less paying out, in proportion to the tension.",
         reveal="runs at several loads, contact included",
         wanders=True,
     ),

@@ -83,7 +83,7 @@ EFFECTS = (
         columns=_coupling,
         coordinate="difference of joint angles",
         equation=Row.PIP,
-        explanation="The missing torques of MCP and PIP are equal and opposite and follow the difference of the angles.",
+        explanation="MCP and PIP miss equal and opposite torques that follow the difference of the angles.",
         reveal="a chirp, in which the two joints move in different proportion",
     ),
     Effect(

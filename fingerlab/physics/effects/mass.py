@@ -19,7 +19,7 @@ def _tilt(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _point_mass(motion: Motion, shape: Shape) -> list[Term]:
-    """Torques of a unit mass at ``place`` times the distal body's length, 0 at the PIP joint and 1 at the tip."""
+    """Torques of a unit mass at the share ``place`` of the distal body, 0 at the PIP joint, 1 at the tip."""
     f, q = motion.finger_and_joints
     l1, lever = 2 * f.proximal_half_length, 2 * f.distal_half_length * shape["place"]
     distal = q.mcp + q.pip - f.wrist_angle
