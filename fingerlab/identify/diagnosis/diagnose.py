@@ -15,7 +15,7 @@ from fingerlab.identify.diagnosis.evidence import Evidence, alike, justified
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.next_experiment import propose
 from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
-from fingerlab.identify.diagnosis.search import Watch, forward, refine, weigh
+from fingerlab.identify.diagnosis.search import Watch, forward, refine, rescore, weigh
 from fingerlab.identify.diagnosis.study import Study, Trial
 from fingerlab.identify.diagnosis.wording import Z90, detectable, deviations, explanation, parameters
 from fingerlab.identify.results import Candidate, Diagnosis, Fingerprint, ParameterEstimate, PathStep, Verdict
@@ -88,7 +88,10 @@ def _diagnose(
     evidence = weigh(study, base, effects, watch)
     first_weights = study.weights
     path = forward(study, evidence, effects, len(given), Watch(scale.part(0.7, 0.95), cancelled))
-    study.weights = first_weights
+    if len(path) > 2:  # every score of an answer is told in the floors of the same, last model
+        evidence = rescore(study, evidence)
+    else:
+        study.weights = first_weights
     loose = sum(f.slack_samples for g in reduced.groups for f in g.folds)
     chosen = alike(evidence)
     curves = display.curves(study, evidence) if with_curves else None

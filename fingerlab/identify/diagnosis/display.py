@@ -9,6 +9,7 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE, NARROW_RATE_HZ, narrow
 from fingerlab.identify.diagnosis.evidence import Evidence
+from fingerlab.identify.diagnosis.features import BoolArray
 from fingerlab.identify.diagnosis.fitting import row_covariance
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
 from fingerlab.identify.diagnosis.reduction import MARGIN, Group, GroupKey, Narrow, group_key
@@ -23,6 +24,7 @@ from fingerlab.sessions.model import Array, Run, Session
 
 SHOWN_STRETCHES = 48
 """Curves are kept of this many stretches (of at most a minute); more would not be looked at one by one."""
+SHOWN_FINGERPRINTS = 12
 BINS = 15
 ROW_EQUATIONS = {
     Row.MCP: "mcp_torque",
@@ -55,7 +57,7 @@ class Kept:
     phase: str
     key: GroupKey
     columns: Array  # (n, features), float32
-    taut: Array
+    taut: BoolArray
     time: Array
     coordinates: Mapping[str, Array]
     levers: tuple[Array, Array] | None  # of the contact force about MCP and PIP, m
@@ -106,7 +108,8 @@ class Display:
         for kept in self.stretches:
             comparisons += _comparisons(study, evidence.base, groups[kept.key], kept)
         prints = {}
-        for trial in evidence.trials:
+        shown = sorted(evidence.trials, key=lambda t: t.misfit)[:SHOWN_FINGERPRINTS]
+        for trial in shown:
             one = trial.model.choices[-1].effect
             drawn = _fingerprint(one, evidence.base, trial, groups, self.stretches, study.reduced.on_bench)
             if drawn is not None:

@@ -44,8 +44,8 @@ class Feature:
 
     ``parameter`` names the unknown that multiplies it (None: none), ``constant`` what it has without.
     ``shift`` is an index into ``SHIFTS_S``, or ``SLOPE``, for a motor channel. ``routed`` unknowns have one
-    value for each cable routing. ``owner`` is the effect that brings it (None: nominal model and nuisances) at the grid
-    point ``shape``.
+    value for each cable routing. ``owner`` is the effect that brings it (None: nominal model and
+    nuisances) at the grid point ``shape``.
     """
 
     row: Row

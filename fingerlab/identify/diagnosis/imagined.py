@@ -53,7 +53,7 @@ def finger_motion(
     values: Mapping[str, float],
     touching_from: float | None,
 ) -> Motion | None:
-    """Finger on a cable, free, or pressing from the MCP angle ``touching_from`` (rad) on; None: it would go slack.
+    """Finger on a cable, free, or pressing from the MCP angle ``touching_from`` (rad); None: it goes slack.
 
     ``values`` are the fitted unknowns by key.
     """
@@ -77,8 +77,8 @@ def finger_motion(
     torque = motor.pulley_radius * pull + (motor.inertia or 0.0) * acceleration
     return Motion(
         phase="on_air" if force is None else "contact", cable_sign=cable_sign, sample_rate_hz=WIDE_RATE_HZ,
-        time=time, position=position, velocity=velocity, acceleration=acceleration, torque=torque, motor=motor,
-        finger=finger, joints=joints, force=force,
+        time=time, position=position, velocity=velocity, acceleration=acceleration, torque=torque,
+        motor=motor, finger=finger, joints=joints, force=force,
     )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -137,3 +137,16 @@ def _borne_out(study: Study, steps: list[Trial], weights: list[Weights]) -> list
         if not idle:
             return scored
         steps, weights = steps[: idle[0]], weights[: idle[0]]
+
+
+def rescore(study: Study, evidence: Evidence) -> Evidence:
+    """The same verdict and probabilities, with every model fitted and scored under the present weights."""
+    base = study.hold_out(
+        study.fit(evidence.base.model.choices, evidence.base, FULL_ITERATIONS), residuals=True
+    )
+    trials = [study.fit(t.model.choices, t, FULL_ITERATIONS if t.held_out else 1) for t in evidence.trials]
+    scored = [
+        study.hold_out(new) if old.held_out else study.count(new)
+        for old, new in zip(evidence.trials, trials, strict=True)
+    ]
+    return replace(evidence, base=base, trials=tuple(scored))
