@@ -292,6 +292,6 @@ def _add_noise(group: Group, low: Narrow, run: Run) -> None:
     phase = 2 * np.pi * frequency * np.outer(low.time, np.arange(1, count + 1))
     harmonics = np.hstack((np.ones((len(phase), 1)), np.cos(phase), np.sin(phase)))
     basis, _ = np.linalg.qr(harmonics)
-    rest = low.columns - basis @ (basis.T @ low.columns)
-    group.noise += rest.T @ rest
-    group.noise_samples += len(rest) - basis.shape[1]
+    cyclic = basis.T @ low.columns
+    group.noise += low.columns.T @ low.columns - cyclic.T @ cyclic
+    group.noise_samples += len(low.time) - basis.shape[1]

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.hysteresis import stop_operator
+from fingerlab.physics.effects.hysteresis import first_order_lag, stop_operator
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -40,11 +39,9 @@ def _lagging_stretch(motion: Motion, shape: Shape) -> list[Term]:
     time_constant = shape["time_constant"]
     if time_constant == 0:
         return []
-    keep = float(np.exp(-1.0 / (motion.sample_rate_hz * time_constant)))
 
     def change(values: Array) -> Array:
-        lagging, _ = lfilter([1.0 - keep], [1.0, -keep], values, zi=[keep * values[0]])
-        return np.asarray(lagging - values)
+        return first_order_lag(values, time_constant, motion.sample_rate_hz) - values
 
     pull = motion.acceleration / motion.radius
     return [

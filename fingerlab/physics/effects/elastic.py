@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.friction import both, joint_terms
+from fingerlab.physics.effects.hysteresis import first_order_lag
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -31,9 +31,8 @@ def _coupling(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _relaxing(angle: Array, rate: float, time_constant: float) -> Array:
-    """What a spring in series with a damper still holds, rad: the angle through a first-order high-pass."""
-    keep = float(np.exp(-1.0 / (rate * time_constant)))
-    return np.asarray(lfilter([keep, -keep], [1.0, -keep], angle - angle[0]))
+    """What a spring in series with a damper still holds, rad: the angle less its lag."""
+    return angle - first_order_lag(angle, time_constant, rate)
 
 
 def _creep(motion: Motion, shape: Shape) -> list[Term]:

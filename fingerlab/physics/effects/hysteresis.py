@@ -1,6 +1,6 @@
 """Operators with memory, computed without a sample-by-sample loop.
 
-Both operators step by maps that compose: a clamp after a clamp is a clamp, an affine map after an affine
+All of them step by maps that compose: a clamp after a clamp is a clamp, an affine map after an affine
 map is affine. All prefixes of a chain of n such maps come out of log2(n) array passes (Hillis and Steele,
 "Data parallel algorithms", 1986).
 """
@@ -49,3 +49,15 @@ def dahl_state(position: Array, travel: float) -> Array:
         decay = np.concatenate((decay[:step], new_decay))
         step *= 2
     return drive
+
+
+def first_order_lag(values: Array, time_constant: float, sample_rate_hz: float) -> Array:
+    """Values through 1/(1 + time_constant s), shape (n,), at rest on the first value; time_constant in s."""
+    keep = float(np.exp(-1.0 / (sample_rate_hz * time_constant)))
+    drive = (1.0 - keep) * values
+    drive[0] = values[0]
+    step = 1
+    while step < len(values) and keep**step > 1e-18:
+        drive[step:] = drive[step:] + keep**step * drive[:-step]
+        step *= 2
+    return np.asarray(drive)
