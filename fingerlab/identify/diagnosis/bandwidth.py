@@ -69,18 +69,33 @@ def narrow_count(length: int) -> int:
 
 def narrow(columns: Array) -> Array:
     """Low-pass at 8 Hz and decimate to 25 Hz; shape (..., n) -> (..., narrow_count(n))."""
-    count = narrow_count(columns.shape[-1])
+    length = columns.shape[-1]
+    count = narrow_count(length)
     if count == 0:
         return np.zeros((*columns.shape[:-1], 0))
-    parts = len(_POLYPHASE[0])
-    blocks = count + parts - 1
-    padded = np.zeros((*columns.shape[:-1], blocks * NARROW_STEP))
-    used = min(columns.shape[-1], padded.shape[-1])
-    padded[..., :used] = columns[..., :used]
-    # One product for all blocks of a step; then part j of the kernel has met block k + j of output k.
-    products = padded.reshape(*columns.shape[:-1], blocks, NARROW_STEP) @ _POLYPHASE
-    return np.sum([products[..., j : j + count, j] for j in range(parts)], axis=0)
+    # Several outputs share one window, so that the sums become products of matrices.
+    blocks = -(-count // BLOCK)
+    needed = (blocks - 1) * BLOCK * NARROW_STEP + len(_BLOCK_KERNEL)
+    if needed > length:
+        columns = np.concatenate(
+            (columns, np.zeros((*columns.shape[:-1], needed - length), columns.dtype)), axis=-1
+        )
+    windows = sliding_window_view(columns, len(_BLOCK_KERNEL), axis=-1)[..., :: BLOCK * NARROW_STEP, :][
+        ..., :blocks, :
+    ]
+    low = np.ascontiguousarray(windows) @ _BLOCK_KERNEL.astype(columns.dtype)
+    return np.asarray(low.reshape(*columns.shape[:-1], blocks * BLOCK)[..., :count], dtype=np.float64)
 
 
-_POLYPHASE = np.pad(_NARROW, (0, -NARROW_TAPS % NARROW_STEP)).reshape(-1, NARROW_STEP).T
-"""The kernel cut into steps: row m, column j holds tap j * step + m."""
+BLOCK = 8
+
+
+def _block_kernel() -> Array:
+    kernel = np.zeros(((BLOCK - 1) * NARROW_STEP + NARROW_TAPS, BLOCK))
+    for k in range(BLOCK):
+        kernel[k * NARROW_STEP : k * NARROW_STEP + NARROW_TAPS, k] = _NARROW
+    return kernel
+
+
+_BLOCK_KERNEL = _block_kernel()
+"""The narrow kernel at BLOCK successive outputs, shape (window, BLOCK)."""

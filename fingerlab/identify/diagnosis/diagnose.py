@@ -109,7 +109,7 @@ def _diagnose(
         else (),
         path=tuple(PathStep(_last(s) if k else None, s.score) for k, s in enumerate(path)),
         final_model=tuple(c.effect.id for c in path[-1].model.choices),
-        next_experiment=propose(sessions, study, evidence, chosen),
+        next_experiment=propose(sessions, study, evidence, chosen) if verdict == "missing_effect" else None,
         seconds=time.perf_counter() - started,
         probability_nothing=evidence.nothing,
         probability_unknown=evidence.unknown,

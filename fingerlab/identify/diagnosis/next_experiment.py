@@ -16,6 +16,7 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
 from fingerlab.identify.diagnosis.evidence import Evidence
+from fingerlab.identify.diagnosis.features import Layout
 from fingerlab.identify.diagnosis.imagined import bench_motion, finger_motion
 from fingerlab.identify.diagnosis.model import Choice, Model, build
 from fingerlab.identify.diagnosis.reduction import Group, layout_of, narrow_columns
@@ -48,16 +49,13 @@ def propose(
     first, second = evidence.trials[chosen[0]], evidence.trials[chosen[1]]
     best: tuple[float, Proposal] | None = None
     for proposal in _menu(sessions[0].rig, study, first):
-        gain = min(
-            _separation(sessions[0], study, proposal.motion, truth, rival, evidence.temperature)
+        imagined = _imagine(sessions[0], proposal.motion, _held(first, second, proposal.motion))
+        gains = [
+            _separation(study, imagined, truth, rival, evidence.temperature)
             for truth, rival in ((first, second), (second, first))
-        )
-        if proposal.phase == "motor_bench":
-            # An effect that does not act on the bench is separated by one that does.
-            gain = max(
-                _separation(sessions[0], study, proposal.motion, truth, rival, evidence.temperature)
-                for truth, rival in ((first, second), (second, first))
-            )
+        ]
+        # On the bench, one of the two may not act at all: what the other shows there is the separation.
+        gain = max(gains) if proposal.phase == "motor_bench" else min(gains)
         if best is None or gain > best[0]:
             best = (gain, proposal)
     if best is None or best[0] <= 0:
@@ -108,39 +106,52 @@ def _menu(rig: Rig, study: Study, trial: Trial) -> Iterator[Proposal]:
         yield Proposal("motor_bench", "none", loaded, bench_motion(rig, trajectory, BENCH_LOAD_NM))
 
 
-def _separation(
-    session: Session, study: Study, motion: Motion, truth: Trial, rival: Trial, heat: float
-) -> float:
-    """Expected gain in log evidence of ``truth`` over ``rival`` from one more run."""
-    effects = _held(truth, rival)
+@dataclass(frozen=True)
+class Imagined:
+    """A run that was not taken: its motion, and the features that it would give."""
+
+    motion: Motion
+    layout: Layout
+    columns: Array  # (n, features)
+    group: Group
+
+
+def _imagine(session: Session, motion: Motion, effects: Sequence[Effect]) -> Imagined:
     layout = layout_of(motion, session, effects)
-    columns = narrow_columns(motion, effects).columns
-    group = _group(study, motion, len(layout.features))
-    weights = _weights(study, motion)
-    missing, _ = _columns(
-        build(layout, [group], _choices(truth)), truth, group, columns, truth.model.choices[-1].effect
+    return Imagined(
+        motion, layout, narrow_columns(motion, effects).columns, _group(motion, len(layout.features))
     )
-    model = build(layout, [group], _choices(rival))
-    _, slopes = _columns(model, rival, group, columns, None)
-    product = np.einsum("rnp,rs,snq->pq", slopes, weights, slopes) * EFFECTIVE_SHARE / heat
-    pull = np.einsum("rnp,rs,sn->p", slopes, weights, missing) * EFFECTIVE_SHARE / heat
-    whole = float(np.einsum("rn,rs,sn->", missing, weights, missing)) * EFFECTIVE_SHARE / heat
+
+
+def _separation(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) -> float:
+    """Expected gain in log evidence of ``truth`` over ``rival`` from one more run."""
+    weights = _weights(study, run.motion)
+    with_truth = build(run.layout, [run.group], _choices(truth, run))
+    missing, _ = _columns(with_truth, truth, run, truth.model.choices[-1].effect)
+    model = build(run.layout, [run.group], _choices(rival, run))
+    _, slopes = _columns(model, rival, run, None)
+    share = EFFECTIVE_SHARE / heat
+    weighted = np.tensordot(weights, slopes, axes=(1, 0))
+    product = np.tensordot(slopes, weighted, axes=((0, 1), (0, 1))) * share
+    pull = np.tensordot(weighted, missing, axes=((0, 1), (0, 1))) * share
+    whole = float(np.sum(missing * (weights @ missing))) * share
     known = _known(model, rival, heat)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(product + known), 1e-300))
     system = (product + known) * np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
     return 0.5 * (whole - float((pull * scale) @ np.linalg.solve(system, pull * scale)))
 
 
-def _held(truth: Trial, rival: Trial) -> list[Effect]:
-    """Effects of both models, each once, that act in the motion's rows."""
-    return list({c.effect.id: c.effect for c in (*truth.model.choices, *rival.model.choices)}.values())
+def _held(truth: Trial, rival: Trial, motion: Motion) -> list[Effect]:
+    """Effects of both models, each once, that act in such a run."""
+    both = {c.effect.id: c.effect for c in (*truth.model.choices, *rival.model.choices)}
+    return [e for e in both.values() if e.bench or motion.finger is not None]
 
 
-def _choices(trial: Trial) -> list[Choice]:
-    return list(trial.model.choices)
+def _choices(trial: Trial, run: Imagined) -> list[Choice]:
+    return [c for c in trial.model.choices if c.effect in run.layout.effects]
 
 
-def _group(study: Study, motion: Motion, size: int) -> Group:
+def _group(motion: Motion, size: int) -> Group:
     kind = "contact" if motion.phase == "contact" else "free"
     cable = {1: "flexion", -1: "extension", 0: "none"}[motion.cable_sign]
     return Group((cable, kind), motion.cable_sign, [], np.zeros(size, dtype=bool), np.zeros((0, 0)))
@@ -150,7 +161,7 @@ def _weights(study: Study, motion: Motion) -> Array:
     """Weights of the group that the run would belong to, or of the most similar one there is."""
     tension = [w for k, w in study.weights.items() if motion.cable_sign == 0 or k[0] != "none"]
     if motion.cable_sign != 0:
-        same = study.weights.get(_group(study, motion, 0).key)
+        same = study.weights.get(_group(motion, 0).key)
         return same if same is not None else tension[0]
     result = np.zeros((5, 5))
     spread = np.linalg.inv(tension[0][:1, :1])[0, 0] if tension[0][0, 0] > 0 else 1e-6
@@ -158,17 +169,15 @@ def _weights(study: Study, motion: Motion) -> Array:
     return result
 
 
-def _columns(
-    model: Model, trial: Trial, group: Group, columns: Array, owner: Effect | None
-) -> tuple[Array, Array]:
+def _columns(model: Model, trial: Trial, run: Imagined, owner: Effect | None) -> tuple[Array, Array]:
     """Of a model at a trial's values: what ``owner`` adds, (5, n), and the residuals' slopes, (5, n, p)."""
     known = dict(zip((u.key for u in trial.model.unknowns), trial.fit.values, strict=True))
     values = np.array(
         [known.get(u.key, start) for u, start in zip(model.unknowns, model.start(), strict=True)]
     )
-    h, jacobian = model.coefficients(values, group)
+    h, jacobian = model.coefficients(values, run.group)
     features = [model.layout.features[i] for i in model.active]
-    active = columns[:, model.active]
+    active = run.columns[:, model.active]
     added, slopes = np.zeros((5, len(active))), np.zeros((5, len(active), len(values)))
     for row in Row:
         mine = np.array([f.row == row for f in features])

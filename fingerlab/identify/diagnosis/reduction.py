@@ -136,7 +136,8 @@ def narrow_columns(motion: Motion, effects: Sequence[Effect]) -> Narrow:
     for effect in effects:
         for shape in effect.shapes:
             columns += [term.values[inner] for term in effect.columns(motion, shape)]
-    low = narrow(np.stack(columns))
+    # Single precision is a hundred times finer than the sensors, and twice as fast.
+    low = narrow(np.stack(columns, dtype=np.float32, casting="same_kind"))
     return Narrow(low.T, _taut(motion, inner), narrow(motion.time[inner]), motion)
 
 
