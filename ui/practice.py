@@ -14,7 +14,7 @@ from fingerlab.identify.results import ParameterEstimate
 from fingerlab.sessions.model import Session
 
 from .tasks import IsCancelled, Progress
-from .widgets.numbers import estimate_text
+from fingerlab.report.screen import estimate_text
 
 PROTOCOL = "rich"
 

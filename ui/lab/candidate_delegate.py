@@ -7,7 +7,7 @@ from PySide6.QtGui import QColor, QFont, QFontMetrics, QPainter
 from PySide6.QtWidgets import QStyle, QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
 from ..theme import Colours, colours_of
-from ..widgets.numbers import percent
+from fingerlab.report.screen import percent
 from ..widgets.plot_style import tint
 from .candidate_list import CandidateList, Row
 

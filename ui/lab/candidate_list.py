@@ -9,7 +9,7 @@ from PySide6.QtCore import QAbstractListModel, QModelIndex, QObject, QPersistent
 
 from fingerlab.identify.results import Diagnosis
 
-from ..widgets.numbers import percent
+from fingerlab.report.screen import percent
 from .wording import NOTHING, OUTCOME_TITLES, UNKNOWN
 
 Index = QModelIndex | QPersistentModelIndex

@@ -15,9 +15,9 @@ from fingerlab.sessions.model import Array
 
 from ..theme import colours_of
 from ..widgets.curve import DecimatedCurve
-from ..widgets.numbers import decimals_for, fixed
+from fingerlab.report.screen import decimals_for, fixed
 from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
-from ..widgets.units import ScreenUnit, screen_unit
+from fingerlab.report.screen import ScreenUnit, screen_unit
 from .equations import equation_text
 from .wording import failure_words
 

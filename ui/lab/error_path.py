@@ -10,7 +10,7 @@ from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter, QPaintEve
 from PySide6.QtWidgets import QSizePolicy, QToolTip, QWidget
 
 from ..theme import Colours, colours_of, small_font
-from ..widgets.numbers import score_text
+from fingerlab.report.screen import score_text
 from ..widgets.plot_style import tint
 from .equations import SCORE_HELP
 from .history import History

@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 
 from ..theme import small_font
-from ..widgets.numbers import fixed
+from fingerlab.report.screen import fixed
 from .equations import FLOOR_HELP, family_title
 from .history import History
 from .wording import error_texts

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 from fingerlab.identify.results import Candidate, Diagnosis, Fingerprint
 
 from ..widgets.labels import ElidedLabel, remark
-from ..widgets.numbers import estimate_text
+from fingerlab.report.screen import estimate_text
 from .equations import EQUATION_TEXTS, FLOOR_HELP, equation_text, family_title
 from .fingerprint_plot import FingerprintPlot
 from .legend import FINGERPRINT, RESIDUAL_ONLY, LegendKeys

@@ -12,7 +12,7 @@ from fingerlab.sessions.model import Array
 
 from ..theme import colours_of, small_font
 from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
-from ..widgets.units import ScreenUnit, screen_unit
+from fingerlab.report.screen import ScreenUnit, screen_unit
 from .equations import equation_text
 
 AXIS_WIDTH = 72

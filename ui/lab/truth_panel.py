@@ -6,7 +6,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from ..widgets.labels import heading, remark
-from ..widgets.numbers import score_text
+from fingerlab.report.screen import score_text
 from .history import History
 from .wording import NOTHING, UNKNOWN, lower_first, next_experiment_text
 

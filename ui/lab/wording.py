@@ -5,8 +5,8 @@ from __future__ import annotations
 from fingerlab.identify.results import Candidate, Comparison, Diagnosis, EquationError, Failure
 from fingerlab.sessions.model import Session
 
-from ..widgets.numbers import decimals_for, fixed, percent, score_text
-from ..widgets.units import ScreenUnit, screen_unit
+from fingerlab.report.screen import decimals_for, fixed, percent, score_text
+from fingerlab.report.screen import ScreenUnit, screen_unit
 from .history import History
 
 NOTHING = "nothing_missing"

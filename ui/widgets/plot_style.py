@@ -7,7 +7,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPen
 
 from ..theme import Colours, small_font
-from .units import ScreenUnit
+from fingerlab.report.screen import ScreenUnit
 
 
 def prepare_plot(plot: pg.PlotItem) -> None:

@@ -12,6 +12,7 @@ one Gram matrix of the features serves every model, every grid point and every f
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -67,15 +68,24 @@ class Layout:
     effects: tuple[Effect, ...]
     base: IntArray = field(repr=False)  # indices of the features without an owner
 
+    @cached_property
+    def _rows(self) -> IntArray:
+        return np.array([int(f.row) for f in self.features])
+
+    @cached_property
+    def _owned(self) -> dict[tuple[str | None, int], IntArray]:
+        places: dict[tuple[str | None, int], list[int]] = {}
+        for i, feature in enumerate(self.features):
+            places.setdefault((feature.owner, feature.shape), []).append(i)
+        return {key: np.array(found, dtype=int) for key, found in places.items()}
+
     def rows(self) -> IntArray:
         """Equation of each feature, shape (features,)."""
-        return np.array([int(f.row) for f in self.features])
+        return self._rows
 
     def indices(self, owner: str, shape: int) -> IntArray:
         """Features that the effect ``owner`` brings at its grid point ``shape``."""
-        return np.array(
-            [i for i, f in enumerate(self.features) if f.owner == owner and f.shape == shape], dtype=int
-        )
+        return self._owned.get((owner, shape), np.zeros(0, dtype=int))
 
 
 def _part(finger: Finger, **changes: float) -> Finger:

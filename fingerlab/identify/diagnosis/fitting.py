@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,31 +23,34 @@ Weights = Mapping[GroupKey, Array]
 
 
 class Data:
-    """Sums over the runs that a fit may see: for each group its Gram matrices, with noise and without."""
+    """Sums over the runs that a fit may see: feature products with noise and without, and slack moments."""
 
     def __init__(self, groups: Sequence[Group]) -> None:
         self.groups = groups
-        self._shares = [[noise_share(g, f) for f in g.folds] for g in groups]
-        self.clean = [
-            [f.gram - n for f, n in zip(g.folds, s, strict=True)]
-            for g, s in zip(groups, self._shares, strict=True)
+        self.clean = [[f.gram - noise_share(g, f) for f in g.folds] for g in groups]
+        self._totals = [
+            (
+                np.sum([f.gram for f in g.folds], axis=0),
+                np.sum(clean, axis=0),
+                np.sum([f.slack for f in g.folds], axis=0),
+            )
+            for g, clean in zip(groups, self.clean, strict=True)
         ]
-        self.grams = [np.sum([f.gram for f in g.folds], axis=0) for g in groups]
-        self.cleans = [np.sum(c, axis=0) for c in self.clean]
-        self.slacks = [np.sum([f.slack for f in g.folds], axis=0) for g in groups]
+        self._left_out: int | None = None
 
     def without(self, k: int) -> Data:
         """The same sums less fold ``k`` of every group that has more than one."""
-        rest = object.__new__(Data)
-        rest.groups = self.groups
-        rest._shares, rest.clean = self._shares, self.clean
-        rest.grams, rest.cleans, rest.slacks = [], [], []
-        for i, group in enumerate(self.groups):
-            drop = k < len(group.folds) and len(group.folds) > 1
-            rest.grams.append(self.grams[i] - group.folds[k].gram if drop else self.grams[i])
-            rest.cleans.append(self.cleans[i] - self.clean[i][k] if drop else self.cleans[i])
-            rest.slacks.append(self.slacks[i] - group.folds[k].slack if drop else self.slacks[i])
+        rest = copy(self)
+        rest._left_out = k
         return rest
+
+    def products(self, i: int, chosen: tuple[Array, ...]) -> tuple[Array, Array, Array]:
+        """Sums over group ``i`` for the features ``chosen`` by ``np.ix_``: raw, without noise, slack."""
+        gram, clean, slack = (total[chosen] for total in self._totals[i])
+        k, folds = self._left_out, self.groups[i].folds
+        if k is None or k >= len(folds) or len(folds) == 1:
+            return gram, clean, slack
+        return gram - folds[k].gram[chosen], clean - self.clean[i][k][chosen], slack - folds[k].slack[chosen]
 
 
 def noise_share(group: Group, fold: Fold) -> Array:
@@ -85,11 +89,12 @@ class Fitter:
         chosen = np.ix_(model.active, model.active)
         self.matrices = []  # without noise: cost and gradient
         self.curvatures = []  # with noise, hence positive: the step
-        for group, gram, clean, slack in zip(data.groups, data.grams, data.cleans, data.slacks, strict=True):
+        for i, group in enumerate(data.groups):
+            gram, clean, slack = data.products(i, chosen)
             weight = feature_weights(weights[group.key], rows)
-            loose = 0.0 if model.slack_free else slack[chosen] / SLACK_SPREAD_M**2
-            self.matrices.append(EFFECTIVE_SHARE * (clean[chosen] * weight + loose))
-            self.curvatures.append(EFFECTIVE_SHARE * (gram[chosen] * weight + loose))
+            loose = 0.0 if model.slack_free else slack / SLACK_SPREAD_M**2
+            self.matrices.append(EFFECTIVE_SHARE * (clean * weight + loose))
+            self.curvatures.append(EFFECTIVE_SHARE * (gram * weight + loose))
         self._mean = model.start()
         self._stiffness = self._prior_weight() / model.spread**2
         self._low, self._high = model.low, model.high

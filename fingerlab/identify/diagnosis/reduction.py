@@ -224,8 +224,8 @@ def reduce_sessions(
                 groups[key] = Group(key, run.cable_sign, folds, cable_rows(layout), np.zeros((size, size)))
             group = groups[key]
             fold = group.folds[seen.get(key, 0) % len(group.folds)]
-            _add(fold, low, layout)
-            _add_noise(group, low, run)
+            products = _add(fold, low, layout)
+            _add_noise(group, low, run, products)
             if keep is not None:
                 keep(session, run, low)
         if layout is not None and key in groups:
@@ -270,19 +270,24 @@ def _narrowed_ahead(
                 future.cancel()
 
 
-def _add(fold: Fold, low: Narrow, layout: Layout) -> None:
+def _add(fold: Fold, low: Narrow, layout: Layout) -> Array:
+    """Add a stretch to a fold; returns the products of its features, (features, features)."""
     cable = cable_rows(layout)
-    columns = low.columns.copy()
-    columns[np.ix_(~low.taut, cable)] = 0.0
-    fold.gram += columns.T @ columns
+    columns = low.columns
+    if not low.taut.all():
+        columns = columns.copy()
+        columns[np.ix_(~low.taut, cable)] = 0.0
+    products = columns.T @ columns
+    fold.gram += products
     fold.taut_samples += int(low.taut.sum())
     loose = low.columns[~low.taut][:, cable]
     if len(loose):
         fold.slack[np.ix_(cable, cable)] += loose.T @ loose
     fold.slack_samples += int((~low.taut).sum())
+    return np.asarray(products)
 
 
-def _add_noise(group: Group, low: Narrow, run: Run) -> None:
+def _add_noise(group: Group, low: Narrow, run: Run, products: Array) -> None:
     """Products of what is left of every feature without the harmonics of the run's cycle."""
     frequency = run.trajectory.get("frequency_hz")
     if run.trajectory.get("kind") != "sine" or not frequency or not bool(low.taut.all()):
@@ -294,5 +299,5 @@ def _add_noise(group: Group, low: Narrow, run: Run) -> None:
     harmonics = np.hstack((np.ones((len(phase), 1)), np.cos(phase), np.sin(phase)))
     basis, _ = np.linalg.qr(harmonics)
     cyclic = basis.T @ low.columns
-    group.noise += low.columns.T @ low.columns - cyclic.T @ cyclic
+    group.noise += products - cyclic.T @ cyclic
     group.noise_samples += len(low.time) - basis.shape[1]
