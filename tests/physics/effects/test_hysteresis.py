@@ -1,0 +1,99 @@
+"""Operators with memory against a plain loop over the samples and against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fingerlab.physics.effects.hysteresis import dahl_state, stop_operator
+from fingerlab.sessions.model import Array
+
+
+def triangle(amplitude: float, samples: int, cycles: int) -> Array:
+    """From zero up to the amplitude and on in straight lines; ``samples`` a quarter of a cycle."""
+    up = np.arange(samples) / samples
+    cycle = np.concatenate((up, 1 - up, -up, up - 1))
+    return amplitude * np.tile(cycle, cycles)
+
+
+def looped_stop(position: Array, travel: float) -> Array:
+    state, result = 0.0, [0.0]
+    for step in np.diff(position):
+        state = max(-1.0, min(1.0, state + step / travel))
+        result.append(state)
+    return np.array(result)
+
+
+def looped_dahl(position: Array, travel: float, substeps: int = 2000) -> Array:
+    """dz = (1 - z sign(dx)) dx / travel in very small Euler steps."""
+    state, result = 0.0, [0.0]
+    for step in np.diff(position):
+        for _ in range(substeps):
+            state += (1.0 - state * np.sign(step)) * step / substeps / travel
+        result.append(state)
+    return np.array(result)
+
+
+@pytest.mark.parametrize("length", [1, 2, 3, 17, 1000, 1025])
+@pytest.mark.parametrize("travel", [0.002, 0.05, 3.0])
+def test_stop_operator_is_the_loop(length: int, travel: float) -> None:
+    position = 0.4 + 0.01 * np.cumsum(np.random.default_rng(length).standard_normal(length))
+    assert stop_operator(position, travel) == pytest.approx(looped_stop(position, travel), abs=1e-10)
+
+
+def test_stop_operator_on_a_triangle_wave() -> None:
+    amplitude, travel, quarter = 0.2, 0.05, 400
+    position = triangle(amplitude, quarter, 3)
+    state = stop_operator(position, travel)
+    rising = slice(0, quarter)
+    assert state[rising] == pytest.approx(np.minimum(position[rising] / travel, 1.0), abs=1e-12)
+    # After the reversal at the top it lets go over twice the travel, from +1 to -1.
+    falling = slice(quarter, 3 * quarter)
+    way = amplitude - position[falling]
+    assert state[falling] == pytest.approx(np.maximum(1.0 - way / travel, -1.0), abs=1e-12)
+    # Work lost in a closed cycle: a parallelogram of height 2 and length 2 (amplitude - travel).
+    last = slice(8 * quarter, 12 * quarter)
+    lost = np.sum(0.5 * (state[last][1:] + state[last][:-1]) * np.diff(position[last]))
+    assert lost == pytest.approx(4 * (amplitude - travel), rel=2e-2)
+
+
+def test_stop_operator_does_not_rub_within_its_travel() -> None:
+    """Below the travel it is a spring: the state follows the position and nothing is lost."""
+    position = 0.9 * 0.05 * np.sin(np.linspace(0, 20, 3000))
+    assert stop_operator(position, 0.05) == pytest.approx(position / 0.05, abs=1e-12)
+
+
+@pytest.mark.parametrize("travel", [0.01, 0.1, 1.0])
+def test_dahl_is_the_loop(travel: float) -> None:
+    position = -0.3 + 0.02 * np.cumsum(np.random.default_rng(3).standard_normal(120))
+    assert dahl_state(position, travel) == pytest.approx(looped_dahl(position, travel), abs=2e-3)
+
+
+def test_dahl_on_first_loading_and_in_the_steady_cycle() -> None:
+    """Dahl 1968: z = 1 - exp(-x / travel) at first; a cycle of amplitude A peaks at tanh(A / travel)."""
+    amplitude, travel, quarter = 0.06, 0.1, 250
+    position = triangle(amplitude, quarter, 40)
+    state = dahl_state(position, travel)
+    assert state[:quarter] == pytest.approx(1 - np.exp(-position[:quarter] / travel), abs=1e-12)
+    last = state[-4 * quarter :]
+    assert last.max() == pytest.approx(np.tanh(amplitude / travel), rel=1e-6)
+    assert last.min() == pytest.approx(-np.tanh(amplitude / travel), rel=1e-6)
+
+
+def test_dahl_far_from_a_reversal_is_coulomb_friction() -> None:
+    state = dahl_state(triangle(2.0, 500, 2), 0.05)
+    assert state[499] == pytest.approx(1.0, abs=1e-9)
+    assert state[1499] == pytest.approx(-1.0, abs=1e-9)
+
+
+def test_neither_depends_on_how_densely_a_path_is_sampled() -> None:
+    fine, coarse = triangle(0.2, 600, 2), triangle(0.2, 60, 2)
+    assert stop_operator(fine, 0.03)[::10] == pytest.approx(stop_operator(coarse, 0.03), abs=1e-9)
+    assert dahl_state(fine, 0.03)[::10] == pytest.approx(dahl_state(coarse, 0.03), abs=1e-9)
+
+
+def test_neither_depends_on_where_it_starts_or_on_the_sign() -> None:
+    path = np.cumsum(np.random.default_rng(8).standard_normal(700)) * 0.01
+    for operator in (stop_operator, dahl_state):
+        assert operator(path + 5.0, 0.04) == pytest.approx(operator(path, 0.04), abs=1e-9)
+        assert operator(-path, 0.04) == pytest.approx(-operator(path, 0.04), abs=1e-9)
