@@ -32,6 +32,7 @@ def plus_minus(value: float, half: float) -> str:
         power = max(math.floor(math.log10(max(abs(value), half))), exponent)
         mantissa = plus_minus(value / 10.0**power, half / 10.0**power)
         return f"({mantissa})·10^{power}"
+    value = value if round(value, digits) else 0.0  # no "-0"
     return f"{round(value, digits):.{max(digits, 0)}f} ± {round(half, digits):.{max(digits, 0)}f}"
 
 

@@ -1,0 +1,215 @@
+"""Figures of a diagnosis: measured against modelled, fingerprints, and the error path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from fingerlab.identify.results import EQUATION_TITLES, Comparison, Failure, Fingerprint, PathStep
+from fingerlab.report.diagnosis_words import effect_title, in_sentence
+from fingerlab.report.figure_style import (
+    CANDIDATE,
+    FLOOR,
+    MEASURED,
+    MODELLED,
+    RESIDUAL,
+    TICK_SIZE,
+    label,
+    legend_below,
+    new_figure,
+)
+from fingerlab.report.screen import score_text, screen_unit
+from fingerlab.sessions.model import Array
+
+HALF_SIZE = (4.4, 3.4)
+"""Inches; two such figures stand side by side on the page."""
+STRETCH_S = 5.0
+"""Time shown of a run: about five movements of the bench's usual 1 Hz sine, s."""
+ROUND_STEPS = [1, 2, 2.5, 5, 10]
+FARTHEST = 1.5
+"""A model that shoots past what was measured is shown to this share of the measured span beyond it."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A stretch of a comparison that is drawn: run, and seconds into it."""
+
+    comparison: Comparison
+    start: float
+    stop: float
+
+    @property
+    def part(self) -> slice:
+        """Samples of the stretch."""
+        time = self.comparison.time
+        return slice(int(np.searchsorted(time, self.start)), int(np.searchsorted(time, self.stop, "right")))
+
+
+def chosen_stretches(comparisons: Iterable[Comparison], equation: str) -> tuple[Shown, ...]:
+    """The run that misses most and the one in the middle, each around its worst half second.
+
+    Empty where no run says anything about the equation; one where only one does.
+    """
+    ours = [c for c in comparisons if c.equation == equation and np.isfinite(c.measured - c.modelled).any()]
+    ours.sort(key=_misfit, reverse=True)
+    if not ours:
+        return ()
+    picked = [ours[0]] if len(ours) == 1 else [ours[0], ours[len(ours) // 2]]
+    return tuple(_around(c, _worst_moment(c)) for c in picked)
+
+
+def failure_stretch(comparisons: Iterable[Comparison], failure: Failure) -> Shown | None:
+    """The stretch around the place where the model fails worst."""
+    for one in comparisons:
+        here = one.equation == failure.equation and one.run == failure.run
+        if here and len(one.time) and one.time[0] <= failure.start <= one.time[-1]:
+            return _around(one, 0.5 * (failure.start + failure.stop))
+    return None
+
+
+def _misfit(comparison: Comparison) -> float:
+    residual = comparison.measured - comparison.modelled
+    return float(np.sqrt(np.nanmean(residual**2))) / max(comparison.floor, 1e-12)
+
+
+def _worst_moment(comparison: Comparison) -> float:
+    """Middle of the half second with the largest mean square residual, s into the run."""
+    time = comparison.time
+    square = np.nan_to_num(comparison.measured - comparison.modelled) ** 2
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+    width = min(max(round(0.5 / step), 1), len(time))
+    start = int(np.argmax(np.convolve(square, np.ones(width), "valid")))
+    return float(time[start + width // 2])
+
+
+def _around(comparison: Comparison, moment: float) -> Shown:
+    first, last = float(comparison.time[0]), float(comparison.time[-1])
+    start = min(max(moment - 0.5 * STRETCH_S, first), max(last - STRETCH_S, first))
+    return Shown(comparison, start, min(start + STRETCH_S, last))
+
+
+def comparison_figure(shown: Shown, failure: Failure | None = None) -> Figure:
+    """Measured and modelled above, the residual with the floor as a band below.
+
+    Args:
+        failure: tinted where it falls into the stretch of this run and equation.
+    """
+    one, part = shown.comparison, shown.part
+    time, measured, modelled = one.time[part], one.measured[part], one.modelled[part]
+    figure, (above, below) = new_figure(2, 1, HALF_SIZE, sharex=True, height_ratios=[2, 1])
+    unit = screen_unit(one.unit, _largest(measured))
+    above.plot(time, unit.factor * measured, color=MEASURED, lw=1.6, label="measured")
+    above.plot(time, unit.factor * modelled, color=MODELLED, lw=1.3, ls="--", label="modelled")
+    _keep_in_sight(above, unit.factor * measured, unit.factor * modelled)
+    label(above, "", unit.label(QUANTITIES.get(one.equation, "value")))
+    residual = measured - modelled
+    small = screen_unit(one.unit, max(_largest(residual), one.floor))
+    floor = small.factor * one.floor
+    below.axhspan(-floor, floor, color=FLOOR, alpha=0.6, lw=0, label="floor")
+    below.plot(time, small.factor * residual, color=RESIDUAL, lw=1.2, label="residual")
+    label(below, "time in the run (s)", small.label("residual"))
+    for axes in (above, below):
+        axes.margins(x=0.0)
+        if failure is not None and (failure.equation, failure.run) == (one.equation, one.run):
+            axes.axvspan(failure.start, failure.stop, color=RESIDUAL, alpha=0.25, lw=0, zorder=0)
+    _round_ticks(above, below)
+    figure.align_ylabels()
+    legend_below(figure, _handles(above) | _handles(below))
+    return figure
+
+
+QUANTITIES = {
+    "mcp_torque": "torque at the MCP",
+    "pip_torque": "torque at the PIP",
+    "cable_kinematics": "cable wound",
+    "motor_torque": "motor torque",
+    "endpoint_force_pip": "endpoint force",
+    "endpoint_force_mcp": "endpoint force",
+}
+"""What the vertical axis of each comparison shows."""
+
+
+def _round_ticks(*figure_axes: Axes) -> None:
+    for axes in figure_axes:
+        axes.xaxis.set_major_locator(MaxNLocator(6, steps=ROUND_STEPS))
+        axes.yaxis.set_major_locator(MaxNLocator(5, steps=ROUND_STEPS))
+
+
+def _handles(axes: Axes) -> dict[str, object]:
+    return dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+
+
+def _largest(values: Array) -> float:
+    finite = np.abs(values[np.isfinite(values)])
+    return float(finite.max()) if len(finite) else 0.0
+
+
+def _keep_in_sight(axes: Axes, measured: Array, modelled: Array) -> None:
+    """Cut the axis where the model shoots far past what was measured, and say how far it goes."""
+    both = [v[np.isfinite(v)] for v in (measured, modelled)]
+    if not len(both[0]) or not len(both[1]):
+        return
+    (low, high), (bottom, top) = ((float(v.min()), float(v.max())) for v in both)
+    span = max(high - low, 1e-9)
+    least, most = max(bottom, low - FARTHEST * span), min(top, high + FARTHEST * span)
+    if least > bottom or most < top:
+        least, most = min(least, low), max(most, high)
+        axes.set_ylim(least - 0.05 * (most - least), most + 0.15 * (most - least))
+        words = f"cut: modelled reaches {bottom:.3g} to {top:.3g}"
+        axes.annotate(words, (0.01, 0.97), xycoords="axes fraction", va="top", fontsize=TICK_SIZE)
+
+
+def fingerprint_figure(print_: Fingerprint, title: str) -> Figure:
+    """Binned residual with its 90 % interval over the effect's coordinate, and the effect's curve."""
+    figure, (axes,) = new_figure(size=(4.4, 3.1))
+    across = screen_unit(print_.coordinate_unit, _largest(print_.centre))
+    if print_.coordinate_unit == "s":
+        across = screen_unit("s", 10.0)
+    up = screen_unit(print_.value_unit, max(_largest(print_.mean), _largest(print_.curve)))
+    x = across.factor * print_.centre
+    axes.axhline(0.0, color=FLOOR, lw=0.8, zorder=0)
+    bars = up.factor * np.stack([print_.mean - print_.low, print_.high - print_.mean])
+    axes.errorbar(
+        x, up.factor * print_.mean, np.maximum(bars, 0.0), fmt="o", ms=4, color=RESIDUAL, capsize=2.5, lw=1.2,
+        label="residual, 90 % interval",
+    )  # fmt: skip
+    axes.plot(x, up.factor * print_.curve, color=CANDIDATE, lw=1.6, label=in_sentence(title))
+    quantity = QUANTITIES.get(print_.equation, EQUATION_TITLES.get(print_.equation, print_.equation))
+    label(axes, across.label(print_.coordinate), up.label(f"residual, {quantity}"))
+    _round_ticks(axes)
+    legend_below(figure, dict(reversed(_handles(axes).items())))
+    return figure
+
+
+def path_figure(path: Sequence[PathStep], given: Sequence[str]) -> Figure:
+    """The error in floors: the model as given, then with each effect worth adding; 1 is the floor."""
+    names = [_step_name(step, given) for step in path]
+    scores = np.array([step.score for step in path])
+    figure, (axes,) = new_figure(size=(7.2, 1.0 + 0.42 * len(path)))
+    at = np.arange(len(path))[::-1]
+    colours = [MODELLED] + [CANDIDATE] * (len(path) - 1)
+    axes.axvspan(0.0, 1.0, color=FLOOR, alpha=0.6, lw=0, zorder=0, label="floor")
+    axes.barh(at, scores, 0.6, color=colours)
+    for y, score in zip(at, scores, strict=True):
+        axes.annotate(
+            score_text(float(score)), (score, y), xytext=(5, 0), textcoords="offset points", va="center",
+            fontsize=9,
+        )  # fmt: skip
+    axes.set_yticks(at, names, fontsize=9)
+    axes.tick_params(axis="y", length=0)
+    axes.set_xlim(0.0, 1.12 * max(float(scores.max()), 1.0))
+    axes.xaxis.set_major_locator(MaxNLocator(8, steps=ROUND_STEPS))
+    label(axes, "error on runs left out of the fit, in multiples of the floor", "")
+    legend_below(figure, _handles(axes))
+    return figure
+
+
+def _step_name(step: PathStep, given: Sequence[str]) -> str:
+    if step.added is not None:
+        return f"+ {in_sentence(effect_title(step.added))}"
+    return "model as given" if given else "nominal model"

@@ -1,0 +1,192 @@
+"""A diagnosis in sentences, for the terminal and for the page: plain words first, then numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from fingerlab.identify.results import Candidate, Diagnosis, Failure
+from fingerlab.physics.effects import CATALOGUE
+from fingerlab.report.screen import percent, score_text
+from fingerlab.sessions.words import trajectory_words
+
+FAMILY_TITLES = {
+    "joint_torque": "Joint torque",
+    "cable_kinematics": "Cable length",
+    "motor_torque": "Motor torque",
+    "endpoint_force": "Endpoint force",
+}
+"""Families of equations in an operator's words."""
+
+PHASE_WORDS = {
+    "on_air": "on air",
+    "contact": "in contact",
+    "motor_bench": "motor bench",
+    "free": "free motion",
+}
+
+NOTHING_WORDS, UNKNOWN_WORDS = "Nothing missing", "Not in the catalogue"
+"""The two outcomes that are no effect; both are results."""
+
+UNEXPLAINED = 1.25
+"""From this multiple of the floor on, the page says that something is left; below it is scatter, assumed."""
+
+_NAMES = ("Coulomb", "Stribeck", "Dahl")
+_JOINT_ENDINGS = {"mcp": "MCP", "pip": "PIP"}
+
+
+def effect_title(effect: str) -> str:
+    """An effect's title by its id."""
+    return CATALOGUE[effect].title if effect in CATALOGUE else effect.replace("_", " ").capitalize()
+
+
+def in_sentence(title: str) -> str:
+    """A title inside a sentence; one that starts with a name or an abbreviation keeps its capitals."""
+    if title[:2].isupper() or title.startswith(_NAMES):
+        return title
+    return title[:1].lower() + title[1:]
+
+
+def listed(words: Sequence[str]) -> str:
+    """``a``, ``a and b``, ``a, b and c``."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else list(words))
+
+
+def _names(effects: Sequence[str]) -> str:
+    return listed([in_sentence(effect_title(effect)) for effect in effects])
+
+
+def model_words(model: Sequence[str]) -> str:
+    """``the nominal model``, or with what was put into it."""
+    return "the nominal model" + (f" with {_names(model)}" if model else "")
+
+
+def shown_best_first(diagnosis: Diagnosis) -> tuple[Candidate, ...]:
+    """The candidates of the set in its order, then the others as ranked."""
+    by_id = {c.effect: c for c in diagnosis.candidates}
+    first = [by_id[effect] for effect in diagnosis.set if effect in by_id]
+    return (*first, *(c for c in diagnosis.candidates if c.effect not in diagnosis.set))
+
+
+def verdict_sentence(diagnosis: Diagnosis) -> str:
+    """The answer in one plain sentence with its numbers."""
+    model, score = model_words(diagnosis.model), score_text(diagnosis.score)
+    error = f"its error on runs left out of the fit is {score} times the bench's own repeatability"
+    if diagnosis.verdict == "nothing_missing":
+        more = "Nothing more" if diagnosis.model else "Nothing"
+        chance = percent(diagnosis.probability_nothing)
+        return f"{more} is missing from {model} ({chance} probable): {error}, and 1 is the best that can be."
+    if diagnosis.verdict == "not_in_catalogue" or not diagnosis.candidates:
+        chance = percent(diagnosis.probability_unknown)
+        return (
+            f"Something is missing from {model} that is not in the catalogue ({chance} probable): {error}, "
+            f"and none of the {len(diagnosis.candidates)} effects tried explains it."
+        )
+    best = shown_best_first(diagnosis)[0]
+    several = len(diagnosis.set) > 1
+    fall = (
+        f"with {'the first of them' if several else 'it'} the error on runs left out of the fit falls "
+        f"from {score} to {score_text(best.score)} times the bench's own repeatability"
+    )
+    fall += _as_well(diagnosis, best)
+    if several:
+        together = percent(sum(c.probability for c in diagnosis.candidates if c.effect in diagnosis.set))
+        return (
+            f"One of these is missing from {model} ({together} probable), and these data cannot tell which: "
+            f"{_names(diagnosis.set)}; {fall}."
+        )
+    title, chance = in_sentence(best.title), percent(best.probability)
+    return f"{title[:1].upper()}{title[1:]} is missing from {model} ({chance} probable): {fall}."
+
+
+def _as_well(diagnosis: Diagnosis, best: Candidate) -> str:
+    """What else the error path adds, with the error that it ends at."""
+    more = [effect for effect in worth_adding(diagnosis) if effect != best.effect]
+    if not more:
+        return ""
+    return f", and with {_names(more)} as well to {score_text(diagnosis.path[-1].score)}"
+
+
+def set_sentence(diagnosis: Diagnosis) -> str:
+    """What the data cannot tell apart."""
+    if len(diagnosis.set) > 1:
+        return (
+            f"These data cannot tell apart {_names(diagnosis.set)}. The one that is truly missing is meant "
+            "to be among them in 95 % of such cases."
+        )
+    if diagnosis.set:
+        return f"{effect_title(diagnosis.set[0])} is told apart from every other effect of the catalogue."
+    if diagnosis.verdict == "nothing_missing":
+        return "No effect is called for, so there is nothing to tell apart."
+    return "No effect of the catalogue is justified, so there is nothing to tell apart."
+
+
+def worth_adding(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Ids of the effects that the error path adds, in order."""
+    return tuple(step.added for step in diagnosis.path if step.added is not None)
+
+
+def path_sentence(diagnosis: Diagnosis) -> str:
+    """What the error path says: how far each effect brings the error down, and what is left."""
+    added = worth_adding(diagnosis)
+    if not added:
+        return "No effect earns its place, so the path ends where it begins."
+    last = diagnosis.path[-1].score
+    steps = [
+        f"{in_sentence(effect_title(s.added))} to {score_text(s.score)}"
+        for s in diagnosis.path
+        if s.added is not None
+    ]
+    text = (
+        f"From {score_text(diagnosis.path[0].score)} the error comes down with {', then with '.join(steps)}"
+    )
+    left = " What then remains above the floor is not explained." if last > UNEXPLAINED else ""
+    return f"{text}. No further effect earns its place.{left}"
+
+
+def failure_sentence(failure: Failure | None) -> str:
+    """Where the model is furthest off."""
+    if failure is None:
+        return "No stretch stands out."
+    text = failure.text.strip().rstrip(".")
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def next_experiment_sentence(proposal: Mapping[str, Any] | None) -> str | None:
+    """What to record next and what that would tell apart; None where nothing is called for."""
+    if not proposal:
+        return None
+    trajectory = proposal.get("trajectory")
+    words = trajectory_words(trajectory) if isinstance(trajectory, Mapping) else str(trajectory or "a run")
+    phase = str(proposal.get("phase") or "")
+    text = f"Record next: {words}" + (f", {PHASE_WORDS.get(phase, phase)}" if phase else "")
+    separates = [str(effect) for effect in proposal.get("separates") or ()]
+    gain = proposal.get("expected_separation")
+    if len(separates) > 1:
+        text += f". It would tell {in_sentence(effect_title(separates[0]))} from {_names(separates[1:])}"
+        if isinstance(gain, (int, float)):
+            text += f" (expected log-likelihood ratio {gain:.0f}; 5 is plenty)"
+    return text + "."
+
+
+def parameter_titles(effect: str, names: Sequence[str]) -> dict[str, str]:
+    """Each of the effect's parameters in words, such as ``MCP friction torque``; no title twice."""
+    titles = {name: _parameter_title(effect, name) for name in names}
+    twice = {t for t in titles.values() if list(titles.values()).count(t) > 1}
+    return {name: f"{title} ({_plain(name)})" if title in twice else title for name, title in titles.items()}
+
+
+def _parameter_title(effect: str, name: str) -> str:
+    one = CATALOGUE.get(effect)
+    gain = None if one is None else one.gains.get(name) or one.relaxes.get(name)
+    title = gain.title if gain is not None and gain.title else _plain(name)
+    joint = _JOINT_ENDINGS.get(name.rsplit("_", 1)[-1], "")
+    return f"{joint} {title}" if joint and not title.upper().startswith(joint) else title
+
+
+def _plain(name: str) -> str:
+    """A parameter's name without joint and unit."""
+    parts = name.split("_")
+    while len(parts) > 1 and parts[-1] in (*_JOINT_ENDINGS, "deg", "s", "hz"):
+        parts.pop()
+    return " ".join(parts)

@@ -1,0 +1,258 @@
+"""The whole comparison as one self-contained page: nothing is loaded from elsewhere, nothing runs in it."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+import fingerlab
+from fingerlab.errors import Cancelled, UserError
+from fingerlab.identify.diagnosis import diagnose
+from fingerlab.identify.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
+from fingerlab.report import diagnosis_words as words
+from fingerlab.report import page_tables as tables
+from fingerlab.report.analysis_section import Analysis, analyse
+from fingerlab.report.diagnosis_figures import (
+    QUANTITIES,
+    Shown,
+    chosen_stretches,
+    comparison_figure,
+    failure_stretch,
+    fingerprint_figure,
+    path_figure,
+)
+from fingerlab.report.screen import score_text
+from fingerlab.report.svg import inline_svg
+from fingerlab.sessions.model import Session
+from fingerlab.sessions.place import OutputSet
+
+Progress = Callable[[float, str], None]
+
+SHOWN_CANDIDATES = 4
+"""Effects whose evidence is drawn: those of the set, and at least the two best."""
+
+EQUATION_NOTES = {
+    "mcp_torque": "Measured: what the cable does at the joint, from motor current. Modelled: what the "
+    "joint's motion, springs and weight call for.",
+    "pip_torque": "Measured and modelled as at the MCP.",
+    "cable_kinematics": "Measured: cable wound on the pulley, from the motor angle. Modelled: what the joint "
+    "angles call for while the cable is taut.",
+    "motor_torque": "Measured: torque at the gearbox output, from motor current. Modelled: what cable and "
+    "finger, or the load on the motor bench, call for.",
+    "endpoint_force_pip": "Measured: the load cell. Modelled: the force that balances the PIP joint.",
+    "endpoint_force_mcp": "Measured: the load cell. Modelled: the force that balances the MCP joint.",
+}
+
+
+def write_report(
+    sessions: Sequence[Session],
+    path: Path,
+    added: Sequence[str] = (),
+    diagnosis: Diagnosis | None = None,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> Path:
+    """Write the report page of a comparison.
+
+    Args:
+        sessions: at least one. path: the page to write; nothing is overwritten.
+        added: effects that the model holds already.
+        diagnosis: of these sessions with these effects and with curves; worked out where it is None.
+        progress: called with the share done (0 to 1) and what is being done.
+        cancelled: asked now and then; True stops the work and leaves no file.
+
+    Returns:
+        ``path``.
+
+    Raises:
+        UserError: the place is taken or cannot be written to, or the sessions cannot be analysed.
+        Cancelled: ``cancelled`` answered True.
+    """
+    report = _Report(progress, cancelled)
+    try:
+        # Claimed before the work, so that a place that cannot be written to is found out at once.
+        with OutputSet() as outputs:
+            part = outputs.claim(path)
+            started = 0.0 if diagnosis is not None else 0.55
+            if diagnosis is None:
+                diagnosis = diagnose(sessions, added, report.part(0.0, started), cancelled)
+            analysis = analyse(sessions, report.part(started, 0.75))
+            text = render(sessions, diagnosis, analysis, report.part(0.75, 1.0))
+            part.write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise UserError(
+            f"{path} cannot be written ({error.strerror}); choose a place with room and write access."
+        ) from None
+    return path
+
+
+class _Report:
+    """Progress of one part of the work on the scale of the whole, and the wish to stop."""
+
+    def __init__(self, progress: Progress | None, cancelled: Callable[[], bool] | None) -> None:
+        self._progress, self._cancelled = progress, cancelled
+
+    def part(self, low: float, high: float) -> Progress:
+        def tell(share: float, what: str) -> None:
+            if self._cancelled is not None and self._cancelled():
+                raise Cancelled
+            if self._progress is not None:
+                self._progress(low + (high - low) * share, what)
+
+        return tell
+
+
+def render(
+    sessions: Sequence[Session], diagnosis: Diagnosis, analysis: Analysis | None, progress: Progress
+) -> str:
+    """The page as text, well-formed as XML too."""
+    pictures = _Pictures(progress, _picture_count(diagnosis, analysis))
+    return _template("page.html.j2").render(
+        title=" + ".join(dict.fromkeys(s.title or s.path.stem for s in sessions)),
+        version=fingerlab.__version__,
+        written=datetime.now().astimezone().isoformat(timespec="seconds"),
+        style=Markup(_text("page.css")),
+        colours=tomllib.loads(_style_text("colours.toml")),
+        diagnosis=diagnosis,
+        verdict=words.verdict_sentence(diagnosis),
+        model=words.model_words(diagnosis.model),
+        score=score_text(diagnosis.score),
+        errors=tables.error_rows(diagnosis.errors),
+        ranking=tables.short_ranking(diagnosis),
+        every_effect=tables.all_effects(diagnosis),
+        set_sentence=words.set_sentence(diagnosis),
+        path_sentence=words.path_sentence(diagnosis),
+        path_figure=pictures.draw(path_figure(diagnosis.path, diagnosis.model), "Error path"),
+        reweighed=abs(diagnosis.path[0].score / max(diagnosis.score, 1e-12) - 1.0) > 0.02,
+        failure=words.failure_sentence(diagnosis.failure),
+        failure_picture=_failure_picture(diagnosis, pictures, len(sessions) > 1),
+        equations=_equations(diagnosis, pictures, len(sessions) > 1),
+        candidates=[_candidate(c, pictures) for c in _drawn_candidates(diagnosis)],
+        next_experiment=words.next_experiment_sentence(diagnosis.next_experiment),
+        model_rows=tables.model_rows(diagnosis.parameters),
+        sessions=[_session(session) for session in sessions],
+        files=tables.file_rows(sessions),
+        analysis=analysis,
+        analysis_figures=[] if analysis is None else _analysis_figures(analysis, pictures),
+    )
+
+
+class _Pictures:
+    """Draws figures into the page, each with identifiers of its own."""
+
+    def __init__(self, progress: Progress, expected: int) -> None:
+        self._progress, self._expected, self._drawn = progress, max(expected, 1), 0
+
+    def draw(self, figure: Figure, description: str) -> Markup:
+        self._progress(min(self._drawn / self._expected, 1.0), f"drawing, {description}")
+        self._drawn += 1
+        return Markup(inline_svg(figure, f"f{self._drawn}", description))
+
+
+def _picture_count(diagnosis: Diagnosis, analysis: Analysis | None) -> int:
+    equations = len({c.equation for c in diagnosis.comparisons})
+    return 2 + 2 * equations + SHOWN_CANDIDATES + (0 if analysis is None else len(analysis.figures))
+
+
+def _drawn_candidates(diagnosis: Diagnosis) -> list[Candidate]:
+    best = words.shown_best_first(diagnosis)
+    return list(best[: max(2, min(len(diagnosis.set), SHOWN_CANDIDATES))])
+
+
+def _candidate(candidate: Candidate, pictures: _Pictures) -> dict[str, Any]:
+    print_ = candidate.fingerprint
+    return {
+        "title": candidate.title,
+        "row": tables.outcome_of(candidate),
+        "parameters": tables.parameter_rows(candidate),
+        "equations": words.listed([words.FAMILY_TITLES.get(e, e).lower() for e in candidate.equations]),
+        "picture": None
+        if print_ is None
+        else pictures.draw(fingerprint_figure(print_, candidate.title), f"Fingerprint of {candidate.title}"),
+        "where": "" if print_ is None else _where(candidate),
+    }
+
+
+def _where(candidate: Candidate) -> str:
+    assert candidate.fingerprint is not None
+    equation = candidate.fingerprint.equation
+    return f"{EQUATION_TITLES.get(equation, equation)} against {candidate.fingerprint.coordinate}"
+
+
+def _failure_picture(diagnosis: Diagnosis, pictures: _Pictures, many: bool) -> dict[str, Any] | None:
+    if diagnosis.failure is None:
+        return None
+    shown = failure_stretch(diagnosis.comparisons, diagnosis.failure)
+    if shown is None:
+        return None
+    title = EQUATION_TITLES.get(diagnosis.failure.equation, diagnosis.failure.equation)
+    figure = comparison_figure(shown, diagnosis.failure)
+    return {"picture": pictures.draw(figure, f"{title} where it is worst"), "caption": _caption(shown, many)}
+
+
+def _equations(diagnosis: Diagnosis, pictures: _Pictures, many: bool) -> list[dict[str, Any]]:
+    result = []
+    present = {c.equation for c in diagnosis.comparisons}
+    for equation in [*(e for e in QUANTITIES if e in present), *sorted(present - set(QUANTITIES))]:
+        title = EQUATION_TITLES.get(equation, equation.replace("_", " ").capitalize())
+        stretches = chosen_stretches(diagnosis.comparisons, equation)
+        drawn = [
+            {
+                "picture": pictures.draw(comparison_figure(s), f"{title}, {_caption(s, many)}"),
+                "caption": f"{kind}: {_caption(s, many)}",
+            }
+            for s, kind in zip(stretches, ("Largest misfit", "Typical"), strict=False)
+        ]
+        if drawn:
+            result.append({"title": title, "note": EQUATION_NOTES.get(equation, ""), "pictures": drawn})
+    return result
+
+
+def _caption(shown: Shown, many: bool) -> str:
+    one: Comparison = shown.comparison
+    name = f"{Path(one.session).name}, run {one.run}" if many else f"run {one.run}"
+    return f"{name}, {words.PHASE_WORDS.get(one.phase, one.phase)}, {shown.start:.1f} to {shown.stop:.1f} s"
+
+
+def _session(session: Session) -> dict[str, Any]:
+    return {
+        "title": session.title or session.path.stem,
+        "run_count": len(session.runs),
+        "facts": tables.facts(session),
+        "runs": tables.run_rows(session),
+        "rig": tables.rig_rows(session),
+    }
+
+
+def _analysis_figures(analysis: Analysis, pictures: _Pictures) -> list[dict[str, Any]]:
+    return [
+        {"picture": pictures.draw(figure, name.replace("-", " ")), "caption": caption}
+        for name, figure, caption in analysis.figures
+    ]
+
+
+def _template(name: str) -> Any:
+    environment = Environment(
+        loader=FunctionLoader(_text),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(name)
+
+
+def _text(name: str) -> str:
+    return resources.files("fingerlab.resources").joinpath("report", name).read_text(encoding="utf-8")
+
+
+def _style_text(name: str) -> str:
+    return resources.files("fingerlab.resources").joinpath("style", name).read_text(encoding="utf-8")

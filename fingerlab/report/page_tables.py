@@ -1,0 +1,271 @@
+"""Rows of the page's tables: what the template prints, as text with units and no digit too many."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+
+from fingerlab.identify.results import Candidate, Diagnosis, EquationError, ParameterEstimate
+from fingerlab.report.diagnosis_words import (
+    FAMILY_TITLES,
+    NOTHING_WORDS,
+    PHASE_WORDS,
+    UNKNOWN_WORDS,
+    parameter_titles,
+    shown_best_first,
+)
+from fingerlab.report.screen import (
+    decimals_for,
+    estimate_text,
+    fixed,
+    percent,
+    r2_text,
+    score_text,
+    screen_unit,
+)
+from fingerlab.rig import Finger, Motor
+from fingerlab.rig_file import CONSTANT_UNITS, sources_of
+from fingerlab.sessions import content_hash
+from fingerlab.sessions.model import Run, Session
+from fingerlab.sessions.words import trajectory_words
+
+SHOWN_OUTCOMES = 6
+"""Candidates in the short ranking; the whole catalogue stands at the end of the page."""
+HIGHEST_BAR = 20.0
+"""Error over floor at which a bar is full; the number beside it says the rest."""
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """Error of a family of equations on runs left out of the fit; ``bar`` is 0 to 1."""
+
+    title: str
+    error: str
+    floor: str
+    unit: str
+    times: str
+    r2: str
+    bar: float
+
+
+def error_texts(error: EquationError) -> tuple[str, str, str]:
+    """Error, floor and unit, with the digits that the floor calls for."""
+    unit = screen_unit(error.unit, max(error.rmse, error.floor))
+    floor = error.floor * unit.factor
+    decimals = decimals_for(floor / 3.0) if floor > 0 else 3
+    return fixed(error.rmse * unit.factor, decimals), fixed(floor, decimals), unit.symbol
+
+
+def error_rows(errors: Mapping[str, EquationError]) -> list[ErrorRow]:
+    """One row a family of equations."""
+    rows = []
+    for name, error in errors.items():
+        times = error.rmse / error.floor if error.floor > 0 else math.nan
+        shown, floor, unit = error_texts(error)
+        title = FAMILY_TITLES.get(name, name.replace("_", " "))
+        bar = min(times / HIGHEST_BAR, 1.0) if math.isfinite(times) else 0.0
+        rows.append(ErrorRow(title, shown, floor, unit, score_text(times), r2_text(error.r2), bar))
+    return rows
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A candidate, or one of the two outcomes that are no effect. ``share`` is its probability, 0 to 1."""
+
+    title: str
+    effect: str
+    share: float
+    chance: str
+    score: str
+    in_set: bool
+    detectable: bool
+    explanation: str
+    is_effect: bool
+
+
+def all_effects(diagnosis: Diagnosis) -> list[Outcome]:
+    """Every effect tried, best first."""
+    return [outcome_of(candidate) for candidate in shown_best_first(diagnosis)]
+
+
+def short_ranking(diagnosis: Diagnosis) -> list[Outcome]:
+    """What is probable, with both outcomes that are no effect, most probable first."""
+    best = all_effects(diagnosis)
+    chosen = [row for row in best if row.in_set or row.share >= 0.005]
+    chosen += [row for row in best if row not in chosen][: max(SHOWN_OUTCOMES - len(chosen), 0)]
+    nothing = f"{NOTHING_WORDS}{' any more' if diagnosis.model else ''}"
+    for title, share in (
+        (nothing, diagnosis.probability_nothing),
+        (UNKNOWN_WORDS, diagnosis.probability_unknown),
+    ):
+        chosen.append(Outcome(title, "", share, percent(share), "", False, True, "", False))
+    return sorted(chosen, key=lambda row: -row.share)
+
+
+def outcome_of(candidate: Candidate) -> Outcome:
+    return Outcome(
+        candidate.title,
+        candidate.effect,
+        candidate.probability,
+        percent(candidate.probability),
+        score_text(candidate.score),
+        candidate.in_set,
+        candidate.detectable,
+        candidate.explanation,
+        True,
+    )
+
+
+def parameter_rows(candidate: Candidate) -> list[tuple[str, str]]:
+    """Title and value with interval of each parameter of an effect."""
+    titles = parameter_titles(candidate.effect, list(candidate.parameters))
+    return [(titles[name], estimate_text(value)) for name, value in candidate.parameters.items()]
+
+
+_MODEL_TITLES = {
+    "arm_mcp": "Moment arm at the MCP",
+    "arm_pip": "Moment arm at the PIP",
+    "loss_mcp": "Friction loss at the MCP",
+    "loss_pip": "Friction loss at the PIP",
+    "bench_inertia": "Inertia J",
+    "bench_gain": "Gain on the load",
+    "bench_offset": "Offset of the torque",
+}
+
+
+def model_rows(parameters: Mapping[str, ParameterEstimate]) -> list[tuple[str, str]]:
+    """What the fit found out about the bench itself: moment arms and losses, or the motor bench's constants.
+
+    Nuisances that only let a constant move within its tolerance are left out.
+    """
+    rows = []
+    for key in _MODEL_TITLES:
+        for name, estimate in parameters.items():
+            base, _, cable = name.partition("@")
+            if base == key:
+                title = _MODEL_TITLES[key] + (f", {cable} cable" if cable else "")
+                rows.append((title, estimate_text(estimate)))
+    return rows
+
+
+@dataclass(frozen=True)
+class RunRow:
+    """Consecutive runs that were taken alike."""
+
+    runs: str
+    count: int
+    phase: str
+    cable: str
+    trajectory: str
+    seconds: str
+    rate: str
+
+
+def run_rows(session: Session) -> list[RunRow]:
+    """The session's runs, those that follow each other and are alike in one row."""
+    blocks: list[list[Run]] = []
+    for run in session.runs:
+        if blocks and _alike(blocks[-1][-1], run):
+            blocks[-1].append(run)
+        else:
+            blocks.append([run])
+    return [_run_row(block) for block in blocks]
+
+
+def _alike(one: Run, other: Run) -> bool:
+    return (one.phase, one.cable, one.sample_rate_hz, dict(one.trajectory)) == (
+        other.phase,
+        other.cable,
+        other.sample_rate_hz,
+        dict(other.trajectory),
+    ) and abs(one.seconds - other.seconds) < 0.05 * max(one.seconds, 1.0)
+
+
+def _run_row(block: Sequence[Run]) -> RunRow:
+    first, last = block[0], block[-1]
+    names = first.name if len(block) == 1 else f"{first.name} to {last.name}"
+    seconds = f"{len(block)} × {first.seconds:.1f}" if len(block) > 1 else f"{first.seconds:.1f}"
+    cable = "–" if first.cable == "none" else first.cable
+    phase = PHASE_WORDS.get(first.phase, first.phase)
+    words = trajectory_words(first.trajectory)
+    return RunRow(names, len(block), phase, cable, words, seconds, f"{first.sample_rate_hz:g}")
+
+
+@dataclass(frozen=True)
+class RigRow:
+    """A constant of the bench with its tolerance and where it comes from."""
+
+    name: str
+    value: str
+    tolerance: str
+    source: str
+
+
+def rig_rows(session: Session) -> list[RigRow]:
+    """The bench's constants; one that the file does not give is marked as a default."""
+    rig, rows = session.rig, []
+    sources, given = sources_of(rig), _given(session)
+    for group, part, kind in (("finger", rig.finger, Finger), ("motor", rig.motor, Motor)):
+        for spec in fields(kind) if part is not None else ():
+            value = getattr(part, spec.name)
+            if value is None:
+                continue
+            unit = screen_unit(CONSTANT_UNITS[spec.name], abs(value))
+            shown = unit.after(f"{value * unit.factor:.4g}".replace("-", "−"))
+            tolerance = f"± {100 * rig.tolerance_of(spec.name):g} %"
+            name = "rotor, gearbox and pulley inertia" if spec.name == "inertia" else spec.name
+            name = name.replace("_", " ")
+            name = {"mcp": "MCP", "pip": "PIP"}.get(name[:3], name[:3].capitalize()) + name[3:]
+            origin = "the session file" if spec.name in given.get(group, {}) else "not in the file: default"
+            rows.append(RigRow(name, shown, tolerance, sources.get(spec.name, origin)))
+    return rows
+
+
+def _given(session: Session) -> dict[str, dict[str, float]]:
+    """The constants that the file itself holds, by part of the rig."""
+    try:
+        stored = json.loads(str(session.attributes.get("rig", session.rig.to_json())))
+    except ValueError:
+        return {}
+    return {part: stored.get(part) or {} for part in ("finger", "motor")}
+
+
+@dataclass(frozen=True)
+class FileRow:
+    """A session file, so that a reader can tell that it is the same one."""
+
+    name: str
+    title: str
+    created: str
+    sha256: str
+
+
+def file_rows(sessions: Sequence[Session]) -> list[FileRow]:
+    """Name, title, date and content hash of each file; a folder would mean nothing elsewhere."""
+    return [
+        FileRow(
+            session.path.name,
+            session.title,
+            session.created,
+            content_hash(session) if session.path.is_file() else "not kept in a file",
+        )
+        for session in sessions
+    ]
+
+
+def facts(session: Session) -> list[tuple[str, str]]:
+    """What the file tells of itself in words: who, when, with what."""
+    rows = [("File", session.path.name), ("Recorded", session.created)]
+    for key in ("operator", "notes", "software", "tags"):
+        value = session.attributes.get(key)
+        if isinstance(value, str) and value.strip():
+            rows.append((key.capitalize(), value.strip()))
+    phases: dict[str, int] = {}
+    for run in session.runs:
+        phases[run.phase] = phases.get(run.phase, 0) + 1
+    counted = ", ".join(f"{count} {PHASE_WORDS.get(phase, phase)}" for phase, count in phases.items())
+    total = sum(run.seconds for run in session.runs)
+    rows.append(("Runs", f"{len(session.runs)}: {counted}; {total:.0f} s in all"))
+    return rows
