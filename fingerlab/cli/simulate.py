@@ -26,7 +26,11 @@ PROTOCOL_NAMES = ("on-air", "contact", "motor-bench", "thesis", "rich")
     help="Put an effect of the catalogue into the bench; may be repeated. STRENGTH is a number in the SI "
     "unit of the effect's first parameter, or like x0.5 for half of its default.",
 )
-@click.option("--hidden", is_flag=True, help="Pick an effect (or none) and seal it until 'reveal'.")
+@click.option(
+    "--hidden",
+    is_flag=True,
+    help="Pick one effect (none in 15 % of cases), 0.6 to 1.6 times its default, and seal it until 'reveal'.",
+)
 @click.option(
     "--seed", type=click.IntRange(min=0), help="Same seed, same bench, same noise. Random by default."
 )
@@ -48,7 +52,12 @@ def simulate(
     out: Path,
     json_target: str | None,
 ) -> None:
-    """Record a session from the simulated rig."""
+    """Record a session from the simulated rig.
+
+    The protocols: 'thesis' is ten runs of 30 s on air with the extension cable and ten in contact with the
+    flexion cable; 'rich' adds chirps, multisines, steps and free motion with the flexion cable; 'on-air' and
+    'contact' are its two parts; 'motor-bench' is the motor alone against known loads.
+    """
     from fingerlab.twin.effects import parse_effects
     from fingerlab.twin.preset import load_preset
     from fingerlab.twin.session import new_seed, write_session
