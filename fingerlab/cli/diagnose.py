@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
-from fingerlab.identify.results import Candidate, Diagnosis
 
-SHOWN_CANDIDATES = 8
+if TYPE_CHECKING:
+    from rich.table import Table
 
-VERDICTS = {
-    "nothing_missing": "Nothing is missing: what the model leaves is within the repeatability of the bench.",
-    "missing_effect": "An effect is missing.",
-    "not_in_catalogue": "Something reproducible is missing that no effect of the catalogue explains.",
-}
+    from fingerlab.identify.results import Diagnosis
 
 
 @click.command(short_help="Where the model fails and which effect is missing.")
@@ -29,74 +26,84 @@ VERDICTS = {
 def diagnose(sessions: tuple[Path, ...], added: tuple[str, ...], json_target: str | None) -> None:
     """Compare model and measurement, rank the effects of the catalogue, and say which is missing.
 
-    Scores are held-out errors in units of the bench's repeatability: 1.0 is the floor.
+    Errors are those on runs left out of the fit, in multiples of the bench's own repeatability: 1 is the
+    floor.
     """
     from fingerlab.identify.diagnosis import diagnose as run
-    from fingerlab.sessions import check_session, open_session
+    from fingerlab.sessions import open_session
 
     if json_target not in (None, "-"):
         refuse_existing(Path(str(json_target)))
     opened = [open_session(path) for path in sessions]
-    for session in opened:
-        check_session(session).raise_first()
     bar, report = progress_bar("Diagnosing")
     with bar:
         result = run(opened, added, progress=report, with_curves=False)
     if json_target is not None:
         write_json(result.to_json(), json_target)
     if json_target != "-":
-        _print(result)
+        print_diagnosis(result)
 
 
-def _print(result: Diagnosis) -> None:
-    from rich.console import Console
+def print_diagnosis(result: Diagnosis) -> None:
+    """The answer on the terminal, made to fit 80 columns: verdict first, then what it rests on."""
+    from rich.text import Text
+
+    from fingerlab.cli.output import table_console
+    from fingerlab.report import diagnosis_words as words
+
+    console = table_console()
+    console.print(Text(f"\n{words.verdict_sentence(result)}\n", style="bold"))
+    console.print(_errors(result))
+    console.print()
+    console.print(_ranking(result))
+    console.print(f"error: with that effect in the model{'; * cannot be ruled out' if result.set else ''}\n")
+    for candidate in words.shown_best_first(result)[: len(result.set)]:
+        console.print(Text(f"{candidate.title}: {candidate.explanation}\n"))
+    if len(result.set) > 1:
+        console.print(Text(words.set_sentence(result)))
+    if words.worth_adding(result):
+        console.print(Text(words.path_sentence(result)))
+        console.print(Text(f"To put it into the model: --add {words.worth_adding(result)[0]}"))
+    proposal = words.next_experiment_sentence(result.next_experiment)
+    if proposal is not None:
+        console.print(Text(proposal))
+    hidden = [c.effect for c in result.candidates if not c.detectable]
+    if hidden:
+        console.print(Text(f"These data could not show, at a plausible strength: {', '.join(hidden)}."))
+    console.print(Text(f"{result.seconds:.1f} s", style="dim"))
+
+
+def _errors(result: Diagnosis) -> Table:
     from rich.table import Table
 
-    console = Console()
-    held = f" with {', '.join(result.model)}" if result.model else ""
-    console.print(f"\n[bold]Nominal model{held}[/bold]: error {result.score:.2f} floors on held-out runs")
-    errors = Table("equations", "error (rms)", "floor", "R2", "unit", box=None)
-    for name, error in result.errors.items():
-        errors.add_row(
-            name.replace("_", " "), f"{error.rmse:.3g}", f"{error.floor:.3g}", f"{error.r2:.4f}", error.unit
-        )
-    console.print(errors)
-    console.print(f"\n[bold]{VERDICTS[result.verdict]}[/bold]")
-    table = Table("effect", "probability", "score", "in the set", "detectable", box=None)
-    for candidate in result.candidates[:SHOWN_CANDIDATES]:
-        table.add_row(*_row(candidate))
-    console.print(table)
-    for verdict, share in (
-        ("nothing missing", result.probability_nothing),
-        ("not in the catalogue", result.probability_unknown),
-    ):
-        console.print(f"{verdict}: {_percent(share)}")
-    if result.verdict == "missing_effect":
-        for candidate in result.candidates:
-            if candidate.in_set:
-                console.print(f"\n[bold]{candidate.title}[/bold]: {candidate.explanation}")
-        steps = [f"{'as given' if s.added is None else '+ ' + s.added} {s.score:.2f}" for s in result.path]
-        console.print(f"\nError path (floors): {'  ->  '.join(steps)}")
-    if result.next_experiment is not None:
-        proposal = result.next_experiment
-        console.print(
-            f"Next experiment: {proposal['phase']}, {proposal['trajectory']}; separates "
-            f"{' from '.join(proposal['separates'])} by {proposal['expected_separation']:.1f} nats"
-        )
-    console.print(f"{result.seconds:.1f} s", style="dim")
+    from fingerlab.report.page_tables import error_rows
+    from fingerlab.report.screen import score_text
+
+    table = Table(box=None, pad_edge=False, title_justify="left", title_style="")
+    table.title = f"Error on runs left out of the fit: {score_text(result.score)} times the floor"
+    table.add_column("equations")
+    for title in ("error (rms)", "floor"):
+        table.add_column(title, justify="right")
+    table.add_column("unit")
+    for title in ("error / floor", "R2"):
+        table.add_column(title, justify="right")
+    for row in error_rows(result.errors):
+        table.add_row(row.title, row.error, row.floor, row.unit, row.times, row.r2)
+    return table
 
 
-def _row(candidate: Candidate) -> tuple[str, ...]:
-    return (
-        candidate.title,
-        _percent(candidate.probability),
-        f"{candidate.score:.2f}",
-        "yes" if candidate.in_set else "",
-        "yes" if candidate.detectable else "no",
-    )
+def _ranking(result: Diagnosis) -> Table:
+    """What is probable, with the ids that ``--add`` takes."""
+    from rich.table import Table
 
+    from fingerlab.report.page_tables import short_ranking
 
-def _percent(share: float) -> str:
-    if share <= 0 or share >= 1:
-        return f"{100 * share:.0f} %"
-    return "< 0.1 %" if share < 0.001 else "> 99.9 %" if share > 0.999 else f"{100 * share:.1f} %"
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("", no_wrap=True, justify="right")
+    table.add_column("error", no_wrap=True, justify="right")
+    table.add_column("", no_wrap=True)
+    table.add_column("effect or outcome")
+    table.add_column("id", no_wrap=True)
+    for row in short_ranking(result):
+        table.add_row(row.chance, row.score, "*" if row.in_set else "", row.title, row.effect)
+    return table

@@ -156,17 +156,34 @@ def next_experiment_sentence(proposal: Mapping[str, Any] | None) -> str | None:
     """What to record next and what that would tell apart; None where nothing is called for."""
     if not proposal:
         return None
-    trajectory = proposal.get("trajectory")
-    words = trajectory_words(trajectory) if isinstance(trajectory, Mapping) else str(trajectory or "a run")
-    phase = str(proposal.get("phase") or "")
-    text = f"Record next: {words}" + (f", {PHASE_WORDS.get(phase, phase)}" if phase else "")
+    phase, cable = str(proposal.get("phase") or ""), str(proposal.get("cable") or "none")
+    text = f"Record next: {_motion_words(proposal.get('trajectory'))}"
+    text += f", {PHASE_WORDS.get(phase, phase)}" if phase else ""
+    text += f", {cable} cable" if cable != "none" else ""
     separates = [str(effect) for effect in proposal.get("separates") or ()]
-    gain = proposal.get("expected_separation")
     if len(separates) > 1:
         text += f". It would tell {in_sentence(effect_title(separates[0]))} from {_names(separates[1:])}"
-        if isinstance(gain, (int, float)):
-            text += f" (expected log-likelihood ratio {gain:.0f}; 5 is plenty)"
+        text += _gain_words(proposal.get("expected_separation"))
     return text + "."
+
+
+def _motion_words(trajectory: object) -> str:
+    """The motor's motion, and the known load where there is one."""
+    if not isinstance(trajectory, Mapping):
+        return str(trajectory or "a run")
+    rest = dict(trajectory)
+    load = rest.pop("load_torque", None)
+    words = trajectory_words(rest)
+    if not isinstance(load, (int, float)) or load == 0:
+        return words
+    return f"{words}, against a known load of {1e3 * load:.3g} mN m"
+
+
+def _gain_words(gain: object) -> str:
+    """Expected gain in log evidence (nats), beside what it takes to decide."""
+    if not isinstance(gain, (int, float)):
+        return ""
+    return f" (expected gain in log evidence {'over 100' if gain > 100 else f'{gain:.1f}'}; 5 decides)"
 
 
 def parameter_titles(effect: str, names: Sequence[str]) -> dict[str, str]:

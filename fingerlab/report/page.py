@@ -131,7 +131,6 @@ def render(
         set_sentence=words.set_sentence(diagnosis),
         path_sentence=words.path_sentence(diagnosis),
         path_figure=pictures.draw(path_figure(diagnosis.path, diagnosis.model), "Error path"),
-        reweighed=abs(diagnosis.path[0].score / max(diagnosis.score, 1e-12) - 1.0) > 0.02,
         failure=words.failure_sentence(diagnosis.failure),
         failure_picture=_failure_picture(diagnosis, pictures, len(sessions) > 1),
         equations=_equations(diagnosis, pictures, len(sessions) > 1),

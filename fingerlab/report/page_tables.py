@@ -255,13 +255,24 @@ def file_rows(sessions: Sequence[Session]) -> list[FileRow]:
     ]
 
 
+def _plain_text(value: object) -> str:
+    """An attribute as a person reads it; lists of words are kept as JSON in the file."""
+    if not isinstance(value, str):
+        return ""
+    try:
+        told = json.loads(value)
+    except ValueError:
+        return value.strip()
+    return ", ".join(map(str, told)) if isinstance(told, list) else value.strip()
+
+
 def facts(session: Session) -> list[tuple[str, str]]:
     """What the file tells of itself in words: who, when, with what."""
     rows = [("File", session.path.name), ("Recorded", session.created)]
     for key in ("operator", "notes", "software", "tags"):
-        value = session.attributes.get(key)
-        if isinstance(value, str) and value.strip():
-            rows.append((key.capitalize(), value.strip()))
+        text = _plain_text(session.attributes.get(key))
+        if text:
+            rows.append((key.capitalize(), text))
     phases: dict[str, int] = {}
     for run in session.runs:
         phases[run.phase] = phases.get(run.phase, 0) + 1
