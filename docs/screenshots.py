@@ -18,8 +18,7 @@ from pathlib import Path
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
-from PySide6.QtCore import QSettings
-from PySide6.QtTest import QTest
+from PySide6.QtCore import QEventLoop, QSettings, QTimer
 from PySide6.QtWidgets import QApplication
 
 from fingerlab.twin.effects import parse_effects
@@ -51,12 +50,12 @@ def main() -> None:
         wait(window)
         for name, appearance in (("model-lab", "light"), ("model-lab-dark", "dark")):
             apply_appearance(app, appearance)  # type: ignore[arg-type]
-            QTest.qWait(200)
+            pause(200)
             window.grab().save(str(target / f"{name}.png"))
         window.lab.candidates.add_button.click()
         wait(window)
         apply_appearance(app, "light")
-        QTest.qWait(200)
+        pause(200)
         window.grab().save(str(target / "model-lab-added.png"))
         window.close()
 
@@ -71,10 +70,17 @@ def record(path: Path) -> Path:
 
 def wait(window: MainWindow) -> None:
     """Until nothing runs any more."""
-    QTest.qWait(50)
+    pause(50)
     while window.tasks.busy:
-        QTest.qWait(20)
-    QTest.qWait(300)
+        pause(20)
+    pause(300)
+
+
+def pause(milliseconds: int) -> None:
+    """Let the window work. (QTest.qWait would keep Python's lock and starve the worker.)"""
+    loop = QEventLoop()
+    QTimer.singleShot(milliseconds, loop.quit)
+    loop.exec()
 
 
 if __name__ == "__main__":

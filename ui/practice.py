@@ -11,10 +11,11 @@ from pathlib import Path
 
 from fingerlab.errors import Cancelled
 from fingerlab.identify.results import ParameterEstimate
+from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed, parameter_titles
+from fingerlab.report.screen import estimate_text
 from fingerlab.sessions.model import Session
 
 from .tasks import IsCancelled, Progress
-from fingerlab.report.screen import estimate_text
 
 PROTOCOL = "rich"
 
@@ -74,23 +75,19 @@ def reveal(session: Session, model: Sequence[str]) -> str:
         answer = "Hidden was: " + "; ".join(_told(name, values) for name, values in effects.items()) + "."
     if hidden == set(model):
         return f"{answer} Your model has just that."
-    named = " + ".join(_words(name) for name in model) or "no effect"
-    return f"{answer} Your model has {named}."
+    if not model:
+        return f"{answer} You have added nothing yet."
+    return f"{answer} Your model has {listed([in_sentence(effect_title(name)) for name in model])}."
 
 
 def _told(name: str, values: dict[str, float]) -> str:
     from fingerlab.twin.effect_table import EFFECTS
 
     units = {p.name: p.unit for p in EFFECTS[name].parameters} if name in EFFECTS else {}
+    titles = parameter_titles(name, list(values))
     numbers = [
-        f"{_words(key)} {estimate_text(ParameterEstimate(value, units.get(key, ''), value, value))}"
+        f"{titles[key]} {estimate_text(ParameterEstimate(value, units.get(key, ''), value, value))}"
         for key, value in values.items()
     ]
-    return f"{_words(name)} ({', '.join(numbers)})" if numbers else _words(name)
-
-
-def _words(name: str) -> str:
-    text = name.replace("_", " ")
-    for proper in ("coulomb", "stribeck"):
-        text = text.replace(proper, proper.capitalize())
-    return text
+    title = in_sentence(effect_title(name))
+    return f"{title} ({', '.join(numbers)})" if numbers else title

@@ -5,16 +5,42 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from fingerlab.errors import UserError
+from fingerlab.identify.results import Diagnosis
 from fingerlab.sessions.model import Session
 
 from .tasks import IsCancelled, Progress
 
 
 def write_page(
-    sessions: Sequence[Session], path: Path, added: Sequence[str], progress: Progress, cancelled: IsCancelled
+    sessions: Sequence[Session],
+    path: Path,
+    diagnosis: Diagnosis,
+    progress: Progress,
+    cancelled: IsCancelled,
 ) -> Path:
-    """Write the report of ``sessions`` with the effects ``added`` in the model; returns the path."""
+    """Write the report of what the window shows; returns the path.
+
+    A page that is there already is replaced: the save dialog has asked. It is replaced only when the new
+    one is whole.
+
+    Raises:
+        UserError: the place cannot be written to.
+        Cancelled: the user stopped it; what was there stays.
+    """
+    progress(0.0, "preparing")
     from fingerlab.report.page import write_report
 
-    write_report(sessions, path, added=added, progress=progress, cancelled=cancelled)
+    if not path.exists():
+        return write_report(sessions, path, diagnosis.model, diagnosis, progress, cancelled)
+    fresh = path.with_name(f"{path.stem}.new{path.suffix}")
+    fresh.unlink(missing_ok=True)
+    write_report(sessions, fresh, diagnosis.model, diagnosis, progress, cancelled)
+    try:
+        fresh.replace(path)
+    except OSError as error:
+        fresh.unlink(missing_ok=True)
+        raise UserError(
+            f"{path} cannot be replaced ({error.strerror}); close it elsewhere or choose another name."
+        ) from None
     return path

@@ -182,10 +182,10 @@ class MainWindow(QMainWindow):
         name, _ = QFileDialog.getSaveFileName(self, "Save report page", str(start), REPORT_FILTER)
         if not name:
             return
-        path, added = Path(name), history.now.added
+        path, diagnosis = Path(name), history.now.diagnosis
 
         def work(progress: Progress, cancelled: IsCancelled) -> Path:
-            return reporting.write_page(sessions, path, added, progress, cancelled)
+            return reporting.write_page(sessions, path, diagnosis, progress, cancelled)
 
         self.tasks.start(
             "Writing the report page", work, lambda done: self.message.tell(f"Report page saved: {done}")

@@ -10,13 +10,16 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from PySide6.QtCore import QCoreApplication, QEvent, QSettings, QThread
-from PySide6.QtWidgets import QApplication
+from PySide6.QtCore import QCoreApplication, QEvent, QSettings, Qt, QThread
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication, QFileDialog
 from pytestqt.qtbot import QtBot
 
 from fingerlab.ui import application
 from fingerlab.ui.settings import Settings
 from fingerlab.ui.window import MainWindow
+
+from .hands import invented_diagnosis, wait_for_result
 
 WindowMaker = Callable[..., MainWindow]
 
@@ -66,3 +69,13 @@ def make_window(qtbot: QtBot, qapp: QApplication, settings: Settings) -> Iterato
 def session_file(make_session: Callable[..., Path]) -> Path:
     """A small session of three runs, for the diagnoses of ``invented.py``."""
     return make_session("invented.h5", phases=(("on_air", "extension"),) * 3)
+
+
+@pytest.fixture
+def opened(qtbot: QtBot, make_window, session_file: Path, monkeypatch: pytest.MonkeyPatch) -> MainWindow:  # type: ignore[no-untyped-def]
+    """A window in which a session was opened through the dialog."""
+    window = make_window(diagnose=invented_diagnosis)
+    monkeypatch.setattr(QFileDialog, "getOpenFileNames", staticmethod(lambda *_: ([str(session_file)], "")))
+    QTest.keyClick(window, Qt.Key.Key_O, Qt.KeyboardModifier.ControlModifier)
+    wait_for_result(qtbot, window)
+    return window

@@ -51,6 +51,11 @@ def _comparisons(session: str, with_friction: bool) -> tuple[Comparison, ...]:
                 "cable_kinematics", session, run, time, wound + noise * 0.1, wound, "m", CABLE_FLOOR, gap
             )
         )
+        force = np.abs(spring) * 50.0
+        for equation in ("endpoint_force_pip", "endpoint_force_mcp"):
+            result.append(_comparison(equation, session, run, time, force, force * 0.9, "N", 0.01, gap))
+        motor = spring / 2.0
+        result.append(_comparison("motor_torque", session, run, time, motor, motor, "N m", FLOOR, gap))
     return tuple(result)
 
 
@@ -82,11 +87,11 @@ def nominal_diagnosis(session: str) -> Diagnosis:
     """Coulomb friction is missing, and Stribeck friction cannot be told apart from it."""
     coulomb = Candidate(
         "coulomb_friction",
-        "Coulomb friction",
+        "Coulomb joint friction",
         1.1,
         0.83,
         True,
-        {"torque": ParameterEstimate(FRICTION, "N m", 0.0046, 0.0050)},
+        {"coulomb_mcp": ParameterEstimate(FRICTION, "N m", 0.0046, 0.0050)},
         ("joint_torque",),
         "The residual flips sign with speed and is 4.8 mN m on both sides.",
         True,
@@ -94,11 +99,11 @@ def nominal_diagnosis(session: str) -> Diagnosis:
     )
     stribeck = Candidate(
         "stribeck_friction",
-        "Stribeck friction",
+        "Stribeck joint friction",
         1.12,
         0.14,
         True,
-        {"torque": ParameterEstimate(0.0051, "N m", 0.0042, 0.0068)},
+        {"coulomb_mcp": ParameterEstimate(0.0051, "N m", 0.0042, 0.0068)},
         ("joint_torque",),
         "Coulomb friction that is 6 % larger near zero speed fits as well.",
         True,

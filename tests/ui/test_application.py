@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QApplication
 from fingerlab.ui import application, window
 from fingerlab.ui.settings import Settings
 
-from .test_window import invented_diagnosis
+from .hands import invented_diagnosis
 
 HEAVY = ("scipy", "numba", "matplotlib", "pandas", "pyarrow")
 

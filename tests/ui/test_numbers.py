@@ -7,8 +7,7 @@ import math
 import pytest
 
 from fingerlab.identify.results import ParameterEstimate
-from fingerlab.ui.widgets.numbers import estimate_text, fixed, percent, score_text, significant
-from fingerlab.ui.widgets.units import screen_unit
+from fingerlab.report.screen import estimate_text, fixed, percent, score_text, screen_unit
 
 
 @pytest.mark.parametrize(
@@ -21,8 +20,8 @@ from fingerlab.ui.widgets.units import screen_unit
         (math.radians(60), math.radians(57), math.radians(63), "rad", "60 ± 3°"),
         (0.0031, 0.0030, 0.0032, "m", "3.10 ± 0.10 mm"),
         (-0.0031, -0.0034, -0.0028, "m", "−3.1 ± 0.3 mm"),
-        (5.1e-3, 4.2e-3, 6.8e-3, "N m", "5.1 (4.2 to 6.8) mN m"),
-        (1.3, 1.3, 1.3, "", "1.30"),
+        (5.1e-3, 4.2e-3, 6.8e-3, "N m", "5.1 mN m (4.2 to 6.8)"),
+        (1.3, 1.3, 1.3, "", "1.3"),
     ],
 )
 def test_estimates_carry_the_digits_of_their_interval(
@@ -35,9 +34,9 @@ def test_estimates_carry_the_digits_of_their_interval(
     ("si", "largest", "symbol", "one"),
     [
         ("N m", 0.02, "mN m", 1e3),
-        ("N m", 0.7, "N m", 1.0),
+        ("N m", 2.5, "N m", 1.0),
         ("m", 0.01, "mm", 1e3),
-        ("m/N", 1e-4, "mm/N", 1e3),
+        ("m/N", 1e-4, "µm/N", 1e6),
         ("rad/s", 1.0, "°/s", 180 / math.pi),
         ("s", 30.0, "s", 1.0),
         ("s", 0.2, "ms", 1e3),
@@ -59,4 +58,3 @@ def test_rounding_never_shows_minus_zero_or_a_false_certainty() -> None:
     assert percent(0.001) == "< 1 %"
     assert percent(0.944) == "94 %"
     assert [score_text(s) for s in (1.036, 12.44, 312.7)] == ["1.04", "12.4", "313"]
-    assert significant(0.00123456, 3) == "0.00123"

@@ -14,7 +14,7 @@ from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS
 from fingerlab.twin.session import write_session
 
-from .test_window import child, click, drop
+from .hands import child, click, drop
 
 PATIENCE = 120_000
 
@@ -41,7 +41,7 @@ def work_through(qtbot: QtBot, window, path: Path, effect: str) -> None:  # type
     assert both.sum() > 0.5 * len(time)
     assert lab.evidence.plot.fingerprint is not None
     assert child(window, QLabel, "explanation").text()
-    assert child(window, QLabel, "strength").text()
+    assert "mN m" in lab.evidence.title.toolTip()
     before = lab.controller.history.now.diagnosis
     click(window, "addToModel")
     qtbot.waitUntil(lambda: lab.controller.history.can_undo, timeout=PATIENCE)

@@ -7,98 +7,22 @@ known value; ``test_real_diagnosis.py`` does the same with the instrument's own.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
-from PySide6.QtGui import QDragEnterEvent, QDropEvent, QGuiApplication
+from PySide6.QtCore import QPointF, Qt
+from PySide6.QtGui import QGuiApplication
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QFileDialog, QLabel, QPushButton, QWidget
+from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.errors import Cancelled
 from fingerlab.identify.results import Diagnosis
-from fingerlab.sessions.model import Session
 from fingerlab.ui.window import MainWindow
 
 from . import invented
-
-LEFT = Qt.MouseButton.LeftButton
-PATIENCE = 10_000
-
-
-def invented_diagnosis(
-    sessions: Sequence[Session],
-    added: tuple[str, ...],
-    progress: Callable[[float, str], None],
-    cancelled: Callable[[], bool],
-) -> Diagnosis:
-    progress(0.5, "fitting")
-    name = str(sessions[0].path)
-    return invented.friction_diagnosis(name) if added else invented.nominal_diagnosis(name)
-
-
-class Held:
-    """A diagnosis that waits until it is let go or cancelled, as a slow one would."""
-
-    def __init__(self) -> None:
-        self.running = threading.Event()
-        self.go_on = threading.Event()
-        self.was_cancelled = threading.Event()
-
-    def __call__(
-        self,
-        sessions: Sequence[Session],
-        added: tuple[str, ...],
-        progress: Callable[[float, str], None],
-        cancelled: Callable[[], bool],
-    ) -> Diagnosis:
-        self.running.set()
-        while not self.go_on.wait(0.005):
-            if cancelled():
-                self.was_cancelled.set()
-                raise Cancelled
-        return invented_diagnosis(sessions, added, progress, cancelled)
-
-
-def drop(window: MainWindow, *paths: Path) -> None:
-    """Drop files on the window as a file manager does."""
-    data = QMimeData()
-    data.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
-    buttons, keys = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
-    action = Qt.DropAction.CopyAction
-    enter = QDragEnterEvent(QPoint(400, 300), action, data, buttons, keys)
-    QApplication.sendEvent(window, enter)
-    assert enter.isAccepted()
-    QApplication.sendEvent(window, QDropEvent(QPointF(400, 300), action, data, buttons, keys))
-
-
-def child(window: QWidget, kind: type, name: str):  # type: ignore[no-untyped-def]
-    found = window.findChild(kind, name)
-    assert found is not None, name
-    return found
-
-
-def click(window: QWidget, name: str) -> None:
-    button = child(window, QPushButton, name)
-    assert button.isVisible(), name
-    QTest.mouseClick(button, LEFT)
-
-
-def wait_for_result(qtbot: QtBot, window: MainWindow) -> None:
-    qtbot.waitUntil(lambda: window.controller.history is not None and not window.tasks.busy, timeout=PATIENCE)
-
-
-@pytest.fixture
-def opened(qtbot: QtBot, make_window, session_file: Path, monkeypatch: pytest.MonkeyPatch) -> MainWindow:  # type: ignore[no-untyped-def]
-    """A window in which a session was opened through the dialog."""
-    window = make_window(diagnose=invented_diagnosis)
-    monkeypatch.setattr(QFileDialog, "getOpenFileNames", staticmethod(lambda *_: ([str(session_file)], "")))
-    QTest.keyClick(window, Qt.Key.Key_O, Qt.KeyboardModifier.ControlModifier)
-    wait_for_result(qtbot, window)
-    return window
+from .hands import LEFT, PATIENCE, Held, child, click, drop, invented_diagnosis, wait_for_result
 
 
 def test_empty_window_offers_to_open_and_to_practise(make_window) -> None:  # type: ignore[no-untyped-def]
@@ -114,7 +38,7 @@ def test_opening_through_the_dialog_shows_model_and_measurement(opened: MainWind
     assert opened.windowTitle().startswith("invented.h5")
     # Equation and run of the worst stretch; SI torque in millinewton metres on the screen.
     assert opened.lab.bar.equation() == "mcp_torque"
-    assert opened.lab.bar.runs.currentText() == "Run 002 · on air, extension, sine 1 Hz, 15°"
+    assert opened.lab.bar.runs.currentText() == "Run 002 · on air, extension, sine, 15°, 1 Hz"
     time, residual = opened.lab.plot.residual.series
     flexing = (np.cos(2 * np.pi * time) > 0.2) & np.isfinite(residual)
     assert residual[flexing].mean() == pytest.approx(1e3 * invented.FRICTION, rel=0.02)
@@ -137,21 +61,37 @@ def test_both_plots_share_the_time_axis(opened: MainWindow) -> None:
     assert plot.top.viewRange()[0] == pytest.approx(before)
 
 
+def test_the_cursor_tells_the_values_under_it(opened: MainWindow, qtbot: QtBot) -> None:
+    plot, said = opened.lab.plot, opened.lab.legend.values
+    view = plot.top.getViewBox()
+    # Early in a period of 1 s: the spring torque rises and friction is on its positive side.
+    place = plot.mapFromScene(view.mapViewToScene(QPointF(3.2, 10.0)))
+    QTest.mouseMove(plot.viewport(), place)
+    qtbot.waitUntil(lambda: said.text() != "", timeout=PATIENCE)
+    time, _, rest = said.text().partition(" s: measured ")
+    moment = 2 * np.pi * float(time)
+    spring = 1e3 * invented.STIFFNESS * invented.AMPLITUDE * np.sin(moment)
+    modelled = float(rest.split("modelled ")[1].split(" ")[0])
+    assert modelled == pytest.approx(spring, abs=0.01)
+    residual = float(rest.split("residual ")[1].split(" ")[0])
+    assert residual == pytest.approx(1e3 * invented.FRICTION, abs=4 * 1e3 * invented.NOISE)
+
+
 def test_clicking_a_candidate_shows_its_fingerprint(opened: MainWindow) -> None:
     lab = opened.lab
-    assert child(opened, QLabel, "verdict").text() == "Missing: Coulomb friction, 83 %"
+    assert child(opened, QLabel, "verdict").text() == "Missing: Coulomb joint friction, 83 %"
     assert "Stribeck" in child(opened, QLabel, "setText").text()
     view = lab.candidates.view
     row = lab.candidates.list.index_of("stribeck_friction")
     QTest.mouseClick(view.viewport(), LEFT, Qt.KeyboardModifier.NoModifier, view.visualRect(row).center())
-    assert lab.evidence.title.text().startswith("Stribeck friction")
-    assert child(opened, QLabel, "strength").text() == "torque 5.1 (4.2 to 6.8) mN m"
+    assert lab.evidence.title.text().startswith("Stribeck joint friction")
+    assert "MCP friction torque 5.1 mN m (4.2 to 6.8)" in lab.evidence.title.toolTip()
     x, curve = lab.evidence.plot.curve.getData()
     assert x[-1] == pytest.approx(np.degrees(1.8))
     assert curve[-1] == pytest.approx(5.1)
     QTest.keyClick(view, Qt.Key.Key_Up)
-    assert lab.evidence.title.text().startswith("Coulomb friction")
-    assert child(opened, QLabel, "strength").text() == "torque 4.8 ± 0.2 mN m"
+    assert lab.evidence.title.text().startswith("Coulomb joint friction")
+    assert "MCP friction torque 4.8 ± 0.2 mN m" in lab.evidence.title.toolTip()
 
 
 def test_effects_that_cannot_be_told_apart_are_marked(opened: MainWindow) -> None:
@@ -176,14 +116,14 @@ def test_adding_the_effect_makes_the_error_fall_and_undo_brings_it_back(
     assert "4.81 → <b>0.44</b> mN m" in child(opened, QLabel, "equationError").text()
     assert [(bar.title, bar.score, bar.tried) for bar in path.bars] == [
         ("Nominal", 12.4, True),
-        ("+ Coulomb friction", 1.1, True),
+        ("+ Coulomb joint friction", 1.1, True),
     ]
     assert lab.steps.current() == "true"
-    assert lab.steps.result("add") == "Coulomb friction"
+    assert lab.steps.result("add") == "Coulomb joint friction"
     assert child(opened, QLabel, "verdict").text() == "Nothing more is missing"
     QTest.keyClick(opened, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
     assert table.cell("joint_torque", "now") == "4.81"
-    assert child(opened, QLabel, "verdict").text() == "Missing: Coulomb friction, 83 %"
+    assert child(opened, QLabel, "verdict").text() == "Missing: Coulomb joint friction, 83 %"
     click(opened, "redo")
     assert table.cell("joint_torque", "now") == "0.44"
     click(opened, "undo")
@@ -223,7 +163,7 @@ def test_the_steps_are_worked_by_keys(opened: MainWindow) -> None:
     assert QApplication.focusWidget() is lab.candidates.add_button
     QTest.keyClick(opened, Qt.Key.Key_5, control)
     assert lab.truth.isVisible()
-    assert "Coulomb friction and Stribeck friction" in lab.truth.next.text()
+    assert "tell Coulomb joint friction from Stribeck joint friction" in lab.truth.next.text()
     QTest.keyClick(opened, Qt.Key.Key_3, control)
     assert QApplication.focusWidget() is lab.candidates.view
     assert lab.evidence.isVisible()

@@ -6,13 +6,14 @@ from PySide6.QtCore import QModelIndex, QPersistentModelIndex, QRect, QSize, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetrics, QPainter
 from PySide6.QtWidgets import QStyle, QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
-from ..theme import Colours, colours_of
 from fingerlab.report.screen import percent
+
+from ..theme import Colours, colours_of
 from ..widgets.plot_style import tint
 from .candidate_list import CandidateList, Row
 
 SET_MARK = "≈"
-BAR_SHARE = 0.24
+BAR_SHARE = 0.16
 GAP = 8
 
 

@@ -8,8 +8,8 @@ from typing import Any
 from PySide6.QtCore import QAbstractListModel, QModelIndex, QObject, QPersistentModelIndex, Qt
 
 from fingerlab.identify.results import Diagnosis
-
 from fingerlab.report.screen import percent
+
 from .wording import NOTHING, OUTCOME_TITLES, UNKNOWN
 
 Index = QModelIndex | QPersistentModelIndex

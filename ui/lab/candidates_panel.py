@@ -11,7 +11,7 @@ from fingerlab.identify.results import Diagnosis
 from ..widgets.labels import heading, remark
 from .candidate_delegate import CandidateDelegate
 from .candidate_list import CandidateList, Row
-from .wording import OUTCOME_TITLES, best_choice, set_sentence, verdict_sentence
+from .wording import OUTCOME_TITLES, best_choice, set_words, verdict_headline
 
 
 class CandidateView(QListView):
@@ -74,8 +74,8 @@ class CandidatesPanel(QWidget):
     def show_diagnosis(self, diagnosis: Diagnosis | None) -> None:
         """Show the rows of a diagnosis and choose the one that its verdict names."""
         self.list.show(diagnosis)
-        self.verdict.setText(verdict_sentence(diagnosis) if diagnosis is not None else "")
-        self.set_text.setText(set_sentence(diagnosis) if diagnosis is not None else "")
+        self.verdict.setText(verdict_headline(diagnosis) if diagnosis is not None else "")
+        self.set_text.setText(set_words(diagnosis) if diagnosis is not None else "")
         if diagnosis is not None:
             self.choose(best_choice(diagnosis))
         self._update_button()

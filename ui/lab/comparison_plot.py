@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QPointF, Qt, Signal
@@ -11,14 +9,12 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.identify.results import Comparison, Failure
-from fingerlab.sessions.model import Array
 
 from ..theme import colours_of
 from ..widgets.curve import DecimatedCurve
-from fingerlab.report.screen import decimals_for, fixed
 from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
-from fingerlab.report.screen import ScreenUnit, screen_unit
 from .equations import equation_text
+from .scaled import MARGIN, Shown, describe, largest, limits, scale, values_at
 from .wording import failure_words
 
 AXIS_WIDTH = 72
@@ -26,18 +22,6 @@ ZOOM_STEP = 1.5
 PAN_STEP = 0.1
 SHORTEST_VIEW = 0.05
 """Seconds; closer than a few samples there is nothing to see."""
-MARGIN = 0.06
-"""Share of the value range left free above and below the curves."""
-
-
-@dataclass(frozen=True)
-class _Shown:
-    comparison: Comparison
-    unit: ScreenUnit
-    time: Array
-    measured: Array
-    modelled: Array
-    residual: Array
 
 
 class ComparisonPlot(pg.GraphicsLayoutWidget):
@@ -54,7 +38,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setObjectName("comparisonPlot")
-        self._shown: _Shown | None = None
+        self._shown: Shown | None = None
         self._failure: Failure | None = None
         self.setAcceptDrops(False)  # a file dropped here is for the window
         self.setAccessibleName("Measured and modelled against time, and the residual")
@@ -120,37 +104,37 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
             for curve in (self.measured, self.modelled, self.residual):
                 curve.set_series(np.empty(0), np.empty(0))
             return
-        before, shown = self._shown, _scale(comparison)
-        self._shown = shown
-        keep_view = keep_view and before is not None and before.unit == shown.unit
+        before = self._shown
+        keep_view = keep_view and before is not None
+        self._shown = shown = scale(comparison, before if keep_view else None)
         self.measured.set_series(shown.time, shown.measured)
         self.modelled.set_series(shown.time, shown.modelled)
         self.residual.set_series(shown.time, shown.residual)
-        floor = comparison.floor * shown.unit.factor
+        floor = comparison.floor * shown.residual_unit.factor
         self.floor_band.setRegion((-floor, floor))
         self._label_axes()
         self._set_value_ranges(shown, floor, keep_view)
         if not keep_view:
             self.show_whole()
         self._show_stretch()
-        self.setAccessibleDescription(_describe(shown, floor))
+        self.setAccessibleDescription(describe(shown, floor))
 
     def _label_axes(self) -> None:
         shown = self._shown
         if shown is None:
             return
         label_left(self.top, equation_text(shown.comparison.equation).quantity, shown.unit)
-        label_left(self.bottom, "Residual", shown.unit)
+        label_left(self.bottom, "Residual", shown.residual_unit)
 
-    def _set_value_ranges(self, shown: _Shown, floor: float, keep_view: bool) -> None:
-        low, high = _limits(np.concatenate([shown.measured, shown.modelled]))
-        largest = max(_largest(shown.residual), 2.0 * floor) * (1 + MARGIN)
+    def _set_value_ranges(self, shown: Shown, floor: float, keep_view: bool) -> None:
+        low, high = limits(np.concatenate([shown.measured, shown.modelled]))
+        height = max(largest(shown.residual), 2.0 * floor) * (1 + MARGIN)
         if keep_view:  # the residual must be seen to fall, so the scales stay
             shown_low, shown_high = self.top.viewRange()[1]
             low, high = min(low, shown_low), max(high, shown_high)
-            largest = max(largest, self.bottom.viewRange()[1][1])
+            height = max(height, self.bottom.viewRange()[1][1])
         self.top.setYRange(low, high, padding=0)
-        self.bottom.setYRange(-largest, largest, padding=0)
+        self.bottom.setYRange(-height, height, padding=0)
 
     def show_whole(self) -> None:
         """The whole run."""
@@ -249,48 +233,5 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
                 for cursor in self.cursors:
                     cursor.setPos(shown.time[index])
                     cursor.show()
-                self.pointed.emit(_values_at(shown, index))
+                self.pointed.emit(values_at(shown, index))
                 return
-
-
-def _scale(comparison: Comparison) -> _Shown:
-    unit = screen_unit(comparison.unit, _largest(comparison.measured))
-    measured, modelled = comparison.measured * unit.factor, comparison.modelled * unit.factor
-    return _Shown(comparison, unit, comparison.time, measured, modelled, measured - modelled)
-
-
-def _largest(values: Array) -> float:
-    finite = values[np.isfinite(values)]
-    return float(np.abs(finite).max()) if len(finite) else 0.0
-
-
-def _limits(values: Array) -> tuple[float, float]:
-    finite = values[np.isfinite(values)]
-    if not len(finite):
-        return -1.0, 1.0
-    low, high = float(finite.min()), float(finite.max())
-    margin = MARGIN * (high - low) or abs(high) or 1.0
-    return low - margin, high + margin
-
-
-def _values_at(shown: _Shown, index: int) -> str:
-    decimals = decimals_for(shown.comparison.floor * shown.unit.factor * 0.3)
-    if not np.isfinite(shown.residual[index]):
-        return f"{fixed(float(shown.time[index]), 2)} s: this equation says nothing here"
-    measured, modelled, residual = (
-        fixed(float(series[index]), decimals) for series in (shown.measured, shown.modelled, shown.residual)
-    )
-    return (
-        f"{fixed(float(shown.time[index]), 2)} s: measured {measured}, modelled {modelled}, "
-        f"residual {residual} {shown.unit.symbol}"
-    )
-
-
-def _describe(shown: _Shown, floor: float) -> str:
-    finite = shown.residual[np.isfinite(shown.residual)]
-    rms = float(np.sqrt(np.mean(finite**2))) if len(finite) else 0.0
-    decimals = decimals_for(floor * 0.3)
-    return (
-        f"{equation_text(shown.comparison.equation).quantity}, run {shown.comparison.run}: residual "
-        f"{fixed(rms, decimals)} {shown.unit.symbol} root mean square, floor {fixed(floor, decimals)}."
-    )

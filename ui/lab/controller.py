@@ -9,6 +9,7 @@ from typing import Any
 from PySide6.QtCore import QObject, Signal
 
 from fingerlab.identify.results import Diagnosis
+from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.sessions.model import Session
 
 from ..tasks import IsCancelled, Progress, TaskRunner
@@ -111,7 +112,7 @@ class LabController(QObject):
             history.push(Step(added, diagnosis))
             self.result_changed.emit()
 
-        self._run(added, f"Refitting with {history.title(effect)}", done)
+        self._run(added, f"Refitting with {in_sentence(effect_title(effect))}", done)
 
     def undo(self) -> None:
         """Back to the model before; nothing is computed again."""

@@ -19,7 +19,7 @@ class EquationText:
 
 EQUATION_TEXTS = {
     "mcp_torque": EquationText(
-        "MCP torque",
+        "MCP",
         "MCP torque",
         "joint_torque",
         "Torque at the MCP joint, N m.\n"
@@ -29,7 +29,7 @@ EQUATION_TEXTS = {
         "a moment arm (m), T cable tension (N), s +1 flexion, −1 extension.",
     ),
     "pip_torque": EquationText(
-        "PIP torque",
+        "PIP",
         "PIP torque",
         "joint_torque",
         "Torque at the PIP joint, N m.\n"
@@ -48,7 +48,7 @@ EQUATION_TEXTS = {
         "Slack, stretch and backlash show here and hardly anywhere else.",
     ),
     "endpoint_force_pip": EquationText(
-        "Force (PIP)",
+        "Force, PIP",
         "Fingertip force",
         "endpoint_force",
         "Force of the fingertip on the load cell, N, compression positive.\n"
@@ -56,7 +56,7 @@ EQUATION_TEXTS = {
         "Modelled from the PIP balance: F = (s·b·T + L2 − LHS2) / lever (thesis 3.18).",
     ),
     "endpoint_force_mcp": EquationText(
-        "Force (MCP)",
+        "Force, MCP",
         "Fingertip force",
         "endpoint_force",
         "Force of the fingertip on the load cell, N, compression positive.\n"
@@ -65,20 +65,13 @@ EQUATION_TEXTS = {
         "It must agree with the PIP equation; where it does not, that is evidence.",
     ),
     "motor_torque": EquationText(
-        "Motor torque",
+        "Motor",
         "Motor torque",
         "motor_torque",
         "Torque at the gearbox output, N m.\n"
         "Measured: torque constant × gear ratio × current.\n"
         "Modelled: J·acceleration + gain·load + offset.",
     ),
-}
-
-FAMILY_TITLES = {
-    "joint_torque": "Joint torque",
-    "cable_kinematics": "Cable kinematics",
-    "endpoint_force": "Endpoint force",
-    "motor_torque": "Motor torque",
 }
 
 FLOOR_HELP = (
@@ -98,7 +91,3 @@ def equation_text(equation: str) -> EquationText:
         return known
     title = EQUATION_TITLES.get(equation, equation.replace("_", " ").capitalize())
     return EquationText(title, title, equation, title)
-
-
-def family_title(family: str) -> str:
-    return FAMILY_TITLES.get(family, family.replace("_", " ").capitalize())

@@ -9,14 +9,16 @@ from PySide6.QtCore import QEvent, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QToolTip, QWidget
 
-from ..theme import Colours, colours_of, small_font
+from fingerlab.report.diagnosis_words import effect_title
 from fingerlab.report.screen import score_text
+
+from ..theme import Colours, colours_of, small_font
 from ..widgets.plot_style import tint
 from .equations import SCORE_HELP
 from .history import History
 
 BAR_WIDTH = 40.0
-MAX_COLUMN = 176.0
+MIN_COLUMN = 96.0
 FLOOR_SCORE = 1.0
 
 
@@ -34,14 +36,14 @@ def bars_of(history: History) -> list[Bar]:
     done = history.done
     bars = [
         Bar(
-            f"+ {history.title(step.last_added)}" if step.last_added else "Nominal",
+            f"+ {effect_title(step.last_added)}" if step.last_added else "Nominal",
             step.diagnosis.score,
             True,
         )
         for step in done
     ]
     suggested = [step for step in history.now.diagnosis.path if step.added is not None]
-    bars += [Bar(f"+ {history.title(str(step.added))}", step.score, False) for step in suggested]
+    bars += [Bar(f"+ {effect_title(str(step.added))}", step.score, False) for step in suggested]
     return bars
 
 
@@ -105,7 +107,8 @@ class ErrorPath(QWidget):
             label,
         )
         left_room = self.width() - metrics.horizontalAdvance(label) - 8
-        column = min(MAX_COLUMN, left_room / len(self.bars))
+        widest = max(metrics.horizontalAdvance(bar.title) for bar in self.bars)
+        column = min(max(widest + 24, MIN_COLUMN), left_room / len(self.bars))
         for number, bar in enumerate(self.bars):
             height = room * min(bar.score, top) / top if math.isfinite(bar.score) else room
             self._paint_bar(painter, bar, QRectF(number * column, ground - height, column, height), colours)

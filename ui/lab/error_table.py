@@ -5,9 +5,11 @@ from __future__ import annotations
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 
+from fingerlab.report.diagnosis_words import FAMILY_TITLES
+from fingerlab.report.screen import r2_text
+
 from ..theme import small_font
-from fingerlab.report.screen import fixed
-from .equations import FLOOR_HELP, family_title
+from .equations import FLOOR_HELP
 from .history import History
 from .wording import error_texts
 
@@ -50,8 +52,8 @@ class ErrorTable(QWidget):
         spoken = []
         for row, (family, error) in enumerate(now.items(), start=1):
             before, after, floor, unit = error_texts(first.get(family, error), error)
-            title = family_title(family)
-            cells = (title, before, after, floor, unit, fixed(error.r2, 3))
+            title = FAMILY_TITLES.get(family, family)
+            cells = (title, before, after, floor, unit, r2_text(error.r2))
             for column, text in enumerate(cells):
                 self._put(row, column, text, bold=column == 2, help_text=HELP[column])
             spoken.append(f"{title}: nominal {before}, now {after}, floor {floor} {unit}")
@@ -63,7 +65,7 @@ class ErrorTable(QWidget):
         for row in range(1, self._grid.rowCount()):
             item = self._grid.itemAtPosition(row, 0)
             label = item.widget() if item is not None else None
-            if isinstance(label, QLabel) and label.text() == family_title(family):
+            if isinstance(label, QLabel) and label.text() == FAMILY_TITLES.get(family, family):
                 found = self._grid.itemAtPosition(row, HEADINGS.index(column))
                 cell = found.widget() if found is not None else None
                 return cell.text() if isinstance(cell, QLabel) else ""

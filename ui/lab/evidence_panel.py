@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from fingerlab.identify.results import Candidate, Diagnosis, Fingerprint
-
-from ..widgets.labels import ElidedLabel, remark
+from fingerlab.identify.results import EQUATION_TITLES, Candidate, Diagnosis, Fingerprint
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed, parameter_titles
 from fingerlab.report.screen import estimate_text
-from .equations import EQUATION_TEXTS, FLOOR_HELP, equation_text, family_title
+
+from ..theme import small_font
+from ..widgets.labels import ElidedLabel
+from .equations import FLOOR_HELP, equation_text
 from .fingerprint_plot import FingerprintPlot
 from .legend import FINGERPRINT, RESIDUAL_ONLY, LegendKeys
-from .wording import OUTCOME_TITLES, find_candidate, outcome_explanation, parameter_words
+from .wording import OUTCOME_TITLES, find_candidate, outcome_explanation
 
 
 class EvidencePanel(QWidget):
@@ -26,21 +27,15 @@ class EvidencePanel(QWidget):
         font.setBold(True)
         self.title.setFont(font)
         self.title.setObjectName("evidenceTitle")
-        self.explanation = remark()
+        self.explanation = QLabel()
+        self.explanation.setWordWrap(True)
+        self.explanation.setFont(small_font())
         self.explanation.setObjectName("explanation")
-        self.strength = ElidedLabel()
-        self.strength.setObjectName("strength")
         self.plot = FingerprintPlot()
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(4)
-        self.strength.setAlignment(Qt.AlignmentFlag.AlignRight)
-        head = QHBoxLayout()
-        head.setContentsMargins(0, 0, 8, 0)
-        head.setSpacing(16)
-        head.addWidget(self.title, 2)
-        head.addWidget(self.strength, 3)
-        layout.addLayout(head)
+        layout.addWidget(self.title)
         layout.addWidget(self.explanation)
         keys = QHBoxLayout()
         keys.setContentsMargins(72, 0, 0, 0)
@@ -53,7 +48,7 @@ class EvidencePanel(QWidget):
     def show_choice(self, key: str | None, diagnosis: Diagnosis | None) -> None:
         """Show an effect (by id) or an outcome of a diagnosis; None clears the panel."""
         if key is None or diagnosis is None:
-            for label in (self.title, self.explanation, self.strength):
+            for label in (self.title, self.explanation):
                 label.setText("")
             self.plot.show_fingerprint(None)
             return
@@ -64,17 +59,10 @@ class EvidencePanel(QWidget):
             self._show_outcome(key, diagnosis)
 
     def _show_candidate(self, candidate: Candidate, diagnosis: Diagnosis) -> None:
-        places = ", ".join(_place(name) for name in candidate.equations)
         self.title.setText(candidate.title)
-        self.title.setToolTip(f"{candidate.title} acts in: {places}" if places else candidate.title)
         self.explanation.setText(candidate.explanation)
         self.explanation.setToolTip(candidate.explanation)
-        self._set_strength(
-            "   ".join(
-                f"{parameter_words(name)} {estimate_text(estimate)}"
-                for name, estimate in candidate.parameters.items()
-            )
-        )
+        self.title.setToolTip(_strength(candidate))
         self.keys.set_keys(FINGERPRINT)
         self.plot.show_fingerprint(candidate.fingerprint, _floor(candidate.fingerprint, diagnosis))
         self.plot.setToolTip(_plot_help(candidate.fingerprint, with_curve=True))
@@ -84,21 +72,26 @@ class EvidencePanel(QWidget):
         text = outcome_explanation(outcome, diagnosis)
         self.explanation.setText(text)
         self.explanation.setToolTip(text)
-        self._set_strength("")
         shown = next((c.fingerprint for c in diagnosis.candidates if c.fingerprint is not None), None)
         self.keys.set_keys(RESIDUAL_ONLY)
         self.plot.show_fingerprint(shown, _floor(shown, diagnosis), with_curve=False)
         self.plot.setToolTip(_plot_help(shown, with_curve=False))
 
-    def _set_strength(self, text: str) -> None:
-        self.strength.setText(text)
-        lines = text.replace("   ", "\n")
-        self.strength.setToolTip(f"{lines}\nFitted strength with its 90 % interval." if text else "")
+
+def _strength(candidate: Candidate) -> str:
+    """Where the effect acts and how strong it is, a line each."""
+    lines = [candidate.title]
+    if candidate.equations:
+        lines.append(f"acts in: {listed([_place(name) for name in candidate.equations])}")
+    titles = parameter_titles(candidate.effect, list(candidate.parameters))
+    lines += [f"{titles[name]} {estimate_text(p)}" for name, p in candidate.parameters.items()]
+    if candidate.parameters:
+        lines.append("fitted, with 90 % interval")
+    return "\n".join(lines)
 
 
 def _place(name: str) -> str:
-    title = equation_text(name).quantity if name in EQUATION_TEXTS else family_title(name)
-    return title if title[:2].isupper() else title.lower()
+    return in_sentence(EQUATION_TITLES.get(name) or FAMILY_TITLES.get(name, name))
 
 
 def _floor(fingerprint: Fingerprint | None, diagnosis: Diagnosis) -> float | None:

@@ -8,11 +8,11 @@ from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.identify.results import Fingerprint
+from fingerlab.report.screen import ScreenUnit, screen_unit
 from fingerlab.sessions.model import Array
 
 from ..theme import colours_of, small_font
 from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
-from fingerlab.report.screen import ScreenUnit, screen_unit
 from .equations import equation_text
 
 AXIS_WIDTH = 72
@@ -91,7 +91,9 @@ class FingerprintPlot(pg.PlotWidget):
         plot.setLabel("bottom", across.label(coordinate))
         self._unit = up
         self._label_left()
-        bottom, top = _limits(np.concatenate([low, high, curve if with_curve else mean, [0.0]]))
+        # The edges of the floor stay in view: inside it, a residual says nothing.
+        edges = [-1.1 * band, 1.1 * band]
+        bottom, top = _limits(np.concatenate([low, high, curve if with_curve else mean, edges]))
         plot.setRange(xRange=_limits(x), yRange=(bottom, top), padding=0)
         self.setAccessibleDescription(
             f"{equation_text(fingerprint.equation).quantity} residual in {up.symbol} against "

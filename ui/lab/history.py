@@ -60,11 +60,3 @@ class History:
     def undone(self) -> str | None:
         """The effect that redo would put back."""
         return self._steps[self._index + 1].last_added if self.can_redo else None
-
-    def title(self, effect: str) -> str:
-        """The effect's title as any diagnosis so far gave it."""
-        for step in self._steps:
-            for candidate in step.diagnosis.candidates:
-                if candidate.effect == effect:
-                    return candidate.title
-        return effect.replace("_", " ").capitalize()

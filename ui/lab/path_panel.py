@@ -5,6 +5,8 @@ from __future__ import annotations
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
+from fingerlab.report.diagnosis_words import effect_title, in_sentence
+
 from .error_path import ErrorPath
 from .error_table import ErrorTable
 from .history import History
@@ -47,9 +49,15 @@ class PathPanel(QWidget):
         can_redo = history is not None and history.can_redo
         self.undo.setEnabled(can_undo)
         self.redo.setEnabled(can_redo)
-        self.undo.setToolTip("Nothing was added yet.")
-        self.redo.setToolTip("Nothing was undone.")
-        if history is not None and can_undo and history.now.last_added:
-            self.undo.setToolTip(f"Take {history.title(history.now.last_added)} out again (Ctrl+Z).")
-        if history is not None and can_redo:
-            self.redo.setToolTip(f"Add {history.title(history.undone() or '')} again (Ctrl+Shift+Z).")
+        added = history.now.last_added if history is not None else None
+        undone = history.undone() if history is not None else None
+        self.undo.setToolTip(
+            f"Take {_named(added)} out again (Ctrl+Z)." if added else "Nothing was added yet."
+        )
+        self.redo.setToolTip(
+            f"Add {_named(undone)} again (Ctrl+Shift+Z)." if undone else "Nothing was undone."
+        )
+
+
+def _named(effect: str) -> str:
+    return in_sentence(effect_title(effect))

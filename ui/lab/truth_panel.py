@@ -5,10 +5,12 @@ from __future__ import annotations
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
-from ..widgets.labels import heading, remark
+from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 from fingerlab.report.screen import score_text
+
+from ..widgets.labels import heading, remark
 from .history import History
-from .wording import NOTHING, UNKNOWN, lower_first, next_experiment_text
+from .wording import NOTHING, UNKNOWN, next_experiment_words
 
 
 class TruthPanel(QWidget):
@@ -44,8 +46,8 @@ class TruthPanel(QWidget):
                 label.setText("")
             return
         diagnosis = history.now.diagnosis
-        names = [lower_first(history.title(effect)) for effect in history.now.added]
-        model = "The nominal model" if not names else f"The model with {' and '.join(names)}"
+        names = [in_sentence(effect_title(effect)) for effect in history.now.added]
+        model = "The nominal model" if not names else f"The model with {listed(names)}"
         if diagnosis.verdict == NOTHING:
             self.title.setText("True, as far as these recordings can show")
         elif diagnosis.verdict == UNKNOWN:
@@ -56,4 +58,4 @@ class TruthPanel(QWidget):
             f"{model} misses runs held out of the fit by {score_text(diagnosis.score)} times the floor; "
             f"the nominal model missed them by {score_text(history.first.diagnosis.score)} times."
         )
-        self.next.setText(next_experiment_text(diagnosis, history))
+        self.next.setText(next_experiment_words(diagnosis))

@@ -60,8 +60,8 @@ class LabView(QWidget):
         row = QHBoxLayout(middle)
         row.setContentsMargins(0, 4, 0, 4)
         row.setSpacing(16)
-        row.addWidget(self.candidates, 2)
-        row.addWidget(self.right, 3)
+        row.addWidget(self.candidates, 3)
+        row.addWidget(self.right, 4)
         splitter = QSplitter(Qt.Orientation.Vertical)
         splitter.setChildrenCollapsible(False)
         for widget, share in ((upper, 11), (middle, 9), (self.path, 4)):

@@ -6,8 +6,9 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPen
 
-from ..theme import Colours, small_font
 from fingerlab.report.screen import ScreenUnit
+
+from ..theme import Colours, small_font
 
 
 def prepare_plot(plot: pg.PlotItem) -> None:

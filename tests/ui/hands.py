@@ -1,0 +1,85 @@
+"""What hands do: click, drop, wait; and diagnoses that answer at once or when they are let go."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
+from PySide6.QtGui import QDragEnterEvent, QDropEvent
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication, QPushButton, QWidget
+from pytestqt.qtbot import QtBot
+
+from fingerlab.errors import Cancelled
+from fingerlab.identify.results import Diagnosis
+from fingerlab.sessions.model import Session
+from fingerlab.ui.window import MainWindow
+
+from . import invented
+
+LEFT = Qt.MouseButton.LeftButton
+PATIENCE = 10_000
+
+
+def invented_diagnosis(
+    sessions: Sequence[Session],
+    added: tuple[str, ...],
+    progress: Callable[[float, str], None],
+    cancelled: Callable[[], bool],
+) -> Diagnosis:
+    progress(0.5, "fitting")
+    name = str(sessions[0].path)
+    return invented.friction_diagnosis(name) if added else invented.nominal_diagnosis(name)
+
+
+class Held:
+    """A diagnosis that waits until it is let go or cancelled, as a slow one would."""
+
+    def __init__(self) -> None:
+        self.running = threading.Event()
+        self.go_on = threading.Event()
+        self.was_cancelled = threading.Event()
+
+    def __call__(
+        self,
+        sessions: Sequence[Session],
+        added: tuple[str, ...],
+        progress: Callable[[float, str], None],
+        cancelled: Callable[[], bool],
+    ) -> Diagnosis:
+        self.running.set()
+        while not self.go_on.wait(0.005):
+            if cancelled():
+                self.was_cancelled.set()
+                raise Cancelled
+        return invented_diagnosis(sessions, added, progress, cancelled)
+
+
+def drop(window: MainWindow, *paths: Path) -> None:
+    """Drop files on the window as a file manager does."""
+    data = QMimeData()
+    data.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
+    buttons, keys = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
+    action = Qt.DropAction.CopyAction
+    enter = QDragEnterEvent(QPoint(400, 300), action, data, buttons, keys)
+    QApplication.sendEvent(window, enter)
+    assert enter.isAccepted()
+    QApplication.sendEvent(window, QDropEvent(QPointF(400, 300), action, data, buttons, keys))
+
+
+def child(window: QWidget, kind: type, name: str):  # type: ignore[no-untyped-def]
+    found = window.findChild(kind, name)
+    assert found is not None, name
+    return found
+
+
+def click(window: QWidget, name: str) -> None:
+    button = child(window, QPushButton, name)
+    assert button.isVisible(), name
+    QTest.mouseClick(button, LEFT)
+
+
+def wait_for_result(qtbot: QtBot, window: MainWindow) -> None:
+    qtbot.waitUntil(lambda: window.controller.history is not None and not window.tasks.busy, timeout=PATIENCE)
