@@ -19,6 +19,7 @@ import numpy as np
 
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Scale
+from fingerlab.physics.effects.hysteresis import stop_operator
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.sensing import lateral_levers
 from fingerlab.rig import Finger, Rig
@@ -36,7 +37,11 @@ NO_SHIFT = SHIFTS_S.index(0.0)
 
 
 TOUCHING_FORCE_N = 0.2
-"""Force from which the tip is held by the load cell's face, N; assumed: ten times its noise."""
+"""Force from which the tip is held by the load cell, N; assumed: ten times its noise."""
+
+
+TIP_STICKING_TRAVEL_M = 1e-4
+"""Travel over which friction at the tip builds up, m: a few angle steps at the tip; assumed."""
 
 
 @dataclass(frozen=True)
@@ -150,13 +155,13 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
 def _tangential_forces(finger: Finger, motion: Motion) -> dict[str, Array]:
     """Shapes of the unknown force along the load cell's face in contact, where the tip sticks and drags.
 
-    A share of the normal force, a constant that the tip was set down with, and a spring on the tip's travel
-    since the start (the tip sticks); units N, N (times 1 N), and m (times a stiffness).
+    A share of the normal force (N), a constant that the tip was set down with (times 1 N), a spring on the
+    travel of a tip that sticks (m, times a stiffness), and the friction of one that slides (N).
     """
     _, q = motion.finger_and_joints
     if motion.force is None:
         zero = np.zeros_like(motion.time)
-        return {"lateral": zero, "lateral_constant": zero, "lateral_spring": zero}
+        return dict.fromkeys(("lateral", "lateral_constant", "lateral_spring", "lateral_rub"), zero)
     tip = 2 * finger.proximal_half_length * np.cos(finger.wrist_angle - q.mcp) + 2 * (
         finger.distal_half_length * np.cos(q.mcp + q.pip - finger.wrist_angle)
     )
@@ -165,6 +170,7 @@ def _tangential_forces(finger: Finger, motion: Motion) -> dict[str, Array]:
         "lateral": motion.force,
         "lateral_constant": touching,
         "lateral_spring": touching * (tip - tip.mean()),
+        "lateral_rub": -motion.force * stop_operator(tip, TIP_STICKING_TRAVEL_M),
     }
 
 
@@ -218,6 +224,7 @@ def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
         "lateral": Gain("tan", -0.12, 0.12, 0.05),
         "lateral_constant": Gain("N", -0.1, 0.1, 0.05),
         "lateral_spring": Gain("N/m", -600.0, 600.0, 200.0),
+        "lateral_rub": Gain("1", 0.0, 0.8, 0.2, source="assumed: friction coefficient of printed parts"),
         "delay": Gain("s", -0.001, 0.001, 0.0003),
         "arm_mcp": Gain("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm"),
         "arm_pip": Gain("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm"),

@@ -65,6 +65,33 @@ def noise_share(group: Group, fold: Fold) -> Array:
     return group.noise / group.noise_samples * np.minimum.outer(counts, counts)
 
 
+MOST_NOISE = 0.995
+"""Noise may make up at most this share of any combination of features."""
+RIDGE = 1e-12
+
+
+def limit_noise(group: Group) -> None:
+    """Cut the group's noise back to what its own recordings hold, in every combination of features.
+
+    The noise is read from the runs with a cycle; in a combination that those runs happen to excite more
+    than the others it would exceed the whole, and a fit could run away along it.
+    """
+    if group.noise_samples <= 0:
+        return
+    whole = np.sum([f.gram for f in group.folds], axis=0) / max(sum(f.taut_samples for f in group.folds), 1)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(whole), 1e-300))
+    scale[np.diag(whole) <= 0] = 0.0
+    whole, noise = (m * np.outer(scale, scale) for m in (whole, group.noise / group.noise_samples))
+    values, vectors = np.linalg.eigh(whole)
+    kept = values > RIDGE * values[-1]
+    root = vectors[:, kept] * np.sqrt(values[kept])
+    inverse = vectors[:, kept] / np.sqrt(values[kept])
+    shares, directions = np.linalg.eigh(inverse.T @ noise @ inverse)
+    limited = (directions * np.clip(shares, 0.0, MOST_NOISE)) @ directions.T
+    back = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
+    group.noise = (root @ limited @ root.T) * np.outer(back, back) * group.noise_samples
+
+
 @dataclass(frozen=True)
 class Fit:
     """Best values and their inverse covariance (information), with the cost reached."""

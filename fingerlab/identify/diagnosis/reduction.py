@@ -15,7 +15,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fingerlab.errors import Cancelled, UserError
-from fingerlab.identify.diagnosis.bandwidth import NARROW_RATE_HZ, WIDE_RATE_HZ, narrow
+from fingerlab.identify.diagnosis.bandwidth import (
+    NARROW_HALF,
+    NARROW_RATE_HZ,
+    NARROW_STEP,
+    WIDE_RATE_HZ,
+    narrow,
+    narrow_count,
+)
 from fingerlab.identify.diagnosis.features import (
     SHIFTS_S,
     SLOPE,
@@ -147,8 +154,13 @@ def _taut(motion: Motion, inner: slice) -> BoolArray:
         return np.ones(len(narrow(motion.time[inner])), dtype=bool)
     pull = (motion.torque - (motion.motor.inertia or 0.0) * motion.acceleration) / motion.radius
     smooth = np.convolve(pull, np.ones(9) / 9, mode="same")  # 36 ms: the tension's own noise is then small
-    loose = (smooth < SLACK_TENSION_N).astype(float)
-    return np.asarray(np.abs(narrow(loose[inner])) < 0.01)
+    loose = (smooth < SLACK_TENSION_N)[inner]
+    # A slack cable hangs through by millimetres, the taut one is known to micrometres: no window that
+    # holds a slack moment anywhere but at its very ends may pass for taut.
+    reach = np.ones(2 * (NARROW_HALF - NARROW_HALF // 8) + 1)
+    near = np.convolve(loose.astype(float), reach, mode="same") > 0.5
+    count = narrow_count(len(loose))
+    return np.asarray(~near[NARROW_HALF::NARROW_STEP][:count])
 
 
 def runs_to_analyse(sessions: Sequence[Session]) -> tuple[list[tuple[Session, Run]], bool]:

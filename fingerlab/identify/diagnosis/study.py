@@ -19,6 +19,7 @@ from fingerlab.identify.diagnosis.fitting import (
     Fitter,
     Weights,
     feature_weights,
+    limit_noise,
     row_covariance,
     starting_arms,
 )
@@ -77,6 +78,8 @@ class Study:
     def __post_init__(self) -> None:
         self.arms = starting_arms(self.reduced.layout, self.reduced.groups)
         _fill_missing_noise(self.reduced.groups)
+        for group in self.reduced.groups:
+            limit_noise(group)
         if not self.weights:
             self.weights = {g.key: _first_weights() for g in self.reduced.groups}
         self.data = Data(self.reduced.groups)

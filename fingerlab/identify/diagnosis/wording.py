@@ -103,6 +103,6 @@ def explanation(evidence: Evidence, trial: Trial, effect: Effect, shown: bool) -
 
 def _title(effect: Effect, name: str) -> str:
     gain = effect.gains.get(name) or effect.relaxes.get(name)
-    title = gain.title if gain is not None and gain.title else name.replace("_", " ")
+    title = gain.title if gain is not None and gain.title else name.removesuffix("_deg").replace("_", " ")
     joint = {"mcp": "MCP ", "pip": "PIP "}.get(name.rsplit("_", 1)[-1], "")
     return f"{joint}{title}"

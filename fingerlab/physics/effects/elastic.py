@@ -48,7 +48,13 @@ def _stop(motion: Motion, shape: Shape) -> list[Term]:
     def beyond(angle: Array) -> Array:
         return np.asarray(np.maximum(angle - edge, 0.0) - np.maximum(-angle - edge, 0.0))
 
-    return joint_terms("stop", beyond(joints.mcp), beyond(joints.pip))
+    def reached(angle: Array) -> Array:
+        return np.asarray((angle > edge).astype(float) - (angle < -edge).astype(float))
+
+    # The step moves the edge between the points of the grid: to first order, stiffness times the shift.
+    return joint_terms("stop", beyond(joints.mcp), beyond(joints.pip)) + joint_terms(
+        "shift", reached(joints.mcp), reached(joints.pip)
+    )
 
 
 EFFECTS = (
@@ -102,13 +108,14 @@ EFFECTS = (
         id="joint_stop",
         title="Stiff end of travel",
         acts_on=("joint_torque",),
-        gains=both("stop", Gain("N m/rad", 0.0, 5.0, 0.2, title="stop stiffness")),
+        gains=both("stop", Gain("N m/rad", 0.0, 5.0, 0.2, title="stop stiffness"))
+        | both("shift", Gain("N m", -0.02, 0.02, 0.002, title="stop stiffness times shift of the edge")),
         columns=_stop,
         coordinate="joint angle",
         equation=Row.PIP,
         explanation="Beyond a certain angle the joint is suddenly much stiffer.",
         reveal="a slow sine of larger amplitude",
-        shapes=tuple({"edge_deg": value} for value in (15.0, 20.0, 25.0, 30.0, 35.0)),
+        shapes=tuple({"edge_deg": 2.5 * k} for k in range(5, 17)),
         shape_units={"edge_deg": "deg"},
     ),
 )
