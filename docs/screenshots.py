@@ -1,7 +1,7 @@
 """Makes the pictures in ``docs/images`` from the running program.
 
-Records a session from the simulated rig, opens it in the real window, works through it as a person does,
-and saves what the window shows, light and dark::
+Records a session from the simulated rig, opens it in the real window and saves what
+the window shows, light and dark::
 
     python docs/screenshots.py            # into docs/images
     python docs/screenshots.py FOLDER     # elsewhere, to look first
@@ -52,11 +52,6 @@ def main() -> None:
             apply_appearance(app, appearance)  # type: ignore[arg-type]
             pause(200)
             window.grab().save(str(target / f"{name}.png"))
-        window.lab.candidates.add_button.click()
-        wait(window)
-        apply_appearance(app, "light")
-        pause(200)
-        window.grab().save(str(target / "model-lab-added.png"))
         window.close()
 
 
