@@ -107,13 +107,18 @@ class PathStep:
 
 @dataclass(frozen=True)
 class Failure:
-    """Where the model fails worst, in words, with the stretch that shows it (seconds into a run)."""
+    """Where the model fails worst, in words, with the stretch that shows it (seconds into a run).
+
+    ``text`` is the whole sentence, ``moment`` only what the finger does there.
+    """
 
     text: str
     equation: str
     run: str
     start: float
     stop: float
+    session: str = ""
+    moment: str = ""
 
 
 @dataclass(frozen=True)

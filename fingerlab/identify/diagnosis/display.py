@@ -10,7 +10,7 @@ import numpy as np
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE, NARROW_RATE_HZ, narrow
 from fingerlab.identify.diagnosis.evidence import Evidence
 from fingerlab.identify.diagnosis.features import BoolArray
-from fingerlab.identify.diagnosis.fitting import row_covariance
+from fingerlab.identify.diagnosis.fitting import SLACK_SPREAD_M, row_covariance
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
 from fingerlab.identify.diagnosis.reduction import MARGIN, Group, GroupKey, Narrow, group_key
 from fingerlab.identify.diagnosis.study import Study, Trial
@@ -283,7 +283,10 @@ def _failure(comparisons: Iterable[Comparison], stretches: Iterable[Kept]) -> Fa
     worst: tuple[float, Comparison, int] | None = None
     length = int(0.5 * NARROW_RATE_HZ)
     for c in comparisons:
-        missed = np.nan_to_num((c.measured - c.modelled) / max(c.floor, 1e-12)) ** 2
+        kept = _stretch_of(c, stretches)
+        # A slack cable is no failure of the length equation until it hangs by more than that is worth.
+        floor = np.where(kept.taut, c.floor, SLACK_SPREAD_M) if c.equation == "cable_kinematics" else c.floor
+        missed = np.nan_to_num((c.measured - c.modelled) / np.maximum(floor, 1e-12)) ** 2
         if len(missed) < length:
             continue
         running = np.convolve(missed, np.ones(length) / length, mode="valid")
@@ -294,14 +297,18 @@ def _failure(comparisons: Iterable[Comparison], stretches: Iterable[Kept]) -> Fa
         return None
     floors, c, k = float(np.sqrt(worst[0])), worst[1], worst[2]
     start, stop = float(c.time[k]), float(c.time[k + length - 1])
-    kept = next(
-        s for s in stretches if s.run == c.run and s.session == c.session and s.time[0] <= start <= s.time[-1]
+    moment = _moment(_stretch_of(c, stretches), slice(k, k + length))
+    place = f"{EQUATION_TITLES[c.equation]} of run {c.run} at {start:.1f} to {stop:.1f} s"
+    text = f"{place}: {moment}; the model misses {floors:.1f} times the floor there"
+    return Failure(text, c.equation, c.run, start, stop, c.session, moment)
+
+
+def _stretch_of(comparison: Comparison, stretches: Iterable[Kept]) -> Kept:
+    return next(
+        s
+        for s in stretches
+        if (s.session, s.run) == (comparison.session, comparison.run) and s.time[0] == comparison.time[0]
     )
-    text = (
-        f"{EQUATION_TITLES[c.equation]} of run {c.run} at {start:.1f} to {stop:.1f} s: "
-        f"{_moment(kept, slice(k, k + length))}; the model misses {floors:.1f} times the floor there"
-    )
-    return Failure(text, c.equation, c.run, start, stop)
 
 
 def _moment(kept: Kept, part: slice) -> str:

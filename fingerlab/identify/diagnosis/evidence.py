@@ -29,6 +29,8 @@ UNKNOWN_SHARE = 0.65
 UNKNOWN_LEAST = 0.5
 """... and is not thought of where the squared score is above one by less than about this: a misfit that small
 comes from what every bench does a little (rubbing at the fingertip, joints that stick)."""
+UNKNOWN_LEAST_BEYOND = 6.0
+"""The same for a model that holds an effect already, whose own law is never quite the plant's."""
 NEXT_SHARE = 0.4
 """A second effect must explain more of what is left: the first one's own law is never quite the plant's
 (where a joint sticks, say), and a partner that only mends that law is not missing physics."""
@@ -73,10 +75,11 @@ def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
     zero, count = max(base.misfit, 0.0), base.count
     charged = np.array([t.misfit + EARNED_SHARE * freedom(t) * max(zero - t.misfit, 0.0) for t in trials])
     heat = temperature(min((t.misfit for t in trials), default=zero), count)
-    tolerated = zero - max(LEAST_SHARE * zero, LEAST_FALL * count)
+    tolerated = zero - max(least_share(base) * zero, LEAST_FALL * count)
     effects = -0.5 * charged / heat + np.log(PRIOR_EFFECTS / max(len(trials), 1))
     nothing = -0.5 * tolerated / heat + np.log(PRIOR_NOTHING)
-    unexplained = (1.0 - UNKNOWN_SHARE) * zero + UNKNOWN_LEAST * count + 2 * LEAST_LOG_ODDS * heat
+    least_unknown = UNKNOWN_LEAST_BEYOND if base.model.choices else UNKNOWN_LEAST
+    unexplained = (1.0 - UNKNOWN_SHARE) * zero + least_unknown * count + 2 * LEAST_LOG_ODDS * heat
     unknown = -0.5 * unexplained / heat + np.log(PRIOR_UNKNOWN)
     everything = np.concatenate((effects, [nothing, unknown]))
     weights = np.exp(everything - everything.max())
@@ -100,15 +103,16 @@ def alike(evidence: Evidence) -> list[int]:
     return chosen
 
 
-def justified(base: Trial, trial: Trial, keep: int = 0) -> bool:
-    """Whether adding the trial's last effect to ``base`` is a step that the held-out runs bear out.
+def least_share(base: Trial) -> float:
+    """Share of the misfit that an effect beyond ``base`` must explain."""
+    return NEXT_SHARE if base.model.choices else LEAST_SHARE
 
-    The first ``keep`` effects were given; only those found here ask more of the next.
-    """
-    least = LEAST_SHARE if len(base.model.choices) <= keep else NEXT_SHARE
+
+def justified(base: Trial, trial: Trial) -> bool:
+    """Whether adding the trial's last effect to ``base`` is a step that the held-out runs bear out."""
     fall = base.misfit - trial.misfit
     charge = EARNED_SHARE * freedom(trial) * max(fall, 0.0)
     heat = temperature(trial.misfit, trial.count)
     likely = 0.5 * (fall - charge) / heat > LEAST_LOG_ODDS
-    shares = fall > max(least * max(base.misfit, 0.0), LEAST_FALL * base.count)
+    shares = fall > max(least_share(base) * max(base.misfit, 0.0), LEAST_FALL * base.count)
     return bool(likely and shares)

@@ -102,14 +102,14 @@ def drop_idle(study: Study, trial: Trial, keep: int) -> Trial:
     return study.hold_out(study.fit(choices, trial, FULL_ITERATIONS))
 
 
-def worth_adding(study: Study, base: Trial, best: Trial, keep: int) -> bool:
+def worth_adding(study: Study, base: Trial, best: Trial) -> bool:
     """Whether the step is justified under the weights of either model: it may not earn its own floor."""
     kept = study.weights
     study.settle(base.model.choices, base, rounds=2)
     before = study.hold_out(study.fit(base.model.choices, base, FULL_ITERATIONS))
     after = study.hold_out(study.fit(best.model.choices, best, FULL_ITERATIONS))
     study.weights = kept
-    return justified(before, after, keep)
+    return justified(before, after)
 
 
 def forward(study: Study, first: Evidence, effects: Sequence[Effect], keep: int, watch: Watch) -> list[Trial]:
@@ -118,22 +118,22 @@ def forward(study: Study, first: Evidence, effects: Sequence[Effect], keep: int,
     evidence = first
     while len(steps) <= LONGEST_PATH and evidence.trials:
         best = evidence.trials[int(np.argmax(evidence.probabilities))]
-        if not (justified(evidence.base, best, keep) and worth_adding(study, evidence.base, best, keep)):
+        if not (justified(evidence.base, best) and worth_adding(study, evidence.base, best)):
             break
         chosen = drop_idle(study, best, keep)
         steps.append(chosen)
         weights.append(study.weights)
         watch.tell(0.5, f"looking beyond {best.model.choices[-1].effect.title.lower()}")
         evidence = weigh(study, chosen, effects, watch)
-    return _borne_out(study, steps, weights, keep)
+    return _borne_out(study, steps, weights)
 
 
-def _borne_out(study: Study, steps: list[Trial], weights: list[Weights], keep: int) -> list[Trial]:
+def _borne_out(study: Study, steps: list[Trial], weights: list[Weights]) -> list[Trial]:
     """The steps as far as each is justified under the weights of the last one kept."""
     while True:
         study.weights = weights[-1]
         scored = [study.hold_out(study.fit(s.model.choices, s, FULL_ITERATIONS)) for s in steps]
-        idle = [k for k in range(1, len(scored)) if not justified(scored[k - 1], scored[k], keep)]
+        idle = [k for k in range(1, len(scored)) if not justified(scored[k - 1], scored[k])]
         if not idle:
             return scored
         steps, weights = steps[: idle[0]], weights[: idle[0]]

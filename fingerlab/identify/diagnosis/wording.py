@@ -94,11 +94,17 @@ def explanation(evidence: Evidence, trial: Trial, effect: Effect, shown: bool) -
     if trial.misfit > evidence.base.misfit * 0.98:
         return f"{effect.explanation} Nothing of that is seen: the held-out error goes from {fall}."
     numbers = [
-        f"{_title(effect, name)} {quantity(p)}"
+        f"{_title(effect, name)} {quantity(p) if name not in effect.shape_units else _grid_value(p)}"
         for name, p in parameters(trial, effect, evidence.temperature).items()
     ]
     found = f" ({'; '.join(numbers)})" if numbers else ""
     return f"{effect.explanation[:-1]}{found}. With it the held-out error goes from {fall}."
+
+
+def _grid_value(estimate: ParameterEstimate) -> str:
+    """A value that was only tried on a grid has no interval worth a sign."""
+    factor, unit = SCREEN_UNITS.get(estimate.unit, (1.0, estimate.unit))
+    return f"about {estimate.value * factor:.2g} {unit}"
 
 
 def _title(effect: Effect, name: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.cable import pull_terms, winding_state
+from fingerlab.physics.effects.cable import MOTOR_STICKING_TRAVEL_DEG, pull_terms, winding_state
 from fingerlab.physics.effects.hysteresis import dahl_state
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
@@ -21,7 +21,7 @@ def drive_terms(motion: Motion, gain: str, torque: Array) -> list[Term]:
 
 
 def _coulomb(motion: Motion, shape: Shape) -> list[Term]:
-    return drive_terms(motion, "coulomb", winding_state(motion))
+    return drive_terms(motion, "coulomb", winding_state(motion, shape["travel_deg"]))
 
 
 def _viscous(motion: Motion, shape: Shape) -> list[Term]:
@@ -78,6 +78,8 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="Both joints miss the same tension, which flips sign with motor speed.",
         reveal="a motor-bench run without a finger",
+        shapes=tuple({"travel_deg": value} for value in (MOTOR_STICKING_TRAVEL_DEG, 0.5, 1.0)),
+        shape_units={"travel_deg": "deg"},
         bench=True,
         wanders=True,
     ),

@@ -9,7 +9,7 @@ from fingerlab.physics.effects.hysteresis import dahl_state, stop_operator
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
-STICKING_TRAVEL_DEG = (0.08, 0.25)
+STICKING_TRAVEL_DEG = (0.08, 0.25, 0.6)
 """Travel over which a Coulomb joint builds up its friction, degrees: above the sensor's 0.04 degree step
 (KMA210 data sheet), so that noise does not flip the sign of a joint at rest; assumed."""
 
