@@ -66,10 +66,15 @@ def chosen_stretches(comparisons: Iterable[Comparison], equation: str) -> tuple[
 def failure_stretch(comparisons: Iterable[Comparison], failure: Failure) -> Shown | None:
     """The stretch around the place where the model fails worst."""
     for one in comparisons:
-        here = one.equation == failure.equation and one.run == failure.run
-        if here and len(one.time) and one.time[0] <= failure.start <= one.time[-1]:
+        if _is_of(failure, one) and len(one.time) and one.time[0] <= failure.start <= one.time[-1]:
             return _around(one, 0.5 * (failure.start + failure.stop))
     return None
+
+
+def _is_of(failure: Failure, one: Comparison) -> bool:
+    """Whether the failure is in this equation of this run."""
+    same = (one.equation, one.run) == (failure.equation, failure.run)
+    return same and failure.session in ("", one.session)
 
 
 def _misfit(comparison: Comparison) -> float:
@@ -115,7 +120,7 @@ def comparison_figure(shown: Shown, failure: Failure | None = None) -> Figure:
     label(below, "time in the run (s)", small.label("residual"))
     for axes in (above, below):
         axes.margins(x=0.0)
-        if failure is not None and (failure.equation, failure.run) == (one.equation, one.run):
+        if failure is not None and _is_of(failure, one):
             axes.axvspan(failure.start, failure.stop, color=RESIDUAL, alpha=0.25, lw=0, zorder=0)
     _round_ticks(above, below)
     figure.align_ylabels()

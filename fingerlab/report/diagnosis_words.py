@@ -75,6 +75,8 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "nothing_missing":
         more = "Nothing more" if diagnosis.model else "Nothing"
         chance = percent(diagnosis.probability_nothing)
+        if diagnosis.score > UNEXPLAINED:
+            return f"No effect is shown to be missing from {model} ({chance} probable), although {error}."
         return f"{more} is missing from {model} ({chance} probable): {error}, and 1 is the best that can be."
     if diagnosis.verdict == "not_in_catalogue" or not diagnosis.candidates:
         chance = percent(diagnosis.probability_unknown)

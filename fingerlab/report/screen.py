@@ -73,7 +73,7 @@ def estimate_text(estimate: ParameterEstimate) -> str:
         return unit.after(with_minus(f"{value:.4g}"))
     below, above = value - low, high - value
     if min(below, above) <= 0 or max(below, above) > LOPSIDED * min(below, above):
-        digits = decimals_for(max(min(below, above), half / 5.0))
+        digits = decimals_for(max(min(below, above), half / 4.0))
         return f"{unit.after(fixed(value, digits))} ({fixed(low, digits)} to {fixed(high, digits)})"
     return unit.after(with_minus(plus_minus(value, half)))
 
