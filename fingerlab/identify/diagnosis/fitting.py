@@ -44,6 +44,15 @@ class Data:
         rest._left_out = k
         return rest
 
+    def part(self, i: int, k: int | None) -> tuple[Fold, Array]:
+        """Fold ``k`` of group ``i``, or all its folds as one, and its feature products without noise."""
+        folds = self.groups[i].folds
+        if k is not None:
+            return folds[k], self.clean[i][k]
+        gram, clean, slack = self._totals[i]
+        taut, loose = sum(f.taut_samples for f in folds), sum(f.slack_samples for f in folds)
+        return Fold(gram, slack, taut, loose), clean
+
     def products(self, i: int, chosen: tuple[Array, ...]) -> tuple[Array, Array, Array]:
         """Sums over group ``i`` for the features ``chosen`` by ``np.ix_``: raw, without noise, slack."""
         gram, clean, slack = (total[chosen] for total in self._totals[i])

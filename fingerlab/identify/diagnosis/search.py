@@ -15,7 +15,7 @@ from fingerlab.identify.diagnosis.reduction import Progress
 from fingerlab.identify.diagnosis.study import Study, Trial
 from fingerlab.physics.effects.base import Effect
 
-HELD_OUT_TRIALS = 6
+HELD_OUT_TRIALS = 4
 """This many of the best effects are scored on held-out runs; the rest are far behind and scored in sample."""
 LONGEST_PATH = 4
 """At most this many effects are added."""
@@ -82,9 +82,12 @@ def weigh(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch) ->
         leader = front[0].model.choices[-1].effect.id
         study.settle(front[0].model.choices, front[0], rounds=2)
         base = study.fit(base.model.choices, base, FULL_ITERATIONS)
+        # Under the new weights another effect may come to the front.
+        again = (study.fit(t.model.choices, t, SCREEN_ITERATIONS) for t in trials)
+        trials = sorted(again, key=lambda t: t.fit.cost)
     watch.tell(0.95, "scoring on held-out runs")
     scored = [study.hold_out(t) for t in trials[:HELD_OUT_TRIALS]]
-    scored += [study.count(study.fit(t.model.choices, t, 1)) for t in trials[HELD_OUT_TRIALS:]]
+    scored += [study.count(t) for t in trials[HELD_OUT_TRIALS:]]
     return judge(study.hold_out(base, residuals=True), scored)
 
 

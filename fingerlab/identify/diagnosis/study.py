@@ -102,11 +102,9 @@ class Study:
         return Trial(model, fit)
 
     def count(self, trial: Trial) -> Trial:
-        """The trial with its misfit on every run, in sample."""
+        """The trial with its misfit on every group of runs, in sample."""
         misfits = [
-            self._square(trial.model, trial.fit.values, i, k)
-            for i, group in enumerate(self.reduced.groups)
-            for k in range(len(group.folds))
+            self._square(trial.model, trial.fit.values, i, None) for i in range(len(self.reduced.groups))
         ]
         return Trial(trial.model, trial.fit, np.array(misfits))
 
@@ -121,7 +119,7 @@ class Study:
         products = {g.key: np.zeros((5, 5)) for g in self.reduced.groups}
         for k in range(rounds):
             data = self.data.without(k)
-            fit = Fitter(trial.model, data, self.weights).run(trial.fit.values, 2)
+            fit = Fitter(trial.model, data, self.weights).run(trial.fit.values, 1)
             for i, group in enumerate(self.reduced.groups):
                 if k < len(group.folds):
                     scored[group.key, k] = self._square(trial.model, fit.values, i, k)
@@ -147,15 +145,15 @@ class Study:
         covariance = row_covariance(trial.model, trial.fit.values, group, group.noise, group.noise_samples)
         return _inverse(covariance, self.reduced.on_bench)
 
-    def _square(self, model: Model, values: Array, i: int, k: int) -> tuple[float, float]:
-        """Reproducible chi-square of fold k of group i and the number of independent values behind it."""
+    def _square(self, model: Model, values: Array, i: int, k: int | None) -> tuple[float, float]:
+        """Reproducible chi-square of fold k (or all) of group i, and the independent values behind it."""
         group = self.reduced.groups[i]
-        fold = group.folds[k]
+        fold, clean = self.data.part(i, k)
         rows = model.layout.rows()[model.active]
         chosen = np.ix_(model.active, model.active)
         h, _ = model.coefficients(values, group)
         weight = feature_weights(self.weights[group.key], rows)
-        matrix = self.data.clean[i][k][chosen] * weight
+        matrix = clean[chosen] * weight
         square = float(h @ matrix @ h)
         square -= self._wandering(model, h, fold.gram[chosen] * weight, matrix)
         if self.reduced.on_bench:
