@@ -49,21 +49,23 @@ def stretches(run: Run, rig: Rig) -> Iterator[Motion]:
     for start in range(first, run.length, length):
         stop = min(start + length, run.length)
         if stop - start >= SHORTEST_STRETCH_S * rate:
-            yield _motion(run, rig, start, stop, on_bench)
+            yield _motion(run, rig, start, stop, on_bench, first if start == first else 0)
 
 
-def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool) -> Motion:
+def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int) -> Motion:
+    """Samples ``start:stop``; the ``lead`` before them is read too, so that a fault in it is not missed."""
     kernels, step = wide_kernels(run.sample_rate_hz)
+    run.channel("time", start - lead, stop)  # raises where time stands still or runs backwards
 
     def read(name: str) -> Array:
-        values = run.channel(name, start, stop)
+        values = run.channel(name, start - lead, stop)
         if not np.all(np.isfinite(values)):
-            bad = start + int(np.flatnonzero(~np.isfinite(values))[0])
+            bad = start - lead + int(np.flatnonzero(~np.isfinite(values))[0])
             raise UserError(
                 f"Run {run.name}, channel '{name}' holds a value that is not a number at sample {bad}; "
                 "only endpoint_force may, where no load cell was read."
             )
-        return widen(values, kernels, step)
+        return widen(values[lead:], kernels, step)
 
     position, torque = read("motor_position"), read("motor_torque")
     if on_bench:
