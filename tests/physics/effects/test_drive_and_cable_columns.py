@@ -39,6 +39,10 @@ def test_a_motor_torque_is_the_same_tension_in_both_joints(name: str) -> None:
                 assert alone.values == pytest.approx(RADIUS * term.values)
 
 
+SHARP = CATALOGUE["motor_coulomb_friction"].shapes[0]
+"""Friction that builds up over the least travel, as the other effects of the drive take it."""
+
+
 @pytest.mark.parametrize(
     "name", [n for n in DRIVE if "friction" in n or "presliding" in n or "stribeck" in n]
 )
@@ -51,7 +55,8 @@ def test_motor_friction_costs_work_in_either_direction(name: str) -> None:
             power = (term.values * motion.velocity)[1000:]  # three whole cycles
             assert power.sum() > 0
             # Only where it builds up over a travel does a little come back after each reversal.
-            if name in ("motor_viscous_friction", "motor_coulomb_friction", "asymmetric_friction"):
+            sharp = name in ("motor_viscous_friction", "motor_coulomb_friction", "asymmetric_friction")
+            if sharp and shape.get("travel_deg", 0.0) < 0.2:
                 assert power.min() > -0.05 * power.max()
 
 
@@ -80,7 +85,7 @@ def test_motor_columns_have_their_closed_forms() -> None:
 
 def test_load_dependent_friction_takes_the_known_load_where_there_is_one() -> None:
     motion = bench(load=np.full(1000, -0.09))
-    state = column(CATALOGUE["motor_coulomb_friction"].columns(motion, {}), Row.BENCH)
+    state = column(CATALOGUE["motor_coulomb_friction"].columns(motion, SHARP), Row.BENCH)
     share = column(CATALOGUE["load_dependent_friction"].columns(motion, {}), Row.BENCH)
     assert share == pytest.approx(0.09 * state)
 
@@ -88,7 +93,7 @@ def test_load_dependent_friction_takes_the_known_load_where_there_is_one() -> No
 def test_equal_directions_of_asymmetric_friction_are_coulomb_friction() -> None:
     motion = moving()
     both = column(CATALOGUE["asymmetric_friction"].columns(motion, {}), Row.PIP)
-    assert both == pytest.approx(column(CATALOGUE["motor_coulomb_friction"].columns(motion, {}), Row.PIP))
+    assert both == pytest.approx(column(CATALOGUE["motor_coulomb_friction"].columns(motion, SHARP), Row.PIP))
     winding = column(CATALOGUE["asymmetric_friction"].columns(motion, {}), Row.PIP, "winding")
     assert not winding[motion.velocity < -0.5].any()
 
