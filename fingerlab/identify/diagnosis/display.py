@@ -114,7 +114,9 @@ class Display:
             drawn = _fingerprint(one, evidence.base, trial, groups, self.stretches, study.reduced.on_bench)
             if drawn is not None:
                 prints[one.id] = drawn
-        return Curves(tuple(comparisons), prints, _failure(comparisons, self.stretches))
+        best = int(np.argmax(evidence.probabilities)) if evidence.trials else -1
+        slack = best >= 0 and evidence.trials[best].model.slack_free
+        return Curves(tuple(comparisons), prints, _failure(comparisons, self.stretches, slack))
 
 
 def _coordinates(motion: Motion) -> dict[str, Array]:
@@ -278,14 +280,17 @@ def _binned(effect: Effect, row: Row, place: Array, residual: Array, explained: 
     )
 
 
-def _failure(comparisons: Iterable[Comparison], stretches: Iterable[Kept]) -> Failure | None:
+def _failure(
+    comparisons: Iterable[Comparison], stretches: Iterable[Kept], slack_counts: bool
+) -> Failure | None:
     """The half second in which an equation misses most, in floors."""
     worst: tuple[float, Comparison, int] | None = None
     length = int(0.5 * NARROW_RATE_HZ)
     for c in comparisons:
         kept = _stretch_of(c, stretches)
-        # A slack cable is no failure of the length equation until it hangs by more than that is worth.
-        floor = np.where(kept.taut, c.floor, SLACK_SPREAD_M) if c.equation == "cable_kinematics" else c.floor
+        # A cable that hangs loose for a moment is no failure, unless slack is what is missing.
+        spared = c.equation == "cable_kinematics" and not slack_counts
+        floor = np.where(kept.taut, c.floor, SLACK_SPREAD_M) if spared else c.floor
         missed = np.nan_to_num((c.measured - c.modelled) / np.maximum(floor, 1e-12)) ** 2
         if len(missed) < length:
             continue

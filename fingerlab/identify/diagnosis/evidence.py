@@ -57,7 +57,7 @@ class Evidence:
 def freedom(trial: Trial) -> int:
     """Unknowns that the trial's last effect brings: gains, and one for a grid of shapes."""
     effect = trial.model.choices[-1].effect
-    return len(effect.gains) + len(effect.relaxes) + (1 if len(effect.shapes) > 2 else 0)
+    return len(effect.gains) + len(effect.relaxes) + (1 if len(effect.shapes) > 3 else 0)
 
 
 def temperature(misfit: float, count: float) -> float:

@@ -122,6 +122,7 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
             (Feature(Row.BENCH, "bench_inertia"), motion.acceleration),
             (Feature(Row.BENCH, "bench_gain"), load),
             (Feature(Row.BENCH, "bench_offset"), np.ones_like(motion.time)),
+            (Feature(Row.BENCH, "bench_trace"), motion.velocity),
         ]
     finger, q = motion.finger_and_joints
     one = np.ones_like(motion.time)
@@ -202,6 +203,7 @@ def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
         "bench_inertia": Gain("kg m^2", 0.0, 0.1, 1e-3),
         "bench_gain": Gain("1", -100.0, 100.0, 1.0),
         "bench_offset": Gain("N m", -10.0, 10.0, 0.1),
+        "bench_trace": Gain("N m s/rad", 0.0, 2e-4, 5e-5),
     }
     if rig.finger is None:
         return ranges

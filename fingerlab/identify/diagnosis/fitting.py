@@ -150,7 +150,7 @@ class Fitter:
 
     def _prior_weight(self) -> Array:
         """1 for nuisances; weak for moment arms, losses, offsets and effects, of which nothing is known."""
-        free = ("arm_", "loss_", "offset", "bench_")
+        free = ("arm_", "loss_", "offset", "bench_inertia", "bench_gain", "bench_offset")
         return np.array(
             [
                 0.01

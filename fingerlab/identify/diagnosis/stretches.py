@@ -18,8 +18,8 @@ LONGEST_STRETCH_S = 60.0
 SETTLING_S = 2.0
 """Left out at the start of a run: the ramp from rest (1.5 s on the bench) and the end of its transient, s."""
 SHORTEST_STRETCH_S = 2.0
-CLEARLY_NEGATIVE_WORK = 0.1
-"""Share of the absolute work that must be negative before a bench's torque is read as a reaction; assumed."""
+CLEARLY_HELPING = 0.4
+"""Correlation of torque with speed beyond which a bench's torque is read as a reaction; assumed."""
 
 FINGER_CHANNELS = ("motor_position", "motor_torque", "mcp_angle", "pip_angle")
 BENCH_CHANNELS = ("motor_position", "motor_torque")
@@ -68,11 +68,10 @@ def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int
         return widen(values[lead:], kernels, step)
 
     position, torque = read("motor_position"), read("motor_torque")
-    if on_bench:
-        torque = _drive_sign(torque[0], position[1]) * torque
     joints = force = load = None
     if on_bench:
         load = read("load_torque")[0] if run.has("load_torque") else np.zeros(position.shape[1])
+        torque = _drive_sign(torque[0], position) * torque
     else:
         mcp, pip = read("mcp_angle"), read("pip_angle")
         joints = JointMotion(mcp[0], pip[0], mcp[1], pip[1], mcp[2], pip[2])
@@ -95,14 +94,20 @@ def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int
     )
 
 
-def _drive_sign(torque: Array, velocity: Array) -> float:
-    """-1 where a bench's torque does clearly negative work on a passive load, else +1.
+def _drive_sign(torque: Array, motion: Array) -> float:
+    """-1 where a bench's torque helps the motion of a passive machine, else +1.
 
-    A machine that only rubs and stores cannot give back more work than it gets: such a recording shows the
-    reaction, and its sign is turned so that friction opposes motion.
+    What is left of the torque beside a constant, a spring and inertia must oppose the motion, since
+    a machine that only rubs cannot give work back. Where it clearly helps instead, the recording shows the
+    reaction, and its sign is turned.
+
+    Args:
+        torque: N m, shape (n,). motion: position, velocity and acceleration, shape (3, n).
     """
-    work, traffic = float(torque @ velocity), float(np.abs(torque) @ np.abs(velocity))
-    return -1.0 if work < -CLEARLY_NEGATIVE_WORK * traffic else 1.0
+    held = np.stack((np.ones_like(torque), motion[0], motion[2]), axis=1)
+    rest = torque - held @ np.linalg.lstsq(held, torque, rcond=None)[0]
+    alike = float(rest @ motion[1]) / max(float(np.linalg.norm(rest) * np.linalg.norm(motion[1])), 1e-300)
+    return -1.0 if alike < -CLEARLY_HELPING else 1.0
 
 
 def _force(run: Run, start: int, stop: int, kernels: Array, step: int) -> Array | None:

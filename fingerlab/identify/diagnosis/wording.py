@@ -7,7 +7,7 @@ import numpy as np
 from fingerlab.identify.diagnosis.evidence import Evidence
 from fingerlab.identify.diagnosis.study import Trial
 from fingerlab.identify.results import ParameterEstimate
-from fingerlab.physics.effects.base import Effect
+from fingerlab.physics.effects.base import Effect, Row
 
 Z90 = 1.645  # two-sided 90 % of a normal distribution
 DETECTABLE_LOG_ODDS = 5.0
@@ -88,23 +88,33 @@ def quantity(estimate: ParameterEstimate) -> str:
 def explanation(evidence: Evidence, trial: Trial, effect: Effect, shown: bool) -> str:
     """One or two plain sentences with the evidence in numbers."""
     fall = f"{evidence.base.score:.2f} to {trial.score:.2f} floors"
+    said = _said(trial, effect)
     if not shown:
         hidden = "These data could not show it at a plausible strength"
-        return f"{effect.explanation} {hidden}; {effect.reveal} would."
+        return f"{said} {hidden}; {effect.reveal} would."
     if trial.misfit > evidence.base.misfit * 0.98:
-        return f"{effect.explanation} Nothing of that is seen: the held-out error goes from {fall}."
+        return f"{said} Nothing of that is seen: the held-out error goes from {fall}."
     numbers = [
         f"{_title(effect, name)} {quantity(p) if name not in effect.shape_units else _grid_value(p)}"
         for name, p in parameters(trial, effect, evidence.temperature).items()
     ]
     found = f" ({'; '.join(numbers)})" if numbers else ""
-    return f"{effect.explanation[:-1]}{found}. With it the held-out error goes from {fall}."
+    return f"{said[:-1]}{found}. With it the held-out error goes from {fall}."
+
+
+def _said(trial: Trial, effect: Effect) -> str:
+    """The effect's sentence; a motor bench has no joints to speak of."""
+    on_bench = any(f.row == Row.BENCH for f in trial.model.layout.features)
+    return effect.explanation.replace(BOTH_JOINTS, ON_BENCH) if on_bench else effect.explanation
+
+
+BOTH_JOINTS, ON_BENCH = "Both joints miss the same tension", "The motor's equation misses a torque"
 
 
 def _grid_value(estimate: ParameterEstimate) -> str:
     """A value that was only tried on a grid has no interval worth a sign."""
     factor, unit = SCREEN_UNITS.get(estimate.unit, (1.0, estimate.unit))
-    return f"about {estimate.value * factor:.2g} {unit}"
+    return f"about {estimate.value * factor:.3g} {unit}"
 
 
 def _title(effect: Effect, name: str) -> str:
