@@ -7,10 +7,12 @@ is a closed form too. Everything in SI units.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -75,26 +77,25 @@ def tones(time: Array, parts: Sequence[tuple[float, float, float]]) -> tuple[Arr
     return result[0], result[1], result[2]
 
 
-def masses(f: Finger, q2: Array) -> tuple[Array, Array, Array]:
-    """Mass matrix entries, kg m^2."""
+def masses(f: Finger, q2: Any, m: Any = np) -> tuple[Any, Any, Any]:
+    """Mass matrix entries, kg m^2; ``m`` is the module whose cosine fits: numpy, or math for one number."""
     l1, l2, m1, m2 = f.proximal_half_length, f.distal_half_length, f.proximal_mass, f.distal_mass
-    c = np.cos(q2)
+    c = m.cos(q2)
     m11 = f.proximal_inertia + m1 * l1**2 + m2 * (4 * l1**2 + l2**2 + 4 * l1 * l2 * c)
-    m12 = m2 * (l2**2 + 2 * l1 * l2 * c)
-    return m11, m12, np.full_like(c, m2 * l2**2 + f.distal_inertia)
+    return m11, m2 * (l2**2 + 2 * l1 * l2 * c), m2 * l2**2 + f.distal_inertia + 0.0 * c
 
 
-def rest(bench: Bench, q1: Array, q2: Array, w1: Array, w2: Array) -> tuple[Array, Array]:
+def rest(bench: Bench, q1: Any, q2: Any, w1: Any, w2: Any, m: Any = np) -> tuple[Any, Any]:
     """Everything on the left-hand side but the acceleration: Coriolis, gravity, springs, what is missing."""
     f, x = bench.finger, bench.missing
     l1, l2, m1, m2, g = (
         f.proximal_half_length, f.distal_half_length, f.proximal_mass, f.distal_mass, f.gravity,
     )  # fmt: skip
     alpha = f.wrist_angle + x.tilt
-    h = 2 * m2 * l1 * l2 * np.sin(q2)
-    g2 = -m2 * g * l2 * np.cos(q1 + q2 - alpha)
-    g1 = -(m1 + 2 * m2) * g * l1 * np.cos(alpha - q1) + g2
-    odd = x.strange * np.sin(23.0 * q1 + 0.4) * np.cos(17.0 * q2)
+    h = 2 * m2 * l1 * l2 * m.sin(q2)
+    g2 = -m2 * g * l2 * m.cos(q1 + q2 - alpha)
+    g1 = -(m1 + 2 * m2) * g * l1 * m.cos(alpha - q1) + g2
+    odd = x.strange * m.sin(23.0 * q1 + 0.4) * m.cos(17.0 * q2) if x.strange else 0.0
     left1 = -h * w2 * (2 * w1 + w2) + g1 + f.mcp_stiffness * q1 + x.cubic[0] * q1**3
     left2 = h * w1**2 + g2 + f.pip_stiffness * q2 + x.cubic[1] * q2**3
     left1 = left1 + (bench.trace + x.viscous[0]) * w1 - bench.losses[0] + odd
@@ -106,40 +107,43 @@ Line = tuple[int, float, tuple[tuple[float, float, float], ...]]
 """Cable sign, mean tension (N) and its tones (N, Hz, rad) of a free run."""
 
 
-@lru_cache(maxsize=16)
-def free_motion(plan: tuple[Line, ...], finger: tuple[float, ...], seconds: float) -> tuple[Array, Array]:
-    """Free fingers, one a line of ``plan``, slack where the tension would be negative: time and state.
+@lru_cache(maxsize=64)
+def free_motion(line: Line, numbers: tuple[float, ...], seconds: float) -> tuple[Array, Array]:
+    """A free finger, its cable slack where the tension would be negative: time (m,) and state (m, 4).
 
-    All are integrated side by side (Runge-Kutta of fourth order) from before time zero, until nothing is left
-    of the start, through the recording. Time has shape (m,), the state (m, 4, lines).
+    Integrated by the rule of Runge and Kutta of fourth order, from so long before time zero that nothing is
+    left of the start.
     """
-    bench = _unpacked(finger)
+    bench = _unpacked(numbers)
+    f, (sign, mean, parts) = bench.finger, line
     steps = round((PRE_ROLL_S + seconds) / STEP)
     half = -PRE_ROLL_S + 0.5 * STEP * np.arange(2 * steps + 1)
-    signs = np.array([line[0] for line in plan])
-    a, b = (np.array([bench.arms[s][joint] for s in signs]) for joint in (0, 1))
-    pull = np.maximum([mean + tones(half, parts)[0] for _, mean, parts in plan], 0.0).T
-    push = np.stack((signs * a * pull, signs * b * pull), axis=1)
+    pull = np.maximum(mean + tones(half, parts)[0], 0.0).tolist()
+    a, b = sign * bench.arms[sign][0], sign * bench.arms[sign][1]
 
-    def slope(k: int, y: Array) -> Array:
-        left1, left2 = rest(bench, *y)
-        m11, m12, m22 = masses(bench.finger, y[1])
-        f1, f2 = push[k, 0] - left1, push[k, 1] - left2
-        det = m11 * m22 - m12**2
-        return np.stack((y[2], y[3], (m22 * f1 - m12 * f2) / det, (m11 * f2 - m12 * f1) / det))
+    def slope(k: int, q1: float, q2: float, w1: float, w2: float) -> tuple[float, float, float, float]:
+        left1, left2 = rest(bench, q1, q2, w1, w2, math)
+        m11, m12, m22 = masses(f, q2, math)
+        f1, f2 = a * pull[k] - left1, b * pull[k] - left2
+        det = m11 * m22 - m12 * m12
+        return w1, w2, (m22 * f1 - m12 * f2) / det, (m11 * f2 - m12 * f1) / det
 
-    y = np.zeros((4, len(plan)))
-    y[0], y[1] = push[0, 0] / bench.finger.mcp_stiffness, push[0, 1] / bench.finger.pip_stiffness
-    way = np.empty((steps + 1, *y.shape))
+    def ahead(y: Sequence[float], s: Sequence[float], step: float) -> list[float]:
+        return [v + step * d for v, d in zip(y, s, strict=True)]
+
+    y = [a * pull[0] / f.mcp_stiffness, b * pull[0] / f.pip_stiffness, 0.0, 0.0]
+    way = [y]
     for k in range(steps):
-        way[k] = y
-        one = slope(2 * k, y)
-        two = slope(2 * k + 1, y + 0.5 * STEP * one)
-        three = slope(2 * k + 1, y + 0.5 * STEP * two)
-        four = slope(2 * k + 2, y + STEP * three)
-        y = y + STEP / 6 * (one + 2 * two + 2 * three + four)
-    way[steps] = y
-    return half[::2], way
+        one = slope(2 * k, *y)
+        two = slope(2 * k + 1, *ahead(y, one, 0.5 * STEP))
+        three = slope(2 * k + 1, *ahead(y, two, 0.5 * STEP))
+        four = slope(2 * k + 2, *ahead(y, three, STEP))
+        y = [
+            v + STEP / 6 * (s1 + 2 * s2 + 2 * s3 + s4)
+            for v, s1, s2, s3, s4 in zip(y, one, two, three, four, strict=True)
+        ]
+        way.append(y)
+    return half[::2], np.array(way)
 
 
 def _packed(bench: Bench) -> tuple[float, ...]:
@@ -158,10 +162,9 @@ def _unpacked(numbers: tuple[float, ...]) -> Bench:
     return Bench({-1: (a, b), 1: (c, d)}, (loss1, loss2), trace, finger, missing)
 
 
-def _free_run(
-    bench: Bench, line: Line, at: Array, way: Array, rng: np.random.Generator, seconds: float, number: int
-) -> Run:
+def _free_run(bench: Bench, line: Line, rng: np.random.Generator, seconds: float, number: int) -> Run:
     sign, mean, parts = line
+    at, way = free_motion(line, _packed(bench), seconds)
     path = CubicHermiteSpline(at, way[:, :2], way[:, 2:])
     time = np.arange(round(seconds * RATE)) / RATE
     undisturbed = mean + tones(time, parts)[0]
@@ -218,10 +221,12 @@ def _press(
     cosines, sines = np.cos(np.outer(time, order) * turn), np.sin(np.outer(time, order) * turn)
     q1 = np.full_like(time, 0.3)
     w1, a1 = np.zeros_like(time), np.zeros_like(time)
-    for _ in range(8):
+    basis = np.hstack((cosines, sines[:, 1:]))
+    project = np.linalg.solve(basis.T @ basis, basis.T)
+    for _ in range(6):
         missed, _ = balance(q1, w1, a1)
         q1 = q1 - missed * 1e-6 / (balance(q1 + 1e-6, w1, a1)[0] - missed)
-        c, *_ = np.linalg.lstsq(np.hstack((cosines, sines[:, 1:])), q1, rcond=None)
+        c = project @ q1
         even, odd = c[:6], np.concatenate(([0.0], c[6:]))
         speed = turn * order
         q1 = cosines @ even + sines @ odd
@@ -280,8 +285,7 @@ def session(
         (1, 3.0, ((1.0, 2.0, 0.5),)),
         (1, 3.5, lively),
     )
-    at, way = free_motion(plan, _packed(bench), seconds)
-    runs = [_free_run(bench, line, at, way[:, :, i], rng, seconds, i) for i, line in enumerate(plan)]
+    runs = [_free_run(bench, line, rng, seconds, i) for i, line in enumerate(plan)]
     for k in range(contact):
         swing, frequency = (0.4, 0.6, 0.5)[k % 3], (1.0, 1.0, 0.6)[k % 3]
         runs.append(contact_run(bench, 1.2, swing, frequency, rng, seconds, f"{len(runs) + 1:03d}"))

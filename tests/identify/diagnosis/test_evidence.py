@@ -1,0 +1,103 @@
+"""Probabilities and steps from misfits whose verdict a person would not doubt."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from fingerlab.identify.diagnosis.evidence import alike, judge, justified
+from fingerlab.identify.diagnosis.fitting import Fit
+from fingerlab.identify.diagnosis.model import Choice
+from fingerlab.identify.diagnosis.study import Trial
+from fingerlab.physics.effects import CATALOGUE
+
+COUNT = 3000.0
+SMALL, LARGE = "coulomb_friction", "stribeck_friction"  # one is the other without its excess at low speed
+OTHERS = [n for n in CATALOGUE if n not in (SMALL, LARGE, "transport_delay", "cable_slack")]
+
+
+def trial(score: float, *effects: str) -> Trial:
+    """A model with effects that is at ``score`` floors on every one of ten held-out runs."""
+    misfit = (score**2 - 1.0) * COUNT
+    choices = tuple(Choice(CATALOGUE[e]) for e in effects)
+    misfits = np.tile((misfit / 10, COUNT / 10), (10, 1))
+    fit = Fit(np.zeros(0), np.zeros((0, 0)), misfit)
+    return Trial(cast(Any, SimpleNamespace(choices=choices)), fit, misfits, held_out=True)
+
+
+def judged(base: float, **scores: float):
+    """Evidence where the effects named have the scores given and all others change nothing."""
+    trials = [trial(score, name) for name, score in scores.items()]
+    return judge(trial(base), trials + [trial(base, name) for name in OTHERS if name not in scores])
+
+
+def named(evidence, name: str) -> float:
+    names = [t.model.choices[-1].effect.id for t in evidence.trials]
+    return float(evidence.probabilities[names.index(name)])
+
+
+def test_score_is_the_error_in_floors() -> None:
+    assert trial(1.0).score == pytest.approx(1.0)
+    assert trial(7.5).score == pytest.approx(7.5)
+
+
+@pytest.mark.parametrize("base", [1.0, 1.02, 1.2, 3.0, 50.0])
+@pytest.mark.parametrize("best", [1.0, 0.5, 0.02])
+def test_probabilities_sum_to_one(base: float, best: float) -> None:
+    evidence = judged(base, viscous_friction=1 + (base - 1) * best)
+    assert evidence.probabilities.sum() + evidence.nothing + evidence.unknown == pytest.approx(1.0)
+    assert np.all(evidence.probabilities >= 0)
+
+
+@pytest.mark.parametrize("base", [1.0, 1.01, 1.1, 1.2])
+def test_a_model_near_its_floor_lacks_nothing(base: float) -> None:
+    assert judged(base).nothing > 0.9
+
+
+@pytest.mark.parametrize("base", [4.0, 12.0, 100.0])
+def test_what_no_effect_explains_is_not_in_the_catalogue(base: float) -> None:
+    assert judged(base).unknown > 0.9
+    assert judged(base, viscous_friction=0.97 * base).unknown > 0.9
+
+
+@pytest.mark.parametrize("base", [1.6, 4.0, 12.0, 100.0])
+def test_what_one_effect_explains_is_that_effect(base: float) -> None:
+    assert named(judged(base, spring_hardening=1.01), "spring_hardening") > 0.99
+
+
+@pytest.mark.parametrize(("base", "left"), [(6.0, 1.1), (12.0, 2.5)])
+def test_equals_share_and_are_both_in_the_set(base: float, left: float) -> None:
+    evidence = judged(base, viscous_friction=left, stiffness_error=left)
+    names = {evidence.trials[i].model.choices[-1].effect.id for i in alike(evidence)}
+    assert names == {"viscous_friction", "stiffness_error"}
+    assert named(evidence, "viscous_friction") == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize("base", [2.0, 10.0])
+def test_the_larger_of_a_nested_pair_must_earn_its_unknowns(base: float) -> None:
+    """The larger model never fits worse; a gain of a thousandth is chance."""
+    left = 1.05
+    luck = np.sqrt(left**2 - 0.001 * (base**2 - left**2))
+    evidence = judge(trial(base), [trial(left, SMALL), trial(float(luck), LARGE)])
+    assert evidence.probabilities[0] > evidence.probabilities[1]
+    earned = judge(trial(base), [trial(0.5 * (base + 1), SMALL), trial(1.05, LARGE)])
+    assert earned.probabilities[1] > 0.99
+
+
+def test_a_step_must_explain_a_share_of_what_is_left() -> None:
+    assert justified(trial(10.0), trial(2.0, "viscous_friction"))
+    assert not justified(trial(10.0), trial(9.5, "viscous_friction"))
+    assert not justified(trial(1.02), trial(1.0, "viscous_friction"))
+    assert not justified(trial(5.0), trial(5.0, "viscous_friction"))
+
+
+def test_more_independent_values_make_a_verdict_surer() -> None:
+    few = judged(1.5, viscous_friction=1.38)
+    trials = [Trial(t.model, t.fit, t.misfits * 10, True) for t in few.trials]
+    many = judge(Trial(few.base.model, few.base.fit, few.base.misfits * 10, True), trials)
+    assert max(many.nothing, named(many, "viscous_friction")) >= max(
+        few.nothing, named(few, "viscous_friction")
+    )

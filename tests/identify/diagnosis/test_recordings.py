@@ -1,0 +1,78 @@
+"""The diagnosis on recordings that the project did not make: the named effect comes first."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from fingerlab.identify.diagnosis import diagnose
+from fingerlab.identify.results import Diagnosis
+from fingerlab.physics.effects import CATALOGUE
+from fingerlab.sessions import open_session
+
+TRUTH = {
+    "bench-coulomb": "coulomb_friction",
+    "bench-viscous": "viscous_friction",
+    "bench-motor-coulomb": "motor_coulomb_friction",
+    "bench-slack": "cable_slack",
+    "bench-stretch": "cable_stretch",
+    "bench-hardening": "spring_hardening",
+    "bench-delay": "transport_delay",
+    "bench-contact-angle": "contact_angle",
+}
+
+
+@cache
+def diagnosed(path: Path) -> Diagnosis:
+    return diagnose([open_session(path)], with_curves=False)
+
+
+@pytest.mark.parametrize("name", list(TRUTH))
+def test_the_named_effect_comes_first(name: str, shared_data: Path) -> None:
+    result = diagnosed(shared_data / f"{name}.h5")
+    assert result.verdict == "missing_effect"
+    assert result.candidates[0].effect == TRUTH[name]
+    assert TRUTH[name] in result.set
+    assert len(result.set) <= 3
+    assert result.path[1].added == TRUTH[name]
+    # Half of what lies above the floor is gone at least.
+    assert result.path[-1].score ** 2 - 1 < 0.5 * (result.path[0].score ** 2 - 1)
+
+
+def test_the_plain_bench_lacks_nothing(shared_data: Path) -> None:
+    result = diagnosed(shared_data / "bench-plain.h5")
+    assert result.verdict == "nothing_missing"
+    assert result.set == ()
+    assert result.final_model == ()
+    assert result.score < 1.25
+    for error in result.errors.values():
+        assert error.r2 > 0.98
+
+
+def test_sheath_friction_is_in_the_set_under_the_thesis_protocol(shared_data: Path) -> None:
+    """One frequency and one amplitude leave look-alikes: the truth must be among them."""
+    result = diagnosed(shared_data / "bench-thesis-protocol.h5")
+    assert result.verdict == "missing_effect"
+    assert "capstan_friction" in result.set
+
+
+def test_the_surgical_tool_rubs(shared_data: Path) -> None:
+    """A real machine on the motor bench: friction that flips with the direction of travel."""
+    result = diagnosed(shared_data / "cable-tool.h5")
+    assert result.verdict == "missing_effect"
+    dry = {"motor_coulomb_friction", "motor_stribeck_friction", "motor_presliding", "asymmetric_friction",
+           "load_dependent_friction"}  # fmt: skip
+    assert result.candidates[0].effect in dry
+    assert {c.effect for c in result.candidates} == {n for n, e in CATALOGUE.items() if e.bench}
+    assert set(result.errors) == {"motor_torque"}
+    assert result.path[-1].score < 0.3 * result.path[0].score
+
+
+def test_the_effect_that_is_added_is_no_longer_missing(shared_data: Path) -> None:
+    path = shared_data / "bench-coulomb.h5"
+    result = diagnose([open_session(path)], ["coulomb_friction"], with_curves=False)
+    assert result.model == ("coulomb_friction",)
+    assert result.score < 0.4 * diagnosed(path).score
+    assert "coulomb_friction" not in {c.effect for c in result.candidates}
