@@ -3,17 +3,21 @@
     python benchmarks/session_sizes.py [1 10 100]
 
 A session of the thesis' size (20 runs of 30 s at 1 kHz) is simulated once; longer ones repeat its runs. Every
-step runs in a process of its own, so that its peak memory is its own. Writes docs/benchmarks.md.
+step runs as a command in a process of its own, so that its peak memory is its own. Writes docs/benchmarks.md.
+Processor time is kept beside wall time, because other work on the machine slows the clock on the wall.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import psutil
@@ -21,12 +25,26 @@ import psutil
 from fingerlab.sessions import SessionWriter, open_session
 
 ROOT = Path(__file__).resolve().parent.parent
-STEPS = {
-    "open": ["info"],
-    "fit": ["fit"],
-    "diagnose": ["diagnose"],
+STEPS = {"open": "info", "fit": "fit", "diagnose": "diagnose"}
+"""Step -> command; ``info`` opens a session and checks all of it."""
+MODULES = {
+    "open": "fingerlab.sessions",
+    "fit": "fingerlab.identify.thesis.fitting",
+    "diagnose": "fingerlab.identify.diagnosis",
 }
-"""Column -> command words; each is timed whole, with the interpreter's start and all imports."""
+"""What each step loads before it looks at any data: taken off where growth with the data is told."""
+BUSY_LOAD = 1.5
+"""From this load average on, other programs are taken to share the machine."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One command on one session: s, s of all cores, MB, and what ``diagnose`` says of itself (s)."""
+
+    wall: float
+    processor: float
+    memory: float
+    own: float | None = None
 
 
 def thesis_sized(folder: Path) -> Path:
@@ -41,75 +59,138 @@ def repeated(source: Path, times: int) -> Path:
     """A session that holds the runs of ``source`` ``times`` over."""
     path = source.with_name(f"session-{times}.h5")
     session = open_session(source)
+    runs = [(run, run.load()) for run in session.runs]
     with SessionWriter(path, session.rig, "repeated", float32=True, compression_level=1) as writer:
         for _ in range(times):
-            for run in session.runs:
-                channels = run.load()
+            for run, channels in runs:
                 writer.add_run(run.phase, run.cable, run.sample_rate_hz, run.trajectory, channels)
     return path
 
 
-def measure(words: list[str], path: Path) -> tuple[float, float]:
-    """Wall time (s) and peak memory (MB) of one command on one session."""
+def measure(words: list[str], target: Path | None = None) -> Measured:
+    """Run Python with ``words`` and watch it until it ends; ``target`` is where it writes its JSON."""
     started = time.perf_counter()
-    process = psutil.Popen(
-        [sys.executable, "-m", "fingerlab", *words, str(path)],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    peak = 0
+    process = psutil.Popen([sys.executable, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    peak, processor = 0, 0.0
     while process.poll() is None:
         try:
-            peak = max(peak, process.memory_info().rss)
+            with process.oneshot():
+                peak = max(peak, process.memory_info().rss)
+                used = process.cpu_times()
+            processor = used.user + used.system
         except psutil.Error:
             break
-        time.sleep(0.02)
+        time.sleep(0.01)
     if process.wait() != 0:
-        raise SystemExit(f"{' '.join(words)} failed on {path.name}; run it by hand to see why.")
-    return time.perf_counter() - started, peak / 1e6
+        raise SystemExit(f"python {' '.join(words)} failed; run it by hand to see why.")
+    wall = time.perf_counter() - started
+    own = None if target is None else float(json.loads(target.read_text(encoding="utf-8"))["seconds"])
+    return Measured(wall, processor, peak / 1e6, own)
 
 
-def table(rows: list[tuple[int, str, float, float]], load: float) -> str:
-    """The measurements as Markdown, ratios first."""
-    by = {(size, step): (seconds, memory) for size, step, seconds, memory in rows}
-    sizes = sorted({r[0] for r in rows})
-    lines = [
-        "# Benchmarks: sessions of growing size",
-        "",
-        f"Made with `python benchmarks/session_sizes.py {' '.join(map(str, sizes))}` "
-        f"on {os.cpu_count()} cores, Python {platform.python_version()}; load average before the start "
-        f"{load:.1f}. Times are of whole commands, interpreter and imports included; 1 is the thesis' size, "
-        "20 runs of 30 s at 1 kHz.",
-        "",
-        "| step | size | time against the size before, per unit of data | seconds | peak memory, MB |",
-        "|---|---|---|---|---|",
-    ]
+def measure_step(step: str, path: Path) -> Measured:
+    """One command on one session."""
+    words = ["-m", "fingerlab", STEPS[step], str(path)]
+    if step != "diagnose":
+        return measure(words)
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "answer.json"
+        return measure([*words, "--json", str(target)], target)
+
+
+def twin_speed() -> str:
+    """What ``twin_speed.py`` prints, as list items."""
+    script = Path(__file__).with_name("twin_speed.py")
+    done = subprocess.run([sys.executable, str(script)], check=True, capture_output=True, text=True)
+    return "\n".join(f"- {line}" for line in done.stdout.strip().splitlines())
+
+
+Results = dict[tuple[str, int], Measured]
+
+
+def growth(results: Results, sizes: list[int]) -> list[str]:
+    """How the processor time of each step grows beyond its start: no faster than the data is good."""
+    pairs = list(pairwise(sizes))
+    if not pairs:
+        return []
+    names = [f"{large} against {small}" for small, large in pairs]
+    lines = ["| processor time, as a multiple | " + " | ".join(names) + " |", "|---" * (len(pairs) + 1) + "|"]
     for step in STEPS:
-        for i, size in enumerate(sizes):
-            seconds, memory = by[size, step]
-            before = sizes[i - 1] if i else None
-            ratio = "-" if before is None else f"{seconds / by[before, step][0] * before / size:.2f}"
-            lines.append(f"| {step} | {size} | {ratio} | {seconds:.2f} | {memory:.0f} |")
-    return "\n".join(lines) + "\n"
+        start = results[step, 0].processor
+        ratios = [
+            (results[step, large].processor - start) / max(results[step, small].processor - start, 1e-3)
+            for small, large in pairs
+        ]
+        lines.append(f"| {step} | " + " | ".join(f"{ratio:.1f}" for ratio in ratios) + " |")
+    return [*lines, ""]
+
+
+def table(results: Results, sizes: list[int]) -> list[str]:
+    """Seconds and memory of every step at every size."""
+    lines = [
+        "| step | size | wall, s | processor, s | the diagnosis itself, wall, s | peak memory, MB |",
+        "|---|---|---|---|---|---|",
+    ]
+    for step, size in ((step, size) for step in STEPS for size in (0, *sizes)):
+        m = results[step, size]
+        own = "" if m.own is None else f"{m.own:.2f}"
+        name = size or "start"
+        lines.append(f"| {step} | {name} | {m.wall:.2f} | {m.processor:.2f} | {own} | {m.memory:.0f} |")
+    return [*lines, ""]
+
+
+def page(results: Results, sizes: list[int], loads: tuple[float, float], speed: str) -> str:
+    """The measurements as Markdown, ratios first."""
+    busy = loads[0] >= BUSY_LOAD
+    machine = f"{os.cpu_count()} cores ({platform.system()} {platform.machine()})"
+    told = f"Python {platform.python_version()}; load average {loads[0]:.1f} before, {loads[1]:.1f} after"
+    command = f"python benchmarks/session_sizes.py {' '.join(map(str, sizes))}"
+    head = ["# Benchmarks", "", f"Made with `{command}` on {machine}, {told}."]
+    if busy:
+        head += [
+            "Other programs shared the machine, so that times are longer than on a machine of one's own."
+        ]
+    head += [
+        "",
+        "Size 1 is the thesis' session, 20 runs of 30 s at 1 kHz; larger ones hold its runs that many times "
+        "over. Times are of whole commands (`info`, `fit`, `diagnose`); start is loading the program alone.",
+        "",
+    ]
+    return "\n".join(
+        [
+            *head,
+            *growth(results, sizes),
+            *table(results, sizes),
+            "Speed of the simulated bench:",
+            "",
+            speed,
+            "",
+        ]
+    )
+
+
+def load_average() -> float:
+    """Programs waiting for a core in the last minute; 0 where the system does not tell."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
 
 
 def main() -> None:
     """Measure the sizes named on the command line."""
     sizes = [int(word) for word in sys.argv[1:]] or [1, 10, 100]
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
-    rows = []
+    before = load_average()
+    results: Results = {(step, 0): measure(["-c", f"import {MODULES[step]}"]) for step in STEPS}
     with tempfile.TemporaryDirectory() as folder:
         source = thesis_sized(Path(folder))
         for size in sizes:
             path = source if size == 1 else repeated(source, size)
-            for step, words in STEPS.items():
-                seconds, memory = measure(words, path)
-                print(f"{step:10s} x{size:<4d} {seconds:8.2f} s {memory:7.0f} MB", flush=True)
-                rows.append((size, step, seconds, memory))
-            if size != 1:
+            for step in STEPS:
+                m = results[step, size] = measure_step(step, path)
+                print(f"{step:10s} x{size:<4d} {m.wall:8.2f} s {m.memory:7.0f} MB", flush=True)
+            if path != source:
                 path.unlink()
+    loads = before, load_average()
     target = ROOT / "docs" / "benchmarks.md"
-    target.write_text(table(rows, load), encoding="utf-8")
+    target.write_text(page(results, sizes, loads, twin_speed()), encoding="utf-8")
 
 
 if __name__ == "__main__":
