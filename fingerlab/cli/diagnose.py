@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
+from fingerlab.parallel import second_process
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -29,15 +30,16 @@ def diagnose(sessions: tuple[Path, ...], added: tuple[str, ...], json_target: st
     Errors are those on runs left out of the fit, in multiples of the bench's own repeatability: 1 is the
     floor.
     """
-    from fingerlab.identify.diagnosis import diagnose as run
-    from fingerlab.sessions import open_session
-
     if json_target not in (None, "-"):
         refuse_existing(Path(str(json_target)))
-    opened = [open_session(path) for path in sessions]
-    bar, report = progress_bar("Diagnosing")
-    with bar:
-        result = run(opened, added, progress=report, with_curves=False)
+    with second_process(sessions, "fingerlab.identify.diagnosis.reduction") as executor:
+        from fingerlab.identify.diagnosis import diagnose as run
+        from fingerlab.sessions import open_session
+
+        opened = [open_session(path) for path in sessions]
+        bar, report = progress_bar("Diagnosing")
+        with bar:
+            result = run(opened, added, progress=report, with_curves=False, executor=executor)
     if json_target is not None:
         write_json(result.to_json(), json_target)
     if json_target != "-":

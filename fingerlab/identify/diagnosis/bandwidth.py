@@ -52,8 +52,14 @@ def wide_kernels(sample_rate_hz: float) -> tuple[Array, int]:
 
 def widen(values: Array, kernels: Array, step: int) -> Array:
     """Values with first and second derivative at the wide rate, shape (3, m); only whole windows."""
-    windows = sliding_window_view(values, len(kernels))[::step]
-    return np.ascontiguousarray((windows @ kernels).T)
+    count = max(0, (len(values) - len(kernels)) // step + 1)
+    block = np.hstack([_block_kernel(k, step) for k in kernels.T])
+    blocks = -(-count // BLOCK)
+    padded = np.zeros((blocks - 1) * BLOCK * step + len(block) if blocks else len(block))
+    padded[: len(values)] = values[: len(padded)]
+    windows = np.ascontiguousarray(sliding_window_view(padded, len(block))[:: BLOCK * step])
+    wide = (windows @ block).reshape(len(windows), kernels.shape[1], BLOCK)
+    return np.ascontiguousarray(wide.transpose(1, 0, 2).reshape(kernels.shape[1], -1)[:, :count])
 
 
 _NARROW = low_pass_kernel(NARROW_TAPS, NARROW_CUTOFF_HZ, WIDE_RATE_HZ)
@@ -73,29 +79,32 @@ def narrow(columns: Array) -> Array:
     count = narrow_count(length)
     if count == 0:
         return np.zeros((*columns.shape[:-1], 0))
-    # Several outputs share one window, so that the sums become products of matrices.
-    blocks = -(-count // BLOCK)
-    needed = (blocks - 1) * BLOCK * NARROW_STEP + len(_BLOCK_KERNEL)
-    if needed > length:
-        columns = np.concatenate(
-            (columns, np.zeros((*columns.shape[:-1], needed - length), columns.dtype)), axis=-1
-        )
-    windows = sliding_window_view(columns, len(_BLOCK_KERNEL), axis=-1)[..., :: BLOCK * NARROW_STEP, :][
-        ..., :blocks, :
-    ]
-    low = np.ascontiguousarray(windows) @ _BLOCK_KERNEL.astype(columns.dtype)
-    return np.asarray(low.reshape(*columns.shape[:-1], blocks * BLOCK)[..., :count], dtype=np.float64)
+    flat = columns.reshape(-1, length)
+    low = _filtered(flat, _BLOCK_KERNEL.astype(columns.dtype), NARROW_STEP, count)
+    return np.asarray(low.reshape(*columns.shape[:-1], count), dtype=np.float64)
 
 
-BLOCK = 8
+BLOCK = 16
 
 
-def _block_kernel() -> Array:
-    kernel = np.zeros(((BLOCK - 1) * NARROW_STEP + NARROW_TAPS, BLOCK))
+def _block_kernel(kernel: Array, step: int) -> Array:
+    """The kernel at BLOCK successive outputs, shape (window, BLOCK)."""
+    result = np.zeros(((BLOCK - 1) * step + len(kernel), BLOCK))
     for k in range(BLOCK):
-        kernel[k * NARROW_STEP : k * NARROW_STEP + NARROW_TAPS, k] = _NARROW
-    return kernel
+        result[k * step : k * step + len(kernel), k] = kernel
+    return result
 
 
-_BLOCK_KERNEL = _block_kernel()
-"""The narrow kernel at BLOCK successive outputs, shape (window, BLOCK)."""
+def _filtered(columns: Array, kernel: Array, step: int, count: int) -> Array:
+    """Columns (m, n) through a block kernel and decimated, shape (m, count); sums as products of matrices."""
+    window = len(kernel)
+    whole = -(-count // BLOCK)
+    low = np.empty((len(columns), whole * BLOCK), columns.dtype)
+    for block in range(whole):
+        first = block * BLOCK * step
+        part = columns[:, first : first + window]
+        low[:, block * BLOCK : (block + 1) * BLOCK] = part @ kernel[: part.shape[1]]
+    return low[:, :count]
+
+
+_BLOCK_KERNEL = _block_kernel(_NARROW, NARROW_STEP)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -30,6 +31,7 @@ def diagnose(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     with_curves: bool = True,
+    executor: Executor | None = None,
 ) -> Diagnosis:
     """Where the model fails and which effect is missing.
 
@@ -38,6 +40,7 @@ def diagnose(
         progress: called with the share done (0 to 1) and what is being done.
         cancelled: asked now and then; True stops the calculation.
         with_curves: whether measured and modelled curves and fingerprints are wanted.
+        executor: a second process (``fingerlab.parallel``) to share the reading, if no curves are wanted.
 
     Raises:
         UserError: an unknown effect, nothing to analyse, a run that cannot be read.
@@ -49,7 +52,7 @@ def diagnose(
     given = [effect(name) for name in dict.fromkeys(added)]
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
-        return _diagnose(sessions, given, _Scale(progress), cancelled, with_curves, started)
+        return _diagnose(sessions, given, _Scale(progress), cancelled, with_curves, executor, started)
 
 
 class _Scale:
@@ -72,11 +75,17 @@ def _diagnose(
     scale: _Scale,
     cancelled: Callable[[], bool] | None,
     with_curves: bool,
+    executor: Executor | None,
     started: float,
 ) -> Diagnosis:
     display = Display(wanted=with_curves)
     reduced = reduce_sessions(
-        sessions, list(CATALOGUE.values()), scale.part(0.0, 0.4), cancelled, display.keep
+        sessions,
+        list(CATALOGUE.values()),
+        scale.part(0.0, 0.4),
+        cancelled,
+        display.keep if with_curves else None,
+        executor,
     )
     effects = reduced.layout.effects
     for one in given:

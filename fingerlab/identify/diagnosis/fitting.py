@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
-from fingerlab.identify.diagnosis.features import NO_SHIFT, Layout
+from fingerlab.identify.diagnosis.features import NO_SHIFT, BoolArray, IntArray, Layout
 from fingerlab.identify.diagnosis.model import Model
 from fingerlab.identify.diagnosis.reduction import Fold, Group, GroupKey
 from fingerlab.physics.effects.base import Row
@@ -23,10 +22,14 @@ Weights = Mapping[GroupKey, Array]
 
 
 class Data:
-    """Sums over the runs that a fit may see: feature products with noise and without, and slack moments."""
+    """Sums over the runs that a fit may see: feature products with noise and without, and slack moments.
 
-    def __init__(self, groups: Sequence[Group]) -> None:
+    ``rows`` is the equation of every feature, shape (features,).
+    """
+
+    def __init__(self, groups: Sequence[Group], rows: IntArray) -> None:
         self.groups = groups
+        self._rows = rows
         self.clean = [[f.gram - noise_share(g, f) for f in g.folds] for g in groups]
         self._totals = [
             (
@@ -36,13 +39,7 @@ class Data:
             )
             for g, clean in zip(groups, self.clean, strict=True)
         ]
-        self._left_out: int | None = None
-
-    def without(self, k: int) -> Data:
-        """The same sums less fold ``k`` of every group that has more than one."""
-        rest = copy(self)
-        rest._left_out = k
-        return rest
+        self._weighted: dict[int, tuple[Array, tuple[Array, Array, Array]]] = {}
 
     def part(self, i: int, k: int | None) -> tuple[Fold, Array]:
         """Fold ``k`` of group ``i``, or all its folds as one, and its feature products without noise."""
@@ -53,13 +50,33 @@ class Data:
         taut, loose = sum(f.taut_samples for f in folds), sum(f.slack_samples for f in folds)
         return Fold(gram, slack, taut, loose), clean
 
-    def products(self, i: int, chosen: tuple[Array, ...]) -> tuple[Array, Array, Array]:
-        """Sums over group ``i`` for the features ``chosen`` by ``np.ix_``: raw, without noise, slack."""
-        gram, clean, slack = (total[chosen] for total in self._totals[i])
-        k, folds = self._left_out, self.groups[i].folds
-        if k is None or k >= len(folds) or len(folds) == 1:
-            return gram, clean, slack
-        return gram - folds[k].gram[chosen], clean - self.clean[i][k][chosen], slack - folds[k].slack[chosen]
+    def weighted(self, i: int, model: Model, weights: Array) -> tuple[Array, Array, Array]:
+        """Weighted sums over group ``i`` for a model's features: raw, without noise, slack; each (k, k)."""
+        every = self.weighted_all(i, weights)
+        return tuple(total[model.chosen] for total in every)
+
+    def weighted_fold(self, i: int, k: int, model: Model, weights: Array) -> tuple[Array, Array, Array]:
+        """The same for fold ``k`` alone."""
+        fold = self.groups[i].folds[k]
+        parts = tuple(m[model.chosen] for m in (fold.gram, self.clean[i][k], fold.slack))
+        return self._weigh(parts, model.rows, weights)
+
+    def weighted_all(self, i: int, weights: Array) -> tuple[Array, Array, Array]:
+        """The same for all features and all folds, (features, features) each.
+
+        Kept until other weights come: most fits differ only in which features they take.
+        """
+        known = self._weighted.get(i)
+        if known is None or known[0] is not weights:
+            known = (weights, self._weigh(self._totals[i], self._rows, weights))
+            self._weighted[i] = known
+        return known[1]
+
+    @staticmethod
+    def _weigh(sums: tuple[Array, ...], rows: IntArray, weights: Array) -> tuple[Array, Array, Array]:
+        gram, clean, slack = sums
+        weight = EFFECTIVE_SHARE * feature_weights(weights, rows)
+        return gram * weight, clean * weight, slack * (EFFECTIVE_SHARE / SLACK_SPREAD_M**2)
 
 
 def noise_share(group: Group, fold: Fold) -> Array:
@@ -110,7 +127,7 @@ class Fit:
     cost: float
 
 
-def feature_weights(weights: Array, rows: Array) -> Array:
+def feature_weights(weights: Array, rows: IntArray) -> Array:
     """Weight of each product of features, (k, k)."""
     return np.asarray(weights[np.ix_(rows, rows)])
 
@@ -121,30 +138,26 @@ class Fitter:
     def __init__(self, model: Model, data: Data, weights: Weights) -> None:
         self.model = model
         self.data = data
-        rows = model.layout.rows()[model.active]
-        chosen = np.ix_(model.active, model.active)
+        self.weights = weights
         self.matrices = []  # without noise: cost and gradient
         self.curvatures = []  # with noise, hence positive: the step
         for i, group in enumerate(data.groups):
-            gram, clean, slack = data.products(i, chosen)
-            weight = feature_weights(weights[group.key], rows)
-            loose = 0.0 if model.slack_free else slack / SLACK_SPREAD_M**2
-            self.matrices.append(EFFECTIVE_SHARE * (clean * weight + loose))
-            self.curvatures.append(EFFECTIVE_SHARE * (gram * weight + loose))
+            curvature, matrix, loose = data.weighted(i, model, weights[group.key])
+            if not model.slack_free:
+                matrix, curvature = matrix + loose, curvature + loose
+            self.matrices.append(matrix)
+            self.curvatures.append(curvature)
         self._mean = model.start()
         self._stiffness = self._prior_weight() / model.spread**2
         self._low, self._high = model.low, model.high
+        self._whole: tuple[Array, tuple[Array, Array]] | None = None
         self._at: tuple[Array, list[tuple[Array, Array]]] | None = None
-
-    def _coefficients(self, values: Array) -> list[tuple[Array, Array]]:
-        if self._at is None or not np.array_equal(self._at[0], values):
-            self._at = (values.copy(), [self.model.coefficients(values, g) for g in self.data.groups])
-        return self._at[1]
 
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""
         total = float(np.sum((values - self._mean) ** 2 * self._stiffness))
-        for (h, _), matrix in zip(self._coefficients(values), self.matrices, strict=True):
+        for group, matrix in zip(self.data.groups, self.matrices, strict=True):
+            h = self.model.features(values, group)
             total += float(h @ matrix @ h)
         return total
 
@@ -166,8 +179,8 @@ class Fitter:
         cost = self.cost(values)
         information = np.eye(len(values))
         for _ in range(iterations):
-            gradient, information = self._normal_equations(values)
-            step = _bounded_step(values, gradient, information, self._low, self._high)
+            gradient, information = self.normal_equations(values)
+            step = bounded_step(values, gradient, information, self._low, self._high)
             improved = False
             for fraction in (1.0, 0.5, 0.2, 0.05):
                 trial = np.clip(values + fraction * step, self._low, self._high)
@@ -180,17 +193,37 @@ class Fitter:
                 break
         return Fit(values, information, cost)
 
-    def _normal_equations(self, values: Array) -> tuple[Array, Array]:
+    def without(self, values: Array, k: int) -> Array:
+        """One step from the fit ``values`` to that of the runs without fold ``k`` of any group, (p,).
+
+        A group with one fold only stays in.
+        """
+        if self._whole is None or not np.array_equal(self._whole[0], values):
+            self._whole = (values, self.normal_equations(values))
+        gradient, information = self._whole[1]
+        for i, group in enumerate(self.data.groups):
+            if 1 < len(group.folds) > k:
+                curvature, matrix, loose = self.data.weighted_fold(i, k, self.model, self.weights[group.key])
+                if not self.model.slack_free:
+                    matrix, curvature = matrix + loose, curvature + loose
+                h, jacobian = self.model.coefficients(values, group)
+                gradient = gradient - (h @ matrix) @ jacobian
+                information = information - jacobian.T @ (curvature @ jacobian)
+        step = bounded_step(values, gradient, information, self._low, self._high)
+        return np.clip(values + step, self._low, self._high)
+
+    def normal_equations(self, values: Array) -> tuple[Array, Array]:
+        """Half the gradient of the cost, (p,), and its Gauss-Newton curvature, (p, p)."""
         gradient = self._stiffness * (values - self._mean)
         information = np.diag(self._stiffness)
-        sums = zip(self._coefficients(values), self.matrices, self.curvatures, strict=True)
-        for (h, jacobian), matrix, curvature in sums:
-            gradient = gradient + h @ matrix @ jacobian
-            information = information + jacobian.T @ curvature @ jacobian
+        for group, matrix, curvature in zip(self.data.groups, self.matrices, self.curvatures, strict=True):
+            h, jacobian = self.model.coefficients(values, group)
+            gradient = gradient + (h @ matrix) @ jacobian
+            information = information + jacobian.T @ (curvature @ jacobian)
         return gradient, information
 
 
-def _bounded_step(values: Array, gradient: Array, information: Array, low: Array, high: Array) -> Array:
+def bounded_step(values: Array, gradient: Array, information: Array, low: Array, high: Array) -> Array:
     """Minimiser of the quadratic model inside the bounds (active set with release, as in BVLS)."""
     scale = 1.0 / np.sqrt(np.diag(information))
     matrix = information * np.outer(scale, scale) + 1e-9 * np.eye(len(values))
@@ -199,6 +232,9 @@ def _bounded_step(values: Array, gradient: Array, information: Array, low: Array
     step = np.zeros(len(values))
     # What stands at a bound and is pushed outwards starts fixed; it is let go below if that was wrong.
     fixed = ((floor > -1e-12) & (slope > 0)) | ((ceiling < 1e-12) & (slope < 0))
+    quick = _pivoted(matrix, slope, floor, ceiling, fixed)
+    if quick is not None:
+        return quick * scale
     for _ in range(6 * len(values)):
         free = np.flatnonzero(~fixed)
         target = step.copy()
@@ -226,13 +262,39 @@ def _bounded_step(values: Array, gradient: Array, information: Array, low: Array
     return step * scale
 
 
+PIVOTING_ROUNDS = 8
+
+
+def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array, outwards: BoolArray) -> Array | None:
+    """The same minimiser by exchanging all wrong bounds at once; None where that does not settle.
+
+    Block principal pivoting (Judice and Pires 1994): nearly always two or three solves, but it may cycle.
+    ``outwards`` are the unknowns that stand at a bound and are pushed out of it.
+    """
+    at_floor, at_ceiling = outwards & (floor > -1e-12), outwards & (ceiling < 1e-12)
+    for _ in range(PIVOTING_ROUNDS):
+        held = at_floor | at_ceiling
+        step = np.where(at_floor, floor, np.where(at_ceiling, ceiling, 0.0))
+        free = np.flatnonzero(~held)
+        if len(free):
+            rest = slope + matrix @ step
+            step[free] = np.linalg.solve(matrix[np.ix_(free, free)], -rest[free])
+        pull = slope + matrix @ step
+        now_floor = (at_floor & (pull > -1e-6)) | (~held & (step < floor - 1e-12))
+        now_ceiling = (at_ceiling & (pull < 1e-6)) | (~held & (step > ceiling + 1e-12))
+        if np.array_equal(now_floor, at_floor) and np.array_equal(now_ceiling, at_ceiling):
+            return np.asarray(step)
+        at_floor, at_ceiling = now_floor, now_ceiling
+    return None
+
+
 def row_covariance(model: Model, values: Array, group: Group, matrix: Array, samples: float) -> Array:
     """Covariance (5, 5) of the equations' residuals from a matrix of feature products over ``samples``."""
-    rows = model.layout.rows()[model.active]
-    h, _ = model.coefficients(values, group)
+    rows = model.rows
+    h = model.features(values, group)
     spread = np.zeros((len(h), len(Row)))
     spread[np.arange(len(h)), rows] = h
-    covariance = spread.T @ matrix[np.ix_(model.active, model.active)] @ spread
+    covariance = spread.T @ matrix[model.chosen] @ spread
     return np.asarray(covariance / max(samples, 1.0))
 
 

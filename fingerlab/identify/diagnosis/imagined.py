@@ -22,6 +22,7 @@ from fingerlab.sessions.model import Array
 
 DURATION_S = 20.0
 BALANCE_STEPS = 12
+BALANCED_RAD = 1e-6
 STIFFEST_COMPLIANCE = 5e-6
 """Cable compliance that is assumed at least, m/N: a contact run would else be infinitely stiff."""
 
@@ -105,7 +106,10 @@ def _balance(finger: Finger, sign: int, a: float, b: float, wound: Array) -> tup
         still = JointMotion(mcp, pip, zero, zero, zero, zero)
         g1, g2 = nominal.mcp_torque(finger, still).gravity, nominal.pip_torque(finger, still).gravity
         pull = (wound + sign * (a * g1 / k1 + b * g2 / k2)) / (a * a / k1 + b * b / k2)
+        before = mcp
         mcp, pip = (sign * a * pull - g1) / k1, (sign * b * pull - g2) / k2
+        if np.max(np.abs(mcp - before)) < BALANCED_RAD:
+            break
     return mcp, pip, pull
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from fingerlab.identify.diagnosis.features import (
     NO_SHIFT,
     SLOPE,
     Feature,
+    IntArray,
     Layout,
     shift_weights,
     slope_weights,
@@ -57,51 +59,83 @@ class Model:
     delayed: bool
     index: dict[str, int]
     tables: dict[int, _Table] = field(default_factory=dict)
+    scalings: dict[int, tuple[Array, Array, Array]] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def low(self) -> Array:
         """Lower bounds, shape (p,)."""
         return np.array([u.gain.low for u in self.unknowns])
 
-    @property
+    @cached_property
     def high(self) -> Array:
         """Upper bounds, shape (p,)."""
         return np.array([u.gain.high for u in self.unknowns])
 
-    @property
+    @cached_property
     def spread(self) -> Array:
         """Prior standard deviation of every unknown, shape (p,); weak for arms and effects."""
         return np.array([u.gain.typical for u in self.unknowns])
 
+    @cached_property
+    def chosen(self) -> tuple[Array, ...]:
+        """The active features as an index of square matrices, as ``np.ix_`` gives it."""
+        return np.ix_(self.active, self.active)
+
+    @cached_property
+    def rows(self) -> IntArray:
+        """The equation that each active feature stands in, shape (k,)."""
+        return self.layout.rows()[self.active]
+
     def start(self) -> Array:
         """A vector to start from: no deviation, arms of 10 mm."""
-        values = np.zeros(len(self.unknowns))
-        for i, unknown in enumerate(self.unknowns):
-            if unknown.key.startswith("arm_"):
-                values[i] = 0.01
+        values = np.array([0.01 if u.key.startswith("arm_") else 0.0 for u in self.unknowns])
         return np.clip(values, self.low, self.high)
+
+    def features(self, values: Array, group: Group) -> Array:
+        """Coefficients of the active features for one group, (k,)."""
+        table = self._table(group.cable_sign)
+        amount, scale, weight, _ = self._parts(table, values)
+        return -amount * scale * weight
 
     def coefficients(self, values: Array, group: Group) -> tuple[Array, Array]:
         """Coefficients of the active features for one group, (k,), and their derivatives, (k, p)."""
         table = self._table(group.cable_sign)
-        amount = table.constant + np.where(table.parameter >= 0, values[table.parameter], 0.0)
-        inner = np.where(table.scale_by >= 0, values[table.scale_by], 1.0)
-        divisor = np.where(table.inverse, inner, 1.0)
-        scale = table.sign * np.where(table.inverse, 1.0 / divisor, inner)
-        change = table.sign * np.where(table.inverse, -1.0 / divisor**2, 1.0)
+        amount, scale, weight, slopes = self._parts(table, values)
+        turned = np.where(table.inverse, -table.sign * scale**2, table.sign)
+        jacobian = np.zeros((len(amount), len(values) + 2))
+        jacobian[table.lines, table.parameter] = -scale * weight
+        jacobian[table.lines, table.scale_by] -= amount * turned * weight
+        if table.delay >= 0:
+            late = table.shifted
+            jacobian[late, table.delay] -= (amount * scale)[late] * slopes[table.shift[late]]
+        return -amount * scale * weight, jacobian[:, : len(values)]
+
+    def unit_coefficients(self, values: Array, group: Group) -> Array:
+        """Coefficient of every feature of the layout, active or not, per unit of its own unknown.
+
+        Shape (features,); features of the motor's channels, which are kept at several shifts, are not meant.
+        """
+        if group.cable_sign not in self.scalings:
+            every = [_scaling(f, self.index, group.cable_sign) for f in self.layout.features]
+            places = np.array([len(values) if place < 0 else place for place, _, _ in every])
+            inverse, sign = np.array([s[1] for s in every]), np.array([s[2] for s in every])
+            self.scalings[group.cable_sign] = places, inverse, sign
+        places, inverse, sign = self.scalings[group.cable_sign]
+        scale = np.append(values, 1.0)[places]
+        return np.asarray(-sign * np.where(inverse, 1.0 / np.where(inverse, scale, 1.0), scale))
+
+    def _parts(self, table: _Table, values: Array) -> tuple[Array, Array, Array, Array]:
+        """Amount, scale and weight of the shift of every active feature, (k,), and the shifts' slopes."""
+        padded = np.concatenate((values, (0.0, 1.0)))
+        amount = table.constant + padded[table.parameter]
+        scale = padded[table.scale_by]
+        scale[table.divides] = 1.0 / scale[table.divides]
+        scale *= table.sign
         delay = float(values[table.delay]) if table.delay >= 0 else 0.0
         weights, slopes = shift_weights(delay) if self.delayed else slope_weights(delay)
-        shifted = table.shift >= 0
-        weight = np.where(shifted, weights[table.shift], 1.0)
-        lines = np.arange(len(amount))
-        jacobian = np.zeros((len(amount), len(values)))
-        own = table.parameter >= 0
-        jacobian[lines[own], table.parameter[own]] -= (scale * weight)[own]
-        scaled = table.scale_by >= 0
-        jacobian[lines[scaled], table.scale_by[scaled]] -= (amount * change * weight)[scaled]
-        if table.delay >= 0:
-            jacobian[lines[shifted], table.delay] -= (amount * scale)[shifted] * slopes[table.shift[shifted]]
-        return -amount * scale * weight, jacobian
+        weight = np.ones(len(amount))
+        weight[table.shifted] = weights[table.shift[table.shifted]]
+        return amount, scale, weight, slopes
 
     def _table(self, cable_sign: int) -> _Table:
         if cable_sign not in self.tables:
@@ -120,42 +154,63 @@ class Model:
 
 @dataclass(frozen=True)
 class _Table:
-    """The active features as arrays, for one routing; -1 stands for none."""
+    """The active features as arrays, for one routing.
+
+    Indices of unknowns point into the vector of values with 0 and 1 appended, so that a feature without an
+    unknown needs no case of its own.
+    """
 
     constant: Array
-    parameter: Array
-    scale_by: Array  # index of the unknown that scales the feature: moment arm or compliance
+    parameter: IntArray
+    scale_by: IntArray  # index of the unknown that scales the feature: moment arm or compliance
     inverse: Array  # whether it divides
     sign: Array
-    shift: Array
-    delay: int
+    shift: Array  # -1 stands for none
+    delay: int  # -1 stands for none
+
+    @cached_property
+    def lines(self) -> IntArray:
+        return np.arange(len(self.constant))
+
+    @cached_property
+    def divides(self) -> IntArray:
+        return np.flatnonzero(self.inverse)
+
+    @cached_property
+    def shifted(self) -> IntArray:
+        return np.flatnonzero(self.shift >= 0)
 
 
 def _make_table(model: Model, cable_sign: int) -> _Table:
     routing = CABLE_NAMES[cable_sign]
-    arms = {n: model.index.get(f"{n}@{routing}", -1) for n in ("arm_mcp", "arm_pip")}
-    compliance = model.index.get("cable_compliance", -1)
     features = [model.layout.features[i] for i in model.active]
 
-    def scale(feature: Feature) -> tuple[int, bool, float]:
-        if feature.scale == "direct":
-            return -1, False, 1.0
-        if feature.scale == "compliance":
-            return compliance, False, -1.0
-        if feature.scale == "joint":
-            return arms["arm_mcp" if feature.row == Row.MCP else "arm_pip"], True, float(cable_sign)
-        return arms[feature.scale], False, float(cable_sign)
+    def padded(indices: list[int], none: int) -> IntArray:
+        return np.array([none if i < 0 else i for i in indices])
 
-    scales = [scale(f) for f in features]
+    scales = [_scaling(f, model.index, cable_sign) for f in features]
     return _Table(
         constant=np.array([f.constant for f in features]),
-        parameter=np.array([model.parameter_index(f, routing) for f in features]),
-        scale_by=np.array([s[0] for s in scales]),
+        parameter=padded([model.parameter_index(f, routing) for f in features], len(model.unknowns)),
+        scale_by=padded([s[0] for s in scales], len(model.unknowns) + 1),
         inverse=np.array([s[1] for s in scales]),
         sign=np.array([s[2] for s in scales]),
         shift=np.array([-1 if f.shift is None else f.shift for f in features]),
         delay=model.index.get("delay", -1),
     )
+
+
+def _scaling(feature: Feature, index: Mapping[str, int], cable_sign: int) -> tuple[int, bool, float]:
+    """Index of the unknown that scales a feature (-1: none), whether it divides, and the sign."""
+    routing = CABLE_NAMES[cable_sign]
+    if feature.scale == "direct":
+        return -1, False, 1.0
+    if feature.scale == "compliance":
+        return index.get("cable_compliance", -1), False, -1.0
+    if feature.scale == "joint":
+        arm = "arm_mcp" if feature.row == Row.MCP else "arm_pip"
+        return index.get(f"{arm}@{routing}", -1), True, float(cable_sign)
+    return index.get(f"{feature.scale}@{routing}", -1), False, float(cable_sign)
 
 
 def build(layout: Layout, groups: Sequence[Group], choices: Sequence[Choice]) -> Model:

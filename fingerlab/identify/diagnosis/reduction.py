@@ -7,10 +7,10 @@ effects then cost nothing that grows with the recording.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -33,7 +33,8 @@ from fingerlab.identify.diagnosis.features import (
     nuisance_ranges,
     shifted_columns,
 )
-from fingerlab.identify.diagnosis.stretches import LONGEST_STRETCH_S, stretches
+from fingerlab.identify.diagnosis.stretches import stretches
+from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.base import Effect, Row
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
@@ -45,8 +46,8 @@ FOLDS = 10
 SLACK_TENSION_N = 0.12
 """Below this tension the cable may be slack, N; assumed: a few times the noise of the current at 8 Hz."""
 
-WORKERS = 2
-"""Threads that form columns ahead of the sums; numpy lets go of the interpreter in its inner loops."""
+TASKS_AHEAD = 2
+"""Runs that a second process is given at a time: one at work and one waiting."""
 
 GroupKey = tuple[str, str]
 
@@ -190,62 +191,50 @@ def group_key(run: Run) -> GroupKey:
     return (run.cable, "contact" if run.phase == "contact" else "free")
 
 
-def narrow_stretches(run: Run, session: Session, effects: Sequence[Effect]) -> Iterator[Narrow]:
-    """The run's stretches as decimated features."""
-    for motion in stretches(run, session.rig):
-        yield narrow_columns(motion, effects)
-
-
 def reduce_sessions(
     sessions: Sequence[Session],
     effects: Sequence[Effect],
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     keep: Callable[[Session, Run, Narrow], None] | None = None,
+    executor: Executor | None = None,
 ) -> Reduced:
     """One pass over the data; ``keep`` is shown every stretch as it passes.
+
+    ``executor`` is a second process that takes a share of the runs; not together with ``keep``.
 
     Raises:
         UserError: nothing to analyse, or a run that cannot be read.
         Cancelled: ``cancelled`` answered True.
     """
     pairs, on_bench = runs_to_analyse(sessions)
-    if on_bench:
-        effects = [e for e in effects if e.bench]
+    phases = {run.phase for _, run in pairs}
+    effects = [e for e in effects if (e.bench or not on_bench) and (not e.phases or phases & set(e.phases))]
+    totals = Counter(group_key(run) for _, run in pairs)
+    seen: Counter[GroupKey] = Counter()
     groups: dict[GroupKey, Group] = {}
     layout: Layout | None = None
-    totals: dict[GroupKey, int] = {}
-    for _, run in pairs:
-        key = group_key(run)
-        totals[key] = totals.get(key, 0) + 1
-    seen: dict[GroupKey, int] = {}
-    narrowed = _narrowed_ahead(pairs, effects)
-    for number, (session, run) in enumerate(pairs):
+    parts = _in_turn(pairs, effects, executor if keep is None else None, keep)
+    for number, (_, run) in enumerate(pairs):
         if cancelled is not None and cancelled():
             raise Cancelled
         if progress is not None:
             progress(number / len(pairs), f"reading run {run.name}")
+        layout, sums = next(parts)
         key = group_key(run)
-        for low in next(narrowed):
-            if layout is None:
-                layout = layout_of(low.wide, session, effects)
-            if key not in groups:
-                size = len(layout.features)
-                count = min(FOLDS, totals[key])
-                folds = [Fold(np.zeros((size, size)), np.zeros((size, size))) for _ in range(count)]
-                groups[key] = Group(key, run.cable_sign, folds, cable_rows(layout), np.zeros((size, size)))
-            group = groups[key]
-            fold = group.folds[seen.get(key, 0) % len(group.folds)]
-            products = _add(fold, low, layout)
-            _add_noise(group, low, run, products)
-            if keep is not None:
-                keep(session, run, low)
-        if layout is not None and key in groups:
-            groups[key].folds[seen.get(key, 0) % len(groups[key].folds)].runs.append(run.name)
-        seen[key] = seen.get(key, 0) + 1
+        if key not in groups:
+            groups[key] = _empty_group(run, layout, min(FOLDS, totals[key]))
+        _add(groups[key], seen[key] % len(groups[key].folds), sums)
+        seen[key] += 1
     assert layout is not None
     radius = 1.0 if on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
     return Reduced(layout, list(groups.values()), on_bench, radius)
+
+
+def _empty_group(run: Run, layout: Layout, count: int) -> Group:
+    size = len(layout.features)
+    folds = [Fold(np.zeros((size, size)), np.zeros((size, size))) for _ in range(count)]
+    return Group(group_key(run), run.cable_sign, folds, cable_rows(layout), np.zeros((size, size)))
 
 
 def cable_rows(layout: Layout) -> BoolArray:
@@ -253,53 +242,117 @@ def cable_rows(layout: Layout) -> BoolArray:
     return np.array([f.row == Row.CABLE for f in layout.features])
 
 
-def _narrowed_ahead(
-    pairs: Sequence[tuple[Session, Run]], effects: Sequence[Effect]
-) -> Iterator[Iterable[Narrow]]:
-    """The runs' stretches in order; the next run is worked on while the caller adds up the last.
+@dataclass
+class RunSums:
+    """Sums of feature products over one run."""
 
-    A run that is longer than one stretch is not worked on ahead, so that memory stays that of a few minutes.
+    name: str
+    gram: Array
+    slack: Array  # (cable features, cable features)
+    noise: Array | None = None  # None: nothing in the run repeats
+    noise_samples: float = 0.0
+    taut_samples: int = 0
+    slack_samples: int = 0
+
+
+def _in_turn(
+    pairs: Sequence[tuple[Session, Run]],
+    effects: Sequence[Effect],
+    executor: Executor | None,
+    keep: Callable[[Session, Run, Narrow], None] | None,
+) -> Iterator[tuple[Layout, RunSums]]:
+    """The sums of every run, in order; a second process works ahead on every run that is not yet begun.
+
+    The layout is made here, from the first run: only its sums travel between the processes.
     """
-    longest = LONGEST_STRETCH_S
-
-    def work(pair: tuple[Session, Run]) -> Iterable[Narrow]:
-        session, run = pair
-        narrow_run = narrow_stretches(run, session, effects)
-        return list(narrow_run) if run.length <= longest * run.sample_rate_hz else narrow_run
-
-    with ThreadPoolExecutor(WORKERS) as pool:
-        ahead: deque[Future[Iterable[Narrow]]] = deque()
-        waiting = iter(pairs)
-        try:
-            for pair in waiting:
-                ahead.append(pool.submit(work, pair))
-                if len(ahead) > WORKERS:
-                    yield ahead.popleft().result()
-            while ahead:
-                yield ahead.popleft().result()
-        finally:
-            for future in ahead:
-                future.cancel()
-
-
-def _add(fold: Fold, low: Narrow, layout: Layout) -> Array:
-    """Add a stretch to a fold; returns the products of its features, (features, features)."""
+    first, run = pairs[0]
+    layout = layout_of(next(stretches(run, first.rig)).glimpse(), first, effects)
     cable = cable_rows(layout)
+    ids = [e.id for e in effects]
+    if any(CATALOGUE.get(e.id) is not e for e in effects):
+        executor = None  # a user's own effect lives in this process only
+    waiting = deque(range(len(pairs)))
+    ahead: dict[int, Future[RunSums]] = {}
+    done: dict[int, RunSums] = {}
+    try:
+        for number in range(len(pairs)):
+            while number not in done:
+                _refill(executor, ahead, waiting, pairs, (ids, cable))
+                if number in waiting:
+                    waiting.remove(number)
+                    done[number] = run_sums(*pairs[number], effects, cable, keep)
+                elif waiting and not ahead[number].done():
+                    own = waiting.popleft()
+                    done[own] = run_sums(*pairs[own], effects, cable, keep)
+                else:
+                    done[number] = ahead.pop(number).result()
+            yield layout, done.pop(number)
+    finally:
+        for future in ahead.values():
+            future.cancel()
+
+
+def _refill(
+    executor: Executor | None,
+    ahead: dict[int, Future[RunSums]],
+    waiting: deque[int],
+    pairs: Sequence[tuple[Session, Run]],
+    constants: tuple[Sequence[str], BoolArray],
+) -> None:
+    """Keep the second process busy; the next run in turn is left to this one."""
+    if executor is None:
+        return
+    while len(waiting) > 1 and sum(not f.done() for f in ahead.values()) < TASKS_AHEAD:
+        number = waiting[1]
+        waiting.remove(number)
+        session, run = pairs[number]
+        ahead[number] = executor.submit(_elsewhere, replace(session, runs=()), run, *constants)
+
+
+def _elsewhere(session: Session, run: Run, ids: Sequence[str], cable: BoolArray) -> RunSums:
+    """What the second process does."""
+    return run_sums(session, run, [CATALOGUE[name] for name in ids], cable, None)
+
+
+def run_sums(
+    session: Session,
+    run: Run,
+    effects: Sequence[Effect],
+    cable: BoolArray,
+    keep: Callable[[Session, Run, Narrow], None] | None,
+) -> RunSums:
+    """Products of all features over a run, in stretches of at most a minute.
+
+    ``cable`` tells which features stand in the cable equation, shape (features,).
+    """
+    size = len(cable)
+    sums = RunSums(run.name, np.zeros((size, size)), np.zeros((int(cable.sum()), int(cable.sum()))))
+    for motion in stretches(run, session.rig):
+        low = narrow_columns(motion, effects)
+        products = _add_products(sums, low, cable)
+        _add_noise(sums, low, run, products)
+        if keep is not None:
+            keep(session, run, low)
+    return sums
+
+
+def _add_products(sums: RunSums, low: Narrow, cable: BoolArray) -> Array:
+    """Add a stretch; returns the products of its features, (features, features)."""
     columns = low.columns
     if not low.taut.all():
         columns = columns.copy()
         columns[np.ix_(~low.taut, cable)] = 0.0
     products = columns.T @ columns
-    fold.gram += products
-    fold.taut_samples += int(low.taut.sum())
+    sums.gram += products
+    sums.taut_samples += int(low.taut.sum())
     loose = low.columns[~low.taut][:, cable]
     if len(loose):
-        fold.slack[np.ix_(cable, cable)] += loose.T @ loose
-    fold.slack_samples += int((~low.taut).sum())
+        sums.slack += loose.T @ loose
+    sums.slack_samples += int((~low.taut).sum())
     return np.asarray(products)
 
 
-def _add_noise(group: Group, low: Narrow, run: Run, products: Array) -> None:
+def _add_noise(sums: RunSums, low: Narrow, run: Run, products: Array) -> None:
     """Products of what is left of every feature without the harmonics of the run's cycle."""
     frequency = run.trajectory.get("frequency_hz")
     if run.trajectory.get("kind") != "sine" or not frequency or not bool(low.taut.all()):
@@ -311,5 +364,19 @@ def _add_noise(group: Group, low: Narrow, run: Run, products: Array) -> None:
     harmonics = np.hstack((np.ones((len(phase), 1)), np.cos(phase), np.sin(phase)))
     basis, _ = np.linalg.qr(harmonics)
     cyclic = basis.T @ low.columns
-    group.noise += products - cyclic.T @ cyclic
-    group.noise_samples += len(low.time) - basis.shape[1]
+    noise = products - cyclic.T @ cyclic
+    sums.noise = noise if sums.noise is None else sums.noise + noise
+    sums.noise_samples += len(low.time) - basis.shape[1]
+
+
+def _add(group: Group, k: int, sums: RunSums) -> None:
+    """Add a run to fold ``k`` of its group."""
+    fold = group.folds[k]
+    fold.gram += sums.gram
+    fold.slack[np.ix_(group.cable_rows, group.cable_rows)] += sums.slack
+    fold.taut_samples += sums.taut_samples
+    fold.slack_samples += sums.slack_samples
+    fold.runs.append(sums.name)
+    if sums.noise is not None:
+        group.noise += sums.noise
+        group.noise_samples += sums.noise_samples

@@ -12,11 +12,16 @@ from fingerlab.identify.diagnosis.evidence import Evidence, judge, justified
 from fingerlab.identify.diagnosis.fitting import Weights
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.reduction import Progress
+from fingerlab.identify.diagnosis.sketch import Sketch
 from fingerlab.identify.diagnosis.study import Study, Trial
 from fingerlab.physics.effects.base import Effect
 
 HELD_OUT_TRIALS = 4
 """This many of the best effects are scored on held-out runs; the rest are far behind and scored in sample."""
+FRONT = 8
+"""This many are looked at more closely when the weights have changed."""
+HOPEFUL_SHARE = 0.1
+"""An effect whose first step lowers the cost by less than this share of the best's is fitted no further."""
 LONGEST_PATH = 4
 """At most this many effects are added."""
 SCREEN_ITERATIONS, FULL_ITERATIONS = 3, 8
@@ -44,17 +49,20 @@ class Watch:
 def screen(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch) -> list[Trial]:
     """The base model with each effect that it does not hold yet, after a few steps; best first.
 
-    Each effect stands at the grid point that fits best after one step.
+    Each effect stands at the grid point that promises most.
     """
     given = base.model.choices
     held = {c.effect.id for c in given}
     rest = [e for e in effects if e.id not in held]
     trials = []
+    sketch = Sketch(study, base)
+    promises = {e.id: sketch.promise(e) for e in rest}
+    hopeful = HOPEFUL_SHARE * max((p.fall for p in promises.values() if p.fall < np.inf), default=0.0)
     for number, effect in enumerate(rest):
         watch.tell(number / len(rest), f"trying {effect.title.lower()}")
-        shapes = [study.fit([*given, Choice(effect, i)], base, 1) for i in range(len(effect.shapes))]
-        best = min(shapes, key=lambda t: t.fit.cost)
-        trials.append(study.fit(best.model.choices, best, SCREEN_ITERATIONS))
+        promise = promises[effect.id]
+        iterations = SCREEN_ITERATIONS if promise.fall >= hopeful else 1
+        trials.append(study.fit([*given, Choice(effect, promise.shape)], base, iterations))
     return sorted(trials, key=lambda t: t.fit.cost)
 
 
@@ -83,7 +91,9 @@ def weigh(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch) ->
         study.settle(front[0].model.choices, front[0], rounds=2)
         base = study.fit(base.model.choices, base, FULL_ITERATIONS)
         # Under the new weights another effect may come to the front.
-        again = (study.fit(t.model.choices, t, SCREEN_ITERATIONS) for t in trials)
+        again = (
+            study.fit(t.model.choices, t, SCREEN_ITERATIONS if i < FRONT else 1) for i, t in enumerate(trials)
+        )
         trials = sorted(again, key=lambda t: t.fit.cost)
     watch.tell(0.95, "scoring on held-out runs")
     scored = [study.hold_out(t) for t in trials[:HELD_OUT_TRIALS]]

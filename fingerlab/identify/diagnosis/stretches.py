@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -55,10 +55,14 @@ def stretches(run: Run, rig: Rig) -> Iterator[Motion]:
 def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int) -> Motion:
     """Samples ``start:stop``; the ``lead`` before them is read too, so that a fault in it is not missed."""
     kernels, step = wide_kernels(run.sample_rate_hz)
-    run.channel("time", start - lead, stop)  # raises where time stands still or runs backwards
+    names = [*(BENCH_CHANNELS if on_bench else FINGER_CHANNELS)]
+    extra = "load_torque" if on_bench else "endpoint_force" if run.phase == "contact" else ""
+    names += [extra] if run.has(extra) else []
+    # The file is opened once; time is read only to hear that it stands still or runs backwards.
+    samples = run.load(["time", *names], start - lead, stop)
 
     def read(name: str) -> Array:
-        values = run.channel(name, start - lead, stop)
+        values = samples[name]
         if not np.all(np.isfinite(values)):
             bad = start - lead + int(np.flatnonzero(~np.isfinite(values))[0])
             raise UserError(
@@ -75,7 +79,7 @@ def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int
     else:
         mcp, pip = read("mcp_angle"), read("pip_angle")
         joints = JointMotion(mcp[0], pip[0], mcp[1], pip[1], mcp[2], pip[2])
-        force = _force(run, start, stop, kernels, step)
+        force = _force(run, samples, lead, kernels, step)
     half = len(kernels) // 2
     return Motion(
         phase=run.phase,
@@ -110,7 +114,7 @@ def _drive_sign(torque: Array, motion: Array) -> float:
     return -1.0 if alike < -CLEARLY_HELPING else 1.0
 
 
-def _force(run: Run, start: int, stop: int, kernels: Array, step: int) -> Array | None:
+def _force(run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, step: int) -> Array | None:
     """Contact force, N; None in free motion, where the load cell shows only its noise."""
     if run.phase != "contact":
         return None
@@ -118,7 +122,7 @@ def _force(run: Run, start: int, stop: int, kernels: Array, step: int) -> Array 
         raise UserError(
             f"Run {run.name} is a contact run without 'endpoint_force'; it needs the load cell's force in N."
         )
-    values = run.channel("endpoint_force", start, stop)
+    values = samples["endpoint_force"][lead:]
     if not np.all(np.isfinite(values)):
         raise UserError(
             f"Run {run.name} is a contact run, but 'endpoint_force' holds values that are not numbers; "

@@ -74,6 +74,7 @@ class Study:
     reduced: Reduced
     weights: Weights = field(default_factory=dict)
     arms: dict[str, float] = field(default_factory=dict)
+    models: dict[tuple[tuple[str, int], ...], Model] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.arms = starting_arms(self.reduced.layout, self.reduced.groups)
@@ -82,7 +83,7 @@ class Study:
             limit_noise(group)
         if not self.weights:
             self.weights = {g.key: _first_weights() for g in self.reduced.groups}
-        self.data = Data(self.reduced.groups)
+        self.data = Data(self.reduced.groups, self.reduced.layout.rows())
 
     def start_values(self, model: Model, like: Trial | None = None) -> Array:
         """Start of a fit: the values of ``like`` where they are shared, else arms from a regression."""
@@ -97,9 +98,16 @@ class Study:
 
     def fit(self, choices: Sequence[Choice], like: Trial | None = None, iterations: int = 10) -> Trial:
         """Fit nominal model, nuisances and ``choices`` to all runs."""
-        model = build(self.reduced.layout, self.reduced.groups, choices)
+        model = self.model(choices)
         fit = Fitter(model, self.data, self.weights).run(self.start_values(model, like), iterations)
         return Trial(model, fit)
+
+    def model(self, choices: Sequence[Choice]) -> Model:
+        """The model with these effects; built once, for most are fitted again under other weights."""
+        key = tuple((c.effect.id, c.shape) for c in choices)
+        if key not in self.models:
+            self.models[key] = build(self.reduced.layout, self.reduced.groups, choices)
+        return self.models[key]
 
     def count(self, trial: Trial) -> Trial:
         """The trial with its misfit on every group of runs, in sample."""
@@ -117,14 +125,14 @@ class Study:
         rounds = max(len(g.folds) for g in self.reduced.groups)
         scored: dict[tuple[GroupKey, int], tuple[float, float]] = {}
         products = {g.key: np.zeros((5, 5)) for g in self.reduced.groups}
+        fitter = Fitter(trial.model, self.data, self.weights)
         for k in range(rounds):
-            data = self.data.without(k)
-            fit = Fitter(trial.model, data, self.weights).run(trial.fit.values, 1)
+            values = fitter.without(trial.fit.values, k)
             for i, group in enumerate(self.reduced.groups):
                 if k < len(group.folds):
-                    scored[group.key, k] = self._square(trial.model, fit.values, i, k)
+                    scored[group.key, k] = self._square(trial.model, values, i, k)
                     if residuals:
-                        products[group.key] += self._products(trial.model, fit.values, i, k)
+                        products[group.key] += self._products(trial.model, values, i, k)
         misfits = [scored[g.key, k] for g in self.reduced.groups for k in range(len(g.folds))]
         means = {g.key: products[g.key] / max(g.samples, 1) for g in self.reduced.groups}
         return Trial(trial.model, trial.fit, np.array(misfits), True, means if residuals else {})
@@ -149,10 +157,9 @@ class Study:
         """Reproducible chi-square of fold k (or all) of group i, and the independent values behind it."""
         group = self.reduced.groups[i]
         fold, clean = self.data.part(i, k)
-        rows = model.layout.rows()[model.active]
-        chosen = np.ix_(model.active, model.active)
-        h, _ = model.coefficients(values, group)
-        weight = feature_weights(self.weights[group.key], rows)
+        chosen = model.chosen
+        h = model.features(values, group)
+        weight = feature_weights(self.weights[group.key], model.rows)
         matrix = clean[chosen] * weight
         square = float(h @ matrix @ h)
         square -= self._wandering(model, h, fold.gram[chosen] * weight, matrix)

@@ -11,6 +11,9 @@ import numpy as np
 
 from fingerlab.sessions.model import Array
 
+FORGOTTEN = 1e-15
+"""Below this share a state of friction is lost in the rounding of what came after it."""
+
 
 def stop_operator(position: Array, travel: float) -> Array:
     """Elastoplastic friction state in [-1, 1], shape (n,): what sticks until it has moved ``travel``.
@@ -23,10 +26,12 @@ def stop_operator(position: Array, travel: float) -> Array:
     step = 1
     while step < len(position):
         # map_k after map_{k-step}: clamp the earlier interval into the later one.
-        new_low = np.clip(low[:-step], low[step:], high[step:])
-        new_high = np.clip(high[:-step], low[step:], high[step:])
+        new_low = np.minimum(np.maximum(low[:-step], low[step:]), high[step:])
+        new_high = np.minimum(np.maximum(high[:-step], low[step:]), high[step:])
         low = np.concatenate((low[:step], new_low))
         high = np.concatenate((high[:step], new_high))
+        if np.array_equal(new_low, new_high):
+            break  # what came earlier no longer matters anywhere
         step *= 2
     play = np.clip(position[0], low, high)
     return np.asarray((position - play) / travel)
@@ -47,6 +52,8 @@ def dahl_state(position: Array, travel: float) -> Array:
         new_decay = decay[step:] * decay[:-step]
         drive = np.concatenate((drive[:step], new_drive))
         decay = np.concatenate((decay[:step], new_decay))
+        if new_decay.max() < FORGOTTEN:
+            break
         step *= 2
     return drive
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from fingerlab.physics import nominal
 from fingerlab.rig import Finger, Motor
 from fingerlab.sessions.model import Array
+
+GLIMPSE_SAMPLES = 300
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,17 @@ class Motion:
         if key not in self._memory:
             self._memory[key] = make()
         return self._memory[key]
+
+    def glimpse(self) -> Motion:
+        """The first samples: enough to see which terms there are."""
+
+        def cut(value: object) -> Any:
+            return value[:GLIMPSE_SAMPLES] if isinstance(value, np.ndarray) else value
+
+        own = {name: cut(value) for name, value in vars(self).items() if name != "_memory"}
+        if self.joints is not None:
+            own["joints"] = nominal.JointMotion(*(cut(value) for value in vars(self.joints).values()))
+        return Motion(**own)
 
     @property
     def radius(self) -> float:

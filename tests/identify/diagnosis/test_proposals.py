@@ -34,7 +34,7 @@ def gravity(mcp: np.ndarray, pip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize(("sign", "cable"), [(-1, "extension"), (1, "flexion")])
 def test_an_imagined_finger_hangs_in_balance_on_its_cable(sign: int, cable: str) -> None:
-    """Springs and gravity against the tension in both joints, and the cable as long as the joints call for."""
+    """Springs and gravity against the tension in both joints, and the cable as long as they call for."""
     motion = finger_motion(made.RIG, sign, SINE, VALUES, None)
     assert motion is not None
     assert motion.joints is not None
