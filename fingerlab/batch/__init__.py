@@ -1,0 +1,1 @@
+"""Many sessions: a folder tree diagnosed in parallel."""

@@ -1,0 +1,1 @@
+"""What drives and reads the bench: one small protocol, and the devices behind it."""

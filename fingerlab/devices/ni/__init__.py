@@ -1,0 +1,1 @@
+"""The NI card, through the nidaqmx package."""

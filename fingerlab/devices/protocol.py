@@ -1,0 +1,89 @@
+"""The protocol of a device: one exchange a cycle, raw electrical values out, a current command in.
+
+A device knows terminals, volts and counts. Units, limits, trajectories and safety belong to the control loop,
+so that a simulated bench, a card and a replayed recording are driven by the same code. Time is the sample
+index over the rate, never the wall clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+RAW_CHANNELS = ("force_volts", "mcp_volts", "pip_volts", "current_volts", "encoder_counts")
+"""Order of the raw values: load cell, MCP and PIP sensor, current monitor (V), encoder (counts)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One cycle as the device saw it.
+
+    Attributes:
+        index: cycles of the sample clock since ``start``; a jump by more than one means lost cycles.
+        raw: one value for each of ``RAW_CHANNELS``; NaN where the device has no such channel.
+        lateness: seconds by which the program was late for this cycle; NaN where it cannot be told.
+    """
+
+    index: int
+    raw: tuple[float, ...]
+    lateness: float = float("nan")
+
+
+class DeviceLost(Exception):
+    """The device no longer answers. The text is one sentence for the operator: what, where, what to do."""
+
+
+class DeviceFault(Exception):
+    """The device answered with an error but may be tried again; one sentence for the operator."""
+
+
+@runtime_checkable
+class Device(Protocol):
+    """A bench that can be driven. All calls come from one process and one thread.
+
+    Order: ``open``, ``start``, many ``exchange``, ``make_safe``, ``close``. ``make_safe`` may come at any
+    time, any number of times, and never raises: it writes 0 V, drops the enable line, and says whether both
+    were confirmed.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def rate_hz(self) -> float: ...
+
+    def open(self) -> None:
+        """Reserve the hardware with output at zero and enable low. Raises DeviceLost, DeviceFault."""
+
+    def start(self) -> None:
+        """Start the sample clock; output stays zero and enable low. Raises DeviceLost, DeviceFault."""
+
+    def set_enable(self, on: bool) -> None:
+        """Set the amplifier's enable line. Raises DeviceLost, DeviceFault."""
+
+    def exchange(self, command_volts: float) -> Sample:
+        """Wait for the next cycle, read it, and write the amplifier's set value for the next (V).
+
+        Raises DeviceLost, DeviceFault.
+        """
+
+    def make_safe(self) -> bool:
+        """Zero output and enable low, whatever state the device is in; True where both were confirmed."""
+
+    def close(self) -> None:
+        """Give the hardware back, safe first. Never raises."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """One device that was found, or why it was not: ``sentence`` is shown as it is."""
+
+    name: str
+    available: bool
+    sentence: str
+
+
+def first_available(found: Sequence[Found]) -> Found | None:
+    """The first device that can be used."""
+    return next((one for one in found if one.available), None)
