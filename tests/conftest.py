@@ -16,6 +16,8 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 os.environ["MPLBACKEND"] = "Agg"
 
 ROOT = Path(__file__).resolve().parents[1]
+# Effects that somebody made for themselves on this machine must not take part in the tests.
+os.environ["FINGERLAB_SETTINGS_DIR"] = str(ROOT / "tests" / "no-settings")
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fingerlab.identify.results import Candidate, Diagnosis, Failure
-from fingerlab.physics.effects import CATALOGUE
+from fingerlab.physics.effects import find_effect
 from fingerlab.report.screen import percent, score_text
 from fingerlab.sessions.words import trajectory_words
 
@@ -37,7 +37,8 @@ _JOINT_ENDINGS = {"mcp": "MCP", "pip": "PIP"}
 
 def effect_title(effect: str) -> str:
     """An effect's title by its id."""
-    return CATALOGUE[effect].title if effect in CATALOGUE else effect.replace("_", " ").capitalize()
+    one = find_effect(effect)
+    return effect.replace("_", " ").capitalize() if one is None else one.title
 
 
 def in_sentence(title: str) -> str:
@@ -196,7 +197,7 @@ def parameter_titles(effect: str, names: Sequence[str]) -> dict[str, str]:
 
 
 def _parameter_title(effect: str, name: str) -> str:
-    one = CATALOGUE.get(effect)
+    one = find_effect(effect)
     gain = None if one is None else one.gains.get(name) or one.relaxes.get(name)
     title = gain.title if gain is not None and gain.title else _plain(name)
     joint = _JOINT_ENDINGS.get(name.rsplit("_", 1)[-1], "")

@@ -19,6 +19,7 @@ from fingerlab.identify.results import EQUATION_TITLES, Comparison, Failure, Fin
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Row
 from fingerlab.physics.effects.cable import winding_state
+from fingerlab.physics.effects.coordinates import COORDINATE_UNITS
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
 
@@ -33,19 +34,6 @@ ROW_EQUATIONS = {
     Row.BENCH: "motor_torque",
 }
 ROW_UNITS = {Row.MCP: "N m", Row.PIP: "N m", Row.CABLE: "m", Row.BENCH: "N m"}
-COORDINATE_UNITS = {
-    "time": "s",
-    "joint speed": "rad/s",
-    "joint angle": "rad",
-    "joint acceleration": "rad/s^2",
-    "difference of joint angles": "rad",
-    "motor speed": "rad/s",
-    "motor angle": "rad",
-    "motor acceleration": "rad/s^2",
-    "tension": "N",
-    "tension times direction of travel": "N",
-    "force": "N",
-}
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fingerlab.errors import UserError
-from fingerlab.physics.effects import cable, drive, elastic, friction, mass, sensing
+from fingerlab.physics.effects import cable, drive, elastic, friction, mass, own, sensing
 from fingerlab.physics.effects.base import Effect, Gain, Row, Term
 from fingerlab.physics.effects.motion import Motion
 
@@ -15,15 +15,45 @@ CATALOGUE: dict[str, Effect] = {
 """Effect by id, in the order of the families."""
 
 
+def whole_catalogue() -> dict[str, Effect]:
+    """The catalogue and, after it, the user's own effects that they have confirmed; by id.
+
+    Raises:
+        UserError: the settings of the user's own effects are damaged.
+    """
+    return CATALOGUE | {e.id: e for file in own.own_files(CATALOGUE) for e in file.effects}
+
+
 def effect(name: str) -> Effect:
-    """The effect with the id ``name``.
+    """The effect with the id ``name``, the user's own ones included.
 
     Raises:
         UserError: there is no such effect.
     """
-    if name not in CATALOGUE:
-        raise UserError(f"There is no effect '{name}'; the catalogue holds {', '.join(CATALOGUE)}.")
-    return CATALOGUE[name]
+    if name in CATALOGUE:
+        return CATALOGUE[name]
+    known = whole_catalogue()
+    if name not in known:
+        waiting = " ".join(own.notices(CATALOGUE))
+        raise UserError(
+            f"There is no effect '{name}'; the catalogue holds {', '.join(known)}. {waiting}".strip()
+        )
+    return known[name]
 
 
-__all__ = ["CATALOGUE", "Effect", "Gain", "Motion", "Row", "Term", "effect"]
+def find_effect(name: str) -> Effect | None:
+    """The effect with the id ``name``, or None: a result may name one that is no longer there."""
+    return CATALOGUE.get(name) or whole_catalogue().get(name)
+
+
+__all__ = [
+    "CATALOGUE",
+    "Effect",
+    "Gain",
+    "Motion",
+    "Row",
+    "Term",
+    "effect",
+    "find_effect",
+    "whole_catalogue",
+]

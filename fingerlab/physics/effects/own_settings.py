@@ -1,0 +1,87 @@
+"""What is remembered of a user's own effects: their folder, and which contents they have confirmed."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fingerlab.errors import UserError
+
+SETTINGS_VARIABLE = "FINGERLAB_SETTINGS_DIR"
+"""Environment variable that puts the settings into another folder than the system's usual one."""
+FILE_NAME = "own-effects.json"
+FORMAT = "fingerlab-own-effects"
+
+
+@dataclass(frozen=True)
+class OwnSettings:
+    """``folder``: where own effects are looked for (None: nowhere).
+
+    ``trusted``: SHA-256 of the contents that the user has confirmed -> name of the file that held them then.
+    """
+
+    folder: Path | None = None
+    trusted: Mapping[str, str] = field(default_factory=dict)
+
+
+def settings_file() -> Path:
+    """The file in which own effects are remembered, whether it is there yet or not."""
+    given = os.environ.get(SETTINGS_VARIABLE)
+    if given:
+        return Path(given) / FILE_NAME
+    from platformdirs import user_config_path
+
+    return user_config_path("FingerLab", appauthor=False) / FILE_NAME
+
+
+def read_settings() -> OwnSettings:
+    """What is remembered; nothing where nothing was ever set.
+
+    Raises:
+        UserError: the file is damaged or cannot be read.
+    """
+    path = settings_file()
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return OwnSettings()
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{path} cannot be read ({error}); {_REPAIR}.") from None
+    try:
+        data = json.loads(text)
+        if data["format"] != FORMAT:
+            raise ValueError(f"its format is {data['format']!r}")
+        folder = data["folder"]
+        if folder is not None and not isinstance(folder, str):
+            raise ValueError("its folder is no text")
+        trusted = {str(key): str(value) for key, value in data["trusted"].items()}
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UserError(f"{path} is damaged ({error}); {_REPAIR}.") from None
+    return OwnSettings(None if folder is None else Path(folder), trusted)
+
+
+_REPAIR = "remove it and choose the folder of your own effects anew with 'fingerlab effects --folder DIR'"
+
+
+def write_settings(settings: OwnSettings) -> None:
+    """Remember these; the file changes whole or not at all.
+
+    Raises:
+        UserError: the place cannot be written to.
+    """
+    path = settings_file()
+    folder = None if settings.folder is None else str(settings.folder)
+    data = {"format": FORMAT, "folder": folder, "trusted": dict(settings.trusted)}
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise UserError(
+            f"{path} cannot be written ({error.strerror}); set {SETTINGS_VARIABLE} to a folder that can be."
+        ) from None
