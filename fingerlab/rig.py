@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from fingerlab.errors import UserError
+from fingerlab.rig_daq import Daq, Limits, read_daq, read_limits
 
 DEFAULT_TOLERANCE = 0.02
 """Relative tolerance of a rig constant that the file says nothing about (session format, version 1)."""
@@ -54,6 +55,24 @@ class Rig:
     def tolerance_of(self, name: str) -> float:
         """Relative tolerance (one standard deviation, unitless) of the constant ``name``."""
         return float(self.tolerance.get(name, DEFAULT_TOLERANCE))
+
+    @property
+    def daq(self) -> Daq:
+        """Terminals, scaling and signs of the bench's channels.
+
+        Raises:
+            UserError: the rig holds an impossible one.
+        """
+        return read_daq(self.extra.get("daq", {}), "The rig, [daq]")
+
+    @property
+    def limits(self) -> Limits:
+        """What the control loop keeps within, SI.
+
+        Raises:
+            UserError: the rig holds an impossible one.
+        """
+        return read_limits(self.extra.get("limits", {}), "The rig, [limits]")
 
     def to_json(self) -> str:
         """The JSON text of ``session-format.md``, unknown keys included."""

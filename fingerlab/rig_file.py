@@ -2,7 +2,9 @@
 
 Sections ``[finger]`` and ``[motor]`` hold the constants of :class:`fingerlab.rig.Finger` and
 :class:`fingerlab.rig.Motor`. Each is a number in SI, or a table ``{ value, unit, source, tolerance }``.
-Relative tolerances may also stand in a section ``[tolerance]``, as in a session's rig text.
+Relative tolerances may also stand in a section ``[tolerance]``, as in a session's rig text. Sections
+``[daq]`` and ``[limits]`` hold what :class:`fingerlab.rig_daq.Daq` and :class:`fingerlab.rig_daq.Limits`
+hold, each value again alone or as a table with unit and source.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from typing import Any
 
 from fingerlab.errors import UserError
 from fingerlab.rig import Finger, Motor, Rig
+from fingerlab.rig_daq import CHANNEL_UNITS, LIMIT_UNITS, SOURCES, plain_section, read_daq, read_limits
 
 SOURCES_KEY = "sources"
 """Key of the rig text under which the origin of each constant is kept, by its name."""
@@ -51,6 +54,11 @@ _CONVERSIONS = {
     ("N mm/rad", "N m/rad"): 1e-3,
     ("mN m/rad", "N m/rad"): 1e-3,
     ("N m/deg", "N m/rad"): 180.0 / math.pi,
+    ("mA", "A"): 1e-3,
+    ("mN m", "N m"): 1e-3,
+    ("deg/s", "rad/s"): math.pi / 180.0,
+    ("deg/V", "rad/V"): math.pi / 180.0,
+    ("mA/V", "A/V"): 1e-3,
 }
 
 
@@ -90,6 +98,7 @@ def parse_rig(text: str, where: str) -> Rig:
     numbers: dict[str, Any] = {}
     sources: dict[str, str] = dict(data.pop(SOURCES_KEY, {}))
     tolerance = _tolerances(data.pop("tolerance", {}), where)
+    wiring = _wiring(data, where)
     for section, kind in (("finger", Finger), ("motor", Motor)):
         if section not in data:
             continue
@@ -103,13 +112,13 @@ def parse_rig(text: str, where: str) -> Rig:
             if name not in {spec.name for spec in fields(kind)}:
                 known = ", ".join(spec.name for spec in fields(kind))
                 raise UserError(f"{where}: [{section}] holds the unknown '{name}'; it knows {known}.")
-            value, source, relative = _constant(name, entry, f"{where}: [{section}] {name}")
+            value, source, relative = _constant(CONSTANT_UNITS[name], entry, f"{where}: [{section}] {name}")
             numbers[section][name] = value
             if source:
                 sources[name] = source
             if relative is not None:
                 tolerance[name] = relative
-    extra = {**data, **({SOURCES_KEY: sources} if sources else {})}
+    extra = {**data, **wiring, **({SOURCES_KEY: sources} if sources else {})}
     rig = Rig.from_json(json.dumps({**numbers, "tolerance": tolerance}), where)
     return Rig(rig.finger, rig.motor, rig.tolerance, extra)
 
@@ -120,7 +129,48 @@ def sources_of(rig: Rig) -> dict[str, str]:
     return {str(k): str(v) for k, v in sources.items()} if isinstance(sources, Mapping) else {}
 
 
-def _constant(name: str, entry: Any, where: str) -> tuple[float, str, float | None]:
+def _wiring(data: dict[str, Any], where: str) -> dict[str, Any]:
+    """Sections ``[daq]`` and ``[limits]``, taken out of ``data``, checked, as plain JSON in SI."""
+    result: dict[str, Any] = {}
+    if "daq" in data:
+        section = f"{where}: [daq]"
+        plain = _plain_values(data.pop("daq"), _flat(CHANNEL_UNITS), section)
+        result["daq"] = plain_section(read_daq(plain, section))
+    if "limits" in data:
+        section = f"{where}: [limits]"
+        plain = _plain_values(data.pop("limits"), LIMIT_UNITS, section)
+        result["limits"] = plain_section(read_limits(plain, section))
+    return result
+
+
+def _flat(units: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+    return {f"{channel}.{name}": unit for channel, entries in units.items() for name, unit in entries.items()}
+
+
+def _plain_values(section: Any, units: Mapping[str, str], where: str) -> Any:
+    """A section with its tables of value, unit and source turned into SI values and one list of sources."""
+    sources: dict[str, str] = {}
+
+    def plain(entry: Any, name: str) -> Any:
+        if not isinstance(entry, Mapping):
+            return entry
+        if "value" not in entry:
+            return {key: plain(value, f"{name}.{key}" if name else key) for key, value in entry.items()}
+        if entry.get("source"):
+            sources[name] = str(entry["source"])
+        if isinstance(entry["value"], str | bool):
+            return entry["value"]
+        default = "V" if name.endswith((".low", ".high")) else ""
+        bare = {key: value for key, value in entry.items() if key != "source"}
+        return _constant(units.get(name, default), bare, f"{where} {name}")[0]
+
+    result = plain(section, "")
+    if isinstance(result, dict) and sources:
+        result[SOURCES] = sources
+    return result
+
+
+def _constant(wanted: str, entry: Any, where: str) -> tuple[float, str, float | None]:
     """Value in SI, source and relative tolerance of one entry of a rig file."""
     if not isinstance(entry, Mapping):
         return _number(entry, where), "", None
@@ -128,7 +178,6 @@ def _constant(name: str, entry: Any, where: str) -> tuple[float, str, float | No
     if unknown or "value" not in entry:
         raise UserError(f"{where} should be a number or a table of value, unit, source and tolerance.")
     value = _number(entry["value"], where)
-    wanted = CONSTANT_UNITS[name]
     unit = str(entry.get("unit", wanted))
     if unit != wanted:
         factor = _CONVERSIONS.get((unit, wanted))
