@@ -123,7 +123,11 @@ class Failure:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The answer to: which effect, if any, explains the reproducible part of what the model misses?"""
+    """The answer to: which effect, if any, explains the reproducible part of what the model misses?
+
+    ``parameters`` are those of the model as given, ``final_parameters`` those of ``final_model``: all unknowns,
+    an effect's own as ``effect.gain``, those of a cable routing as ``name@routing``.
+    """
 
     sessions: tuple[str, ...]
     model: tuple[str, ...]
@@ -139,6 +143,7 @@ class Diagnosis:
     probability_nothing: float = 0.0
     probability_unknown: float = 0.0
     parameters: Mapping[str, ParameterEstimate] = field(default_factory=dict)
+    final_parameters: Mapping[str, ParameterEstimate] = field(default_factory=dict)
     comparisons: tuple[Comparison, ...] = ()
     failure: Failure | None = None
 
