@@ -125,8 +125,8 @@ class Failure:
 class Diagnosis:
     """The answer to: which effect, if any, explains the reproducible part of what the model misses?
 
-    ``parameters`` are those of the model as given, ``final_parameters`` those of ``final_model``: all unknowns,
-    an effect's own as ``effect.gain``, those of a cable routing as ``name@routing``.
+    ``parameters`` are those of the model as given, ``final_parameters`` those of ``final_model``: all
+    unknowns, an effect's own as ``effect.gain``, those of a cable routing as ``name@routing``.
     """
 
     sessions: tuple[str, ...]

@@ -20,7 +20,7 @@ from fingerlab.identify.diagnosis.search import Watch, forward, refine, rescore,
 from fingerlab.identify.diagnosis.study import Study, Trial
 from fingerlab.identify.diagnosis.wording import Z90, detectable, deviations, explanation, parameters
 from fingerlab.identify.results import Candidate, Diagnosis, Fingerprint, ParameterEstimate, PathStep, Verdict
-from fingerlab.physics.effects import CATALOGUE, effect
+from fingerlab.physics.effects import effect, whole_catalogue
 from fingerlab.physics.effects.base import Effect
 from fingerlab.sessions.model import Session
 
@@ -32,6 +32,7 @@ def diagnose(
     cancelled: Callable[[], bool] | None = None,
     with_curves: bool = True,
     executor: Executor | None = None,
+    left_out: Sequence[str] = (),
 ) -> Diagnosis:
     """Where the model fails and which effect is missing.
 
@@ -41,6 +42,7 @@ def diagnose(
         cancelled: asked now and then; True stops the calculation.
         with_curves: whether measured and modelled curves and fingerprints are wanted.
         executor: a second process (``fingerlab.parallel``) to share the reading, if no curves are wanted.
+        left_out: ids that the catalogue is to be without; so it is tried what it says of the unknown.
 
     Raises:
         UserError: an unknown effect, nothing to analyse, a run that cannot be read.
@@ -49,10 +51,14 @@ def diagnose(
     started = time.perf_counter()
     if not sessions:
         raise UserError("No session was given; name at least one session file.")
-    given = [effect(name) for name in dict.fromkeys(added)]
+    known = whole_catalogue()
+    given = [known.get(name) or effect(name) for name in dict.fromkeys(added)]
+    catalogue = [e for e in known.values() if e.id not in left_out]
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
-        return _diagnose(sessions, given, _Scale(progress), cancelled, with_curves, executor, started)
+        return _diagnose(
+            sessions, catalogue, given, _Scale(progress), cancelled, with_curves, executor, started
+        )
 
 
 class _Scale:
@@ -71,6 +77,7 @@ class _Scale:
 
 def _diagnose(
     sessions: Sequence[Session],
+    catalogue: Sequence[Effect],
     given: Sequence[Effect],
     scale: _Scale,
     cancelled: Callable[[], bool] | None,
@@ -81,7 +88,7 @@ def _diagnose(
     display = Display(wanted=with_curves)
     reduced = reduce_sessions(
         sessions,
-        list(CATALOGUE.values()),
+        catalogue,
         scale.part(0.0, 0.4),
         cancelled,
         display.keep if with_curves else None,
@@ -123,6 +130,7 @@ def _diagnose(
         probability_nothing=evidence.nothing,
         probability_unknown=evidence.unknown,
         parameters=_model_parameters(evidence.base, evidence.temperature),
+        final_parameters=_model_parameters(path[-1], evidence.temperature),
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
     )
