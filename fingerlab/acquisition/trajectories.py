@@ -6,7 +6,8 @@ the motion in ``ramp_s`` seconds, ``wave`` stays within -1 to 1.
 ====================  ======================================================================
 key                   meaning (default)
 ====================  ======================================================================
-``kind``              ``sine``, ``chirp``, ``multisine``, ``steps`` or ``ramp_hold``
+``kind``              ``sine``, ``chirp``, ``multisine``, ``steps``, ``ramp_hold``, ``blocked`` (the motor
+                      holds ``offset_deg``) or ``file``
 ``amplitude_deg``     half of the range at the pulley, degrees
 ``offset_deg``        middle of the range, degrees (0)
 ``frequency_hz``      sine; start of the chirp; base of the multisine; steps or ramps a second (1)
@@ -17,6 +18,9 @@ key                   meaning (default)
 ``rise_s``            time from one step level to the next (0.15)
 ``duration_s``        length of the run (20)
 ``ramp_s``            time of the envelope (1.5)
+``file``              text table of time (s) and angle (degrees), rows in the order of time; gives
+                      amplitude, offset and, where none is given, duration
+``time_s``            the same as two lists in place of a file, with ``angle_deg``
 ====================  ======================================================================
 """
 
@@ -30,6 +34,7 @@ from typing import Any
 
 import numpy as np
 
+from fingerlab.acquisition.trajectory_points import unit_shape, with_points, without_long_lists
 from fingerlab.errors import UserError
 from fingerlab.sessions.model import Array
 
@@ -78,6 +83,8 @@ def read_trajectory(source: str | Mapping[str, Any], where: str = "the trajector
     kind = settings.get("kind")
     if kind not in WAVES:
         raise UserError(f"{where} has the kind {kind!r}; it should be one of {', '.join(WAVES)}.")
+    if kind == "file":
+        settings = with_points(settings, where)
     duration = _number(settings, "duration_s", DEFAULT_DURATION_S, where, positive=True)
     ramp = _number(settings, "ramp_s", DEFAULT_RAMP_S, where)
     if ramp < 0:
@@ -86,10 +93,10 @@ def read_trajectory(source: str | Mapping[str, Any], where: str = "the trajector
         kind=str(kind),
         duration=duration,
         ramp=ramp,
-        amplitude=math.radians(_number(settings, "amplitude_deg", None, where)),
+        amplitude=math.radians(_number(settings, "amplitude_deg", 0.0 if kind == "blocked" else None, where)),
         offset=math.radians(_number(settings, "offset_deg", 0.0, where)),
         wave=WAVES[str(kind)](settings, duration, where),
-        settings=dict(settings),
+        settings=without_long_lists(settings),
     )
 
 
@@ -156,12 +163,28 @@ def _ramp_hold(settings: Mapping[str, Any], duration: float, where: str) -> Call
     return lambda time: np.interp((time * frequency) % 1.0, corners, np.array([-1.0, 1.0, 1.0, -1.0, -1.0]))
 
 
+def _blocked(settings: Mapping[str, Any], duration: float, where: str) -> Callable[[Array], Array]:
+    if settings.get("amplitude_deg", 0) != 0:
+        raise UserError(
+            f"{where} is 'blocked' and has 'amplitude_deg' = {settings['amplitude_deg']!r}; a blocked motor "
+            "only has 'offset_deg'."
+        )
+    return lambda time: np.zeros_like(time, dtype=np.float64)
+
+
+def _file(settings: Mapping[str, Any], duration: float, where: str) -> Callable[[Array], Array]:
+    moments, shape = unit_shape(settings)
+    return lambda time: np.interp(time, moments, shape)
+
+
 WAVES: dict[str, Callable[[Mapping[str, Any], float, str], Callable[[Array], Array]]] = {
     "sine": _sine,
     "chirp": _chirp,
     "multisine": _multisine,
     "steps": _steps,
     "ramp_hold": _ramp_hold,
+    "blocked": _blocked,
+    "file": _file,
 }
 """Kinds of trajectory."""
 

@@ -1,0 +1,160 @@
+"""The one state machine that decides whether the motor may be driven. Pure: no input, no output, no clock.
+
+A machine is a mode and a latch. The control loop feeds it events and obeys its two outputs: whether a
+current command may leave (``command_allowed``), and whether the amplifier's enable line may be high
+(``enable_allowed``).
+
+=============  ==============  ==============================  =======================================
+mode           command, line   leaves by                       meaning
+=============  ==============  ==============================  =======================================
+idle           zero, low       initialise                      sensors have no reference yet
+initialised    zero, low       enable (only without latch)     sensors set, amplifier off
+enabled        zero, high      run, disable                    amplifier on, no current asked for
+running        loop, high      run, finish, disable            a trajectory; ``run`` changes it
+stopping       loop, high      rest, disable                   soft stop on the way to rest
+fault          zero, low       reset (to idle)                 a check, the device or a process failed
+=============  ==============  ==============================  =======================================
+
+From every mode ``fault`` leads to fault and ``stop`` leads to where the line is low, with the latch set.
+A latched machine refuses ``enable`` until ``release``. After a fault the operator resets, initialises
+and enables by hand: no event leads from fault to a mode with current in fewer than four steps.
+An event that a mode does not know changes nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Mode(IntEnum):
+    """Modes, with the numbers under which they stand in shared memory and in recordings."""
+
+    IDLE = 0
+    INITIALISED = 1
+    ENABLED = 2
+    RUNNING = 3
+    STOPPING = 4
+    FAULT = 5
+
+
+class Event(IntEnum):
+    """What can happen to the machine."""
+
+    INITIALISE = 0
+    ENABLE = 1
+    DISABLE = 2
+    RUN = 3
+    FINISH = 4
+    REST = 5
+    STOP = 6
+    RELEASE = 7
+    FAULT = 8
+    RESET = 9
+
+
+_I, _S, _E, _R, _P, _F = (
+    Mode.IDLE,
+    Mode.INITIALISED,
+    Mode.ENABLED,
+    Mode.RUNNING,
+    Mode.STOPPING,
+    Mode.FAULT,
+)
+
+TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
+    (_I, Event.INITIALISE): _S,
+    (_S, Event.INITIALISE): _S,
+    (_S, Event.ENABLE): _E,
+    (_E, Event.DISABLE): _S,
+    (_E, Event.RUN): _R,
+    (_R, Event.RUN): _R,
+    (_R, Event.FINISH): _P,
+    (_R, Event.DISABLE): _S,
+    (_P, Event.REST): _E,
+    (_P, Event.DISABLE): _S,
+    (_F, Event.RESET): _I,
+    (_I, Event.RELEASE): _I,
+    (_S, Event.RELEASE): _S,
+    (_F, Event.RELEASE): _F,
+    # The sensors keep their reference over a stop; a fault throws it away, because it may be the cause.
+    (_I, Event.STOP): _I,
+    (_S, Event.STOP): _S,
+    (_E, Event.STOP): _S,
+    (_R, Event.STOP): _S,
+    (_P, Event.STOP): _S,
+    (_F, Event.STOP): _F,
+    **{(mode, Event.FAULT): _F for mode in Mode},
+}
+"""The whole table: (mode, event) -> mode. Pairs that are not in it change nothing."""
+
+COMMAND_MODES = frozenset({Mode.RUNNING, Mode.STOPPING})
+ENABLE_MODES = frozenset({Mode.ENABLED, Mode.RUNNING, Mode.STOPPING})
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """Mode and latch; a stop sets the latch, only ``release`` opens it."""
+
+    mode: Mode = Mode.IDLE
+    latched: bool = False
+
+    @property
+    def command_allowed(self) -> bool:
+        """Whether a current command other than zero may leave."""
+        return self.mode in COMMAND_MODES
+
+    @property
+    def enable_allowed(self) -> bool:
+        """Whether the amplifier's enable line may be high."""
+        return self.mode in ENABLE_MODES
+
+    def allows(self, event: Event) -> bool:
+        """Whether the event is known in this mode and not held back by the latch."""
+        if event is Event.ENABLE and self.latched:
+            return False
+        return (self.mode, event) in TRANSITIONS
+
+    def after(self, event: Event) -> Machine:
+        """The machine after the event; itself where the event is not allowed."""
+        if not self.allows(event):
+            return self
+        latched = self.latched
+        if event is Event.STOP:
+            latched = True
+        elif event is Event.RELEASE:
+            latched = False
+        return Machine(TRANSITIONS[self.mode, event], latched)
+
+    def refusal(self, event: Event) -> str:
+        """Why the event is not allowed, and what to do, as one sentence; empty where it is allowed."""
+        if self.allows(event):
+            return ""
+        if event is Event.ENABLE and self.latched:
+            return "The stop is latched; release it first, then enable."
+        return _REFUSALS[event].format(mode=MODE_WORDS[self.mode])
+
+
+MODE_WORDS = {
+    Mode.IDLE: "idle",
+    Mode.INITIALISED: "initialised",
+    Mode.ENABLED: "enabled",
+    Mode.RUNNING: "running",
+    Mode.STOPPING: "stopping",
+    Mode.FAULT: "in fault",
+}
+"""Modes as they are shown."""
+
+_REFUSALS = {
+    Event.INITIALISE: "The bench is {mode}; sensors are initialised with the amplifier off and no fault.",
+    Event.ENABLE: "The bench is {mode}; the amplifier is enabled after initialising, and after a reset where "
+    "there was a fault.",
+    Event.DISABLE: "The bench is {mode}; there is nothing to disable.",
+    Event.RUN: "The bench is {mode}; a trajectory runs when the amplifier is enabled and at rest.",
+    Event.FINISH: "The bench is {mode}; only a running trajectory can be brought to rest.",
+    Event.REST: "The bench is {mode}; only a soft stop ends at rest.",
+    Event.RELEASE: "The bench is {mode}; the stop is released with the amplifier off.",
+    Event.RESET: "The bench is {mode}; there is no fault to reset.",
+    Event.STOP: "",
+    Event.FAULT: "",
+}

@@ -1,0 +1,92 @@
+"""The state machine: its table against what the bench may do, whatever happens in whatever order."""
+
+from __future__ import annotations
+
+from itertools import product
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from fingerlab.acquisition.machine import MODE_WORDS, TRANSITIONS, Event, Machine, Mode
+
+
+class AnyOrder(RuleBasedStateMachine):
+    """A second, independent account of what an operator has earned, beside the machine itself."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.machine = Machine()
+        self.referenced = self.enabled_by_hand = self.asked_to_move = self.stop_pressed = False
+
+    @rule(event=st.sampled_from(Event))
+    def happens(self, event: Event) -> None:
+        before, self.machine = self.machine, self.machine.after(event)
+        if event in (Event.FAULT, Event.STOP):
+            self.enabled_by_hand = self.asked_to_move = False
+            self.referenced = self.referenced and event is Event.STOP
+            self.stop_pressed = self.stop_pressed or event is Event.STOP
+            assert not self.machine.command_allowed
+            assert not self.machine.enable_allowed
+        elif event is Event.RELEASE and not self.machine.enable_allowed:
+            self.stop_pressed = False
+        elif event is Event.INITIALISE and not self.machine.enable_allowed and before.mode is not Mode.FAULT:
+            self.referenced = True
+        elif event is Event.ENABLE and self.referenced and not self.stop_pressed:
+            self.enabled_by_hand = True
+        elif event is Event.DISABLE:
+            self.enabled_by_hand = self.asked_to_move = False
+        elif event is Event.RUN and self.enabled_by_hand:
+            self.asked_to_move = True
+        elif event is Event.REST and before.mode is Mode.STOPPING:
+            self.asked_to_move = False
+
+    @invariant()
+    def the_motor_moves_only_where_it_may(self) -> None:
+        if self.machine.command_allowed:
+            assert self.machine.enable_allowed
+            assert self.asked_to_move
+        if self.machine.enable_allowed:
+            assert self.referenced
+            assert self.enabled_by_hand
+            assert not self.stop_pressed
+        assert self.machine.latched == self.stop_pressed
+
+
+AnyOrder.TestCase.settings = settings(max_examples=300, stateful_step_count=60, deadline=None)
+TestAnyOrder = AnyOrder.TestCase
+
+
+def test_no_way_from_a_fault_to_current_in_fewer_than_four_events() -> None:
+    reached = {Machine(Mode.FAULT), Machine(Mode.FAULT, True)}
+    for steps in range(1, 5):
+        reached = {machine.after(event) for machine, event in product(reached, Event)}
+        assert any(machine.command_allowed for machine in reached) == (steps == 4)
+
+
+def test_stop_and_fault_are_known_everywhere_and_take_the_current_away() -> None:
+    for mode, latched in product(Mode, (False, True)):
+        for event in (Event.STOP, Event.FAULT):
+            after = Machine(mode, latched).after(event)
+            assert not after.command_allowed
+            assert not after.enable_allowed
+        assert Machine(mode, latched).after(Event.STOP).latched
+
+
+def test_a_stop_stays_until_it_is_released() -> None:
+    machine = Machine(Mode.RUNNING).after(Event.STOP)
+    for event in set(Event) - {Event.RELEASE}:
+        assert machine.after(event).latched
+    assert "release" in machine.refusal(Event.ENABLE)
+    assert machine.after(Event.RELEASE).after(Event.ENABLE).mode is Mode.ENABLED
+
+
+def test_every_refusal_is_a_sentence_that_names_the_mode() -> None:
+    for mode, event in product(Mode, Event):
+        sentence = Machine(mode).refusal(event)
+        if (mode, event) in TRANSITIONS:
+            assert sentence == ""
+        else:
+            assert MODE_WORDS[mode] in sentence
+            assert sentence.endswith(".")
+            assert Machine(mode).after(event) == Machine(mode)

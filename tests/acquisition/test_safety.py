@@ -1,0 +1,175 @@
+"""Checks trip at their limit and not before it; each is told in one sentence."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+
+import pytest
+
+from fingerlab.acquisition.checks import (
+    EncoderJump,
+    EncoderStuck,
+    FollowingError,
+    Late,
+    Reading,
+    Rise,
+    Stuck,
+    Watchdog,
+)
+from fingerlab.acquisition.safety import Limits, Safety, limits_table, safety_checks
+from fingerlab.errors import UserError
+
+
+def healthy(index: int = 0, position: float = 0.4) -> Reading:
+    reading = Reading()
+    reading.index, reading.lateness = index, 0.0
+    reading.position = reading.reference = position
+    reading.speed, reading.current, reading.torque, reading.tension = 1.0, 0.3, 0.04, 2.6
+    reading.mcp, reading.pip, reading.force = 0.1, 0.2, 1.0
+    reading.raw = (0.6 + 1e-4 * index, 2.0 + 1e-4 * index, 2.1 + 1e-4 * index, 0.5, 500.0)
+    return reading
+
+
+@pytest.fixture
+def safety() -> Safety:
+    return safety_checks(Limits(), 1000.0, finger=True, force=True)
+
+
+def test_a_healthy_bench_has_no_fault(safety: Safety) -> None:
+    for k in range(3000):
+        assert safety.fault(healthy(k, 0.4 + 0.2 * math.sin(0.01 * k))) is None
+
+
+@pytest.mark.parametrize(
+    ("attribute", "limit", "words"),
+    [
+        ("current", 7.0, "current"),
+        ("torque", 0.9, "torque"),
+        ("speed", 20.0, "speed"),
+        ("force", 40.0, "force"),
+        ("mcp", math.radians(110), "MCP"),
+        ("pip", math.radians(115), "PIP"),
+    ],
+)
+def test_each_quantity_trips_just_beyond_its_limit(
+    safety: Safety, attribute: str, limit: float, words: str
+) -> None:
+    reading = healthy()
+    setattr(reading, attribute, limit * 0.9999)
+    assert safety.fault(reading) is None
+    setattr(reading, attribute, limit * 1.0001)
+    sentence = safety.fault(reading)
+    assert sentence is not None
+    assert words in sentence
+    assert sentence.count(".") >= 1
+
+
+@pytest.mark.parametrize("attribute", ["position", "speed", "current", "torque", "mcp", "pip", "force"])
+def test_a_sensor_that_gives_no_number_is_a_fault_at_once(safety: Safety, attribute: str) -> None:
+    for bad in (math.nan, math.inf, -math.inf):
+        reading = healthy()
+        setattr(reading, attribute, bad)
+        assert safety.fault(reading) is not None
+
+
+def test_without_a_finger_its_sensors_are_not_asked() -> None:
+    safety = safety_checks(Limits(), 1000.0, finger=False, force=False)
+    reading = healthy()
+    reading.mcp = reading.pip = reading.force = math.nan
+    assert safety.fault(reading) is None
+
+
+def test_tension_may_rise_at_its_limit_over_ten_samples_and_no_faster() -> None:
+    for slope, tripped in ((1999.0, False), (2001.0, True)):
+        check, reading = Rise("tension", 2000.0, 1e-3, "cable tension", "N/s"), healthy()
+        faults = []
+        for k in range(30):
+            reading.tension = slope * 1e-3 * k
+            faults.append(check.fault(reading))
+        assert any(faults) == tripped
+
+
+def test_an_encoder_jump_is_seen_in_its_own_sample_and_lost_cycles_are_allowed_for() -> None:
+    check = EncoderJump(0.1)
+    assert check.fault(healthy(0, 0.0)) is None
+    assert check.fault(healthy(1, 0.099)) is None
+    assert "encoder jumped" in str(check.fault(healthy(2, 0.2)))
+    after_a_gap = healthy(7, 0.6)
+    after_a_gap.lost = 4
+    assert check.fault(after_a_gap) is None
+
+
+def test_an_encoder_that_stands_still_under_current_trips_after_its_time() -> None:
+    check, reading = EncoderStuck(1.5, 30), healthy()
+    reading.current = 1.6
+    assert [check.fault(reading) is None for _ in range(31)] == [True] * 30 + [False]
+    reading.current = 1.4
+    assert all(check.fault(reading) is None for _ in range(100))
+
+
+def test_a_stuck_sensor_is_told_from_a_finger_at_rest() -> None:
+    check, reading = Stuck(1, "position", 0.17, 500, "MCP sensor"), healthy()
+    assert all(check.fault(reading) is None for _ in range(2000))  # nothing moves
+    faults = []
+    for k in range(2000):
+        reading.position = 0.4 + 0.1 * math.sin(0.01 * k)  # 0.2 rad from end to end
+        faults.append(check.fault(reading))
+    assert "MCP" in str(next(filter(None, faults)))
+
+
+def test_the_motor_may_be_away_from_its_command_for_a_moment_only() -> None:
+    check, reading = FollowingError(0.4, 100), healthy()
+    reading.reference = reading.position + 0.41
+    assert [check.fault(reading) is None for _ in range(100)] == [True] * 99 + [False]
+
+
+def test_late_cycles_are_forgiven_one_by_one_and_not_in_a_row() -> None:
+    check, reading = Late(0.02, 50, 1e-3), healthy()
+    for k in range(501):
+        reading.lateness = 0.003 if k % 2 else 0.0
+        assert check.fault(reading) is None
+    reading.lateness = 0.003
+    assert [check.fault(reading) is None for _ in range(50)] == [True] * 49 + [False]
+    reading.lateness, reading.lost = math.nan, 21
+    assert "21 ms" in str(check.fault(reading))
+
+
+def test_the_watchdog_counts_samples_and_nothing_else() -> None:
+    dog = Watchdog("window", 500)
+    assert dog.fault(1, 0) is None
+    assert dog.fault(1, 500) is None
+    assert "window" in str(dog.fault(1, 501))
+    assert dog.fault(2, 10_000) is None
+
+
+def test_every_limit_has_a_unit_and_a_source() -> None:
+    for row in limits_table(Limits()):
+        assert row.unit
+        assert row.source
+    assert len(limits_table(Limits())) == len(fields(Limits))
+
+
+def test_limits_of_a_rig_file_replace_the_defaults_one_by_one() -> None:
+    limits = Limits.from_mapping(
+        {"current": 2.0, "position_max_deg": 60, "mcp_max": {"value": 45.0, "unit": "deg"}}
+    )
+    assert limits.current == 2.0
+    assert limits.position_max == pytest.approx(1.0471975512)
+    assert limits.mcp_max == pytest.approx(0.7853981634)
+    assert limits.speed == Limits().speed
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ({"curent": 2.0}, "unknown 'curent'"),
+        ({"current": "two"}, "finite number"),
+        ({"current": math.nan}, "finite number"),
+        ({"current": -1.0}, "greater than zero"),
+        ({"mcp_min": 3.0}, "smaller"),
+    ],
+)
+def test_bad_limits_are_one_sentence(data: dict[str, object], words: str) -> None:
+    with pytest.raises(UserError, match=words):
+        Limits.from_mapping(data)
