@@ -60,6 +60,14 @@ def write_text_safely(path: Path, text: str) -> None:
         ) from None
 
 
+def tell_own_effects() -> None:
+    """Say on standard error which effect files of the user wait to be confirmed or do not work."""
+    from fingerlab.physics.effects import CATALOGUE, own
+
+    for sentence in own.notices(CATALOGUE):
+        click.echo(sentence, err=True)
+
+
 def progress_bar(title: str) -> tuple[Any, Callable[[float, str], None]]:
     """A progress bar on standard error.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
+from fingerlab.cli.common import json_option, progress_bar, refuse_existing, tell_own_effects, write_json
 from fingerlab.parallel import second_process
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def diagnose(sessions: tuple[Path, ...], added: tuple[str, ...], json_target: st
         from fingerlab.sessions import open_session
 
         opened = [open_session(path) for path in sessions]
+        tell_own_effects()
         bar, report = progress_bar("Diagnosing")
         with bar:
             result = run(opened, added, progress=report, with_curves=False, executor=executor)

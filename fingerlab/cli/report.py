@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
+from fingerlab.cli.common import json_option, progress_bar, refuse_existing, tell_own_effects, write_json
 from fingerlab.errors import UserError
 
 
@@ -36,6 +36,7 @@ def report(sessions: tuple[Path, ...], out: Path, added: tuple[str, ...], json_t
         if Path(str(json_target)).absolute() == out.absolute():
             raise UserError(f"--out and --json both name {out}; give the JSON a name of its own.")
     opened = [open_session(path) for path in sessions]
+    tell_own_effects()
     bar, tell = progress_bar("Writing the report")
     with bar:
         result = diagnose(opened, added, progress=lambda share, what: tell(0.55 * share, what))

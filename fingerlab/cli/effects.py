@@ -1,0 +1,203 @@
+"""``fingerlab effects``: the catalogue, and a user's own effects that join it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from fingerlab.cli.common import json_option, refuse_existing, write_json
+from fingerlab.errors import UserError
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from fingerlab.physics.effects.base import Effect, Gain
+    from fingerlab.physics.effects.own import OwnFile, OwnSource
+
+SHOWN_LINES = 60
+"""Lines of a file that are shown before it is confirmed; a longer one is looked at in an editor."""
+
+
+@click.command(short_help="List the catalogue, and let in effects of your own.")
+@click.option("--folder", metavar="DIR", type=click.Path(path_type=Path), help="Look for own effects in DIR.")
+@click.option(
+    "--trust", metavar="FILE", type=click.Path(path_type=Path), help="Let this file of the folder be run."
+)
+@click.option("--forget", is_flag=True, help="Forget the folder and every file that was confirmed.")
+@json_option
+def effects(folder: Path | None, trust: Path | None, forget: bool, json_target: str | None) -> None:
+    """List every effect that a diagnosis can rank: equations, parameters, ranges and their sources.
+
+    An effect of your own is one small Python file in a folder that you choose. It runs only after you have
+    confirmed it with --trust, and after a change only when you confirm it again.
+    """
+    from fingerlab.physics.effects import CATALOGUE, own
+
+    if forget and (folder or trust):
+        raise UserError("--forget forgets the folder; leave out --folder and --trust, or leave out --forget.")
+    if json_target not in (None, "-"):
+        refuse_existing(Path(str(json_target)))
+    if forget:
+        own.forget()
+        click.echo("The folder of own effects and all confirmations are forgotten.", err=True)
+    if folder is not None:
+        chosen = own.set_folder(folder)
+        click.echo(f"Own effects are looked for in {chosen}.", err=True)
+        if _somebody_there() and trust is None:
+            for file in own.own_files(CATALOGUE):
+                if file.state != "trusted":
+                    _ask_and_trust(file.source)
+    if trust is not None:
+        _ask_and_trust(own.find(trust))
+    files = own.own_files(CATALOGUE)
+    for file in files:
+        if file.notice:
+            click.echo(file.notice, err=True)
+    if json_target is not None:
+        write_json(_to_json(files), json_target)
+    elif trust is None and not forget:
+        _print(files)
+
+
+def _somebody_there() -> bool:
+    return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
+
+
+def _ask_and_trust(source: OwnSource) -> None:
+    """Ask on a terminal, once; elsewhere the option itself, with the file's name, is the answer.
+
+    Raises:
+        UserError: the file was confirmed and does not work.
+    """
+    from fingerlab.physics.effects import CATALOGUE, own
+
+    if _somebody_there():
+        lines = source.content.decode("utf-8", errors="replace").splitlines()
+        click.echo("\n".join(lines[:SHOWN_LINES]), err=True)
+        if len(lines) > SHOWN_LINES:
+            click.echo(f"... {len(lines) - SHOWN_LINES} more lines; look at them in an editor.", err=True)
+        question = f"{source.file} is a program and may do all that you may. Run it now and from now on?"
+        if not click.confirm(question, default=False, err=True):
+            click.echo(f"{source.file} is not run.", err=True)
+            return
+    file = own.trust(source, CATALOGUE)
+    if file.problem:
+        raise UserError(file.problem)
+    names = ", ".join(effect.id for effect in file.effects)
+    click.echo(f"{source.file} is confirmed; it adds {names}.", err=True)
+
+
+def _to_json(files: tuple[OwnFile, ...]) -> dict[str, Any]:
+    from fingerlab.physics.effects import CATALOGUE
+    from fingerlab.physics.effects.own_settings import read_settings
+
+    folder = read_settings().folder
+    listed = [_effect_json(effect, None) for effect in CATALOGUE.values()]
+    listed += [_effect_json(effect, file.source.file) for file in files for effect in file.effects]
+    return {
+        "schema": 1,
+        "folder": None if folder is None else str(folder),
+        "effects": listed,
+        "own_files": [
+            {
+                "file": file.source.file,
+                "sha256": file.source.sha256,
+                "state": file.state,
+                "effects": [effect.id for effect in file.effects],
+                "problem": file.problem or None,
+            }
+            for file in files
+        ],
+    }
+
+
+def _effect_json(effect: Effect, file: str | None) -> dict[str, Any]:
+    gains: dict[str, Any] = {
+        name: {
+            "unit": gain.unit,
+            "low": gain.low,
+            "high": gain.high,
+            "typical": gain.typical,
+            "source": gain.source,
+            "title": gain.title,
+        }
+        for name, gain in _gains(effect).items()
+    }
+    grid = {
+        name: {"unit": unit, "values": [float(s[name]) for s in effect.shapes]}
+        for name, unit in effect.shape_units.items()
+    }
+    return {
+        "id": effect.id,
+        "title": effect.title,
+        "own": file is not None,
+        "file": file,
+        "equations": list(effect.acts_on),
+        "phases": list(effect.phases),
+        "motor_bench": effect.bench,
+        "coordinate": effect.coordinate,
+        "explanation": effect.explanation,
+        "reveal": effect.reveal,
+        "parameters": gains,
+        "grid": grid,
+    }
+
+
+def _gains(effect: Effect) -> Mapping[str, Gain]:
+    return {**effect.gains, **effect.relaxes}
+
+
+def _print(files: tuple[OwnFile, ...]) -> None:
+    """One paragraph an effect, made to fit 80 columns."""
+    from rich.text import Text
+
+    from fingerlab.cli.output import table_console
+    from fingerlab.physics.effects import CATALOGUE
+
+    console = table_console()
+    for effect in CATALOGUE.values():
+        console.print(_paragraph(effect, ""))
+    for file in files:
+        for effect in file.effects:
+            console.print(_paragraph(effect, f"your own, from {file.source.file}"))
+    total = len(CATALOGUE) + sum(len(file.effects) for file in files)
+    console.print(Text(f"{total} effects, {total - len(CATALOGUE)} of them your own.", style="dim"))
+
+
+def _paragraph(effect: Effect, mark: str) -> Text:
+    from rich.text import Text
+
+    from fingerlab.report.diagnosis_words import FAMILY_TITLES, parameter_titles
+
+    text = Text()
+    text.append(effect.id, style="bold")
+    text.append(f"  {effect.title}\n")
+    if mark:
+        text.append(f"  {mark}\n", style="italic")
+    where = ", ".join(FAMILY_TITLES[family].lower() for family in effect.acts_on)
+    text.append(f"  acts on {where}; seen against {effect.coordinate}\n")
+    gains = _gains(effect)
+    titles = parameter_titles(effect.id, list(gains))
+    for name, gain in gains.items():
+        text.append(f"  {titles[name]}: {_range_words(gain)} ({gain.source})\n")
+    for name, unit in effect.shape_units.items():
+        values = sorted({float(s[name]) for s in effect.shapes})
+        shown = ", ".join(f"{value:g}" for value in values)
+        text.append(f"  {name.removesuffix('_deg').replace('_', ' ')}: tried at {shown}{_unit(unit)}\n")
+    return text
+
+
+def _range_words(gain: Gain) -> str:
+    from fingerlab.report.screen import largest_of, screen_unit, with_minus
+
+    unit = screen_unit(gain.unit, largest_of((gain.low, gain.high)))
+    low, high = (with_minus(f"{value * unit.factor:.4g}") for value in (gain.low, gain.high))
+    return f"{low} to {unit.after(high)}"
+
+
+def _unit(unit: str) -> str:
+    return "" if unit in ("", "1") else f" {unit}"
