@@ -42,9 +42,10 @@ class DeviceFault(Exception):
 class Device(Protocol):
     """A bench that can be driven. All calls come from one process and one thread.
 
-    Order: ``open``, ``start``, many ``exchange``, ``make_safe``, ``close``. ``make_safe`` may come at any
-    time, any number of times, and never raises: it writes 0 V, drops the enable line, and says whether both
-    were confirmed.
+    Order: ``open``, ``start``, many ``exchange``, ``make_safe``, ``close``; ``start`` may follow
+    ``make_safe``. ``make_safe`` may come at any time, even before ``open`` (a guardian stops what a lost
+    process left), any number of times, and never raises: it writes 0 V, drops the enable line, and says
+    whether both were confirmed.
     """
 
     @property
@@ -63,9 +64,10 @@ class Device(Protocol):
         """Set the amplifier's enable line. Raises DeviceLost, DeviceFault."""
 
     def exchange(self, command_volts: float) -> Sample:
-        """Wait for the next cycle, read it, and write the amplifier's set value for the next (V).
+        """Write the amplifier's set value (V) for the next cycle, wait for that cycle, and read it.
 
-        Raises DeviceLost, DeviceFault.
+        The set value reaches the motor at the edge of the clock at which the returned sample is taken: a
+        command computed from one sample acts from the next one on. Raises DeviceLost, DeviceFault.
         """
 
     def make_safe(self) -> bool:
@@ -73,6 +75,14 @@ class Device(Protocol):
 
     def close(self) -> None:
         """Give the hardware back, safe first. Never raises."""
+
+
+def cycles_per_command(device: Device) -> int:
+    """How many cycles a command stays: 1, or the block of a device that is read in blocks.
+
+    Such a device has an attribute ``cycles_per_command``; its position loop runs at the rate over this.
+    """
+    return int(getattr(device, "cycles_per_command", 1))
 
 
 @dataclass(frozen=True)

@@ -180,6 +180,35 @@ def position_loop(control: Record, state: Record, theta: float, reference: float
 
 
 @compiled
+def observe(state: Record, half: float, force: float, tension: float, at_pulley: float, row: Any) -> None:
+    """What there is to see now, in the order of ``layout.OUTPUTS``, to ``row``; ``half`` a step in s."""
+    row[0] = state.theta - half * state.omega
+    row[1] = state.omega
+    row[2] = state.current
+    row[3] = state.q1 - half * state.w1
+    row[4] = state.q2 - half * state.w2
+    row[5] = state.w1
+    row[6] = state.w2
+    row[7] = force
+    row[8] = tension
+    row[9] = at_pulley
+
+
+@compiled
+def run_sample(
+    plant: Any, friction: Any, memory: Any, state: Any, command: float, steps: int, period: float, row: Any
+) -> None:
+    """One sample of ``period`` s at the current ``command`` (A), from where the last call left off.
+
+    ``plant`` and ``state`` are arrays of one record, which cost less to hand over than a record; ``row``
+    (shape (outputs,)) has what there is to see at the end.
+    """
+    step = period / steps
+    force, tension, at_pulley = advance(plant[0], friction, memory, state[0], command, steps, step)
+    observe(state[0], 0.5 * step, force, tension, at_pulley, row)
+
+
+@compiled
 def run_loop(
     plant: Record,
     friction: Any,
@@ -199,16 +228,6 @@ def run_loop(
     step = period / steps
     force = tension = at_pulley = 0.0
     for k in range(len(reference)):
-        half = 0.5 * step
-        out[k, 0] = state.theta - half * state.omega
-        out[k, 1] = state.omega
-        out[k, 2] = state.current
-        out[k, 3] = state.q1 - half * state.w1
-        out[k, 4] = state.q2 - half * state.w2
-        out[k, 5] = state.w1
-        out[k, 6] = state.w2
-        out[k, 7] = force
-        out[k, 8] = tension
-        out[k, 9] = at_pulley
+        observe(state, 0.5 * step, force, tension, at_pulley, out[k])
         command = position_loop(control, state, out[k, 0], reference[k], period)
         force, tension, at_pulley = advance(plant, friction, memory, state, command, steps, step)

@@ -8,6 +8,7 @@ from typing import Any
 
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.errors import UserError
+from fingerlab.sessions.format import CABLES
 
 RATE_HZ = 1000.0
 """Control loop and recording, thesis section 3.2."""
@@ -100,19 +101,31 @@ PROTOCOLS: dict[str, Callable[[float], list[RunPlan]]] = {
 CABLE_OF_PHASE = {"on_air": "extension", "contact": "flexion", "motor_bench": "none", "free": "extension"}
 
 
-def single_run(trajectory: str | Mapping[str, Any], phase: str, cable: str | None = None) -> RunPlan:
-    """One proposed run, as in ``next_experiment`` of a diagnosis.
+def setup_of(phase: str, cable: str | None = None) -> tuple[str, str]:
+    """Phase and cable of a set-up; the phase's usual cable where none is given.
 
     Raises:
-        UserError: the phase or cable is unknown, or they do not go together, or the trajectory is bad.
+        UserError: the phase or cable is unknown, or they do not go together.
     """
     if phase not in CABLE_OF_PHASE:
         raise UserError(f"The phase is {phase!r}; it should be one of {', '.join(CABLE_OF_PHASE)}.")
     cable = cable or CABLE_OF_PHASE[phase]
+    if cable not in CABLES:
+        raise UserError(f"The cable is {cable!r}; it should be one of {', '.join(CABLES)}.")
     if (cable == "none") != (phase == "motor_bench"):
         raise UserError(f"The phase {phase} and the cable {cable!r} do not go together.")
     if phase == "contact" and cable != "flexion":
         raise UserError(
             "A contact run presses with the flexion cable; leave the cable out or give 'flexion'."
         )
+    return phase, cable
+
+
+def single_run(trajectory: str | Mapping[str, Any], phase: str, cable: str | None = None) -> RunPlan:
+    """One proposed run, as in ``next_experiment`` of a diagnosis.
+
+    Raises:
+        UserError: the phase or cable is unknown, or they do not go together, or the trajectory is bad.
+    """
+    phase, cable = setup_of(phase, cable)
     return RunPlan(phase, cable, dict(read_trajectory(trajectory).settings))

@@ -84,19 +84,34 @@ def simulate_run(
     if count < 2:
         raise UserError(f"A run of {trajectory.duration:g} s holds no motion; give a longer 'duration_s'.")
     command = trajectory.command(np.arange(count) / RATE_HZ)
-    bench = _bench(preset, truth, plan, effects)
-    _wander(bench, preset, rng)
+    bench = prepare_bench(preset, truth, plan, effects, rng)
     result = drive(bench, command, plan.phase == "contact", steps)
     channels = _record(preset, bench.sensors, plan, command, result, rng)
     return Recorded(plan, channels, result)
 
 
+def prepare_bench(
+    preset: Preset, truth: Truth, plan: RunPlan, effects: Effects, rng: np.random.Generator
+) -> Bench:
+    """The bench of one run: its effects, and the friction and slack that it happens to have this time."""
+    bench = _bench(preset, truth, plan, effects)
+    _wander(bench, preset, rng)
+    return bench
+
+
+def state_at_rest(bench: Bench, in_contact: bool) -> Any:
+    """Hang the finger, place the load cell; an array of one record of ``layout.STATE``."""
+    state = np.zeros(1, STATE)
+    q1, q2 = place_bench(bench, in_contact)
+    state["q1"] = state["relaxed_1"] = q1
+    state["q2"] = state["relaxed_2"] = q2
+    state["elongation"] = -bench.plant["slack"]
+    return state
+
+
 def drive(bench: Bench, command: Array, in_contact: bool, steps: int = STEPS) -> dict[str, Array]:
     """Let the position loop follow ``command`` (rad, shape (n,)) from rest; what really happened."""
-    state = np.zeros(1, STATE)[0]
-    state["q1"], state["q2"] = place_bench(bench, in_contact)
-    state["relaxed_1"], state["relaxed_2"] = state["q1"], state["q2"]
-    state["elongation"] = -bench.plant["slack"]
+    state = state_at_rest(bench, in_contact)[0]
     out = np.empty((len(command), len(OUTPUTS)))
     memory = np.zeros(BRISTLES)
     run_loop(bench.plant, bench.friction, bench.control, memory, state, command, steps, 1.0 / RATE_HZ, out)

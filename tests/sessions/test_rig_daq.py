@@ -1,4 +1,4 @@
-"""Wiring and limits in the rig file: defaults, scaling against data sheets, and what is wrong in a sentence."""
+"""Wiring and limits in the rig file: defaults, scaling against data sheets, one sentence for a mistake."""
 
 from __future__ import annotations
 

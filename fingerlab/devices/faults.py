@@ -1,0 +1,76 @@
+"""What can go wrong with a bench, for practice and for tests: put into the simulated rig by cycle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fingerlab.devices.protocol import RAW_CHANNELS
+
+
+@dataclass(frozen=True)
+class SensorFault:
+    """A sensor that goes dead (NaN) or sticks at its last reading.
+
+    Attributes:
+        channel: one of ``RAW_CHANNELS``. start: first cycle, counted like ``Sample.index``.
+        cycles: how long, infinite by default. stuck: sticks instead of going dead.
+    """
+
+    channel: str
+    start: int
+    cycles: float = math.inf
+    stuck: bool = False
+
+    def __post_init__(self) -> None:
+        if self.channel not in RAW_CHANNELS:
+            raise ValueError(f"There is no channel {self.channel!r}; known are {', '.join(RAW_CHANNELS)}.")
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Faults of a simulated rig; cycles are counted like ``Sample.index``.
+
+    Attributes:
+        unplug_at: from this cycle on the device no longer answers, and its outputs fall to zero.
+        sensors: dead or sticking sensors.
+        encoder_jumps: cycle -> counts by which the encoder jumps there.
+        late: cycle -> s by which the program learns of that cycle too late.
+        lost: cycle -> how many cycles before it nobody saw.
+        clock_steps: cycle -> s by which the clock is set there.
+        unsafe: how often ``make_safe`` fails before it works.
+    """
+
+    unplug_at: int | None = None
+    sensors: tuple[SensorFault, ...] = ()
+    encoder_jumps: Mapping[int, float] = field(default_factory=dict)
+    late: Mapping[int, float] = field(default_factory=dict)
+    lost: Mapping[int, int] = field(default_factory=dict)
+    clock_steps: Mapping[int, float] = field(default_factory=dict)
+    unsafe: int = 0
+
+
+class FaultySensors:
+    """Lets raw values through, spoilt as ``faults`` say."""
+
+    def __init__(self, faults: Faults) -> None:
+        self._faults = faults
+        self._jumped = 0.0
+        self._jumps = dict(faults.encoder_jumps)
+        self._held: dict[SensorFault, float] = {}
+
+    def spoil(self, index: int, raw: tuple[float, ...]) -> tuple[float, ...]:
+        """The raw values of cycle ``index`` as they arrive."""
+        if not self._faults.sensors and not self._faults.encoder_jumps:
+            return raw
+        values = list(raw)
+        for cycle in [c for c in self._jumps if c <= index]:
+            self._jumped += self._jumps.pop(cycle)
+        values[-1] += self._jumped
+        for fault in self._faults.sensors:
+            if not fault.start <= index < fault.start + fault.cycles:
+                continue
+            k = RAW_CHANNELS.index(fault.channel)
+            values[k] = self._held.setdefault(fault, values[k]) if fault.stuck else math.nan
+        return tuple(values)

@@ -1,0 +1,296 @@
+"""The simulated rig as a device: the twin behind raw volts and counts, one cycle at a time.
+
+Like the card, it updates its output at the edge of the sample clock, so that a command computed from
+one sample acts from the next one on.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fingerlab.devices.clock import Clock, VirtualClock
+from fingerlab.devices.faults import Faults, FaultySensors
+from fingerlab.devices.lateness import STEP
+from fingerlab.devices.protocol import DeviceFault, DeviceLost, Sample
+from fingerlab.errors import UserError
+from fingerlab.rig import Rig
+from fingerlab.rig_daq import AnalogInput, Daq
+from fingerlab.rig_file import default_rig
+from fingerlab.twin.effects import CONTACT, ON_AIR, check_effects
+from fingerlab.twin.preset import PRACTICE, Preset, load_preset
+from fingerlab.twin.protocols import RATE_HZ, RunPlan, setup_of
+from fingerlab.twin.sealing import pick_hidden, seal
+from fingerlab.twin.session import SEALED, SIMULATION
+from fingerlab.twin.streaming import BenchStream, seeded_truth
+
+NAME = "simulated rig"
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Which bench is simulated; plain values, so that another process can build the same one.
+
+    Attributes:
+        preset: name or TOML file of the twin. seed: same seed, same bench, same noise.
+        effects: id -> parameter -> value, SI, as ``twin.effects.parse_effects`` gives them.
+        hidden: one effect (or none) picked by the seed, kept secret in the session.
+        phase, cable: the first set-up; the cable of the phase where it is None.
+        load_torque: N m, known load of a motor bench.
+    """
+
+    preset: str = PRACTICE
+    seed: int = 0
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    hidden: bool = False
+    phase: str = ON_AIR
+    cable: str | None = None
+    load_torque: float = 0.0
+
+
+def simulated_rig_file(preset: Preset) -> Rig:
+    """The rig that the simulated bench says of itself: its own constants, wired like the default rig."""
+    wiring = {key: default_rig().extra[key] for key in ("daq", "limits")}
+    return replace(preset.rig, extra={**preset.rig.extra, **wiring})
+
+
+class SimulatedBench:
+    """Amplifier, plant and sensors: set value (V) and enable in, raw volts and counts out.
+
+    Attributes:
+        stream: the plant of the present set-up; ``stream.now`` is what really is.
+    """
+
+    def __init__(self, simulation: Simulation, daq: Daq) -> None:
+        self.preset = load_preset(simulation.preset)
+        self.simulation = simulation
+        self._daq = daq
+        self._truth, self._seeds = seeded_truth(self.preset, simulation.seed)
+        self.effects = self._effects(simulation)
+        self._counts_before = 0.0
+        self.stream: BenchStream
+        self.set_up(simulation.phase, simulation.cable, simulation.load_torque)
+
+    def set_up(self, phase: str, cable: str | None = None, load_torque: float = 0.0) -> None:
+        """Change the cable and the load cell's place, as an operator does between runs.
+
+        The finger hangs at rest afterwards; the encoder goes on counting from where it was.
+
+        Raises:
+            UserError: phase and cable do not go together.
+        """
+        plan = RunPlan(*setup_of(phase, cable), {}, load_torque)
+        if hasattr(self, "stream"):
+            self._counts_before += self.stream.seen()[4]
+        rng = np.random.default_rng(self._seeds.spawn(1)[0])
+        turn = self._daq.encoder.counts_per_turn
+        self.stream = BenchStream(self.preset, self._truth, plan, self.effects, rng, counts_per_turn=turn)
+        self.phase, self.cable = plan.phase, plan.cable
+
+    def advance(self, volts: float, enabled: bool) -> None:
+        """One cycle with the amplifier's set value held; without enable there is no current."""
+        self.stream.advance(self._daq.command.current(volts) if enabled else 0.0)
+
+    def raw(self) -> tuple[float, ...]:
+        """Raw values in the order of ``RAW_CHANNELS``; each call has noise of its own."""
+        force, mcp, pip, current, counts = self.stream.seen()
+        load_cell, mcp_in, pip_in, monitor = self._daq.inputs
+        return (
+            _volts(load_cell, force),
+            _volts(mcp_in, mcp),
+            _volts(pip_in, pip),
+            _volts(monitor, current),
+            self._daq.encoder.sign * (self._counts_before + counts),
+        )
+
+    def session_attributes(self) -> dict[str, str]:
+        """Attributes by which ``reveal`` later tells what this bench had; sealed where it was hidden."""
+        told = {
+            "protocol": "recorded",
+            "preset": self.preset.name,
+            "effects": {name: dict(values) for name, values in self.effects.items()},
+            "seed": self.simulation.seed,
+        }
+        return {SEALED: seal(told)} if self.simulation.hidden else {SIMULATION: json.dumps(told)}
+
+    def _effects(self, simulation: Simulation) -> dict[str, dict[str, float]]:
+        if not simulation.hidden:
+            return check_effects(simulation.effects, "The simulated rig")
+        if simulation.effects:
+            raise UserError("A hidden effect is picked by the seed; leave out the effects, or do not hide.")
+        rng = np.random.default_rng(np.random.SeedSequence(simulation.seed, spawn_key=(2**31,)))
+        return pick_hidden((ON_AIR, CONTACT), rng)
+
+
+class SimulatedRig:
+    """The simulated bench behind the device protocol.
+
+    Args:
+        rig: whose wiring and scaling is used; the simulated bench's own where it is None.
+        clock: paced in real time by this clock; as fast as possible on a virtual one, or where it is None.
+        wired: how the bench is really wired, where that differs from what the rig says (for practice).
+    """
+
+    name = NAME
+    rate_hz = RATE_HZ
+
+    def __init__(
+        self,
+        rig: Rig | None = None,
+        simulation: Simulation | None = None,
+        faults: Faults | None = None,
+        clock: Clock | None = None,
+        wired: Daq | None = None,
+    ) -> None:
+        simulation, faults = simulation or Simulation(), faults or Faults()
+        self.rig = rig or simulated_rig_file(load_preset(simulation.preset))
+        self._daq = wired or self.rig.daq
+        self.bench = SimulatedBench(simulation, self._daq)
+        self._faults = faults
+        self._clock: Clock = clock or VirtualClock()
+        self._paced = not isinstance(self._clock, VirtualClock)
+        self._unsafe = faults.unsafe
+        self._running = self._open = self._enabled = False
+        self._output = 0.0
+        self._index = -1
+        self._origin = self._skew = 0.0
+        self._zero = 0.0
+        self._sensors = FaultySensors(faults)
+
+    @property
+    def driven_current(self) -> float:
+        """Current (A) that the amplifier is told to make now; zero without enable."""
+        return float(self._daq.command.current(self._output)) if self._enabled else 0.0
+
+    @property
+    def enabled(self) -> bool:
+        """Whether the enable line is up."""
+        return self._enabled
+
+    @property
+    def session_attributes(self) -> dict[str, str]:
+        """What a session recorded from this device should carry so that ``reveal`` can tell."""
+        return self.bench.session_attributes()
+
+    def set_up(self, phase: str, cable: str | None = None, load_torque: float = 0.0) -> None:
+        """Change cable and load cell, as an operator does between runs; only with the amplifier off.
+
+        Raises:
+            DeviceFault: the amplifier is enabled. UserError: phase and cable do not go together.
+        """
+        if self._enabled:
+            raise DeviceFault("The amplifier is enabled; disable it before the cable is changed.")
+        self.bench.set_up(phase, cable, load_torque)
+
+    def open(self) -> None:
+        self._answer()
+        self._open = True
+        self._output, self._enabled = 0.0, False
+
+    def start(self) -> None:
+        self._answer()
+        if not self._open:
+            raise DeviceFault("The simulated rig is not open; open it before it is started.")
+        if self._running:
+            raise DeviceFault("The simulated rig is running already; stop it before it is started again.")
+        self._output, self._enabled, self._running = 0.0, False, True
+        self._index = -1
+        self._zero = 0.0
+        self._zero = self.bench.raw()[4]  # counts are cumulative from arming
+        self._sensors = FaultySensors(self._faults)
+        self._origin = self._now() + 1.0 / self.rate_hz
+
+    def set_enable(self, on: bool) -> None:
+        self._answer()
+        if on and not self._running:
+            raise DeviceFault("The simulated rig is not running; start it before the amplifier is enabled.")
+        self._enabled = on
+
+    def exchange(self, command_volts: float) -> Sample:
+        self._answer()
+        if not self._running:
+            raise DeviceFault("The simulated rig is not running; start it first.")
+        if not math.isfinite(command_volts):
+            raise DeviceFault(f"The command is {command_volts} V; the output keeps its last value.")
+        cycles, lateness = self._pace() if self._paced else self._jump()
+        for _ in range(cycles):
+            self.bench.advance(self._output, self._enabled)
+        command = self._daq.command
+        self._output = min(max(command_volts, command.low), command.high)
+        self._index += cycles
+        if self._index in self._faults.clock_steps:
+            self._set_clock(self._faults.clock_steps[self._index])
+        *volts, counts = self.bench.raw()
+        raw = self._sensors.spoil(self._index, (*volts, counts - self._zero))
+        self._answer()
+        return Sample(self._index, raw, lateness)
+
+    def make_safe(self) -> bool:
+        self._running = False
+        if self._unsafe > 0:
+            self._unsafe -= 1
+            return False
+        self._output, self._enabled = 0.0, False
+        return not self._unplugged()
+
+    def close(self) -> None:
+        self.make_safe()
+        self._open = False
+
+    def _unplugged(self) -> bool:
+        return self._faults.unplug_at is not None and self._index >= self._faults.unplug_at
+
+    def _answer(self) -> None:
+        if self._unplugged():
+            self._running = False
+            self._output, self._enabled = 0.0, False  # nothing feeds the amplifier any more
+            raise DeviceLost(
+                "The simulated rig no longer answers, as if its cable had been pulled; connect it and open "
+                "it again."
+            )
+
+    def _jump(self) -> tuple[int, float]:
+        """Cycles until the next one that is seen, and its lateness, on a clock that the rig turns itself."""
+        cycles = 1 + self._faults.lost.get(self._index + 1, 0)
+        late = self._faults.late.get(self._index + cycles, 0.0)
+        self._clock.sleep(cycles / self.rate_hz + late)
+        return cycles, late
+
+    def _pace(self) -> tuple[int, float]:
+        """Wait for the next cycle in real time; who comes late has lost the cycles in between."""
+        due = self._origin + (self._index + 1) / self.rate_hz
+        early = due - self._now()
+        if early > STEP:  # the clock was set back
+            self._origin -= early - 1.0 / self.rate_hz
+            due, early = self._now() + 1.0 / self.rate_hz, 1.0 / self.rate_hz
+        if early > 0.0:
+            self._clock.sleep(early)
+        planned = self._faults.late.get(self._index + 1, 0.0)
+        if planned:
+            self._clock.sleep(planned)
+        late = max(self._now() - due, 0.0)
+        if late > STEP:  # the clock was set forward, or the machine has slept
+            self._origin += late
+            return 1, late
+        return 1 + int(late * self.rate_hz) + self._faults.lost.get(self._index + 1, 0), late
+
+    def _now(self) -> float:
+        return self._clock.now() + self._skew
+
+    def _set_clock(self, seconds: float) -> None:
+        if isinstance(self._clock, VirtualClock):
+            self._clock.step(seconds)
+        else:
+            self._skew += seconds
+
+
+def _volts(channel: AnalogInput, quantity: float) -> float:
+    """What the card reads of a sensor: no more than its range, NaN where nothing is connected."""
+    if not channel.terminal:
+        return math.nan
+    volts: float = channel.volts(quantity)
+    return min(max(volts, channel.low), channel.high) if not math.isnan(volts) else volts
