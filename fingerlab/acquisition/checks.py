@@ -13,13 +13,14 @@ class Reading:
     """One cycle in SI units, as the checks and the recorder see it. Filled anew each cycle by the loop.
 
     Attributes:
-        index: sample clock. lost: cycles lost before this one. lateness: s, NaN where unknown.
+        index: sample clock. lost: cycles lost before this one. lateness: s. cycle_time: s, measured.
         position, speed, reference: rad, rad/s, rad. torque, tension: N m, N. current: A.
         mcp, pip: rad. force: N. raw: as the device gave it.
     """
 
     __slots__ = (
         "current",
+        "cycle_time",
         "force",
         "index",
         "lateness",
@@ -37,7 +38,7 @@ class Reading:
     def __init__(self) -> None:
         self.index = -1
         self.lost = 0
-        self.lateness = self.reference = math.nan
+        self.lateness = self.reference = self.cycle_time = math.nan
         self.position = self.speed = self.current = self.torque = self.tension = math.nan
         self.mcp = self.pip = self.force = math.nan
         self.raw: tuple[float, ...] = ()

@@ -15,7 +15,7 @@ stopping       loop, high      rest, disable                   soft stop on the 
 fault          zero, low       reset (to idle)                 a check, the device or a process failed
 =============  ==============  ==============================  =======================================
 
-From every mode ``fault`` leads to fault and ``stop`` leads to where the line is low, with the latch set.
+From every mode ``fault`` leads to fault, and ``stop`` to idle (a fault stays a fault), with the latch set.
 A latched machine refuses ``enable`` until ``release``. After a fault the operator resets, initialises
 and enables by hand: no event leads from fault to a mode with current in fewer than four steps.
 An event that a mode does not know changes nothing.
@@ -77,12 +77,8 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_I, Event.RELEASE): _I,
     (_S, Event.RELEASE): _S,
     (_F, Event.RELEASE): _F,
-    # The sensors keep their reference over a stop; a fault throws it away, because it may be the cause.
-    (_I, Event.STOP): _I,
-    (_S, Event.STOP): _S,
-    (_E, Event.STOP): _S,
-    (_R, Event.STOP): _S,
-    (_P, Event.STOP): _S,
+    # The device is stopped and started again, and its encoder counts from there: the reference is lost.
+    **{(mode, Event.STOP): _I for mode in Mode if mode is not _F},
     (_F, Event.STOP): _F,
     **{(mode, Event.FAULT): _F for mode in Mode},
 }

@@ -22,6 +22,10 @@ from fingerlab.acquisition.checks import (
     Stuck,
 )
 from fingerlab.errors import UserError
+from fingerlab.rig import Rig
+from fingerlab.rig_daq import Limits as RigLimits
+
+_RIG = RigLimits()
 
 
 def _limit(default: float, unit: str, source: str) -> Any:
@@ -32,20 +36,21 @@ def _limit(default: float, unit: str, source: str) -> Any:
 class Limits:
     """What may not be exceeded while the amplifier is enabled. SI units; angles at the gearbox output.
 
-    The unit and source of each value are in the field's metadata (:func:`limits_table`).
+    The first eleven are the rig file's own section ``[limits]``; the others are the control loop's. Unit and
+    source of each are in the field's metadata (:func:`limits_table`).
     """
 
-    current: float = _limit(7.0, "A", "assumed: nominal 6 A of the RE40 (thesis table 2.3) and overshoot")
-    torque: float = _limit(0.9, "N m", "RE40 at 7 A behind 4.3:1, 0.0302 N m/A")
-    position_min: float = _limit(math.radians(-30.0), "rad", "assumed")
-    position_max: float = _limit(math.radians(170.0), "rad", "assumed: less than half a turn of cable")
-    speed: float = _limit(20.0, "rad/s", "assumed: twice the fastest trajectory of the protocols")
-    tension_rise: float = _limit(2000.0, "N/s", "assumed: a caught cable, not a pressing finger")
-    mcp_min: float = _limit(math.radians(-80.0), "rad", "assumed: the printed hinge's end of travel")
-    mcp_max: float = _limit(math.radians(110.0), "rad", "assumed: the printed hinge's end of travel")
-    pip_min: float = _limit(math.radians(-80.0), "rad", "assumed: the printed hinge's end of travel")
-    pip_max: float = _limit(math.radians(115.0), "rad", "assumed: the printed hinge's end of travel")
-    force: float = _limit(40.0, "N", "FC2231 data sheet: range 44.5 N, less a tenth")
+    current: float = _limit(_RIG.current, "A", "rig file")
+    torque: float = _limit(_RIG.torque, "N m", "rig file")
+    position_low: float = _limit(_RIG.position_low, "rad", "rig file")
+    position_high: float = _limit(_RIG.position_high, "rad", "rig file")
+    speed: float = _limit(_RIG.speed, "rad/s", "rig file")
+    tension_rise: float = _limit(_RIG.tension_rise, "N/s", "rig file")
+    mcp_low: float = _limit(_RIG.mcp_low, "rad", "rig file")
+    mcp_high: float = _limit(_RIG.mcp_high, "rad", "rig file")
+    pip_low: float = _limit(_RIG.pip_low, "rad", "rig file")
+    pip_high: float = _limit(_RIG.pip_high, "rad", "rig file")
+    force: float = _limit(_RIG.force, "N", "rig file")
     following_error: float = _limit(math.radians(25.0), "rad", "assumed")
     following_time: float = _limit(0.1, "s", "assumed")
     encoder_jump: float = _limit(0.1, "rad", "assumed: a sample at 100 rad/s, half of the no-load speed")
@@ -61,15 +66,26 @@ class Limits:
 
     def __post_init__(self) -> None:
         for low, high in (
-            ("position_min", "position_max"),
-            ("mcp_min", "mcp_max"),
-            ("pip_min", "pip_max"),
+            ("position_low", "position_high"),
+            ("mcp_low", "mcp_high"),
+            ("pip_low", "pip_high"),
         ):
             if not getattr(self, low) < getattr(self, high):
                 raise UserError(
                     f"[limits] has {low} = {getattr(self, low):g} and {high} = {getattr(self, high):g}; "
                     "the first should be the smaller."
                 )
+
+    @classmethod
+    def from_rig(cls, rig: Rig) -> Limits:
+        """The rig's own limits, and the defaults of those that a rig file does not know.
+
+        Raises:
+            UserError: the rig holds an impossible one.
+        """
+        own = rig.limits
+        known = {spec.name for spec in fields(cls)}
+        return cls(**{s.name: getattr(own, s.name) for s in fields(own) if s.name in known})
 
     @classmethod
     def from_mapping(cls, data: Mapping[str, Any] | None, where: str = "the rig file") -> Limits:
@@ -96,7 +112,7 @@ class Limits:
                 raise UserError(f"{where}: [limits] {key} is {number!r}; it should be a finite number.")
             if isinstance(entry, Mapping) and entry.get("unit") == "deg":
                 degrees = True
-            if number <= 0 and not name.endswith(("_min", "_max")):
+            if number <= 0 and not name.endswith(("_low", "_high")):
                 raise UserError(f"{where}: [limits] {key} is {number:g}; it should be greater than zero.")
             values[name] = math.radians(number) if degrees else float(number)
         return cls(**values)
@@ -155,7 +171,7 @@ def safety_checks(limits: Limits, rate_hz: float, *, finger: bool, force: bool) 
     period = 1.0 / rate_hz
     checks: list[Check] = [
         EncoderJump(limits.encoder_jump),
-        Range("position", limits.position_min, limits.position_max, "motor position", "rad"),
+        Range("position", limits.position_low, limits.position_high, "motor position", "rad"),
         Range("speed", -limits.speed, limits.speed, "motor speed", "rad/s"),
         Range("current", -limits.current, limits.current, "motor current", "A"),
         Range("torque", -limits.torque, limits.torque, "motor torque", "N m"),
@@ -167,8 +183,8 @@ def safety_checks(limits: Limits, rate_hz: float, *, finger: bool, force: bool) 
     stuck = samples(limits.stuck_time)
     if finger:
         checks += [
-            Range("mcp", limits.mcp_min, limits.mcp_max, "MCP angle", "rad"),
-            Range("pip", limits.pip_min, limits.pip_max, "PIP angle", "rad"),
+            Range("mcp", limits.mcp_low, limits.mcp_high, "MCP angle", "rad"),
+            Range("pip", limits.pip_low, limits.pip_high, "PIP angle", "rad"),
             Stuck(1, "position", limits.stuck_travel, stuck, "MCP sensor"),
             Stuck(2, "position", limits.stuck_travel, stuck, "PIP sensor"),
         ]

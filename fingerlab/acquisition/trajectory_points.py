@@ -14,7 +14,7 @@ from fingerlab.sessions.model import Array
 from fingerlab.sessions.text_table import inspect_table, read_blocks
 
 INLINE_POINTS = 400
-"""Longer lists are not kept in a run's attributes, which HDF5 limits to 64 kB; its command channel has all."""
+"""Longer lists are not kept in a run's attributes, which HDF5 limits to 64 kB; the channel has it all."""
 
 
 def with_points(settings: Mapping[str, Any], where: str) -> dict[str, Any]:

@@ -44,12 +44,12 @@ def test_a_healthy_bench_has_no_fault(safety: Safety) -> None:
 @pytest.mark.parametrize(
     ("attribute", "limit", "words"),
     [
-        ("current", 7.0, "current"),
-        ("torque", 0.9, "torque"),
+        ("current", 3.0, "current"),
+        ("torque", 0.4, "torque"),
         ("speed", 20.0, "speed"),
-        ("force", 40.0, "force"),
-        ("mcp", math.radians(110), "MCP"),
-        ("pip", math.radians(115), "PIP"),
+        ("force", 10.0, "force"),
+        ("mcp", math.radians(95), "MCP"),
+        ("pip", math.radians(95), "PIP"),
     ],
 )
 def test_each_quantity_trips_just_beyond_its_limit(
@@ -152,11 +152,11 @@ def test_every_limit_has_a_unit_and_a_source() -> None:
 
 def test_limits_of_a_rig_file_replace_the_defaults_one_by_one() -> None:
     limits = Limits.from_mapping(
-        {"current": 2.0, "position_max_deg": 60, "mcp_max": {"value": 45.0, "unit": "deg"}}
+        {"current": 2.0, "position_high_deg": 60, "mcp_high": {"value": 45.0, "unit": "deg"}}
     )
     assert limits.current == 2.0
-    assert limits.position_max == pytest.approx(1.0471975512)
-    assert limits.mcp_max == pytest.approx(0.7853981634)
+    assert limits.position_high == pytest.approx(1.0471975512)
+    assert limits.mcp_high == pytest.approx(0.7853981634)
     assert limits.speed == Limits().speed
 
 
@@ -167,7 +167,7 @@ def test_limits_of_a_rig_file_replace_the_defaults_one_by_one() -> None:
         ({"current": "two"}, "finite number"),
         ({"current": math.nan}, "finite number"),
         ({"current": -1.0}, "greater than zero"),
-        ({"mcp_min": 3.0}, "smaller"),
+        ({"mcp_low": 3.0}, "smaller"),
     ],
 )
 def test_bad_limits_are_one_sentence(data: dict[str, object], words: str) -> None:

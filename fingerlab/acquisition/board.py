@@ -1,0 +1,133 @@
+"""The notice board in shared memory: counters, a few numbers and sentences, each with one writer.
+
+Nobody ever waits for it, so that a frozen window cannot hold up the control loop.
+"""
+
+from __future__ import annotations
+
+import struct
+from enum import IntEnum
+
+from fingerlab.acquisition.memory import Block
+
+
+class Slot(IntEnum):
+    """Counters and states (64-bit integers); the process that writes each is named at the right."""
+
+    STOP_REQUESTS = 0  # window: raised by one a press, seen by the loop in its next cycle
+    WINDOW_BEAT = 1  # window
+    RECORDER_BEAT = 2  # recorder
+    RECORDER_ERRORS = 3  # recorder: raised when it cannot go on
+    INDEX = 4  # loop: sample clock of the last cycle
+    CYCLES = 5  # loop: cycles done
+    MODE = 6  # loop: machine.Mode
+    LATCHED = 7  # loop
+    ENABLE_LINE = 8  # loop: what the device was last told
+    LATE = 9  # loop: cycles that came late
+    LOST = 10  # loop: cycles that never came
+    FAULTS = 11  # loop
+    ACK = 12  # loop: number of the last command that was answered
+    RUN = 13  # loop: number of the trajectory, 0 before the first
+    RUN_START = 14  # loop: index of its first sample
+    RUN_ACTIVE = 15  # loop: 1 while it is under way
+    SAFE = 16  # loop, keeper: 1 when zero output and enable low were confirmed at the end
+    LOOP_ENDED = 17  # loop: 1 when it has left in order
+    LOOP_PID = 18
+    RECORDER_PID = 19
+    RECORDING = 20  # recorder: 0 no, 1 yes, 2 paused
+    RECORDED = 21  # recorder: samples of this run in the file
+    UNREAD = 22  # recorder: rows that it lost because the ring came round
+    FREE_BYTES = 23  # recorder: room on the disk
+    RECORDED_RUNS = 24  # recorder
+    LOOP_READY = 25  # loop
+    KEEPER = 26  # keeper: 1 when it had to make the bench safe in the loop's place
+    APPROACHED = 27  # loop: 1 reached, -1 not reached
+
+
+class Text(IntEnum):
+    """Sentences."""
+
+    FAULT = 0  # loop: why it is in fault
+    ANSWER = 1  # loop: why the last command was refused; empty where it was not
+    RECORDER = 2  # recorder: what it cannot do
+    DEVICE = 3  # loop: what it drives
+
+
+class Number(IntEnum):
+    """Doubles, SI."""
+
+    APPROACH = 0  # loop: motor angle at which the wanted force was reached, rad
+
+
+_SLOTS = 64
+_TEXT_BYTES = 512
+_TEXT_HEAD = 16
+
+
+class Board:
+    """Counters by :class:`Slot`, sentences by :class:`Text`, doubles by :class:`Number`."""
+
+    def __init__(self, block: Block) -> None:
+        self._block = block
+        self._slots = block.view[: 8 * _SLOTS].cast("q")
+        self._numbers = block.view[8 * _SLOTS : 16 * _SLOTS].cast("d")
+        self._texts = block.view[16 * _SLOTS : 16 * _SLOTS + len(Text) * (_TEXT_HEAD + _TEXT_BYTES)]
+
+    @classmethod
+    def make(cls, shared: bool = True) -> Board:
+        """A new board, all zero."""
+        return cls(Block.make(16 * _SLOTS + len(Text) * (_TEXT_HEAD + _TEXT_BYTES), shared))
+
+    @classmethod
+    def attach(cls, name: str) -> Board:
+        """The board that another process made.
+
+        Raises:
+            FileNotFoundError: it is gone.
+        """
+        return cls(Block.attach(name))
+
+    @property
+    def name(self) -> str | None:
+        """Name for ``attach``; None for a private board."""
+        return self._block.name
+
+    def __getitem__(self, slot: Slot) -> int:
+        return self._slots[slot]
+
+    def __setitem__(self, slot: Slot, value: int) -> None:
+        self._slots[slot] = value
+
+    def number(self, which: Number) -> float:
+        """One of the doubles."""
+        return self._numbers[which]
+
+    def set_number(self, which: Number, value: float) -> None:
+        """Set one of the doubles."""
+        self._numbers[which] = value
+
+    def set_text(self, which: Text, sentence: str) -> None:
+        """Publish a sentence; what exceeds 512 bytes is cut off."""
+        data = sentence.encode("utf-8")[:_TEXT_BYTES]
+        start = which * (_TEXT_HEAD + _TEXT_BYTES)
+        sequence = struct.unpack_from("q", self._texts, start)[0]
+        struct.pack_into("q", self._texts, start, sequence + 1)  # odd: being written
+        self._texts[start + _TEXT_HEAD : start + _TEXT_HEAD + len(data)] = data
+        struct.pack_into("q", self._texts, start + 8, len(data))
+        struct.pack_into("q", self._texts, start, sequence + 2)
+
+    def text(self, which: Text) -> str:
+        """The sentence, never half of one."""
+        start = which * (_TEXT_HEAD + _TEXT_BYTES)
+        for _ in range(1000):
+            before, length = struct.unpack_from("qq", self._texts, start)
+            data = bytes(self._texts[start + _TEXT_HEAD : start + _TEXT_HEAD + length])
+            if before % 2 == 0 and struct.unpack_from("q", self._texts, start)[0] == before:
+                return data.decode("utf-8", errors="ignore")
+        return ""  # its writer died in the middle of it
+
+    def close(self) -> None:
+        """Let go of the memory; its maker removes it."""
+        for view in (self._slots, self._numbers, self._texts):
+            view.release()
+        self._block.close()

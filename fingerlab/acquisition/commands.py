@@ -1,0 +1,86 @@
+"""What may be asked of the control loop: small frozen objects that travel to its process."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Initialise:
+    """Take the motor's present place as ``position`` (rad); with ``mcp`` or ``pip`` (rad), the joints' too.
+
+    An angle that is None keeps its calibrated zero.
+    """
+
+    position: float = 0.0
+    mcp: float | None = None
+    pip: float | None = None
+
+
+@dataclass(frozen=True)
+class Tare:
+    """Take the load cell's present reading as no force."""
+
+
+@dataclass(frozen=True)
+class SetUp:
+    """What is on the bench: phase and cable of the session format, known load of a motor bench (N m)."""
+
+    phase: str = "on_air"
+    cable: str = "extension"
+    load_torque: float = 0.0
+
+
+@dataclass(frozen=True)
+class Enable:
+    """Raise the amplifier's enable line."""
+
+
+@dataclass(frozen=True)
+class Disable:
+    """Current to zero, then drop the enable line; the sensors keep their reference."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """Run a trajectory, or go over to it from the one that runs.
+
+    ``endless`` keeps going after the trajectory's duration, until ``Finish``.
+    """
+
+    trajectory: Mapping[str, Any]
+    endless: bool = False
+
+
+@dataclass(frozen=True)
+class Approach:
+    """Wind slowly until the load cell shows ``force`` (N), and stay there; at most to ``limit`` (rad)."""
+
+    force: float
+    speed: float
+    limit: float
+
+
+@dataclass(frozen=True)
+class Finish:
+    """Bring the motor to rest softly; the amplifier stays enabled."""
+
+
+@dataclass(frozen=True)
+class Release:
+    """Open the latch of a stop."""
+
+
+@dataclass(frozen=True)
+class Reset:
+    """Acknowledge a fault."""
+
+
+@dataclass(frozen=True)
+class Quit:
+    """End the loop: zero output, enable low, device given back."""
+
+
+Command = Initialise | Tare | SetUp | Enable | Disable | Start | Approach | Finish | Release | Reset | Quit

@@ -1,0 +1,407 @@
+"""The control loop: one exchange with the device a cycle, and everything that follows from it.
+
+The loop knows no window, no file and no wall clock: its time is the sample index over the rate. It runs in
+a process of its own (``process.py``) or is stepped on a virtual clock (``inline.py``); the code is the same.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+
+from fingerlab.acquisition.averaging import AVERAGE_S, Averaging
+from fingerlab.acquisition.board import Board, Number, Slot, Text
+from fingerlab.acquisition.checks import Reading, Watchdog
+from fingerlab.acquisition.commands import (
+    Approach,
+    Command,
+    Disable,
+    Enable,
+    Finish,
+    Initialise,
+    Quit,
+    Release,
+    Reset,
+    SetUp,
+    Tare,
+)
+from fingerlab.acquisition.control import Gains, PositionLoop, slowed
+from fingerlab.acquisition.machine import Event, Machine, Mode
+from fingerlab.acquisition.publishing import Publisher
+from fingerlab.acquisition.reading import Reader
+from fingerlab.acquisition.reference import Reference
+from fingerlab.acquisition.requests import LoopSettings, ReadyStart, Refused, prepare
+from fingerlab.acquisition.ring import Ring
+from fingerlab.acquisition.safety import Safety, safety_checks
+from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost, cycles_per_command
+from fingerlab.errors import UserError
+
+FAREWELL_S = 0.5
+"""The loop goes on reading for this long after its window is lost, so that the stop is recorded (assumed)."""
+
+SAFE_TRIES = 50
+"""How often zero output is tried before the device is given up."""
+
+CURRENT_MARGIN = 0.95
+"""The position loop stays below the current limit, so that only a fault can reach it (assumed)."""
+
+
+class ControlLoop:
+    """Drives one device.
+
+    Args:
+        clock: seconds, for the measured cycle time only; None on a virtual clock.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        settings: LoopSettings,
+        ring: Ring,
+        board: Board,
+        clock: Callable[[], float] | None = None,
+    ) -> None:
+        self.device, self.settings = device, settings
+        self.machine = Machine()
+        self.ended = False
+        self._board = board
+        self._publisher = Publisher(ring, board, 1.0 / device.rate_hz)
+        self._period = 1.0 / device.rate_hz
+        self._hold = cycles_per_command(device)
+        gains = self._gains(settings)
+        self._controller = PositionLoop(gains, self._period * self._hold)
+        self._reference = Reference(self._period)
+        self._reader = Reader(settings.units, self._period, clock)
+        self._commands: deque[tuple[int, Command | ReadyStart | Refused]] = deque()
+        self._averaging: Averaging | None = None
+        self._approach: Approach | None = None
+        self._lost_process = ""
+        self._quit_at = math.inf
+        self._restart = False
+        self._stops = board[Slot.STOP_REQUESTS]
+        self._recorder_errors = board[Slot.RECORDER_ERRORS]
+        self._dogs = self._watchdogs(settings)
+        self._amps = self._volts = 0.0
+        self._faults = self._run = 0
+        self._safety: Safety
+        self._set_up(SetUp())
+
+    def open(self) -> None:
+        """Open and start the device. Raises DeviceLost, DeviceFault."""
+        self.device.open()
+        self.device.start()
+        self._board.set_text(Text.DEVICE, self.device.name)
+        self._board[Slot.LOOP_READY] = 1
+
+    def submit(self, number: int, command: Command) -> None:
+        """Ask for something; answered in the board under ``number``. May be called from another thread."""
+        self._commands.append((number, prepare(command, self.settings.limits)))
+
+    def lose(self, sentence: str, farewell: bool) -> None:
+        """Another process is gone. With ``farewell`` the loop ends soon. May be called from a thread."""
+        if farewell:
+            self._quit_at = min(self._quit_at, self._reader.index + FAREWELL_S / self._period)
+        self._lost_process = sentence
+
+    def run(self) -> None:
+        """Cycle until told to quit; whatever happens, the motor has no current afterwards."""
+        try:
+            while not self.ended:
+                self.cycle()
+        except BaseException as error:
+            self._fault(f"The control loop broke off ({type(error).__name__}: {error}).")
+            raise
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Zero output, enable low, device given back."""
+        self.ended = True
+        confirmed = self._make_safe()
+        self.device.close()
+        self._become(Event.DISABLE)
+        self._board[Slot.SAFE] = int(confirmed)
+        self._board[Slot.LOOP_ENDED] = 1
+
+    def cycle(self) -> None:
+        """One sample: read it, judge it, obey, steer, publish."""
+        if self._restart and not self._start_again():
+            return
+        try:
+            sample = self.device.exchange(self._volts)
+        except DeviceLost as error:
+            self._lose_device(str(error))
+            return
+        except DeviceFault as error:
+            self._fault(str(error))
+            return
+        reading = self._reader.read(sample, self._reference.value)
+        sentence = self._complaint(reading)
+        if sentence:
+            self._fault(sentence)
+        self._obey(reading)
+        self._steer(reading)
+        run = self._run if self.machine.command_allowed else 0
+        self._publisher.publish(reading, self.machine, self._reference.value, self._amps, run)
+        if reading.index >= self._quit_at:
+            self.ended = True
+
+    def _complaint(self, reading: Reading) -> str | None:
+        """Why the motor may not go on, or None."""
+        if self._lost_process:
+            sentence, self._lost_process = self._lost_process, ""
+            return sentence
+        errors = self._board[Slot.RECORDER_ERRORS]
+        failed, self._recorder_errors = errors != self._recorder_errors, errors
+        if not self.machine.enable_allowed:
+            return None
+        if failed:
+            return self._board.text(Text.RECORDER)
+        for slot, dog in self._dogs:
+            sentence = dog.fault(self._board[slot], reading.index) or ""
+            if sentence:
+                return sentence
+        return self._safety.fault(reading)
+
+    def _obey(self, reading: Reading) -> None:
+        stops = self._board[Slot.STOP_REQUESTS]
+        if stops != self._stops:
+            self._stops = stops
+            self._stop()
+        if self._averaging is not None and self._averaging.add(reading):
+            self._finish_averaging()
+        while self._commands and self._averaging is None:
+            number, command = self._commands.popleft()
+            self._do(number, command, reading)
+
+    def _steer(self, reading: Reading) -> None:
+        """Set value for the next cycle."""
+        if not self.machine.command_allowed:
+            self._amps = self._volts = 0.0
+            self._reference.value = reading.position
+            return
+        reference = self._reference
+        for _ in range(1 + reading.lost):  # time is the sample index: lost cycles have passed
+            reference.next()
+        if self._approach is not None:
+            self._follow_approach(reading)
+        if reference.over:
+            self._end_of_trajectory()
+        if not self.machine.command_allowed:
+            self._amps = self._volts = 0.0
+        elif self._hold == 1 or reading.index % self._hold == 0:
+            self._amps = self._controller.command(reference.value - reading.position)
+            units = self.settings.units
+            volts = self._amps / units.amps_per_volt
+            self._volts = min(max(volts, units.low_volts), units.high_volts)
+
+    def _do(self, number: int, command: Command | ReadyStart | Refused, reading: Reading) -> None:
+        sentence = ""
+        try:
+            if isinstance(command, Refused):
+                sentence = command.sentence
+            elif isinstance(command, Initialise | Tare):
+                sentence = self._begin_averaging(number, command)
+                if not sentence:
+                    return  # answered when the mean is taken
+            elif isinstance(command, SetUp):
+                sentence = self._set_up(command)
+            elif isinstance(command, ReadyStart | Approach):
+                sentence = self._start(command, reading)
+            elif isinstance(command, Quit):
+                self.ended = True
+            else:
+                sentence = self._event(command)
+        except UserError as error:
+            sentence = str(error)
+        except DeviceLost as error:
+            sentence = str(error)
+            self._lose_device(sentence)
+        except DeviceFault as error:
+            sentence = str(error)
+            self._fault(sentence)
+        self._answer(number, sentence)
+
+    def _event(self, command: Command | ReadyStart | Refused) -> str:
+        event = _EVENTS[type(command)]
+        refusal = self.machine.refusal(event)
+        if refusal:
+            return refusal
+        if event is Event.ENABLE:
+            self._safety.reset()
+            for _, dog in self._dogs:
+                dog.reset()
+            self.device.set_enable(True)
+            self._board[Slot.ENABLE_LINE] = 1
+        elif event is Event.DISABLE:
+            self._amps = self._volts = 0.0
+            self.device.set_enable(False)
+            self._board[Slot.ENABLE_LINE] = 0
+        elif event is Event.FINISH:
+            self._rest()
+            return ""
+        elif event is Event.RESET:
+            self._board.set_text(Text.FAULT, "")
+        self._become(event)
+        return ""
+
+    def _start(self, command: ReadyStart | Approach, reading: Reading) -> str:
+        refusal = self.machine.refusal(Event.RUN)
+        if refusal:
+            return refusal
+        moving = self.machine.mode is Mode.RUNNING
+        self._approach = command if isinstance(command, Approach) else None
+        self._board[Slot.APPROACHED] = 0
+        if not moving:
+            self._controller.reset()
+            self._reference.begin(reading.position)
+        if isinstance(command, Approach):
+            self._reference.wind(command.speed, command.limit)
+        elif moving:
+            self._reference.change(command.trajectory, command.endless)
+        else:
+            self._reference.start(command.trajectory, reading.position, command.endless)
+        self._become(Event.RUN)
+        self._run += 1
+        self._board[Slot.RUN_START] = reading.index
+        self._board[Slot.RUN] = self._run
+        self._board[Slot.RUN_ACTIVE] = 1
+        return ""
+
+    def _follow_approach(self, reading: Reading) -> None:
+        assert self._approach is not None
+        if reading.force >= self._approach.force:
+            # Where the motor is, not where it was told to be: the loop's integral makes the two agree.
+            self._reference.hold(reading.position)
+            self._board.set_number(Number.APPROACH, reading.position)
+            self._board[Slot.APPROACHED] = 1
+            self._approach = None
+        elif self._reference.over:
+            self._board[Slot.APPROACHED] = -1
+
+    def _end_of_trajectory(self) -> None:
+        if self.machine.mode is Mode.RUNNING:
+            self._rest()
+        else:
+            self._become(Event.REST)
+
+    def _rest(self) -> None:
+        self._approach = None
+        self._reference.rest()
+        self._board[Slot.RUN_ACTIVE] = 0
+        self._become(Event.FINISH)
+
+    def _stop(self) -> None:
+        self._make_safe()
+        self._become(Event.STOP)
+        self._forget()
+
+    def _fault(self, sentence: str) -> None:
+        if not self._make_safe():
+            sentence += " Zero output could not be confirmed: switch the amplifier off by hand."
+        self._become(Event.FAULT)
+        self._forget()
+        self._faults += 1
+        self._board.set_text(Text.FAULT, sentence)
+        self._board[Slot.FAULTS] = self._faults
+
+    def _lose_device(self, sentence: str) -> None:
+        self._fault(sentence)
+        self.ended = True
+
+    def _forget(self) -> None:
+        """What was under way has ended."""
+        self._approach = None
+        self._board[Slot.RUN_ACTIVE] = 0
+        if self._averaging is not None:
+            number, self._averaging = self._averaging.number, None
+            self._answer(number, "The bench was stopped meanwhile; try again.")
+
+    def _make_safe(self) -> bool:
+        self._amps = self._volts = 0.0
+        confirmed = self.device.make_safe()
+        for _ in range(SAFE_TRIES):
+            if confirmed:
+                break
+            confirmed = self.device.make_safe()
+        self._board[Slot.ENABLE_LINE] = 0
+        self._restart = True
+        return confirmed
+
+    def _start_again(self) -> bool:
+        """After zero output the device's clock stands; set it going to see the bench again."""
+        self._restart = False
+        try:
+            self.device.start()
+        except (DeviceLost, DeviceFault) as error:
+            self._lose_device(str(error))
+            return False
+        self._reader.restarted()
+        return True
+
+    def _begin_averaging(self, number: int, command: Initialise | Tare) -> str:
+        if isinstance(command, Initialise):
+            refusal = self.machine.refusal(Event.INITIALISE)
+            if refusal:
+                return refusal
+        elif self.machine.command_allowed:
+            return "The motor is running; reset the load cell at rest, with nothing on it."
+        self._averaging = Averaging(number, command, round(AVERAGE_S / self._period))
+        return ""
+
+    def _finish_averaging(self) -> None:
+        averaging, self._averaging = self._averaging, None
+        assert averaging is not None
+        sentence = averaging.finish(self._reader.zeros)
+        if not sentence and isinstance(averaging.what, Initialise):
+            self._become(Event.INITIALISE)
+            self._reader.forget_speed()
+        self._answer(averaging.number, sentence)
+
+    def _set_up(self, command: SetUp) -> str:
+        if self.machine.enable_allowed:
+            return "The amplifier is enabled; disable it before the cable or the mode is changed."
+        change = getattr(self.device, "set_up", None)
+        if change is not None and self._reader.index >= 0:
+            change(command.phase, command.cable, command.load_torque)
+        self._safety = safety_checks(
+            self.settings.limits,
+            self.device.rate_hz,
+            finger=command.phase in ("on_air", "contact"),
+            force=command.phase == "contact",
+        )
+        return ""
+
+    def _become(self, event: Event) -> None:
+        self.machine = self.machine.after(event)
+        self._board[Slot.MODE] = self.machine.mode
+        self._board[Slot.LATCHED] = int(self.machine.latched)
+
+    def _answer(self, number: int, sentence: str) -> None:
+        self._board.set_text(Text.ANSWER, sentence)
+        self._board[Slot.ACK] = number
+
+    def _gains(self, settings: LoopSettings) -> Gains:
+        gains = settings.gains if self._hold == 1 else slowed(settings.gains, self._hold)
+        most = min(gains.current_limit, CURRENT_MARGIN * settings.limits.current)
+        return Gains(gains.proportional, gains.integral, gains.derivative, gains.derivative_cutoff_hz, most)
+
+    def _watchdogs(self, settings: LoopSettings) -> list[tuple[Slot, Watchdog]]:
+        limits, dogs = settings.limits, []
+        if settings.watch_window:
+            samples = round(limits.window_time / self._period)
+            dogs.append((Slot.WINDOW_BEAT, Watchdog("window", samples)))
+        if settings.watch_recorder:
+            samples = round(limits.recorder_time / self._period)
+            dogs.append((Slot.RECORDER_BEAT, Watchdog("recorder", samples)))
+        return dogs
+
+
+_EVENTS: dict[type, Event] = {
+    Enable: Event.ENABLE,
+    Disable: Event.DISABLE,
+    Finish: Event.FINISH,
+    Release: Event.RELEASE,
+    Reset: Event.RESET,
+}

@@ -1,0 +1,70 @@
+"""What the loop is told at its start, and the part of a request that takes time, done outside of a cycle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fingerlab.acquisition.commands import Command, Start
+from fingerlab.acquisition.control import Gains
+from fingerlab.acquisition.safety import Limits
+from fingerlab.acquisition.trajectories import Trajectory, read_trajectory
+from fingerlab.acquisition.units import BenchUnits
+from fingerlab.errors import UserError
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """What the loop has to know of the bench; plain values, so that they travel to its process."""
+
+    units: BenchUnits
+    limits: Limits
+    gains: Gains = field(default_factory=Gains)
+    watch_window: bool = True
+    watch_recorder: bool = True
+
+
+@dataclass(frozen=True)
+class ReadyStart:
+    """A trajectory that has been read and found within the limits."""
+
+    trajectory: Trajectory
+    endless: bool
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A command that is impossible whatever the state."""
+
+    sentence: str
+
+
+def prepare(command: Command, limits: Limits) -> Command | ReadyStart | Refused:
+    """The part of a command that takes time, done outside of the control loop's cycle."""
+    if not isinstance(command, Start):
+        return command
+    try:
+        trajectory = read_trajectory(command.trajectory)
+        _check_range(trajectory, limits)
+    except UserError as error:
+        return Refused(str(error))
+    return ReadyStart(trajectory, command.endless)
+
+
+def _check_range(trajectory: Trajectory, limits: Limits) -> None:
+    time = np.arange(0.0, min(trajectory.duration, 600.0), 2e-3)
+    command = trajectory.command(time)
+    low, high = float(command.min()), float(command.max())
+    if low < limits.position_low or high > limits.position_high:
+        raise UserError(
+            f"The trajectory goes from {math.degrees(low):.4g}° to {math.degrees(high):.4g}°; the limits are "
+            f"{math.degrees(limits.position_low):.4g}° to {math.degrees(limits.position_high):.4g}°."
+        )
+    speed = float(np.abs(np.diff(command)).max(initial=0.0)) / 2e-3
+    if speed > limits.speed:
+        raise UserError(
+            f"The trajectory moves at up to {math.degrees(speed):.4g} °/s; the limit is "
+            f"{math.degrees(limits.speed):.4g} °/s."
+        )
