@@ -26,6 +26,7 @@ COMMANDS = {
     "fit": ("fingerlab.cli.fit:fit", "Fit moment arms and friction losses."),
     "predict": ("fingerlab.cli.predict:predict", "Predict the endpoint force of contact runs."),
     "diagnose": ("fingerlab.cli.diagnose:diagnose", "Tell which physical effect the model is missing."),
+    "batch": ("fingerlab.cli.batch:batch", "Diagnose every session below a folder."),
     "effects": ("fingerlab.cli.effects:effects", "List the catalogue, and let in effects of your own."),
     "replicate": ("fingerlab.cli.replicate:replicate", "Repeat the thesis' experiment on the simulated rig."),
     "report": ("fingerlab.cli.report:report", "Write the whole comparison as one page."),

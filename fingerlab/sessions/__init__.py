@@ -3,7 +3,7 @@
 from fingerlab.sessions.check import CheckReport, Finding, check_session
 from fingerlab.sessions.copying import copy_session
 from fingerlab.sessions.model import Run, Session
-from fingerlab.sessions.reading import content_hash, open_session
+from fingerlab.sessions.reading import content_hash, file_hash, open_session
 from fingerlab.sessions.writing import SessionWriter
 
 __all__ = [
@@ -15,5 +15,6 @@ __all__ = [
     "check_session",
     "content_hash",
     "copy_session",
+    "file_hash",
     "open_session",
 ]

@@ -75,13 +75,22 @@ def content_hash(session: Session) -> str:
     Raises:
         UserError: the file can no longer be read.
     """
+    return file_hash(session.path)
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file in hexadecimal, whatever it holds.
+
+    Raises:
+        UserError: the file can no longer be read.
+    """
     digest = hashlib.sha256()
     try:
-        with session.path.open("rb") as file:
+        with path.open("rb") as file:
             while block := file.read(1 << 20):
                 digest.update(block)
     except OSError as error:
-        raise UserError(f"{session.path} cannot be read ({error.strerror}); put it back.") from None
+        raise UserError(f"{path} cannot be read ({error.strerror}); put it back.") from None
     return digest.hexdigest()
 
 

@@ -1,0 +1,189 @@
+"""A batch: which sessions are still to do, their diagnoses as they come, and the table at the end."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from fingerlab.batch.rows import SOFTWARE, Options, Outcome, Row, Task
+from fingerlab.batch.runners import Runner
+from fingerlab.batch.table import (
+    Contents,
+    Parts,
+    complete,
+    in_order_of_time,
+    read_table,
+    units_of,
+    write_table,
+)
+from fingerlab.errors import Cancelled, UserError
+from fingerlab.sessions import file_hash
+
+ENDINGS = (".h5", ".hdf5")
+HASHING_THREADS = 4
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class BatchResult:
+    """The table as it is now.
+
+    Attributes:
+        contents: all rows, in order of time.
+        done: sessions diagnosed by this call. kept: those that were in the table already.
+        outdated: of the sessions done, those that an older version or other own effects had done before.
+        gone: rows of sessions that are no longer below the folder.
+    """
+
+    contents: Contents
+    done: int
+    kept: int
+    outdated: int
+    gone: int
+
+    @property
+    def failed(self) -> tuple[Row, ...]:
+        """Rows of sessions that could not be diagnosed."""
+        return tuple(row for row in self.contents.rows if row.get("error"))
+
+
+def find_sessions(folder: Path) -> list[Task]:
+    """Every session file below the folder, by name; folders are not followed through links.
+
+    Raises:
+        UserError: there is no such folder, or no session in it.
+    """
+    if not folder.is_dir():
+        raise UserError(f"{folder} is not a folder; give the folder that holds the sessions.")
+    found = []
+    for place, folders, names in os.walk(folder):
+        folders.sort()
+        for name in names:
+            path = Path(place) / name
+            if path.suffix.lower() in ENDINGS:
+                found.append(Task(str(path.resolve()), path.relative_to(folder).as_posix()))
+    if not found:
+        raise UserError(f"There is no session below {folder}; session files end in {' or '.join(ENDINGS)}.")
+    return sorted(found, key=lambda task: task.name)
+
+
+def run_batch(
+    folder: Path,
+    out: Path,
+    options: Options,
+    runner: Runner,
+    retry: bool = False,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> BatchResult:
+    """Diagnose every session below ``folder`` that the table ``out`` does not hold yet, and write the table.
+
+    Args:
+        retry: whether sessions that could not be diagnosed are tried again.
+        progress: called with the share done (0 to 1) and what was done last.
+        cancelled: asked after every session; True stops, and what is done stays kept.
+
+    Raises:
+        UserError: nothing to do, the table is not ours or of another batch, a place cannot be written to.
+        Cancelled: ``cancelled`` answered True.
+    """
+    tasks = find_sessions(folder)
+    if not out.parent.is_dir():
+        raise UserError(f"The folder {out.parent} does not exist; make it first or choose another place.")
+    told = progress or _silent
+    table = read_table(out)
+    told(0.0, f"reading {len(tasks)} sessions")
+    hashes = _hashes(tasks)
+    if table is not None:
+        _refuse_other(out, table, folder, options, hashes)
+    before = table or Contents(str(folder.resolve()), options.added)
+    parts = Parts.of(out)
+    plan = _plan(tasks, hashes, [*before.rows, *(p.row for p in parts.read())], options, retry)
+    told(0.0, f"{len(plan.todo)} of {len(tasks)} sessions to do")
+    outcomes: list[Outcome] = []
+    for outcome in runner(plan.todo, options) if plan.todo else ():
+        parts.keep(outcome)
+        outcomes.append(outcome)
+        told(len(outcomes) / len(plan.todo), f"{len(outcomes)} of {len(plan.todo)}, {outcome.row['session']}")
+        if cancelled is not None and cancelled():
+            raise Cancelled
+    gone = _gone(before.rows, tasks, hashes)
+    rows = in_order_of_time([*plan.kept, *(o.row for o in outcomes), *gone])
+    units = units_of(parts.read(), before.units)
+    after = Contents(str(folder.resolve()), options.added, tuple(complete(row) for row in rows), units)
+    if table is None or after != before:
+        write_table(out, after)
+    parts.clear()
+    return BatchResult(after, len(outcomes), len(plan.kept), plan.outdated, len(gone))
+
+
+def _silent(share: float, what: str) -> None:
+    """Progress that nobody wants to see."""
+
+
+@dataclass(frozen=True)
+class _Plan:
+    todo: tuple[Task, ...]
+    kept: tuple[Row, ...]
+    outdated: int
+
+
+def _plan(
+    tasks: Sequence[Task], hashes: dict[str, str], known: Sequence[Row], options: Options, retry: bool
+) -> _Plan:
+    """What is left to do. A session is known by its content: a moved or renamed one is not done again."""
+    answers = {
+        (row["sha256"], row["software"], row["options"]): row
+        for row in known
+        if row.get("sha256") and not (retry and row.get("error"))
+    }
+    seen = {row["sha256"] for row in known if row.get("sha256") and not row.get("error")}
+    todo, kept = [], []
+    for task in tasks:
+        content = hashes.get(task.name, "")
+        answer = answers.get((content, SOFTWARE, options.key))
+        if answer is None:
+            todo.append(task)
+        else:
+            kept.append({**answer, "session": task.name})
+    return _Plan(tuple(todo), tuple(kept), sum(hashes.get(task.name) in seen for task in todo))
+
+
+def _gone(rows: Iterable[Row], tasks: Sequence[Task], hashes: dict[str, str]) -> list[Row]:
+    """Rows of the table whose session is no longer below the folder, under no name at all."""
+    names, contents = {task.name for task in tasks}, set(hashes.values())
+    return [row for row in rows if row["session"] not in names and row.get("sha256") not in contents]
+
+
+def _refuse_other(out: Path, table: Contents, folder: Path, options: Options, hashes: dict[str, str]) -> None:
+    """A table goes on only with the same question, about the same sessions."""
+    if set(table.added) != set(options.added):
+        told = " ".join(f"--add {name}" for name in table.added) or "no --add"
+        raise UserError(
+            f"{out} was made with {told}, and its answers are to another question; choose another name for "
+            "--out, or ask the same."
+        )
+    common = {row.get("sha256") for row in table.rows} & set(hashes.values())
+    if table.rows and not common and Path(table.folder) != folder.resolve():
+        raise UserError(
+            f"{out} is the table of {table.folder}, and none of its sessions is below {folder}; choose "
+            "another name for --out."
+        )
+
+
+def _hashes(tasks: Sequence[Task]) -> dict[str, str]:
+    """Content hash of each session by its name; without those that cannot be read."""
+
+    def one(task: Task) -> str:
+        try:
+            return file_hash(Path(task.path))
+        except UserError:
+            return ""
+
+    with ThreadPoolExecutor(HASHING_THREADS) as pool:
+        found = pool.map(one, tasks)
+        return {task.name: content for task, content in zip(tasks, found, strict=True) if content}

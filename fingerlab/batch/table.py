@@ -1,0 +1,200 @@
+"""The table as a file: Parquet, one row a session, and the parts that it is put together from.
+
+While a batch runs, every finished session is kept as a small JSON file in ``T.parquet.parts`` beside the
+table: a kill loses only the sessions in work. At the end table and parts are merged into a new table that
+takes the old one's place in one step, and the parts are removed. A later batch reads both.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from fingerlab.batch.rows import Outcome, Row, recorded_at
+from fingerlab.errors import UserError
+
+MARK = b"fingerlab_batch"
+SCHEMA_VERSION = 1
+PART_FORMAT = "fingerlab-batch-part"
+
+_STEP = pa.struct([("added", pa.string()), ("score", pa.float64())])
+FIXED_COLUMNS = {
+    "session": pa.string(),
+    "sha256": pa.string(),
+    "created": pa.string(),
+    "recorded": pa.timestamp("ms", tz="UTC"),
+    "title": pa.string(),
+    "operator": pa.string(),
+    "runs": pa.int32(),
+    "recorded_seconds": pa.float64(),
+    "verdict": pa.string(),
+    "probability": pa.float64(),
+    "set": pa.list_(pa.string()),
+    "first_effect": pa.string(),
+    "first_probability": pa.float64(),
+    "score": pa.float64(),
+    "final_score": pa.float64(),
+    "final_model": pa.list_(pa.string()),
+    "error_path": pa.list_(_STEP),
+    "error": pa.string(),
+    "seconds": pa.float64(),
+    "software": pa.string(),
+    "options": pa.string(),
+}
+"""Columns of every table in their order; errors and parameters, all float64, follow by name.
+
+``score`` and ``final_score`` are in multiples of the floor; ``recorded`` is ``created`` in UTC, null where
+that is no time. A column's unit is in its metadata.
+"""
+FIXED_UNITS = {"recorded_seconds": "s", "seconds": "s", "score": "1", "final_score": "1"}
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a table says of itself, its rows in order, and the unit of each column that has one."""
+
+    folder: str
+    added: tuple[str, ...]
+    rows: tuple[Row, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+def read_table(path: Path) -> Contents | None:
+    """An earlier batch's table; None where there is no file.
+
+    Raises:
+        UserError: the file is something else, or cannot be read.
+    """
+    if not path.exists():
+        return None
+    refusal = f"{path} is not a table of 'fingerlab batch' and is not touched; choose another name for --out."
+    try:
+        schema = pq.read_schema(path)
+        told = json.loads((schema.metadata or {})[MARK])
+        if told["schema"] != SCHEMA_VERSION:
+            raise UserError(
+                f"{path} has version {told['schema']} of the table; this program reads {SCHEMA_VERSION}."
+            )
+        rows = pq.read_table(path, schema=schema).drop_columns(["recorded"]).to_pylist()
+        folder, added = str(told["folder"]), tuple(str(name) for name in told["added"])
+    except OSError as error:
+        if isinstance(error, PermissionError):
+            raise UserError(f"{path} cannot be read ({error.strerror}); close it elsewhere.") from None
+        raise UserError(refusal) from None
+    except (pa.ArrowException, KeyError, ValueError, TypeError):
+        raise UserError(refusal) from None
+    units = {f.name: f.metadata[b"unit"].decode() for f in schema if f.metadata and b"unit" in f.metadata}
+    return Contents(folder, added, tuple(complete(row) for row in rows), units)
+
+
+def write_table(path: Path, contents: Contents) -> None:
+    """Write the table whole and put it in place of the old one in one step.
+
+    Raises:
+        UserError: the place cannot be written to, or another program holds the old table open.
+    """
+    others = sorted({name for row in contents.rows for name in row} - set(FIXED_COLUMNS))
+    types = FIXED_COLUMNS | dict.fromkeys(others, pa.float64())
+    units = FIXED_UNITS | dict(contents.units)
+    fields = [
+        pa.field(name, kind, metadata={"unit": units[name]} if name in units else None)
+        for name, kind in types.items()
+    ]
+    told = {"schema": SCHEMA_VERSION, "folder": contents.folder, "added": list(contents.added)}
+    schema = pa.schema(fields, metadata={MARK: json.dumps(told).encode()})
+    rows = [{**row, "recorded": recorded_at(row.get("created"))} for row in contents.rows]
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        pq.write_table(pa.Table.from_pylist(rows, schema=schema), part)
+        part.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+        raise UserError(
+            f"{path} cannot be written ({error.strerror or error}); close it elsewhere and give it room, "
+            "then start the same batch again: what is done is kept beside it."
+        ) from None
+
+
+def complete(row: Mapping[str, Any]) -> Row:
+    """The row with every fixed column, and without the parameters that only other sessions have."""
+    fixed = {name: row.get(name) for name in FIXED_COLUMNS if name != "recorded"}
+    own = {name: row[name] for name in sorted(row) if name not in FIXED_COLUMNS and row[name] is not None}
+    return fixed | own
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The folder beside the table in which results are kept as they come."""
+
+    folder: Path
+
+    @classmethod
+    def of(cls, table: Path) -> Parts:
+        return cls(table.with_name(table.name + ".parts"))
+
+    def keep(self, outcome: Outcome) -> None:
+        """Write a result, whole or not at all; an earlier one of the same session and options is replaced.
+
+        Raises:
+            UserError: the place cannot be written to.
+        """
+        key = json.dumps([outcome.row["session"], outcome.row["options"], outcome.row["software"]])
+        path = self.folder / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
+        part = path.with_suffix(f".{os.getpid()}.part")
+        text = json.dumps(
+            {"format": PART_FORMAT, "row": outcome.row, "units": outcome.units}, allow_nan=False
+        )
+        try:
+            self.folder.mkdir(exist_ok=True)
+            part.write_text(text, encoding="utf-8")
+            part.replace(path)
+        except OSError as error:
+            raise UserError(
+                f"{path} cannot be written ({error.strerror}); results are kept there until all are done, so "
+                "give the place room and write access and start the same batch again."
+            ) from None
+
+    def read(self) -> list[Outcome]:
+        """What was kept; a damaged part is as good as absent, so its session is done again."""
+        found = []
+        for path in sorted(self.folder.glob("*.json")):
+            try:
+                data = json.loads(path.read_text(encoding="utf-8"))
+                if data["format"] == PART_FORMAT and data["row"]["session"]:
+                    found.append(Outcome(dict(data["row"]), dict(data["units"])))
+            except (OSError, ValueError, KeyError, TypeError):
+                continue
+        return found
+
+    def clear(self) -> None:
+        """Remove the parts, once they are in the table."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def in_order_of_time(rows: Iterable[Row]) -> list[Row]:
+    """Rows by the time of recording, those without one last, then by name."""
+
+    def place(row: Row) -> tuple[bool, float, str]:
+        when = recorded_at(row.get("created"))
+        return when is None, 0.0 if when is None else when.timestamp(), str(row["session"])
+
+    return sorted(rows, key=place)
+
+
+def units_of(outcomes: Sequence[Outcome], known: Mapping[str, str]) -> dict[str, str]:
+    """Units of all columns, those of an earlier table included."""
+    result = dict(known)
+    for outcome in outcomes:
+        result |= outcome.units
+    return result
