@@ -1,1 +1,1 @@
-"""The NI card, through the nidaqmx package."""
+"""The real card, driven through ``nidaqmx``, which is imported only when a card is asked for."""

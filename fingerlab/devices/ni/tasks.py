@@ -1,0 +1,213 @@
+"""The timed tasks of the bench on one card: analog inputs, encoder, set value, enable line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from fingerlab.devices.ni.connection import Connection
+from fingerlab.rig_daq import Daq
+
+BUFFER_SECONDS = 4.0
+"""Length of the driver's buffer in the buffered mode: how long the program may be stalled (assumed)."""
+
+_HALF_RANGE = 2.0**31
+
+
+class Tasks:
+    """Reserved and configured tasks, not yet started.
+
+    Args:
+        single_point: one sample a cycle; otherwise blocks, and a set value that is written on demand.
+
+    Raises (at construction):
+        nidaqmx.errors.Error: the driver refuses; nothing stays reserved.
+    """
+
+    def __init__(self, connection: Connection, daq: Daq, single_point: bool) -> None:
+        self._daq = daq
+        self._open: list[Any] = []
+        self.single_point = single_point
+        self.present = [k for k, channel in enumerate(daq.inputs) if channel.terminal]
+        try:
+            self.enable = self._make(connection, "enable", self._add_enable)
+            self.output = self._make(connection, "set-value", self._add_output)
+            self.counter = self._make(connection, "encoder", self._add_encoder)
+            self.inputs = self._make(connection, "inputs", self._add_inputs) if self.present else None
+            self._bind()
+            self._commit()
+        except BaseException:
+            self.discard()
+            raise
+
+    def start(self) -> None:
+        """Start the clock, the output at zero. Counter and output come first: the analog task is the clock.
+
+        A counter that is started later would begin on another edge than the analog channels.
+        """
+        self.write_volts(0.0)
+        self.counter.start()
+        if self.single_point:
+            self.output.start()
+        if self.inputs is not None:
+            self.inputs.start()
+
+    def discard(self) -> None:
+        """Give everything back, in whatever state it is. Never raises for what the driver says."""
+        from nidaqmx.errors import DaqError, Error
+
+        while self._open:
+            task = self._open.pop()
+            try:
+                with suppress(DaqError):
+                    task.stop()
+                with suppress(DaqError):
+                    task.close()
+            except Error:
+                self._open.clear()  # no server any more: each further call would only wait for it
+
+    def total_acquired(self) -> int:
+        """Cycles of the sample clock since the start."""
+        return int(self._clock_stream.total_samp_per_chan_acquired)
+
+    def write_enable(self, on: bool) -> None:
+        """Set the enable line."""
+        self._enable_writer.write_one_sample_one_line(on == self._daq.enable.active_high)
+
+    def _make(self, connection: Connection, purpose: str, add: Callable[[Any], None]) -> Any:
+        task = connection.task(purpose)
+        self._open.append(task)
+        add(task)
+        return task
+
+    def _add_inputs(self, task: Any) -> None:
+        for k in self.present:
+            add_analog_input(task, self._daq, k)
+        self._time(task, "")
+
+    def _add_encoder(self, task: Any) -> None:
+        from nidaqmx.constants import AngleUnits, EncoderType
+
+        encoder = self._daq.encoder
+        task.ci_channels.add_ci_ang_encoder_chan(
+            f"{self._daq.device}/{encoder.terminal}",
+            decoding_type=EncoderType.X_4,
+            zidx_enable=encoder.index,
+            units=AngleUnits.TICKS,
+            pulses_per_rev=max(1, round(encoder.counts_per_turn / 4.0)),
+        )
+        self._time(task, self._shared_clock)
+
+    def _add_output(self, task: Any) -> None:
+        add_output(task, self._daq)
+        if self.single_point:
+            self._time(task, self._shared_clock)
+
+    def _add_enable(self, task: Any) -> None:
+        add_enable(task, self._daq)
+
+    @property
+    def _shared_clock(self) -> str:
+        return f"/{self._daq.device}/ai/SampleClock" if self.present else ""
+
+    def _time(self, task: Any, source: str) -> None:
+        from nidaqmx.constants import AcquisitionType
+
+        # ASSUMPTION paced-by-the-card: in single-point mode the blocking read is what paces the loop.
+        mode = AcquisitionType.HW_TIMED_SINGLE_POINT if self.single_point else AcquisitionType.CONTINUOUS
+        task.timing.cfg_samp_clk_timing(
+            self._daq.rate_hz,
+            source=source,
+            sample_mode=mode,
+            samps_per_chan=round(BUFFER_SECONDS * self._daq.rate_hz),
+        )
+
+    def _bind(self) -> None:
+        """Readers and writers; a ``Task.read`` costs a dozen calls, these one each."""
+        from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader
+        from nidaqmx.stream_writers import AnalogSingleChannelWriter, DigitalSingleChannelWriter
+
+        counter = CounterReader(self.counter.in_stream)
+        counter.verify_array_shape = False
+        output = AnalogSingleChannelWriter(self.output.out_stream, auto_start=not self.single_point)
+        self._enable_writer = DigitalSingleChannelWriter(self.enable.out_stream, auto_start=True)
+        self.write_volts: Callable[[float], None] = output.write_one_sample
+        self.read_count: Callable[[float], float] = counter.read_one_sample_double
+        self.read_counts = counter.read_many_sample_double
+        self._clock_stream = (self.inputs or self.counter).in_stream
+        if self.inputs is not None:
+            analog = AnalogMultiChannelReader(self.inputs.in_stream)
+            analog.verify_array_shape = False
+            self.read_volts = analog.read_one_sample
+            self.read_blocks = analog.read_many_sample
+        # The driver's own interpreter takes C-contiguous arrays only.
+        self.volts = np.zeros(len(self.present))
+        self.block_volts = np.zeros((len(self.present), self._daq.block))
+        self.block_counts = np.zeros(self._daq.block)
+
+    def _commit(self) -> None:
+        """Reserve now: a refusal comes at opening, not when the motor is to move."""
+        from nidaqmx.constants import TaskMode
+
+        for task in self._open:
+            task.control(TaskMode.TASK_COMMIT)
+
+
+def add_analog_input(task: Any, daq: Daq, k: int) -> None:
+    """Add the ``k``-th raw channel to a task."""
+    from nidaqmx.constants import TerminalConfiguration
+
+    wiring = {
+        "default": TerminalConfiguration.DEFAULT,
+        "rse": TerminalConfiguration.RSE,
+        "nrse": TerminalConfiguration.NRSE,
+        "diff": TerminalConfiguration.DIFF,
+        "pseudodiff": TerminalConfiguration.PSEUDO_DIFF,
+    }
+    channel = daq.inputs[k]
+    task.ai_channels.add_ai_voltage_chan(
+        f"{daq.device}/{channel.terminal}",
+        terminal_config=wiring[channel.wiring],
+        min_val=channel.low,
+        max_val=channel.high,
+    )
+
+
+def add_output(task: Any, daq: Daq) -> None:
+    """Add the amplifier's set value to a task."""
+    task.ao_channels.add_ao_voltage_chan(
+        f"{daq.device}/{daq.command.terminal}", min_val=daq.command.low, max_val=daq.command.high
+    )
+
+
+def add_enable(task: Any, daq: Daq) -> None:
+    """Add the enable line to a task."""
+    task.do_channels.add_do_chan(f"{daq.device}/{daq.enable.terminal}")
+
+
+def signed_counts(counts: float) -> float:
+    """Counts of a 32-bit counter that may have turned below zero."""
+    return counts - 2.0 * _HALF_RANGE if counts >= _HALF_RANGE else counts
+
+
+def whole_rows(block: Any, read: int) -> bool:
+    """Whether the first ``read`` columns of a block that was filled with NaN hold the samples.
+
+    After a partial read the driver's manual does not say where the samples of the second channel begin;
+    a block of which this cannot be told is not believed.
+    """
+    return not np.isnan(block[:, :read]).any() and bool(np.isnan(block[:, read:]).all())
+
+
+def packed(block: Any, read: int) -> Any | None:
+    """The samples of a partly read block, shape (channels, read), or None where they cannot be told apart."""
+    channels = block.shape[0]
+    if whole_rows(block, read):
+        return block[:, :read].copy()
+    flat = block.reshape(-1)
+    if not np.isnan(flat[: channels * read]).any() and np.isnan(flat[channels * read :]).all():
+        return flat[: channels * read].reshape(channels, read).copy()
+    return None
