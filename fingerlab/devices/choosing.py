@@ -1,0 +1,107 @@
+"""Which device to use, as plain values: another process can be handed the choice and build the device."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fingerlab.devices.clock import Clock, RealClock
+from fingerlab.devices.detect import SIMULATED, detect
+from fingerlab.devices.faults import Faults
+from fingerlab.devices.protocol import Device
+from fingerlab.errors import UserError
+from fingerlab.rig import Rig
+from fingerlab.rig_daq import plain_section
+from fingerlab.rig_file import default_rig
+
+if TYPE_CHECKING:
+    from fingerlab.devices.simulated import Simulation
+
+REPLAY = "replay"
+CARD = "card"
+
+
+@dataclass(frozen=True)
+class DeviceChoice:
+    """A device before it is built; can be pickled.
+
+    Attributes:
+        kind: ``card``, ``simulated`` or ``replay``.
+        rig: whose wiring is used; for the simulated rig None means its own, a replay has its session's.
+        simulation, faults: of the simulated rig. session, run: of a replay.
+        real_time: paced by the machine's clock, else as fast as possible (simulated rig and replay).
+    """
+
+    kind: str
+    rig: Rig | None = None
+    simulation: Simulation | None = None
+    faults: Faults = field(default_factory=Faults)
+    session: Path | None = None
+    run: str | None = None
+    real_time: bool = True
+
+    def build(self, clock: Clock | None = None) -> Device:
+        """The device, not yet open.
+
+        Args:
+            clock: instead of the machine's, for tests.
+
+        Raises:
+            UserError: the session, preset or wiring is impossible.
+        """
+        pace = clock or (RealClock() if self.real_time else None)
+        if self.kind == CARD:
+            from fingerlab.devices.ni.card import NiCard
+
+            return NiCard(self.rig or default_rig(), clock)
+        if self.kind == REPLAY:
+            from fingerlab.devices.replay import Replay
+
+            if self.session is None:
+                raise UserError("A replay needs a session file; give replay:FILE or replay:FILE#RUN.")
+            return Replay(self.session, self.run, pace)
+        from fingerlab.devices.simulated import SimulatedRig
+
+        return SimulatedRig(self.rig, self.simulation, self.faults, pace)
+
+
+def choose_device(
+    name: str | None, rig: Rig | None = None, simulation: Simulation | None = None, real_time: bool = True
+) -> DeviceChoice:
+    """The device that a name of the command line or of the window means.
+
+    Args:
+        name: ``simulated``; ``replay:FILE`` or ``replay:FILE#RUN``; the name of a card (``Dev1``, or
+            ``host:port/Dev1`` behind a device server); None for the first one that is found.
+        rig: names the card, its terminals and scaling; the default rig where it is None.
+
+    Raises:
+        UserError: the name means nothing.
+    """
+    if name is None:
+        found = next((one for one in detect(rig) if one.available), None)
+        if found is None:
+            raise UserError("No device can be used, not even the simulated rig; reinstall FingerLab.")
+        name = found.name
+    if name == SIMULATED:
+        return DeviceChoice(SIMULATED, rig, simulation, real_time=real_time)
+    if name.startswith(f"{REPLAY}:"):
+        path, _, run = name.removeprefix(f"{REPLAY}:").partition("#")
+        if not path:
+            raise UserError("A replay needs a session file; give replay:FILE or replay:FILE#RUN.")
+        return DeviceChoice(REPLAY, session=Path(path), run=run or None, real_time=real_time)
+    server, slash, card = name.rpartition("/")
+    if not card or (slash and ":" not in server):
+        raise UserError(
+            f"There is no device {name!r}; give 'simulated', 'replay:FILE', or a card such as 'Dev1' or "
+            "'host:31763/Dev1'."
+        )
+    return DeviceChoice(CARD, _naming(rig or default_rig(), card, server if slash else None))
+
+
+def _naming(rig: Rig, card: str, server: str | None) -> Rig:
+    """The rig with another card; another server only where one is named."""
+    daq = replace(rig.daq, device=card, server=rig.daq.server if server is None else server)
+    extra: dict[str, Any] = {**rig.extra, "daq": plain_section(daq)}
+    return replace(rig, extra=extra)
