@@ -157,6 +157,8 @@ def _fill_drive(plant: Any, preset: Preset, truth: Truth, cable: str) -> None:
     if cable != "none":
         plant["arm_1"], plant["arm_2"] = truth.arms[cable]
         plant["slack"] = numbers["slack"] + truth.pretravel[cable]
+        # The dorsal cable lies on the knuckles, the palmar one spans them: each bends by its own angle.
+        plant["wrap"] = numbers["wrap"][0 if cable == "extension" else 1]
     plant["cable_stiffness"] = numbers["stiffness"]
     plant["cable_damping"] = numbers["stiffness"] * numbers["damping_time"]
     plant["sheath_stiffness"] = numbers["sheath_stiffness"]

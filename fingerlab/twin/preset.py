@@ -26,6 +26,7 @@ SECTIONS: dict[str, dict[str, int]] = {
         "pretravel": 1,
         "scatter": 1,
         "sheath_stiffness": 1,
+        "wrap": 2,
     },
     "joints": {"viscous": 2, "wander": 1},
     "motor": {"inertia": 1, "viscous": 1, "current_lag": 1},
