@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.display import Display
 from fingerlab.identify.diagnosis.errors import equation_errors
-from fingerlab.identify.diagnosis.evidence import Evidence, alike, justified
+from fingerlab.identify.diagnosis.evidence import Evidence, alike, distrusted, justified
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.next_experiment import propose
 from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
@@ -104,6 +104,8 @@ def _diagnose(
     evidence = weigh(study, base, effects, watch)
     first_weights = study.weights
     path = forward(study, evidence, effects, len(given), Watch(scale.part(0.7, 0.95), cancelled))
+    if len(path) == 1 and _verdict(evidence) == "missing_effect":
+        evidence = distrusted(evidence)
     if len(path) > 2:  # every score of an answer is told in the floors of the same, last model
         evidence = rescore(study, evidence)
     else:

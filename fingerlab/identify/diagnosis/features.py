@@ -40,8 +40,8 @@ TOUCHING_FORCE_N = 0.2
 """Force from which the tip is held by the load cell, N; assumed: ten times its noise."""
 
 
-TIP_STICKING_TRAVEL_M = 1e-4
-"""Travel over which friction at the tip builds up, m: a few angle steps at the tip; assumed."""
+TIP_STICKING_TRAVEL_M = 3e-5
+"""Travel over which friction at the tip builds up, m: about one angle step at the tip; assumed."""
 
 
 @dataclass(frozen=True)

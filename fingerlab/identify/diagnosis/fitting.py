@@ -288,10 +288,22 @@ def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array, outwards
     return None
 
 
-def row_covariance(model: Model, values: Array, group: Group, matrix: Array, samples: float) -> Array:
-    """Covariance (5, 5) of the equations' residuals from a matrix of feature products over ``samples``."""
+def row_covariance(
+    model: Model,
+    values: Array,
+    group: Group,
+    matrix: Array,
+    samples: float,
+    only: BoolArray | None = None,
+) -> Array:
+    """Covariance (5, 5) of the equations' residuals from a matrix of feature products over ``samples``.
+
+    ``only`` picks active features, (k,); None takes all.
+    """
     rows = model.rows
     h = model.features(values, group)
+    if only is not None:
+        h = np.where(only, h, 0.0)
     spread = np.zeros((len(h), len(Row)))
     spread[np.arange(len(h)), rows] = h
     covariance = spread.T @ matrix[model.chosen] @ spread

@@ -12,7 +12,7 @@ from fingerlab.identify.diagnosis.evidence import Evidence, judge, justified
 from fingerlab.identify.diagnosis.fitting import Weights
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.reduction import Progress
-from fingerlab.identify.diagnosis.sketch import Sketch
+from fingerlab.identify.diagnosis.sketch import Promise, Sketch
 from fingerlab.identify.diagnosis.study import Study, Trial
 from fingerlab.physics.effects.base import Effect
 
@@ -62,16 +62,28 @@ def screen(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch) -
         watch.tell(number / len(rest), f"trying {effect.title.lower()}")
         promise = promises[effect.id]
         iterations = SCREEN_ITERATIONS if promise.fall >= hopeful else 1
-        trials.append(study.fit([*given, Choice(effect, promise.shape)], base, iterations))
+        start = base
+        if promise.fall == np.inf and len(effect.shapes) > 1:
+            shapes = [study.fit([*given, Choice(effect, i)], base, 1) for i in range(len(effect.shapes))]
+            start = min(shapes, key=lambda t: t.fit.cost)
+            promise = Promise(start.model.choices[-1].shape, np.inf)
+        trials.append(study.fit([*given, Choice(effect, promise.shape)], start, iterations))
     return sorted(trials, key=lambda t: t.fit.cost)
 
 
 def refine(study: Study, trial: Trial) -> Trial:
-    """The trial fitted to the end, at its grid point or a neighbour that fits better."""
+    """The trial fitted to the end, at its grid point or where its neighbours lead to."""
     *given, last = trial.model.choices
-    neighbours = [i for i in (last.shape - 1, last.shape, last.shape + 1) if 0 <= i < len(last.effect.shapes)]
-    trials = [study.fit([*given, Choice(last.effect, i)], trial, FULL_ITERATIONS) for i in neighbours]
-    return min(trials, key=lambda t: t.fit.cost)
+    tried: dict[int, Trial] = {}
+    best = last.shape
+    while True:
+        for i in (best - 1, best, best + 1):
+            if 0 <= i < len(last.effect.shapes) and i not in tried:
+                tried[i] = study.fit([*given, Choice(last.effect, i)], trial, FULL_ITERATIONS)
+        found = min(tried, key=lambda i: tried[i].fit.cost)
+        if found == best:
+            return tried[best]
+        best = found
 
 
 def weigh(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch) -> Evidence:

@@ -30,6 +30,9 @@ from fingerlab.sessions.model import Array
 
 WANDER = 0.05
 """Friction differs from run to run by this share, one standard deviation; assumed ("some per cent")."""
+TIP_FRICTION_SPREAD = 0.3
+"""Share of its friction at the fingertip that a tip which slides holds back or adds at will, one standard
+deviation; assumed. It is as good as noise to all else: only the tip's own law could tell it."""
 LEAST_TENSION_SPREAD_N = 1e-3
 LEAST_LENGTH_SPREAD_M = 5e-7
 LEAST_TORQUE_SPREAD = 1e-6
@@ -150,8 +153,17 @@ class Study:
         return trial
 
     def _noise_weights(self, trial: Trial, group: Group) -> Array:
-        covariance = row_covariance(trial.model, trial.fit.values, group, group.noise, group.noise_samples)
+        model, values = trial.model, trial.fit.values
+        covariance = row_covariance(model, values, group, group.noise, group.noise_samples)
+        if group.key[1] == "contact":
+            covariance = covariance + TIP_FRICTION_SPREAD**2 * self._rubbing(model, values, group)
         return _inverse(covariance, self.reduced.on_bench)
+
+    def _rubbing(self, model: Model, values: Array, group: Group) -> Array:
+        """Mean products of what the tip's friction does to the equations, (5, 5)."""
+        mine = [self.reduced.layout.features[i].parameter == "lateral_rub" for i in model.active]
+        whole = np.sum([f.gram for f in group.folds], axis=0)
+        return row_covariance(model, values, group, whole, group.samples, np.array(mine))
 
     def _square(self, model: Model, values: Array, i: int, k: int | None) -> tuple[float, float]:
         """Reproducible chi-square of fold k (or all) of group i, and the independent values behind it."""

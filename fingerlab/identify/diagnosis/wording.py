@@ -36,11 +36,12 @@ def deviations(trial: Trial, heat: float) -> dict[str, float]:
     return dict(zip((u.key for u in trial.model.unknowns), (float(s) for s in spread), strict=True))
 
 
-def own_keys(effect: Effect) -> dict[str, str]:
-    """Name of each of the effect's parameters -> key of the unknown."""
+def own_keys(trial: Trial, effect: Effect) -> dict[str, str]:
+    """Name of each of the effect's parameters -> key of the unknown, as far as the trial's model has it."""
     if effect.special == "delay":
         return {"delay": "delay"}
-    return {name: f"{effect.id}.{name}" for name in effect.gains} | {name: name for name in effect.relaxes}
+    keys = {name: f"{effect.id}.{name}" for name in effect.gains} | {name: name for name in effect.relaxes}
+    return {name: key for name, key in keys.items() if key in trial.model.index}
 
 
 def parameters(trial: Trial, effect: Effect, heat: float) -> dict[str, ParameterEstimate]:
@@ -49,7 +50,7 @@ def parameters(trial: Trial, effect: Effect, heat: float) -> dict[str, Parameter
     gains = {u.key: u.gain for u in trial.model.unknowns}
     spread = deviations(trial, heat)
     result = {}
-    for name, key in own_keys(effect).items():
+    for name, key in own_keys(trial, effect).items():
         gain, value = gains[key], float(values[key])
         low = max(gain.low, value - Z90 * spread[key])
         high = min(gain.high, value + Z90 * spread[key])
@@ -69,7 +70,7 @@ def detectable(trial: Trial, effect: Effect, heat: float, slack_samples: int) ->
         return slack_samples > 0
     spread = deviations(trial, heat)
     gains = {u.key: u.gain for u in trial.model.unknowns}
-    ratios = [gains[key].typical / max(spread[key], 1e-300) for key in own_keys(effect).values()]
+    ratios = [gains[key].typical / max(spread[key], 1e-300) for key in own_keys(trial, effect).values()]
     return bool(ratios) and 0.5 * max(ratios) ** 2 > DETECTABLE_LOG_ODDS
 
 

@@ -57,17 +57,28 @@ def _backlash(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _varying_arm(motion: Motion, shape: Shape) -> list[Term]:
-    """a(theta1) = a (1 + p theta1), b(theta2) = b (1 + q theta2); first order in p and q."""
+    """a(theta1) = a (1 + p theta1), b(theta2) = b (1 + q theta2).
+
+    The growth has a part that is the same for both routings, and a part that turns with the side on which
+    the cable runs. The tension carries 1/a: its second order in p has a gain of its own, because p is not
+    small (0.4/rad over 0.6 rad takes a quarter of the arm).
+    """
     f, q = motion.finger_and_joints
     force = 0.0 if motion.force is None else motion.force
     mcp = nominal.mcp_torque(f, q).total + force * nominal.contact_lever_mcp(f, q.mcp, q.pip)
     pip = nominal.pip_torque(f, q).total + force * nominal.contact_lever_pip(f, q.mcp, q.pip)
-    return [
-        Term(Row.MCP, "growth_mcp", -mcp * q.mcp, "joint"),
-        Term(Row.PIP, "growth_pip", -pip * q.pip, "joint"),
-        Term(Row.CABLE, "growth_mcp", 0.5 * q.mcp**2, "arm_mcp"),
-        Term(Row.CABLE, "growth_pip", 0.5 * q.pip**2, "arm_pip"),
+    terms = [
+        Term(Row.MCP, "bend_mcp", mcp * q.mcp**2, "joint"),
+        Term(Row.PIP, "bend_pip", pip * q.pip**2, "joint"),
     ]
+    for name, sign in (("growth", 1.0), ("turn", float(motion.cable_sign))):
+        terms += [
+            Term(Row.MCP, f"{name}_mcp", -sign * mcp * q.mcp, "joint"),
+            Term(Row.PIP, f"{name}_pip", -sign * pip * q.pip, "joint"),
+            Term(Row.CABLE, f"{name}_mcp", 0.5 * sign * q.mcp**2, "arm_mcp"),
+            Term(Row.CABLE, f"{name}_pip", 0.5 * sign * q.pip**2, "arm_pip"),
+        ]
+    return terms
 
 
 def _capstan(motion: Motion, shape: Shape) -> list[Term]:
@@ -125,6 +136,10 @@ EFFECTS = (
         gains={
             "growth_mcp": Gain("1/rad", -1.0, 1.0, 0.2, title="growth of a with angle"),
             "growth_pip": Gain("1/rad", -1.0, 1.0, 0.2, title="growth of b with angle"),
+            "turn_mcp": Gain("1/rad", -1.0, 1.0, 0.2, title="growth of a that turns with the routing"),
+            "turn_pip": Gain("1/rad", -1.0, 1.0, 0.2, title="growth of b that turns with the routing"),
+            "bend_mcp": Gain("1/rad^2", 0.0, 1.0, 0.04, title="its square, in the torque"),
+            "bend_pip": Gain("1/rad^2", 0.0, 1.0, 0.04, title="its square, in the torque"),
         },
         columns=_varying_arm,
         coordinate="joint angle",

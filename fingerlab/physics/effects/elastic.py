@@ -45,15 +45,22 @@ def _stop(motion: Motion, shape: Shape) -> list[Term]:
     _, joints = motion.finger_and_joints
     edge = float(np.radians(shape["edge_deg"]))
 
+    side = 1.0 if edge > 0 else -1.0
+
     def beyond(angle: Array) -> Array:
-        return np.asarray(np.maximum(angle - edge, 0.0) - np.maximum(-angle - edge, 0.0))
+        return np.asarray(side * np.maximum(side * (angle - edge), 0.0))
 
     def reached(angle: Array) -> Array:
-        return np.asarray((angle > edge).astype(float) - (angle < -edge).astype(float))
+        return np.asarray(side * (side * (angle - edge) > 0))
+
+    def harder(angle: Array) -> Array:
+        return np.asarray(side * beyond(angle) ** 2)
 
     # The step moves the edge between the points of the grid: to first order, stiffness times the shift.
-    return joint_terms("stop", beyond(joints.mcp), beyond(joints.pip)) + joint_terms(
-        "shift", reached(joints.mcp), reached(joints.pip)
+    return (
+        joint_terms("stop", beyond(joints.mcp), beyond(joints.pip))
+        + joint_terms("hard", harder(joints.mcp), harder(joints.pip))
+        + joint_terms("shift", reached(joints.mcp), reached(joints.pip))
     )
 
 
@@ -109,13 +116,14 @@ EFFECTS = (
         title="Stiff end of travel",
         acts_on=("joint_torque",),
         gains=both("stop", Gain("N m/rad", 0.0, 5.0, 0.2, title="stop stiffness"))
-        | both("shift", Gain("N m", -0.02, 0.02, 0.002, title="stop stiffness times shift of the edge")),
+        | both("hard", Gain("N m/rad^2", 0.0, 50.0, 2.0, title="growth of the stop stiffness"))
+        | both("shift", Gain("N m", -0.05, 0.05, 0.002, title="stop stiffness times shift of the edge")),
         columns=_stop,
         coordinate="joint angle",
         equation=Row.PIP,
         explanation="Beyond a certain angle the joint is suddenly much stiffer.",
         reveal="a slow sine of larger amplitude",
-        shapes=tuple({"edge_deg": 2.5 * k} for k in range(5, 17)),
+        shapes=tuple({"edge_deg": 5.0 * k} for k in (*range(-8, 0), *range(2, 10))),
         shape_units={"edge_deg": "deg"},
     ),
 )

@@ -102,11 +102,6 @@ def test_where_nothing_is_missing_nothing_is_found() -> None:
     assert result.score < 1.1
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="effects beyond the best six are scored on runs that their fit has seen, the base on held-out "
-    "ones: where leaving a run out costs much, all of them look better",
-)
 def test_a_group_of_two_runs_raises_no_alarm() -> None:
     result = diagnose([made.session(made.Bench(), 1, contact=2)], with_curves=False)
     assert result.verdict == "nothing_missing"

@@ -17,19 +17,7 @@ def shortened(seconds: float = 12.0) -> list[RunPlan]:
     return [RunPlan(p.phase, p.cable, {**p.trajectory, "duration_s": seconds}) for p in plans]
 
 
-SEEN_AND_UNSEEN = pytest.mark.xfail(
-    strict=True,
-    reason="effects beyond the best six are scored on runs that their fit has seen, the base is not",
-)
-FINGERTIP = pytest.mark.xfail(
-    strict=True,
-    reason="rubbing at the fingertip leaves more than the bounds of the tangential force allow for",
-)
-
-
-@pytest.mark.parametrize(
-    "seed", [101, 102, pytest.param(103, marks=SEEN_AND_UNSEEN), pytest.param(105, marks=FINGERTIP)]
-)
+@pytest.mark.parametrize("seed", [101, 102, 103, 105])
 def test_nothing_missing_is_said_so(seed: int) -> None:
     session = simulated_session(load_preset(), "rich", shortened(), seed)
     result = diagnose([session], with_curves=False)

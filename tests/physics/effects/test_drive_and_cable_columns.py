@@ -92,9 +92,9 @@ def test_load_dependent_friction_takes_the_known_load_where_there_is_one() -> No
 
 def test_equal_directions_of_asymmetric_friction_are_coulomb_friction() -> None:
     motion = moving()
-    both = column(CATALOGUE["asymmetric_friction"].columns(motion, {}), Row.PIP)
+    both = column(CATALOGUE["asymmetric_friction"].columns(motion, SHARP), Row.PIP)
     assert both == pytest.approx(column(CATALOGUE["motor_coulomb_friction"].columns(motion, SHARP), Row.PIP))
-    winding = column(CATALOGUE["asymmetric_friction"].columns(motion, {}), Row.PIP, "winding")
+    winding = column(CATALOGUE["asymmetric_friction"].columns(motion, SHARP), Row.PIP, "winding")
     assert not winding[motion.velocity < -0.5].any()
 
 

@@ -87,15 +87,17 @@ def test_stop_is_nothing_within_and_a_spring_beyond(edge: float) -> None:
     q = moving().joints
     assert q is not None
     terms = CATALOGUE["joint_stop"].columns(moving(), {"edge_deg": edge})
-    reached = np.abs(q.pip) > np.radians(edge)
-    beyond = q.pip - np.sign(q.pip) * np.radians(edge)
+    reached = q.pip > np.radians(edge) if edge > 0 else q.pip < np.radians(edge)  # one end of the travel
+    beyond = q.pip - np.radians(edge)
     stop = column(terms, Row.PIP, "stop_pip")
     assert stop == pytest.approx(np.where(reached, beyond, 0.0), abs=1e-12)
     # An edge that lies a little further in adds stiffness times the shift, wherever it is passed.
     shift = column(terms, Row.PIP, "shift_pip")
-    nearer = q.pip - np.sign(q.pip) * (np.radians(edge) - 1e-6)
+    nearer = q.pip - np.sign(edge) * (np.radians(abs(edge)) - 1e-6)
     assert shift[reached] == pytest.approx((nearer - beyond)[reached] / 1e-6)
     assert not shift[~reached].any()
+    hard = column(terms, Row.PIP, "hard_pip")
+    assert hard == pytest.approx(np.where(reached, np.sign(edge) * beyond**2, 0.0), abs=1e-12)
 
 
 @pytest.mark.parametrize("time_constant", [0.1, 0.3, 1.0, 3.0])

@@ -1,0 +1,1 @@
+"""The full sweep of blind trials: ``python -m tests.hidden.sweep``."""

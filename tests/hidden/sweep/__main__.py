@@ -1,0 +1,84 @@
+"""``python -m tests.hidden.sweep``: all blind trials in parallel, with progress; resumable.
+
+Results go to a JSON-lines file as they come; the table is made of all of them.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+from joblib import Parallel, delayed
+from rich.console import Console
+from rich.progress import track
+from threadpoolctl import threadpool_limits
+
+from fingerlab.twin.effect_table import EFFECTS
+from tests.hidden.sweep.table import markdown, summary
+from tests.hidden.sweep.trials import Trial, nothing, outside, pairs, run, singles
+
+
+def _one(trial: Trial) -> dict[str, object]:
+    with threadpool_limits(limits=1, user_api="blas"):
+        return run(trial)
+
+
+def trials(kinds: set[str], ids: list[str], seeds: list[int]) -> list[Trial]:
+    """The sweep's trials in a fixed order, so that one that was stopped can go on."""
+    found: list[Trial] = []
+    if "rich" in kinds:
+        found += [*nothing("twin", "rich", [1000 + s for s in range(6 * len(seeds))])]
+        found += [*singles("twin", "rich", ids, seeds)]
+    if "thesis" in kinds:
+        found += [*nothing("twin", "thesis", [2000 + s for s in range(6 * len(seeds))])]
+        found += [*singles("twin", "thesis", ids, seeds)]
+    if "pairs" in kinds:
+        found += [*pairs("twin", ids, 8 * len(seeds), 3000)]
+    if "outside" in kinds:
+        found += [*outside("twin", ids, seeds[:2])]
+    if "engine" in kinds:
+        from tests.hidden.engine.session import EFFECTS as OWN
+
+        found += [*nothing("engine", "rich", seeds), *singles("engine", "rich", sorted(OWN), seeds)]
+    return found
+
+
+@click.command()
+@click.option("--kind", "kinds", multiple=True, help="rich, thesis, pairs, outside, engine; default all.")
+@click.option("--effect", "effects", multiple=True, help="Only these effects; default the whole catalogue.")
+@click.option("--seeds", default=5, show_default=True, help="Seeds for each effect and protocol.")
+@click.option("--jobs", default=-1, show_default=True, help="Processes; -1 is one for each core.")
+@click.option("--results", default="hidden-effects.jsonl", type=click.Path(path_type=Path), show_default=True)
+@click.option(
+    "--table", type=click.Path(path_type=Path), help="Markdown table, such as docs/hidden-effects.md."
+)
+@click.option("--command", default="python -m tests.hidden.sweep", hidden=True)
+def main(
+    kinds: tuple[str, ...], effects: tuple[str, ...], seeds: int, jobs: int, results: Path,
+    table: Path | None, command: str,
+) -> None:  # fmt: skip
+    """Run blind trials, and say how often the diagnosis was right."""
+    every = {"rich", "thesis", "pairs", "outside", "engine"}
+    wanted = trials(set(kinds) or every, list(effects) or list(EFFECTS), [101 + s for s in range(seeds)])
+    known: dict[str, dict[str, object]] = {}
+    if results.exists():
+        for line in results.read_text(encoding="utf-8").splitlines():
+            entry = json.loads(line)
+            known[json.dumps(entry["trial"], sort_keys=True)] = entry
+    left = [t for t in wanted if t.key not in known]
+    console = Console(stderr=True)
+    with results.open("a", encoding="utf-8") as file:
+        work = Parallel(n_jobs=jobs, return_as="generator_unordered")(delayed(_one)(t) for t in left)
+        for entry in track(work, "Blind trials", total=len(left), console=console):
+            file.write(json.dumps(entry) + "\n")
+            file.flush()
+            known[json.dumps(entry["trial"], sort_keys=True)] = json.loads(json.dumps(entry))
+    entries = [known[t.key] for t in wanted]
+    Console().print(summary(entries))
+    if table is not None:
+        table.write_text(markdown(entries, command), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
