@@ -89,10 +89,11 @@ class Bench:
     tilt: float = 0.0  # rad, base against the wrist angle
     cable_stiffness: float = 4.5e4  # N/m; assumed: half a millimetre of steel cable and its crimps
     cable_damping: float = 40.0  # N s/m
-    tip_friction: float = 0.15  # assumed: printed plastic on steel
+    tip_friction: float = 0.03  # assumed: a polished button, oiled; more of it jams and sticks
     lean: float = 0.0  # rad, normal of the pressed face against the load cell's axis
     cell_stiffness: float = 3.0e4  # N/m; assumed
-    cell_damping: float = 8.0  # N s/m
+    cell_sideways: float = 1.5e4  # N/m, pad and button along the face; assumed
+    cell_damping: float = 25.0  # N s/m, half of critical
     delay: float = 0.0  # s, joint angles and force against the motor's channels
     drift: float = 0.0  # rad over a run, MCP sensor
     sensor_harmonic: tuple[float, float] = (0.0, 0.0)  # rad, phase in rad; second harmonic of both sensors
@@ -117,10 +118,11 @@ def draw_bench(rng: np.random.Generator) -> Bench:
         motor=true("motor"),
         arms={
             "extension": (0.0102 * (1 + spread(0.07)), 0.0083 * (1 + spread(0.07))),
-            "flexion": (0.0112 * (1 + spread(0.07)), 0.0072 * (1 + spread(0.07))),
+            # Arms with which pressing drags the fingertip little: in the thesis the joints all but stop then.
+            "flexion": (0.0125 * (1 + spread(0.04)), 0.0061 * (1 + spread(0.04))),
         },
         pretravel={"extension": abs(spread(2.5e-4)), "flexion": abs(spread(2.5e-4))},
-        tip_friction=float(rng.uniform(0.05, 0.2)),
+        tip_friction=float(rng.uniform(0.01, 0.05)),
         # Assumed: hinges wind up by hundredths to tenths of a degree, a gearbox by three times as much.
         stick={"joint": 6e-4 * 5 ** rng.random(), "motor": 1.8e-3 * 5 ** rng.random()},
     )

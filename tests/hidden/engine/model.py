@@ -24,6 +24,8 @@ TYPICAL_CABLE_TORQUE = 0.07  # N m at the pulley, by which gears wind up
 SLIDERS = 4  # spring-sliders in a row make friction that builds up (Iwan)
 STICKS = 'solreffriction="0.0005 1" solimpfriction="0.999 0.9999 0.001"'
 """MuJoCo's friction creeps while it sticks; so hard that the creep stays below 1e-5 rad/s."""
+HARD = 'solref="0.002 1" solimp="0.95 0.99 0.0001"'
+"""Contact of tip and plate; they chatter when it is harder."""
 
 
 @dataclass(frozen=True)
@@ -154,14 +156,14 @@ def _finger(bench: Bench, wear: float) -> str:
                armature="{f["distal_inertia"] - spin}"
                damping="{bench.viscous[1] * wear}" {_hard(bench.dry[1] * wear, bench.stick["joint"])}/>
         <geom name="tip" type="sphere" size="{TIP_RADIUS}" pos="{2 * l2} 0 0" mass="0"
-              friction="{bench.tip_friction} 0 0" solref="0.001 1" solimp="0.99 0.999 0.0001"/>
+              friction="{bench.tip_friction} 0 0" {HARD}/>
         {screws}
       </body>
     </body>"""
 
 
 def _load_cell(bench: Bench, contact: bool, posture: tuple[float, float]) -> str:
-    """A plate on a stiff spring along z; its deflection is what the cell reads. The face may lean."""
+    """A plate on stiff springs; its deflection along z is what the cell reads. The face may lean."""
     x, z = fingertip(bench, *posture)
     x, z = x - TIP_RADIUS * math.sin(bench.lean), z - TIP_RADIUS * math.cos(bench.lean)
     z -= 0.0 if contact else OUT_OF_REACH
@@ -171,9 +173,11 @@ def _load_cell(bench: Bench, contact: bool, posture: tuple[float, float]) -> str
       <inertial pos="0 0 0" mass="{PLATE_MASS}" diaginertia="1e-6 1e-6 1e-6"/>
       <joint name="plate" type="slide" axis="0 0 1" stiffness="{bench.cell_stiffness}"
              damping="{bench.cell_damping}"/>
+      <joint name="aside" type="slide" axis="1 0 0" stiffness="{bench.cell_sideways}"
+             damping="{bench.cell_damping}"/>
       <geom name="face" type="box" size="0.05 0.05 {depth}" euler="0 {bench.lean} 0" mass="0"
             pos="{-depth * math.sin(bench.lean)} 0 {-depth * math.cos(bench.lean)}"
-            friction="{bench.tip_friction} 0 0" solref="0.001 1" solimp="0.99 0.999 0.0001"/>
+            friction="{bench.tip_friction} 0 0" {HARD}/>
     </body>"""
 
 
@@ -258,9 +262,8 @@ def settle(built: BuiltModel, seconds: float = 0.5) -> mujoco.MjData:
     saved = [getattr(model, name).copy() for name in ("dof_damping", "dof_frictionloss")]
     model.dof_damping[:] = 0.0
     model.dof_damping[[built.mcp, built.pip]] = 2e-3
-    model.dof_damping[built.plate] = saved[0][built.plate]
-    hidden = np.setdiff1d(np.arange(model.nv), [built.mcp, built.pip, built.motor, built.plate])
-    model.dof_damping[hidden] = 1e-4
+    hidden = [index for index in range(model.nv) if index not in (built.mcp, built.pip, built.motor)]
+    model.dof_damping[hidden] = np.maximum(1e-4, saved[0][hidden])
     model.dof_frictionloss[:] = 0.0
     mujoco.mj_step(model, data, nstep=round(seconds / TIMESTEP))
     model.dof_damping[:], model.dof_frictionloss[:] = saved

@@ -21,9 +21,11 @@ from .simulate import run
 from .trajectories import RATE_HZ, command
 
 CREATED = "2026-11-01T09:00:00+00:00"
-POSTURE = (0.40, 0.34)  # rad, MCP and PIP where the finger meets the load cell; assumed
-PRESS = {"kind": "sine", "amplitude_deg": 2.0, "frequency_hz": 1.0}
+POSTURE = (0.40, 0.36)  # rad, MCP and PIP where the finger meets the load cell; assumed
+PRESS = {"kind": "sine", "frequency_hz": 1.0}
 CONTACT_FORCE = 1.2  # N, mean force that the operator aims for; assumed
+PRESS_AMPLITUDE_DEG = 2.0
+APPROACH_DEG, APPROACH_DEG_S = 50.0, 10.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,12 +92,12 @@ def record(
         EFFECTS[name].change(bench, strengths[name], rng)
     plans, seconds = PROTOCOLS[protocol]
     seconds = duration_s or seconds
-    offset_deg = find_press(bench)
+    press = find_press(bench)
     with SessionWriter(
         path, json.dumps(NOMINAL), f"second engine, {protocol}", created=CREATED, float32=True
     ) as writer:
         for plan in plans():
-            wave = {"offset_deg": offset_deg, **plan.trajectory}
+            wave = {**press, **plan.trajectory}
             wear = 1.0 + bench.wander * float(np.clip(rng.standard_normal(), -2, 2))
             channels = _take(bench, plan, command(wave, seconds), wear, rng)
             writer.add_run(plan.phase, plan.cable, RATE_HZ, wave, channels)
@@ -103,7 +105,7 @@ def record(
         "protocol": protocol,
         "seed": seed,
         "effects": strengths,
-        "press_offset_deg": offset_deg,
+        "press": press,
         "bench": dataclasses.asdict(bench),
     }
 
@@ -115,12 +117,16 @@ def _take(
     return read(bench, run(bench, built, plan.cable, wanted, wear), wanted, rng)
 
 
-def find_press(bench: Bench) -> float:
-    """Offset of the contact runs, degrees at the pulley: where a slow approach meets the wanted force."""
+def find_press(bench: Bench) -> dict[str, float]:
+    """Offset of the contact runs, degrees at the pulley: where a slow approach meets the wanted force.
+
+    Raises:
+        RuntimeError: the finger does not press hard enough wherever the motor stands.
+    """
     built = build(bench, "flexion", True, POSTURE, 1.0)
-    approach = np.radians(np.linspace(0.0, 50.0, 4000))
-    truth = run(bench, built, "flexion", approach, 1.0)
-    reached = np.flatnonzero(truth.force > CONTACT_FORCE)
+    approach = np.radians(np.arange(0.0, APPROACH_DEG, APPROACH_DEG_S / RATE_HZ))
+    slow = run(bench, built, "flexion", approach, 1.0)
+    reached = np.flatnonzero(slow.force > CONTACT_FORCE)
     if reached.size == 0:
-        raise RuntimeError("the finger does not reach the load cell")
-    return math.degrees(truth.motor[reached[0]])
+        raise RuntimeError("the finger does not press hard enough on the load cell")
+    return {"offset_deg": math.degrees(slow.motor[reached[0]]), "amplitude_deg": PRESS_AMPLITUDE_DEG}

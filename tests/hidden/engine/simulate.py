@@ -15,7 +15,7 @@ from .trajectories import RATE_HZ
 
 SUBSTEPS = round(1.0 / RATE_HZ / TIMESTEP)
 COUNT = 2 * math.pi / 8600  # rad of the pulley: 500 lines, four edges, 4.3:1
-PROPORTIONAL, INTEGRAL, DERIVATIVE = 13.0, 30.0, 0.22  # A/rad, A/(rad s), A s/rad
+PROPORTIONAL, INTEGRAL, DERIVATIVE = 13.0, 60.0, 0.22  # A/rad, A/(rad s), A s/rad
 SPEED_SMOOTHING = 0.3  # share of the newest encoder difference: about 60 Hz
 CURRENT_LIMIT = 5.0  # A; RE40 nominal is 6
 
