@@ -29,6 +29,7 @@ COMMANDS = {
     "batch": ("fingerlab.cli.batch:batch", "Diagnose every session below a folder."),
     "effects": ("fingerlab.cli.effects:effects", "List the catalogue, and let in effects of your own."),
     "replicate": ("fingerlab.cli.replicate:replicate", "Repeat the thesis' experiment on the simulated rig."),
+    "check-rig": ("fingerlab.cli.check_rig:check_rig", "Confirm channels, signs and limits of the bench."),
     "report": ("fingerlab.cli.report:report", "Write the whole comparison as one page."),
 }
 """Command word -> ``module:object`` that holds the click command, and what it does in one line.

@@ -72,6 +72,7 @@ class SimulatedBench:
         self._truth, self._seeds = seeded_truth(self.preset, simulation.seed)
         self.effects = self._effects(simulation)
         self._counts_before = 0.0
+        self._by_hand = dict.fromkeys(("load_cell", "mcp", "pip", "encoder"), 0.0)
         self.stream: BenchStream
         self.set_up(simulation.phase, simulation.cable, simulation.load_torque)
 
@@ -99,13 +100,19 @@ class SimulatedBench:
         """Raw values in the order of ``RAW_CHANNELS``; each call has noise of its own."""
         force, mcp, pip, current, counts = self.stream.seen()
         load_cell, mcp_in, pip_in, monitor = self._daq.inputs
+        hand, encoder = self._by_hand, self._daq.encoder
+        counts += round(hand["encoder"] * encoder.counts_per_turn / (2.0 * math.pi))
         return (
-            _volts(load_cell, force),
-            _volts(mcp_in, mcp),
-            _volts(pip_in, pip),
+            _volts(load_cell, force + hand["load_cell"]),
+            _volts(mcp_in, mcp + hand["mcp"]),
+            _volts(pip_in, pip + hand["pip"]),
             _volts(monitor, current),
-            self._daq.encoder.sign * (self._counts_before + counts),
+            encoder.sign * (self._counts_before + counts),
         )
+
+    def move_by_hand(self, channel: str, amount: float) -> None:
+        """What a hand adds to a sensor: ``load_cell`` (N), ``mcp``, ``pip``, ``encoder`` (rad)."""
+        self._by_hand[channel] = amount
 
     def session_attributes(self) -> dict[str, str]:
         """Attributes by which ``reveal`` later tells what this bench had; sealed where it was hidden."""
@@ -185,6 +192,10 @@ class SimulatedRig:
         if self._enabled:
             raise DeviceFault("The amplifier is enabled; disable it before the cable is changed.")
         self.bench.set_up(phase, cable, load_torque)
+
+    def move_by_hand(self, channel: str, amount: float) -> None:
+        """Press the load cell (N), bend a joint or turn the pulley (rad): the operator of ``check-rig``."""
+        self.bench.move_by_hand(channel, amount)
 
     def open(self) -> None:
         self._answer()

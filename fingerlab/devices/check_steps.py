@@ -1,0 +1,283 @@
+"""The steps of ``check-rig``: channels at rest and moved, encoder, drive, limits, assumptions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from fingerlab.devices.check_card import assumptions
+from fingerlab.devices.checking import CONFIRMED, FAILED, NO, SKIP, SKIPPED, YES, Bench, Outcome, Step
+from fingerlab.rig_daq import LIMIT_UNITS, AnalogInput
+
+REST_SECONDS = 1.0
+HAND_SECONDS = 4.0
+"""s that the operator has for a movement (assumed)."""
+
+QUIET_VOLTS = 0.1
+"""V, standard deviation at rest above which a wire is loose or unshielded (assumed)."""
+
+END_SHARE = 0.01
+"""A reading within this share of the range's end is at the end: nothing connected, or too much."""
+
+TEST_CURRENT = 0.3
+"""A; twice what motor and gearbox need to turn at all (RE40 no-load current 137 mA)."""
+TEST_SECONDS = 0.4
+TEST_TRAVEL = math.radians(60.0)
+CURRENT_TOLERANCE = 0.2
+"""Share by which the monitor may differ from the command: the data sheet says "about 0.8 V/A"."""
+TURN_TOLERANCE = 0.1
+"""Share of a turn that a hand may miss (assumed)."""
+
+CHANNELS = ("load_cell", "mcp", "pip", "current_monitor")
+TITLES = {
+    "load_cell": "load cell",
+    "mcp": "MCP sensor",
+    "pip": "PIP sensor",
+    "current_monitor": "current monitor",
+}
+UNITS = {"load_cell": (1.0, "N"), "mcp": (180 / math.pi, "°"), "pip": (180 / math.pi, "°")}
+HANDS = {
+    "load_cell": ("Press the load cell with a finger, firmly", 3.0, 1.0),
+    "mcp": (
+        "Flex the MCP joint by hand by about 30 degrees, the PIP joint as little as possible",
+        0.52,
+        0.17,
+    ),
+    "pip": (
+        "Flex the PIP joint by hand by about 30 degrees, the MCP joint as little as possible",
+        0.52,
+        0.17,
+    ),
+}
+"""What to do, how much of it the simulated operator does, and how much must at least be seen (N, rad)."""
+
+
+def channels_at_rest(bench: Bench) -> Iterator[Outcome]:
+    """Every analog channel reads something, quietly, and not at the end of its range."""
+    raw = bench.watch(REST_SECONDS)
+    bench.rest, bench.rest_spread = raw.mean(axis=0), raw.std(axis=0)
+    for k, name in enumerate(CHANNELS):
+        channel = bench.rig.daq.inputs[k]
+        title = f"{TITLES[name].capitalize()} at rest, {channel.terminal or 'no terminal'}"
+        if not channel.terminal:
+            yield Outcome(f"rest/{name}", title, SKIPPED, "The rig file has no such channel.")
+            continue
+        volts, spread = float(bench.rest[k]), float(bench.rest_spread[k])
+        measured = {"volts": volts, "spread": spread, "quantity": channel.quantity(volts)}
+        fault = _fault_at_rest(channel, volts, spread)
+        if fault:
+            yield Outcome(f"rest/{name}", title, FAILED, fault, measured=measured)
+            continue
+        question = (
+            f"The {TITLES[name]} reads {_shown(name, channel.quantity(volts))} ({volts:.3f} V at "
+            f"{channel.terminal}, noise {1000 * spread:.1f} mV). Is that right for a bench at rest?"
+        )
+        yield _asked(bench, f"rest/{name}", title, question, measured)
+
+
+def channels_moved(bench: Bench) -> Iterator[Outcome]:
+    """The right channel answers to a hand, in the right direction."""
+    for k, name in enumerate(CHANNELS[:3]):
+        channel = bench.rig.daq.inputs[k]
+        title = f"{TITLES[name].capitalize()} moved by hand"
+        if not channel.terminal or math.isnan(bench.rest[k]):
+            yield Outcome(f"moved/{name}", title, SKIPPED, "The channel could not be read at rest.")
+            continue
+        act, amount, least = HANDS[name]
+        question = f"{act}, within {HAND_SECONDS:g} s from your 'yes'. Ready?"
+        answer = bench.operator.ask(f"moved/{name}", question)
+        if answer != YES:
+            yield Outcome(f"moved/{name}", title, SKIPPED, "The operator left it out.", question, answer)
+            continue
+        raw = bench.watch(HAND_SECONDS, hand=(name, amount))
+        yield _judge_movement(bench, k, raw, least, title, question)
+
+
+def encoder_turned(bench: Bench) -> Iterator[Outcome]:
+    """One turn by hand gives the counts of the rig file, and the sign too."""
+    encoder = bench.rig.daq.encoder
+    title = f"Encoder, {encoder.terminal}"
+    question = (
+        f"Turn the pulley by hand by one whole turn in the direction that winds the cable, within "
+        f"{HAND_SECONDS:g} s from your 'yes'. Ready?"
+    )
+    answer = bench.operator.ask("encoder", question)
+    if answer != YES:
+        yield Outcome("encoder", title, SKIPPED, "The operator left it out.", question, answer)
+        return
+    raw = bench.watch(HAND_SECONDS, hand=("encoder", 2.0 * math.pi))
+    counts = float(raw[-1, 4] - raw[0, 4])
+    measured = {"counts": counts, "expected": encoder.sign * encoder.counts_per_turn}
+    share = counts / measured["expected"]
+    if abs(share - 1.0) <= TURN_TOLERANCE:
+        sentence, state = f"One turn gave {counts:.0f} counts.", CONFIRMED
+    elif abs(share + 1.0) <= TURN_TOLERANCE:
+        sentence = f"One turn gave {counts:.0f} counts: turn the sign of [daq.encoder] around."
+        state = FAILED
+    else:
+        sentence = (
+            f"One turn gave {counts:.0f} counts where {measured['expected']:.0f} were expected; correct "
+            "counts_per_turn or the encoder's wiring, and check again."
+        )
+        state = FAILED
+    yield Outcome("encoder", title, state, sentence, question, answer, measured)
+
+
+def drive(bench: Bench) -> Iterator[Outcome]:
+    """No current without enable; with it the current, the monitor and the motion have one sign."""
+    title = "Set value, enable line and current monitor"
+    question = (
+        f"Take the cable off the pulley and keep hands away: the motor will turn with {TEST_CURRENT:g} A "
+        f"for at most {TEST_SECONDS:g} s. May it?"
+    )
+    answer = bench.operator.ask("drive", question)
+    if answer != YES:
+        for name in ("drive/disabled", "drive/direction", "drive/monitor"):
+            yield Outcome(name, title, SKIPPED, "The operator left it out.", question, answer)
+        return
+    remount = getattr(bench.device, "set_up", None)
+    if remount is not None:
+        remount("motor_bench", "none")
+    volts = bench.rig.daq.command.volts(TEST_CURRENT)
+    yield _judge_disabled(bench, bench.watch(TEST_SECONDS, volts), question, answer)
+    encoder = bench.rig.daq.encoder
+    far = encoder.counts_per_turn * TEST_TRAVEL / (2.0 * math.pi)
+    raw = bench.watch(TEST_SECONDS, volts, enable=True, until=lambda one: abs(one[4]) > far)
+    yield from _judge_drive(bench, raw, question, answer)
+
+
+def limits(bench: Bench) -> Iterator[Outcome]:
+    """Every limit of the rig file, one by one."""
+    held = bench.rig.limits
+    for name, unit in LIMIT_UNITS.items():
+        value = getattr(held, name)
+        in_degrees = unit.startswith("rad")
+        shown = f"{math.degrees(value) if in_degrees else value:g} {unit.replace('rad', '°')}"
+        source = held.sources.get(name, "FingerLab's default")
+        question = f"The limit {name.replace('_', ' ')} is {shown} ({source}). Is it right for this bench?"
+        yield _asked(bench, f"limits/{name}", f"Limit {name.replace('_', ' ')}", question, {"value": value})
+
+
+def stop(bench: Bench) -> Iterator[Outcome]:
+    """The device confirms 0 V and a low enable line, and the operator sees it."""
+    safe = bench.device.make_safe()
+    title = "Stop"
+    if not safe:
+        yield Outcome("stop", title, FAILED, "The device does not confirm 0 V and a low enable line.")
+        return
+    question = "The device confirms 0 V and a low enable line. Is the amplifier's enable light off?"
+    yield _asked(bench, "stop", title, question, {"confirmed_by_device": safe})
+
+
+STEPS: tuple[Step, ...] = (
+    channels_at_rest,
+    channels_moved,
+    encoder_turned,
+    drive,
+    limits,
+    assumptions,
+    stop,
+)
+
+
+def _asked(bench: Bench, step: str, title: str, question: str, measured: dict[str, Any]) -> Outcome:
+    answer = bench.operator.ask(step, question)
+    state = {YES: CONFIRMED, NO: FAILED, SKIP: SKIPPED}.get(answer, FAILED)
+    words = {
+        CONFIRMED: "The operator confirms it.",
+        FAILED: "The operator says no; correct the rig file and check again.",
+        SKIPPED: "The operator left it out.",
+    }
+    return Outcome(step, title, state, words[state], question, answer, measured)
+
+
+def _fault_at_rest(channel: AnalogInput, volts: float, spread: float) -> str:
+    if math.isnan(volts):
+        return "It gives no number; check the terminal in the rig file's [daq]."
+    edge = END_SHARE * (channel.high - channel.low)
+    if not channel.low + edge < volts < channel.high - edge:
+        return f"It reads {volts:.3f} V, the end of its range; check supply and wiring."
+    if spread > QUIET_VOLTS:
+        return f"It wanders by {1000 * spread:.0f} mV at rest; check shield and wiring."
+    return ""
+
+
+def _judge_movement(bench: Bench, k: int, raw: Any, least: float, title: str, question: str) -> Outcome:
+    name, channel = CHANNELS[k], bench.rig.daq.inputs[k]
+    moved = channel.gain * channel.sign * (raw[:, :3] - bench.rest[:3])
+    peak = moved[np.nanargmax(np.abs(moved[:, k])), k] if not np.isnan(moved[:, k]).all() else math.nan
+    swings = np.abs(np.nan_to_num(raw[:, :3] - bench.rest[:3])).max(axis=0)
+    measured = {"peak": float(peak), "volts": {CHANNELS[j]: float(swings[j]) for j in range(3)}}
+    other = int(np.argmax(swings))
+    if not abs(peak) >= least:
+        loudest = f"; {TITLES[CHANNELS[other]]} moved instead" if other != k and swings[other] > 0.1 else ""
+        sentence = f"It moved by {_shown(name, float(peak))} only{loudest}; check its terminal and wiring."
+        return Outcome(f"moved/{name}", title, FAILED, sentence, question, YES, measured)
+    if peak < 0:
+        sentence = f"It moved by {_shown(name, float(peak))}: turn its sign in the rig file's [daq] around."
+        return Outcome(f"moved/{name}", title, FAILED, sentence, question, YES, measured)
+    if other != k and swings[other] > 1.5 * swings[k]:
+        sentence = (
+            f"{TITLES[CHANNELS[other]].capitalize()} moved by more; check whether the terminals are swapped."
+        )
+        return Outcome(f"moved/{name}", title, FAILED, sentence, question, YES, measured)
+    sentence = f"It moved by {_shown(name, float(peak))}."
+    return Outcome(f"moved/{name}", title, CONFIRMED, sentence, question, YES, measured)
+
+
+def _judge_disabled(bench: Bench, raw: Any, question: str, answer: str) -> Outcome:
+    title = "No current without enable"
+    monitor = bench.rig.daq.current_monitor
+    current = float(np.mean(monitor.quantity(raw[len(raw) // 4 :, 3]))) if monitor.terminal else math.nan
+    travel = float(np.ptp(raw[:, 4]) / bench.rig.daq.encoder.counts_per_turn * 360.0)
+    measured = {"current": current, "travel": math.radians(travel)}
+    if abs(current) > 0.25 * TEST_CURRENT or travel > 1.0:
+        sentence = (
+            f"With the enable line low {current:.2f} A flowed and the motor turned by {travel:.1f}°; check "
+            "the enable line's terminal and active_high in the rig file's [daq]."
+        )
+        return Outcome("drive/disabled", title, FAILED, sentence, question, answer, measured)
+    return Outcome("drive/disabled", title, CONFIRMED, "Nothing moved.", question, answer, measured)
+
+
+def _judge_drive(bench: Bench, raw: Any, question: str, answer: str) -> Iterator[Outcome]:
+    daq = bench.rig.daq
+    travel = math.degrees(daq.encoder.quantity(float(raw[-1, 4] - raw[0, 4])))
+    title, measured = "Positive set value winds the cable", {"travel": math.radians(travel)}
+    if travel > 1.0:
+        state, sentence = CONFIRMED, f"The pulley turned by {travel:.0f}° in the winding direction."
+    elif travel < -1.0:
+        state = FAILED
+        sentence = "The pulley turned backwards: turn the command's sign in the rig file's [daq] around."
+    else:
+        state = FAILED
+        sentence = "The pulley did not turn; check power, enable line and the set value's terminal."
+    yield Outcome("drive/direction", title, state, sentence, question, answer, measured)
+    title, monitor = "Current monitor against set value", daq.current_monitor
+    if not monitor.terminal:
+        yield Outcome("drive/monitor", title, SKIPPED, "The rig file has no current monitor.")
+        return
+    settled = raw[len(raw) // 4 :, 3]
+    current = float(np.mean(monitor.quantity(settled)))
+    measured = {"current": current, "commanded": TEST_CURRENT}
+    share = current / TEST_CURRENT
+    if abs(share - 1.0) <= CURRENT_TOLERANCE:
+        state, sentence = CONFIRMED, f"It shows {current:.2f} A of {TEST_CURRENT:.2f} A."
+    elif share < 0 and abs(share + 1.0) <= CURRENT_TOLERANCE:
+        state = FAILED
+        sentence = f"It shows {current:.2f} A: turn the monitor's sign in the rig file's [daq] around."
+    else:
+        state = FAILED
+        sentence = (
+            f"It shows {current:.2f} A of {TEST_CURRENT:.2f} A; correct the gain of the command or of the "
+            "monitor in the rig file's [daq], by the amplifier's settings."
+        )
+    yield Outcome("drive/monitor", title, state, sentence, question, answer, measured)
+
+
+def _shown(name: str, quantity: float) -> str:
+    factor, unit = UNITS.get(name, (1.0, "A"))
+    return f"{factor * quantity:.2f} {unit}".replace(" °", "°")

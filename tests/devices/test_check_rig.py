@@ -1,0 +1,246 @@
+"""check-rig: what is right is confirmed, what is wrong is found, and the protocol tells of it."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from fingerlab.cli.check_rig import check_rig as command
+from fingerlab.devices.check_card import assumptions
+from fingerlab.devices.checking import CheckProtocol, Outcome, check_rig, write_protocol
+from fingerlab.devices.faults import Faults, SensorFault
+from fingerlab.devices.ni.card import NiCard
+from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation
+from fingerlab.errors import UserError
+from fingerlab.rig_file import default_rig, parse_rig
+
+from .virtual_card import Card, InProcessChannel, Servicer
+
+
+class Willing:
+    """Says yes to everything but what the test says otherwise; remembers what was asked."""
+
+    def __init__(self, **answers: str) -> None:
+        self.answers = {key.replace("__", "/"): value for key, value in answers.items()}
+        self.asked: dict[str, str] = {}
+        self.told: list[str] = []
+
+    def tell(self, text: str) -> None:
+        self.told.append(text)
+
+    def ask(self, step: str, question: str) -> str:
+        self.asked[step] = question
+        return self.answers.get(step, "yes")
+
+
+def outcomes(protocol: CheckProtocol) -> dict[str, Outcome]:
+    return {outcome.id: outcome for outcome in protocol.outcomes}
+
+
+def check_simulated(wired: str = "", operator: Willing | None = None, **more: Any) -> dict[str, Outcome]:
+    rig = default_rig()
+    device = SimulatedRig(rig, wired=parse_rig(wired, "wired").daq if wired else None, **more)
+    return outcomes(check_rig(device, rig, operator or Willing(), "test"))
+
+
+def card_with_bench(text: str = '[daq]\ntiming = "single-point"\n') -> tuple[Card, NiCard]:
+    rig = parse_rig(text, "x")
+    plant = SimulatedBench(Simulation(seed=2), rig.daq)
+    card = Card(plant)
+    device = NiCard(rig, card.clock, InProcessChannel(Servicer(card)))
+    device.move_by_hand = plant.move_by_hand  # type: ignore[attr-defined] - somebody stands at the bench
+    return card, device
+
+
+def test_a_bench_wired_like_its_rig_file_is_confirmed() -> None:
+    operator = Willing()
+    found = check_simulated(operator=operator)
+    assert {o.state for o in found.values()} == {"confirmed", "not applicable"}
+    assert {k for k, o in found.items() if o.state == "not applicable"} == {
+        "assumption/paced-by-the-card",
+        "assumption/late-write-is-lost",
+        "assumption/fresh-task-reaches-the-output",
+    }
+    assert found["rest/load_cell"].measured["quantity"] == pytest.approx(0.0, abs=0.01)
+    assert found["moved/mcp"].measured["peak"] == pytest.approx(0.52, abs=0.02)
+    assert found["encoder"].measured["counts"] == pytest.approx(8600, abs=5)
+    assert found["drive/monitor"].measured["current"] == pytest.approx(0.3, abs=0.02)
+    assert math.degrees(found["drive/direction"].measured["travel"]) == pytest.approx(60, abs=3)
+    assert len([k for k in found if k.startswith("limits/")]) == 11
+    assert "10 N (thesis, section 2.2" in operator.asked["limits/force"]
+    assert "1145.92 °/s" in operator.asked["limits/speed"]
+    assert "0.475 V at ai0" in operator.asked["rest/load_cell"]
+
+
+@pytest.mark.parametrize(
+    ("wired", "step", "words"),
+    [
+        ("[daq.mcp]\nsign = -1\n", "moved/mcp", "turn its sign"),
+        ("[daq.encoder]\nsign = -1\n", "encoder", "turn the sign of .daq.encoder. around"),
+        ("[daq.encoder]\ncounts_per_turn = 2000\n", "encoder", "correct counts_per_turn"),
+        ("[daq.command]\nsign = -1\n", "drive/direction", "turn the command's sign"),
+        ("[daq.current_monitor]\nsign = 1\n", "drive/monitor", "turn the monitor's sign"),
+        ("[daq.current_monitor]\ngain = 2.5\n", "drive/monitor", "correct the gain"),
+        ("[daq.load_cell]\nterminal = ''\n", "rest/load_cell", "gives no number"),
+        ("[daq.pip]\noffset = 9.0\nlow = -5\nhigh = 5\n", "rest/pip", "the end of its range"),
+    ],
+)
+def test_what_is_wired_otherwise_is_found(wired: str, step: str, words: str) -> None:
+    import re
+
+    outcome = check_simulated(wired)[step]
+    assert outcome.state == "failed"
+    assert re.search(words, outcome.sentence)
+
+
+def test_swapped_joint_sensors_are_found() -> None:
+    class Swapped(SimulatedRig):
+        def move_by_hand(self, channel: str, amount: float) -> None:
+            super().move_by_hand({"mcp": "pip", "pip": "mcp"}.get(channel, channel), amount)
+
+    rig = default_rig()
+    found = outcomes(check_rig(Swapped(rig), rig, Willing(), "test"))
+    assert found["moved/mcp"].state == "failed"
+    assert "PIP sensor moved instead" in found["moved/mcp"].sentence
+
+
+def test_nothing_moves_without_consent() -> None:
+    class Watched(SimulatedRig):
+        moved: tuple[bool, ...] = ()
+
+        def set_enable(self, on: bool) -> None:
+            self.moved += (on,)
+            super().set_enable(on)
+
+    rig = default_rig()
+    device = Watched(rig)
+    found = outcomes(check_rig(device, rig, Willing(drive="no", encoder="skip"), "test"))
+    assert not any(device.moved)
+    assert {found[k].state for k in ("drive/disabled", "drive/direction", "drive/monitor", "encoder")} == {
+        "skipped"
+    }
+
+
+def test_an_enable_line_that_does_nothing_is_found() -> None:
+    class AlwaysOn(SimulatedRig):
+        def set_enable(self, on: bool) -> None:
+            super().set_enable(True)
+
+    rig = default_rig()
+    found = outcomes(check_rig(AlwaysOn(rig), rig, Willing(), "test"))
+    assert found["drive/disabled"].state == "failed"
+    assert "With the enable line low 0.30 A flowed" in found["drive/disabled"].sentence
+
+
+def test_a_no_of_the_operator_and_a_dead_sensor() -> None:
+    faults = Faults(sensors=(SensorFault("pip_volts", 0),))
+    found = check_simulated(operator=Willing(limits__force="no", stop="skip"), faults=faults)
+    assert found["limits/force"].state == "failed"
+    assert found["stop"].state == "skipped"
+    assert (found["rest/pip"].state, found["moved/pip"].state) == ("failed", "skipped")
+    assert found["moved/mcp"].state == "confirmed"
+
+
+def test_a_device_that_is_lost_ends_the_check_and_is_told() -> None:
+    found = check_simulated(faults=Faults(unplug_at=300))
+    assert list(found) == ["device-lost"]
+    assert "no longer answers" in found["device-lost"].sentence
+
+
+def test_the_three_assumptions_are_measured_on_a_card() -> None:
+    card, device = card_with_bench()
+    found = outcomes(check_rig(device, device.rig, Willing(), "test", card.clock))
+    assert {o.state for o in found.values()} == {"confirmed"}
+    pace = found["assumption/paced-by-the-card"].measured
+    assert (pace["cycles"], pace["lost"], pace["samples_a_block"]) == (2000, 0, 1)
+    assert pace["seconds"] == pytest.approx(2.0)
+    left = found["assumption/late-write-is-lost"].measured
+    assert left["after_stop"] == pytest.approx(0.2, abs=1e-3)
+    assert left["after_fresh_task"] == pytest.approx(0.0, abs=1e-3)
+    assert (card.volts, card.line, card.tasks) == (0.0, False, {})
+
+
+def only_assumptions(card: Card, device: NiCard) -> dict[str, Outcome]:
+    return outcomes(check_rig(device, device.rig, Willing(), "test", card.clock, (assumptions,)))
+
+
+def test_cards_that_break_an_assumption_are_told_apart() -> None:
+    card, device = card_with_bench()
+    card.holds = False
+    found = only_assumptions(card, device)
+    assert found["assumption/late-write-is-lost"].state == "noted"  # harmless: the stop does not rely on it
+    card, device = card_with_bench()
+    slow = card.tick
+    card.tick = lambda: (slow(), card.clock.sleep(0.0001))[0]  # type: ignore[method-assign]
+    found = only_assumptions(card, device)
+    assert found["assumption/paced-by-the-card"].state == "failed"
+    assert "1.100 ms instead of 1 ms" in found["assumption/paced-by-the-card"].sentence
+    card, device = card_with_bench()
+    write = card.write_volts
+    card.write_volts = lambda name, value, start: write(name, value, start) if "stop" not in name else None  # type: ignore[method-assign]
+    found = only_assumptions(card, device)
+    fresh = found["assumption/fresh-task-reaches-the-output"]
+    assert fresh.state == "failed"
+    assert "Do not drive the motor from this card" in fresh.sentence
+    card, device = card_with_bench('[daq]\ntiming = "buffered"\n')
+    found = only_assumptions(card, device)
+    assert found["assumption/paced-by-the-card"].state == "noted"
+    assert found["assumption/fresh-task-reaches-the-output"].state == "confirmed"
+
+
+def test_a_device_that_cannot_be_opened_is_a_sentence() -> None:
+    _, device = card_with_bench('[daq]\ndevice = "Dev9"\n')
+    with pytest.raises(UserError, match="knows no card of that name"):
+        check_rig(device, device.rig, Willing(), "test")
+
+
+def test_the_protocol_file_is_dated_whole_and_never_overwritten(tmp_path: Path) -> None:
+    out = tmp_path / "protocol.json"
+    arguments = ["--device", "simulated", "--out", str(out)]
+    result = CliRunner().invoke(command, [*arguments, "--yes"])
+    assert result.exit_code == 0, result.output
+    told = json.loads(out.read_text(encoding="utf-8"))
+    assert (told["kind"], told["all_confirmed"], told["device"]) == ("check-rig", True, "simulated rig")
+    assert told["date"][:2] == "20"
+    assert told["date"][-6] in "+-"
+    assert told["daq"]["load_cell"]["gain"] == 11.194
+    assert told["limits"]["force"] == 10.0
+    assert {"id", "title", "state", "sentence", "question", "answer", "measured"} == set(told["steps"][0])
+    before = out.read_bytes()
+    again = CliRunner().invoke(command, [*arguments, "--yes"])
+    assert isinstance(again.exception, UserError)
+    protocol = check_rig(SimulatedRig(), default_rig(), Willing(), "test", steps=())
+    with pytest.raises(UserError, match="exists already"):
+        write_protocol(protocol, out)
+    assert out.read_bytes() == before
+
+
+def test_a_failed_step_shows_in_the_exit_code(tmp_path: Path) -> None:
+    out = tmp_path / "protocol.json"
+    arguments = ["--device", "simulated", "--out", str(out), "--yes", "--answer", "limits/force=no"]
+    result = CliRunner().invoke(command, [*arguments, "--json", "-"])
+    assert result.exit_code == 1
+    assert json.loads(result.stdout)["all_confirmed"] is False
+    assert "failed: Limit force" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ([], "Nobody is there to answer"),
+        (["--yes", "--answer", "limits/force"], "should look like"),
+        (["--yes", "--device", "replay:x.h5"], "no bench to check"),
+        (["--yes", "--rig", "none.toml"], "cannot be read"),
+    ],
+)
+def test_bad_requests_are_one_sentence_and_write_nothing(tmp_path: Path, more: list[str], words: str) -> None:
+    out = tmp_path / "p.json"
+    result = CliRunner().invoke(command, ["--device", "simulated", "--out", str(out), *more])
+    assert isinstance(result.exception, UserError)
+    assert words in str(result.exception)
+    assert not out.exists()
