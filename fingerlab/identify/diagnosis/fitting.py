@@ -93,7 +93,8 @@ def noise_share(group: Group, fold: Fold) -> Array:
 
 MOST_NOISE = 0.995
 """Noise may make up at most this share of any combination of features."""
-RIDGE = 1e-12
+RIDGE = 1e-9
+"""Share of its own size below which a combination of features is rounding."""
 
 
 def limit_noise(group: Group) -> None:
@@ -108,14 +109,18 @@ def limit_noise(group: Group) -> None:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(whole), 1e-300))
     scale[np.diag(whole) <= 0] = 0.0
     whole, noise = (m * np.outer(scale, scale) for m in (whole, group.noise / group.noise_samples))
-    values, vectors = np.linalg.eigh(whole)
-    kept = values > RIDGE * values[-1]
-    root = vectors[:, kept] * np.sqrt(values[kept])
-    inverse = vectors[:, kept] / np.sqrt(values[kept])
-    shares, directions = np.linalg.eigh(inverse.T @ noise @ inverse)
-    limited = (directions * np.clip(shares, 0.0, MOST_NOISE)) @ directions.T
+    # In units of the whole (its Cholesky factor) the noise is a share between 0 and 1 in every direction.
+    live = np.flatnonzero(scale)
+    factor = np.linalg.cholesky(whole[np.ix_(live, live)] + RIDGE * np.eye(len(live)))
+    half = np.linalg.solve(factor, noise[np.ix_(live, live)])
+    shares, directions = np.linalg.eigh(np.linalg.solve(factor, half.T))
+    wrong = (shares > MOST_NOISE) | (shares < 0.0)
+    excess = shares[wrong] - np.clip(shares[wrong], 0.0, MOST_NOISE)
+    reach = factor @ directions[:, wrong]
+    limited = noise.copy()
+    limited[np.ix_(live, live)] -= (reach * excess) @ reach.T
     back = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
-    group.noise = (root @ limited @ root.T) * np.outer(back, back) * group.noise_samples
+    group.noise = limited * np.outer(back, back) * group.noise_samples
 
 
 @dataclass(frozen=True)
