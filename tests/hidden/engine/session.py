@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -88,8 +89,9 @@ def record(
     bench = draw_bench(rng)
     strengths = {}
     for name, value in effects.items():
-        strengths[name] = EFFECTS[name].draw(rng) if value is None else float(value)
-        EFFECTS[name].change(bench, strengths[name], rng)
+        own = np.random.default_rng([seed, zlib.crc32(name.encode())])  # benches alike, effects not in step
+        strengths[name] = EFFECTS[name].draw(own) if value is None else float(value)
+        EFFECTS[name].change(bench, strengths[name], own)
     plans, seconds = PROTOCOLS[protocol]
     seconds = duration_s or seconds
     press = find_press(bench)
