@@ -85,7 +85,7 @@ def _variance(study: Study, group: Group, row: Row, shift: int | None) -> float:
     measured = _find(study, row=row, constant=-1.0, shift=shift, scale="direct")
     names = {Row.MCP: "loss_mcp", Row.CABLE: "offset", Row.BENCH: "bench_offset"}
     one = _find(study, row=row, parameter=names[row])
-    gram = np.sum([f.gram + f.slack for f in group.folds], axis=0)
+    gram = group.gram + group.slack
     count = max(float(gram[one, one]), 1.0)
     return float(gram[measured, measured] / count - (gram[measured, one] / count) ** 2)
 
@@ -96,7 +96,7 @@ def _contact(study: Study, group: Group) -> tuple[float, float]:
         return 0.0, 0.0
     force, torque = _find(study, row=Row.FORCE), _find(study, row=Row.PIP, parameter="force_gain")
     one = _find(study, row=Row.PIP, parameter="loss_pip")
-    gram = np.sum([f.gram for f in group.folds], axis=0)
+    gram = group.gram
     count = max(float(gram[one, one]), 1.0)
     if gram[force, force] <= 0:
         return 0.0, 0.0

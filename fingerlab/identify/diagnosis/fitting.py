@@ -33,9 +33,9 @@ class Data:
         self.clean = [[f.gram - noise_share(g, f) for f in g.folds] for g in groups]
         self._totals = [
             (
-                np.sum([f.gram for f in g.folds], axis=0),
-                np.sum(clean, axis=0),
-                np.sum([f.slack for f in g.folds], axis=0),
+                g.gram,
+                sum(clean[1:], clean[0]),
+                g.slack,
             )
             for g, clean in zip(groups, self.clean, strict=True)
         ]
@@ -105,7 +105,7 @@ def limit_noise(group: Group) -> None:
     """
     if group.noise_samples <= 0:
         return
-    whole = np.sum([f.gram for f in group.folds], axis=0) / max(sum(f.taut_samples for f in group.folds), 1)
+    whole = group.gram / max(sum(f.taut_samples for f in group.folds), 1)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(whole), 1e-300))
     scale[np.diag(whole) <= 0] = 0.0
     whole, noise = (m * np.outer(scale, scale) for m in (whole, group.noise / group.noise_samples))
@@ -324,7 +324,7 @@ def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
         routing = {1: "flexion", -1: "extension"}.get(group.cable_sign)
         if routing is None or f"arm_mcp@{routing}" in arms:
             continue
-        gram = np.sum([f.gram for f in group.folds], axis=0)
+        gram = group.gram
         for row, name in ((Row.MCP, "arm_mcp"), (Row.PIP, "arm_pip")):
 
             def pick(wanted: set[str], row: Row = row, shift: int | None = None) -> list[int]:

@@ -11,6 +11,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -63,6 +64,14 @@ class Fold:
     runs: list[str] = field(default_factory=list)
 
 
+def _total(matrices: Sequence[Array]) -> Array:
+    """Their sum, one after the other: stacking them first would copy all of them."""
+    result = matrices[0].copy()
+    for one in matrices[1:]:
+        result += one
+    return result
+
+
 @dataclass
 class Group:
     """Runs of one routing and phase: they share moment arms, losses and noise."""
@@ -74,6 +83,16 @@ class Group:
     noise: Array  # (features, features): products of what does not repeat from cycle to cycle
     noise_samples: float = 0.0
     condition_count: int = 0
+
+    @cached_property
+    def gram(self) -> Array:
+        """Sums over all folds, (features, features); asked for when all runs are in."""
+        return _total([f.gram for f in self.folds])
+
+    @cached_property
+    def slack(self) -> Array:
+        """The same where the cable may be slack."""
+        return _total([f.slack for f in self.folds])
 
     @property
     def samples(self) -> int:

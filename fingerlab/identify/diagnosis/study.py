@@ -162,8 +162,7 @@ class Study:
     def _rubbing(self, model: Model, values: Array, group: Group) -> Array:
         """Mean products of what the tip's friction does to the equations, (5, 5)."""
         mine = [self.reduced.layout.features[i].parameter == "lateral_rub" for i in model.active]
-        whole = np.sum([f.gram for f in group.folds], axis=0)
-        return row_covariance(model, values, group, whole, group.samples, np.array(mine))
+        return row_covariance(model, values, group, group.gram, group.samples, np.array(mine))
 
     def _square(self, model: Model, values: Array, i: int, k: int | None) -> tuple[float, float]:
         """Reproducible chi-square of fold k (or all) of group i, and the independent values behind it."""
@@ -238,7 +237,7 @@ def _fill_missing_noise(groups: Sequence[Group]) -> None:
     if not known:
         return
     total = sum(g.noise_samples for g in known)
-    pooled = np.sum([g.noise for g in known], axis=0) / total
+    pooled = sum((g.noise for g in known[1:]), known[0].noise) / total
     for group in groups:
         if group.noise_samples <= 0:
             group.noise, group.noise_samples = pooled * total, total
