@@ -62,15 +62,20 @@ def diagnose(
 
 
 class _Scale:
-    """Spreads the progress of the stages over one bar."""
+    """Spreads the progress of the stages over one bar, which never goes back.
+
+    How many rounds a search takes is not known before; a later round moves on from where the last one ended.
+    """
 
     def __init__(self, progress: Progress | None) -> None:
         self.progress = progress
+        self.reached = 0.0
 
     def part(self, low: float, high: float) -> Progress:
         def tell(share: float, what: str) -> None:
+            self.reached = max(self.reached, low + (high - low) * share)
             if self.progress is not None:
-                self.progress(low + (high - low) * share, what)
+                self.progress(self.reached, what)
 
         return tell
 

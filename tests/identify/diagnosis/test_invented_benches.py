@@ -204,7 +204,6 @@ def test_a_proposed_experiment_is_one_the_rig_can_run() -> None:
         assert proposal["expected_separation"] > 0
 
 
-@pytest.mark.xfail(strict=True, reason="each round of the search counts from the start of its share again")
 def test_progress_never_goes_back() -> None:
     diagnosed("viscous_friction")
     assert sorted(HEARD) == HEARD
