@@ -51,10 +51,13 @@ def check_rig(
     from fingerlab.devices.checking import check_rig as check
     from fingerlab.devices.checking import write_protocol
     from fingerlab.devices.choosing import REPLAY, choose_device
+    from fingerlab.devices.detect import detect, opening_sentence
     from fingerlab.rig_file import default_rig, load_rig
 
     refuse_existing(out)
     rig = load_rig(rig_file) if rig_file else default_rig()
+    if device is None:
+        click.echo(opening_sentence(detect(rig)), err=True)
     operator = _Operator(_answers(answers), all_yes)
     choice = choose_device(device, rig, real_time=not all_yes)
     if choice.kind == REPLAY:

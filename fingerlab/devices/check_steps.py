@@ -61,7 +61,7 @@ def channels_at_rest(bench: Bench) -> Iterator[Outcome]:
     bench.rest, bench.rest_spread = raw.mean(axis=0), raw.std(axis=0)
     for k, name in enumerate(CHANNELS):
         channel = bench.rig.daq.inputs[k]
-        title = f"{TITLES[name].capitalize()} at rest, {channel.terminal or 'no terminal'}"
+        title = f"{_sentence_case(TITLES[name])} at rest, {channel.terminal or 'no terminal'}"
         if not channel.terminal:
             yield Outcome(f"rest/{name}", title, SKIPPED, "The rig file has no such channel.")
             continue
@@ -82,7 +82,7 @@ def channels_moved(bench: Bench) -> Iterator[Outcome]:
     """The right channel answers to a hand, in the right direction."""
     for k, name in enumerate(CHANNELS[:3]):
         channel = bench.rig.daq.inputs[k]
-        title = f"{TITLES[name].capitalize()} moved by hand"
+        title = f"{_sentence_case(TITLES[name])} moved by hand"
         if not channel.terminal or math.isnan(bench.rest[k]):
             yield Outcome(f"moved/{name}", title, SKIPPED, "The channel could not be read at rest.")
             continue
@@ -220,9 +220,7 @@ def _judge_movement(bench: Bench, k: int, raw: Any, least: float, title: str, qu
         sentence = f"It moved by {_shown(name, float(peak))}: turn its sign in the rig file's [daq] around."
         return Outcome(f"moved/{name}", title, FAILED, sentence, question, YES, measured)
     if other != k and swings[other] > 1.5 * swings[k]:
-        sentence = (
-            f"{TITLES[CHANNELS[other]].capitalize()} moved by more; check whether the terminals are swapped."
-        )
+        sentence = f"{_sentence_case(TITLES[CHANNELS[other]])} moved by more; check whether the terminals are swapped."
         return Outcome(f"moved/{name}", title, FAILED, sentence, question, YES, measured)
     sentence = f"It moved by {_shown(name, float(peak))}."
     return Outcome(f"moved/{name}", title, CONFIRMED, sentence, question, YES, measured)
@@ -280,4 +278,9 @@ def _judge_drive(bench: Bench, raw: Any, question: str, answer: str) -> Iterator
 
 def _shown(name: str, quantity: float) -> str:
     factor, unit = UNITS.get(name, (1.0, "A"))
-    return f"{factor * quantity:.2f} {unit}".replace(" °", "°")
+    rounded = round(factor * quantity, 2) + 0.0  # no "-0.00"
+    return f"{rounded:.2f} {unit}".replace(" °", "°")
+
+
+def _sentence_case(text: str) -> str:
+    return text[0].upper() + text[1:]

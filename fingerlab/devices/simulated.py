@@ -73,6 +73,7 @@ class SimulatedBench:
         self.effects = self._effects(simulation)
         self._counts_before = 0.0
         self._by_hand = dict.fromkeys(("load_cell", "mcp", "pip", "encoder"), 0.0)
+        self._lines = [_line(channel) for channel in daq.inputs]
         self.stream: BenchStream
         self.set_up(simulation.phase, simulation.cable, simulation.load_torque)
 
@@ -99,16 +100,14 @@ class SimulatedBench:
     def raw(self) -> tuple[float, ...]:
         """Raw values in the order of ``RAW_CHANNELS``; each call has noise of its own."""
         force, mcp, pip, current, counts = self.stream.seen()
-        load_cell, mcp_in, pip_in, monitor = self._daq.inputs
         hand, encoder = self._by_hand, self._daq.encoder
         counts += round(hand["encoder"] * encoder.counts_per_turn / (2.0 * math.pi))
-        return (
-            _volts(load_cell, force + hand["load_cell"]),
-            _volts(mcp_in, mcp + hand["mcp"]),
-            _volts(pip_in, pip + hand["pip"]),
-            _volts(monitor, current),
-            encoder.sign * (self._counts_before + counts),
-        )
+        quantities = (force + hand["load_cell"], mcp + hand["mcp"], pip + hand["pip"], current)
+        raw = []
+        for quantity, (sign, gain, offset, low, high) in zip(quantities, self._lines, strict=True):
+            volts = (sign * quantity - offset) / gain
+            raw.append(low if volts < low else high if volts > high else volts)  # NaN stays NaN
+        return (*raw, encoder.sign * (self._counts_before + counts))
 
     def move_by_hand(self, channel: str, amount: float) -> None:
         """What a hand adds to a sensor: ``load_cell`` (N), ``mcp``, ``pip``, ``encoder`` (rad)."""
@@ -187,11 +186,14 @@ class SimulatedRig:
         """Change cable and load cell, as an operator does between runs; only with the amplifier off.
 
         Raises:
-            DeviceFault: the amplifier is enabled. UserError: phase and cable do not go together.
+            DeviceFault: the amplifier is enabled, or phase and cable do not go together.
         """
         if self._enabled:
             raise DeviceFault("The amplifier is enabled; disable it before the cable is changed.")
-        self.bench.set_up(phase, cable, load_torque)
+        try:
+            self.bench.set_up(phase, cable, load_torque)
+        except UserError as error:
+            raise DeviceFault(str(error)) from error
 
     def move_by_hand(self, channel: str, amount: float) -> None:
         """Press the load cell (N), bend a joint or turn the pulley (rad): the operator of ``check-rig``."""
@@ -228,8 +230,11 @@ class SimulatedRig:
         if not math.isfinite(command_volts):
             raise DeviceFault(f"The command is {command_volts} V; the output keeps its last value.")
         cycles, lateness = self._pace() if self._paced else self._jump()
-        for _ in range(cycles):
-            self.bench.advance(self._output, self._enabled)
+        try:
+            for _ in range(cycles):
+                self.bench.advance(self._output, self._enabled)
+        except UserError as error:  # it ran away
+            raise DeviceFault(str(error)) from error
         command = self._daq.command
         self._output = min(max(command_volts, command.low), command.high)
         self._index += cycles
@@ -299,9 +304,7 @@ class SimulatedRig:
             self._skew += seconds
 
 
-def _volts(channel: AnalogInput, quantity: float) -> float:
-    """What the card reads of a sensor: no more than its range, NaN where nothing is connected."""
-    if not channel.terminal:
-        return math.nan
-    volts: float = channel.volts(quantity)
-    return min(max(volts, channel.low), channel.high) if not math.isnan(volts) else volts
+def _line(channel: AnalogInput) -> tuple[float, float, float, float, float]:
+    """Scaling and range of a channel as plain numbers; NaN throughout where nothing is connected."""
+    sign = float(channel.sign) if channel.terminal else math.nan
+    return sign, channel.gain, channel.offset, channel.low, channel.high

@@ -106,7 +106,7 @@ def test_swapped_joint_sensors_are_found() -> None:
     rig = default_rig()
     found = outcomes(check_rig(Swapped(rig), rig, Willing(), "test"))
     assert found["moved/mcp"].state == "failed"
-    assert "PIP sensor moved instead" in found["moved/mcp"].sentence
+    assert "the PIP sensor moved instead" in found["moved/mcp"].sentence
 
 
 def test_nothing_moves_without_consent() -> None:

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost, Sample, cycles_per_command
-from fingerlab.devices.simulated import SimulatedBench, Simulation
+from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation
 from fingerlab.rig import Rig
 from fingerlab.rig_file import parse_rig
 
+from .loops import SINE, follow
 from .virtual_card import Card, InProcessChannel, Servicer, SimplePlant
 
 SINGLE = '[daq]\ntiming = "single-point"\n'
@@ -100,6 +102,25 @@ def test_two_recordings_are_the_same_to_the_last_bit(text: str) -> None:
     assert [s.index for s in first] == [s.index for s in second] == list(range(2000))
     counts = [s.raw[4] for s in first]
     assert max(counts) > 100  # the simulated motor has turned
+
+
+def test_the_loop_cannot_tell_the_card_from_the_simulated_rig() -> None:
+    """The same bench behind the real nidaqmx package and behind the simulated rig: the same samples."""
+    rig = rig_with()
+    card = Card(SimulatedBench(Simulation(seed=9), rig.daq))
+    records = []
+    for device in (
+        NiCard(rig, card.clock, InProcessChannel(Servicer(card))),
+        SimulatedRig(rig, Simulation(seed=9)),
+    ):
+        device.open()
+        device.start()
+        device.set_enable(True)
+        records.append(follow(device, read_trajectory(SINE).command(np.arange(2500) / 1000)))
+    assert [s.raw for s in records[0]] == [s.raw for s in records[1]]
+    assert [s.index for s in records[0]] == [s.index for s in records[1]]
+    position = np.degrees(rig.daq.encoder.quantity(np.array([s.raw[4] for s in records[0]])))
+    assert np.ptp(position[1500:]) == pytest.approx(28.0, abs=1.5)
 
 
 def test_buffered_blocks_are_whole_and_the_counter_is_in_step() -> None:
@@ -252,6 +273,39 @@ def test_lost_cycles_show_in_the_index_and_in_the_lateness() -> None:
     lateness = [late.exchange(0.0).lateness for _ in range(60)]
     assert lateness[0] == pytest.approx(0.025, abs=1e-4)
     assert lateness[-1] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_device_that_does_not_count_single_points_is_timed_by_the_clock() -> None:
+    card, device, channel = running()
+    card.hooks["GetReadAttributeUInt64"] = failing(-200452)
+    assert [device.exchange(0.0).index for _ in range(10)] == list(range(10))
+    assert channel.servicer.calls["GetReadAttributeUInt64"] == 1  # asked once, not at every cycle
+    card.pass_time(4)
+    assert [device.exchange(0.0).index for _ in range(4)] == [13, 14, 15, 16]
+
+
+def test_a_cycle_that_passes_between_reading_and_asking_is_not_a_lost_one() -> None:
+    card, device, _ = running()
+    for _ in range(5):
+        device.exchange(0.0)
+    card.hooks["GetReadAttributeUInt64"] = lambda: card.pass_time(1)
+    asked_late = device.exchange(0.0)
+    card.hooks.clear()
+    assert asked_late.index == 5
+    # The newest sample is the one that passed meanwhile: the next read has it, and nothing was lost.
+    assert [device.exchange(0.0).index for _ in range(3)] == [6, 7, 8]
+    card.pass_time(2)  # one lost for certain: the question comes at once
+    assert device.exchange(0.0).index == 10
+
+
+def test_arrays_are_as_the_local_driver_wants_them() -> None:
+    for text in (SINGLE, BUFFERED):
+        _, device, _ = running(text)
+        tasks = device._tasks
+        assert tasks is not None
+        for array in (tasks.volts, tasks.block_volts, tasks.block_counts):
+            assert array.flags["C_CONTIGUOUS"]
+            assert array.dtype == np.float64
 
 
 def test_partial_reads_give_what_they_surely_hold() -> None:

@@ -9,20 +9,17 @@ import pytest
 
 from fingerlab.devices.clock import VirtualClock
 from fingerlab.devices.faults import Faults, SensorFault
-from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost, Sample, cycles_per_command
+from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost, cycles_per_command
 from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.errors import UserError
 from fingerlab.rig_file import default_rig, parse_rig
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.integrate import position_loop
-from fingerlab.twin.layout import STATE
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import RunPlan
-from fingerlab.twin.recording import prepare_bench, simulate_session
+from fingerlab.twin.recording import simulate_session
 from fingerlab.twin.sealing import unseal
-from fingerlab.twin.streaming import PERIOD, seeded_truth
 
-SINE = {"kind": "sine", "amplitude_deg": 14, "frequency_hz": 1, "offset_deg": 22, "duration_s": 5}
+from .loops import SINE, follow
 
 
 def started(rig: SimulatedRig, enable: bool = True) -> SimulatedRig:
@@ -30,22 +27,6 @@ def started(rig: SimulatedRig, enable: bool = True) -> SimulatedRig:
     rig.start()
     rig.set_enable(enable)
     return rig
-
-
-def follow(rig: SimulatedRig, reference: np.ndarray) -> list[Sample]:
-    """The twin's position loop around the device, from its encoder counts to its volts."""
-    preset = load_preset()
-    truth, _ = seeded_truth(preset, 0)
-    plan = RunPlan("on_air", "extension", SINE)
-    control = prepare_bench(preset, truth, plan, {}, np.random.default_rng(0)).control
-    memory, volts, samples = np.zeros(1, STATE)[0], 0.0, []
-    daq = rig.rig.daq
-    for wanted in reference:
-        samples.append(rig.exchange(volts))
-        # The middle of the count, for the loop rounds down again.
-        angle = daq.encoder.quantity(samples[-1].raw[4]) + 0.5 * control["count"]
-        volts = daq.command.volts(position_loop(control, memory, angle, wanted, PERIOD))
-    return samples
 
 
 def test_it_is_a_device() -> None:
@@ -166,7 +147,7 @@ def test_the_cable_is_changed_with_the_amplifier_off() -> None:
     rig.set_enable(False)
     rig.set_up("motor_bench", load_torque=0.02)
     assert math.isnan(rig.exchange(0.0).raw[0])
-    with pytest.raises(UserError, match="do not go together"):
+    with pytest.raises(DeviceFault, match="do not go together"):
         rig.set_up("motor_bench", "flexion")
 
 
@@ -293,3 +274,16 @@ def test_default_rig_and_the_simulated_benchs_own_constants() -> None:
     own = SimulatedRig().rig
     assert own.finger == load_preset().rig.finger
     assert own.daq == default_rig().daq
+
+
+def test_a_bench_that_runs_away_is_a_fault() -> None:
+    effects = parse_effects(["motor_viscous_friction=-50"])
+    rig = started(SimulatedRig(simulation=Simulation(effects=effects)))
+
+    def drive() -> None:
+        for _ in range(20000):
+            rig.exchange(0.5)
+
+    with pytest.raises(DeviceFault, match="ran away"):
+        drive()
+    assert rig.make_safe()

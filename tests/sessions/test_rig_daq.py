@@ -75,7 +75,7 @@ def test_wiring_travels_in_the_session_and_old_rigs_have_the_defaults():
         ("[daq]\ncard = 'Dev1'", r"\[daq\] holds the unknown 'card'; it knows device, server"),
         ("[daq]\ndevice = 1", "device is 1; it should be text in quotes"),
         ("[daq]\ntiming = 'fast'", "timing is 'fast'; it should be one of auto, single-point, buffered"),
-        ("[daq]\nblock = 50", "block is 50; it should be 1 to 10 samples"),
+        ("[daq]\nblock = 50", "block is 50; it should be 5 to 10 samples"),
         ("[daq]\nblock = 7.5", "block is 7.5; it should be a whole number"),
         ("[daq]\nrate_hz = 0", "rate_hz is 0; it should be above zero"),
         ("[daq.mcp]\nsign = 2", "mcp sign is 2; it should be 1 or -1"),

@@ -209,8 +209,12 @@ class NiCard:
             count = tasks.read_count(READ_TIMEOUT)
             now = self._clock.now()
         total = tasks.total_acquired()
-        self._index = self._index_of(total, self._clock.now() - now)
         raw = self._raw(tasks, tasks.volts, signed_counts(count))
+        if total is None:  # the clock alone tells how many cycles went by unseen
+            late = self._meter.late_by(self._index + 1, now)
+            self._index += 1 + int(late * self.rate_hz + _SURE)
+            return Sample(self._index, raw, self._meter.late_by(self._index, now))
+        self._index = self._index_of(total, self._clock.now() - now)
         return Sample(self._index, raw, self._meter.late_by(self._index, now))
 
     def _index_of(self, total: int, asked_after: float) -> int:

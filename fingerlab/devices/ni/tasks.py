@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.devices.ni.connection import Connection
+from fingerlab.devices.ni.errors import UNSUPPORTED, code_of
 from fingerlab.rig_daq import Daq
 
 BUFFER_SECONDS = 4.0
@@ -31,6 +32,7 @@ class Tasks:
         self._daq = daq
         self._open: list[Any] = []
         self.single_point = single_point
+        self._counts_cycles = True
         self.present = [k for k, channel in enumerate(daq.inputs) if channel.terminal]
         try:
             self.enable = self._make(connection, "enable", self._add_enable)
@@ -69,9 +71,19 @@ class Tasks:
             except Error:
                 self._open.clear()  # no server any more: each further call would only wait for it
 
-    def total_acquired(self) -> int:
-        """Cycles of the sample clock since the start."""
-        return int(self._clock_stream.total_samp_per_chan_acquired)
+    def total_acquired(self) -> int | None:
+        """Cycles of the sample clock since the start; None where the device does not count single points."""
+        from nidaqmx.errors import DaqError
+
+        if not self._counts_cycles:
+            return None
+        try:
+            return int(self._clock_stream.total_samp_per_chan_acquired)
+        except DaqError as error:
+            if code_of(error) not in UNSUPPORTED:
+                raise
+            self._counts_cycles = False
+            return None
 
     def write_enable(self, on: bool) -> None:
         """Set the enable line."""

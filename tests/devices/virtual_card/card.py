@@ -151,7 +151,8 @@ class Card:
         task = self.task(name)
         task.running, task.total, task.unread = True, 0, False
         task.samples.clear()
-        task.armed_at = self.plant.raw()[4]
+        if task.kind == "ci":
+            task.armed_at = self.plant.raw()[4]
 
     def stop(self, name: str) -> None:
         task = self.task(name)
