@@ -213,14 +213,16 @@ def _judge_movement(bench: Bench, k: int, raw: Any, least: float, title: str, qu
     measured = {"peak": float(peak), "volts": {CHANNELS[j]: float(swings[j]) for j in range(3)}}
     other = int(np.argmax(swings))
     if not abs(peak) >= least:
-        loudest = f"; {TITLES[CHANNELS[other]]} moved instead" if other != k and swings[other] > 0.1 else ""
+        loudest = (
+            f"; the {TITLES[CHANNELS[other]]} moved instead" if other != k and swings[other] > 0.1 else ""
+        )
         sentence = f"It moved by {_shown(name, float(peak))} only{loudest}; check its terminal and wiring."
         return Outcome(f"moved/{name}", title, FAILED, sentence, question, YES, measured)
     if peak < 0:
         sentence = f"It moved by {_shown(name, float(peak))}: turn its sign in the rig file's [daq] around."
         return Outcome(f"moved/{name}", title, FAILED, sentence, question, YES, measured)
     if other != k and swings[other] > 1.5 * swings[k]:
-        sentence = f"{_sentence_case(TITLES[CHANNELS[other]])} moved by more; check whether the terminals are swapped."
+        sentence = f"The {TITLES[CHANNELS[other]]} moved by more; check whether the terminals are swapped."
         return Outcome(f"moved/{name}", title, FAILED, sentence, question, YES, measured)
     sentence = f"It moved by {_shown(name, float(peak))}."
     return Outcome(f"moved/{name}", title, CONFIRMED, sentence, question, YES, measured)
