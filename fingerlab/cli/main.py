@@ -18,6 +18,7 @@ from fingerlab.errors import UserError
 
 COMMANDS = {
     "simulate": ("fingerlab.cli.simulate:simulate", "Record a session from the simulated rig."),
+    "record": ("fingerlab.cli.record:record", "Record a session from a device, without the window."),
     "reveal": ("fingerlab.cli.simulate:reveal", "Tell which effect a simulated session hides."),
     "info": ("fingerlab.cli.sessions:info", "Show and check what is in a session."),
     "import": ("fingerlab.cli.sessions:import_text", "Turn text files of the bench into a session."),

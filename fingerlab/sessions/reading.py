@@ -34,12 +34,13 @@ def open_session(path: str | Path) -> Session:
     """Open a session without reading its samples, so that ten hours cost no more than ten seconds.
 
     Structure is checked here: format and version, attributes, channels, their units and lengths.
-    The file is closed again on return; channels open it anew when they are asked for.
+    The file is closed again on return; channels open it anew when they are asked for. A recording that was
+    cut is repaired first; its attribute ``ended`` says how it ended.
 
     Raises:
         UserError: the file is missing, damaged, or breaks the session format; the sentence says where.
     """
-    path = Path(path)
+    path = _whole(Path(path))
     with open_hdf5(path) as file:
         root = attributes_of(file)
         _check_root(root, file, path)
@@ -55,6 +56,12 @@ def open_session(path: str | Path) -> Session:
             )
     title, created = str(root.pop("title")), str(root.pop("created"))
     return Session(path, title, created, rig, runs, root)
+
+
+def _whole(path: Path) -> Path:
+    from fingerlab.sessions.repair import repaired  # it writes sessions, which needs what is above
+
+    return repaired(path)
 
 
 def read_rig(text: Any, where: str) -> Rig:

@@ -1,0 +1,114 @@
+"""Loop and recorder in the caller's own process, on the device's virtual clock: faster than real time.
+
+The same objects as in ``process.py``, without processes; nothing watches from outside, so this is for devices
+that are simulated or replayed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from fingerlab.acquisition.bench import Bench, RecorderFace
+from fingerlab.acquisition.board import Board, Slot, Text
+from fingerlab.acquisition.columns import COLUMNS
+from fingerlab.acquisition.commands import Command
+from fingerlab.acquisition.loop import ControlLoop
+from fingerlab.acquisition.recorder import Recorder, RunInfo, SessionInfo
+from fingerlab.acquisition.requests import LoopSettings
+from fingerlab.acquisition.ring import Ring
+from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost
+from fingerlab.errors import UserError
+
+RING_S = 30.0
+"""Length of the ring; the recorder is polled far more often."""
+
+POLL_CYCLES = 200
+"""Rows taken at a time: with fewer, HDF5 would cost more than the bench."""
+
+IDLE_CYCLES = 10
+
+
+class InlineBench(Bench):
+    """A bench stepped by hand; see :class:`Bench`."""
+
+    def __init__(self, device: Device, settings: LoopSettings, rescue: Path) -> None:
+        """Open the device.
+
+        Raises:
+            UserError: the device cannot be opened.
+        """
+        self.rate_hz = device.rate_hz
+        self.ring = Ring.make(round(RING_S * self.rate_hz), len(COLUMNS), shared=False)
+        self.board = Board.make(shared=False)
+        self.device = device
+        settings = replace(settings, watch_window=False, watch_recorder=False)
+        self.loop = ControlLoop(device, settings, self.ring, self.board)
+        self._recorder = Recorder(self.ring, self.board, rescue)
+        self.recorder = _Near(self._recorder)
+        self._number = self._cycles = 0
+        try:
+            self.loop.open()
+        except (DeviceLost, DeviceFault) as error:
+            self.loop.close()
+            raise UserError(str(error)) from None
+
+    def step(self, cycles: int) -> None:
+        """Let the loop do ``cycles`` cycles, and the recorder its part."""
+        for _ in range(cycles):
+            if self.loop.ended:
+                break
+            self.loop.cycle()
+            self._cycles += 1
+            if self._cycles % POLL_CYCLES == 0:
+                self._recorder.poll()
+
+    def idle(self) -> None:
+        self.step(IDLE_CYCLES)
+
+    def ask(self, command: Command) -> None:
+        self._number += 1
+        self.loop.submit(self._number, command)
+        while self.board[Slot.ACK] != self._number and not self.loop.ended:
+            self.step(1)
+        refusal = self.board.text(Text.ANSWER) if self.board[Slot.ACK] == self._number else ""
+        if self.board[Slot.ACK] != self._number:
+            refusal = self.board.text(Text.FAULT) or "The control loop has ended."
+        if refusal:
+            raise UserError(refusal)
+
+    def close(self) -> None:
+        if not self.loop.ended or not self.board[Slot.LOOP_ENDED]:
+            self.loop.close()
+        if self._recorder.recording:
+            self._recorder.cut("The bench was closed while it recorded.")
+
+
+class _Near(RecorderFace):
+    """The recorder of the same process."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+        self.progress: Callable[[float, str], None] | None = None
+
+    def open(self, info: SessionInfo) -> None:
+        self._recorder.open(info)
+
+    def begin(self, run: RunInfo) -> None:
+        self._recorder.begin(run)
+
+    def pause(self, on: bool) -> None:
+        self._recorder.pause(on)
+
+    def mark(self, note: str, index: int | None = None) -> None:
+        self._recorder.mark(note, index)
+
+    def end(self, stop: int | None = None) -> None:
+        self._recorder.end(stop)
+
+    def cut(self, note: str) -> None:
+        self._recorder.cut(note)
+
+    def close(self) -> Path:
+        return self._recorder.close(self.progress)

@@ -1,0 +1,174 @@
+"""The processes of a bench: control loop and recorder, and what each does when another one dies.
+
+Who holds which end tells who lives: every process holds the writing end of a pipe to each that has to know,
+and the system closes it with the process, whatever killed it. Silence without death is told by heartbeats in
+the board. The recorder's process also keeps a guardian: when the loop dies without having said goodbye, it
+writes zero output and drops the enable line through a device of its own.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import sys
+import threading
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import NoReturn, Protocol
+
+from fingerlab.acquisition.board import Board, Slot, Text
+from fingerlab.acquisition.loop import ControlLoop
+from fingerlab.acquisition.recorder import Recorder
+from fingerlab.acquisition.requests import LoopSettings
+from fingerlab.acquisition.ring import Ring
+from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost
+from fingerlab.errors import UserError
+
+POLL_S = 0.02
+"""How often the recorder takes what the ring has."""
+
+GRACE_S = 2.0
+"""How long the recorder waits for the loop to end when the window is lost."""
+
+WINDOW_LOST = "The window has ended unexpectedly; the motor was stopped."
+RECORDER_LOST = "The recorder has ended unexpectedly; the motor was stopped."
+LOOP_LOST = "The control loop ended unexpectedly; the recording was cut."
+
+
+class Choice(Protocol):
+    """A device before it is built, such as :class:`fingerlab.devices.choosing.DeviceChoice`."""
+
+    @property
+    def kind(self) -> str: ...
+
+    def build(self) -> Device: ...
+
+
+IN_THE_LOOP = ("simulated", "replay")
+"""Kinds of device that live and die with the loop's process and need no guardian."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What both processes are told at their start."""
+
+    device: Choice
+    settings: LoopSettings
+    ring: str
+    board: str
+    rescue: Path
+
+
+def loop_main(plan: Plan, commands: Connection, recorder_lives: Connection, alive: Connection) -> None:
+    """The control loop's process. ``alive`` is only held, so that the recorder sees it close."""
+    _be_undisturbed()
+    ring, board = Ring.attach(plan.ring), Board.attach(plan.board)
+    board[Slot.LOOP_PID] = os.getpid()
+    try:
+        loop = ControlLoop(plan.device.build(), plan.settings, ring, board, time.perf_counter)
+        loop.open()
+    except (DeviceLost, DeviceFault, UserError) as error:
+        board.set_text(Text.FAULT, str(error))
+        board[Slot.LOOP_ENDED] = 1
+        _leave()
+    threading.Thread(target=_listen, args=(loop, commands, recorder_lives), daemon=True).start()
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    loop.run()
+    _leave()
+
+
+def _listen(loop: ControlLoop, commands: Connection, recorder_lives: Connection) -> None:
+    """Take commands, and notice who died; in a thread, so that the loop never waits."""
+    ends = {commands: WINDOW_LOST, recorder_lives: RECORDER_LOST}
+    while ends and not loop.ended:
+        for end in wait(list(ends), timeout=0.5):
+            assert isinstance(end, Connection)
+            try:
+                number, command = end.recv()
+            except (EOFError, OSError):
+                sentence = ends.pop(end)
+                if not loop.ended:
+                    loop.lose(sentence, farewell=sentence is WINDOW_LOST)
+            else:
+                loop.submit(number, command)
+
+
+def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, alive: Connection) -> None:
+    """The recorder's process. ``alive`` is only held, so that the loop sees it close."""
+    _be_undisturbed()
+    ring, board = Ring.attach(plan.ring), Board.attach(plan.board)
+    board[Slot.RECORDER_PID] = os.getpid()
+    recorder = Recorder(ring, board, plan.rescue)
+    threading.Thread(target=_guard, args=(plan.device, board, loop_lives), daemon=True).start()
+    cut = False
+    while True:
+        recorder.poll()
+        if board[Slot.KEEPER] and not cut:
+            cut = True
+            recorder.cut(LOOP_LOST)
+        try:
+            if not requests.poll(POLL_S):
+                continue
+            name, arguments = requests.recv()
+        except (EOFError, OSError):
+            _end_alone(recorder, board)
+            _leave()
+        if name == "quit":
+            _leave()
+        _serve(recorder, requests, name, arguments)
+
+
+def _serve(recorder: Recorder, requests: Connection, name: str, arguments: tuple[object, ...]) -> None:
+    try:
+        answer = (True, getattr(recorder, name)(*arguments))
+    except UserError as error:
+        answer = (False, str(error))
+    except (OSError, RuntimeError) as error:
+        answer = (False, f"The recorder failed ({' '.join(str(error).split())}); look at the disk.")
+    with suppress(OSError):
+        requests.send(answer)
+
+
+def _end_alone(recorder: Recorder, board: Board) -> None:
+    """The window is gone: record how the motor was stopped, then write the session whole."""
+    end = time.monotonic() + GRACE_S
+    while time.monotonic() < end and not board[Slot.LOOP_ENDED]:
+        recorder.poll()
+        time.sleep(POLL_S)
+    recorder.cut(WINDOW_LOST)
+    with suppress(UserError):
+        recorder.close()
+
+
+def _guard(choice: Choice, board: Board, loop_lives: Connection) -> None:
+    """Wait for the loop's end; where it was no proper one, make the bench safe in its place."""
+    # Built before it is needed: importing a driver takes longer than the motor may run.
+    device = None if choice.kind in IN_THE_LOOP else choice.build()
+    with suppress(EOFError, OSError):
+        loop_lives.recv()
+    if board[Slot.LOOP_ENDED]:
+        return
+    confirmed = device.make_safe() if device is not None else True
+    board[Slot.SAFE] = int(confirmed)
+    board[Slot.ENABLE_LINE] = 0
+    board[Slot.KEEPER] = 1
+
+
+def _leave() -> NoReturn:
+    """End the process at once: everything is closed, and views of the shared memory need no farewell."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
+
+
+def _be_undisturbed() -> None:
+    """Ctrl-C belongs to the parent, who stops the motor first; threads change hands quickly."""
+    with suppress(ValueError):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.setswitchinterval(5e-4)

@@ -1,0 +1,170 @@
+"""The parent's side of a bench whose loop and recorder are processes of their own."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from fingerlab.acquisition.bench import Bench, RecorderFace
+from fingerlab.acquisition.board import Board, Slot, Text
+from fingerlab.acquisition.columns import COLUMNS
+from fingerlab.acquisition.commands import Command, Quit
+from fingerlab.acquisition.process import Choice, Plan, loop_main, recorder_main
+from fingerlab.acquisition.recorder import RunInfo, SessionInfo
+from fingerlab.acquisition.requests import LoopSettings
+from fingerlab.acquisition.ring import Ring
+from fingerlab.errors import UserError
+
+RING_S = 240.0
+"""Length of the ring: the last four minutes can be scrolled back, 43 MB at 1 kHz."""
+
+START_S = 60.0
+"""A process that is not ready after this will not be (importing and compiling take seconds)."""
+
+ANSWER_S = 5.0
+IDLE_S = 0.005
+
+
+class ProcessBench(Bench):
+    """A bench in processes of its own; see :class:`Bench`. Safe to make in a program with a window.
+
+    The caller has to call ``beat`` (or ``idle``, which does) at least every ``limits.window_time`` while the
+    amplifier is enabled; otherwise the motor is stopped.
+    """
+
+    def __init__(self, device: Choice, settings: LoopSettings, rescue: Path, rate_hz: float = 1000.0) -> None:
+        """Start both processes and wait until the device is ready.
+
+        Raises:
+            UserError: the device cannot be opened.
+        """
+        self.rate_hz = rate_hz
+        self.ring = Ring.make(round(RING_S * rate_hz), len(COLUMNS))
+        self.board = Board.make()
+        self._number = 0
+        self._closed = False
+        plan = Plan(device, settings, str(self.ring.name), str(self.board.name), rescue)
+        context = multiprocessing.get_context("spawn")
+        commands_in, self._commands = context.Pipe(duplex=False)
+        requests_in, requests = context.Pipe()
+        recorder_lives, recorder_holds = context.Pipe(duplex=False)
+        loop_lives, loop_holds = context.Pipe(duplex=False)
+        self.loop_process = context.Process(
+            target=loop_main, args=(plan, commands_in, recorder_lives, loop_holds), name="fingerlab-loop"
+        )
+        self.recorder_process = context.Process(
+            target=recorder_main,
+            args=(plan, requests_in, loop_lives, recorder_holds),
+            name="fingerlab-recorder",
+        )
+        self.loop_process.start()
+        self.recorder_process.start()
+        for end in (commands_in, requests_in, recorder_lives, recorder_holds, loop_lives, loop_holds):
+            end.close()
+        self._far = _Far(self, requests)
+        self.recorder = self._far
+        self._wait_for_start()
+
+    def ask(self, command: Command) -> None:
+        self._number += 1
+        try:
+            self._commands.send((self._number, command))
+        except OSError:
+            raise UserError("The control loop has ended; open the bench again.") from None
+        end = time.monotonic() + ANSWER_S
+        while self.board[Slot.ACK] != self._number:
+            if self.board[Slot.LOOP_ENDED] or not self.loop_process.is_alive():
+                raise UserError(self.board.text(Text.FAULT) or "The control loop has ended.")
+            if time.monotonic() > end:
+                raise UserError("The control loop does not answer; stop the motor by its own switch.")
+            self.beat()
+            time.sleep(1e-3)
+        refusal = self.board.text(Text.ANSWER)
+        if refusal:
+            raise UserError(refusal)
+
+    def idle(self) -> None:
+        self.beat()
+        if not self.loop_process.is_alive() and not self.board[Slot.LOOP_ENDED]:
+            raise UserError("The control loop has ended unexpectedly; the motor was stopped.")
+        time.sleep(IDLE_S)
+
+    def close(self) -> None:
+        if self._closed:
+            return
+        self._closed = True
+        self.stop()
+        with suppress(OSError):
+            self._commands.send((self._number + 1, Quit()))
+        self._join(self.loop_process)
+        self._far.quit()
+        self._join(self.recorder_process)
+        self._commands.close()
+        self.ring.close()
+        self.board.close()
+
+    def _wait_for_start(self) -> None:
+        end = time.monotonic() + START_S
+        while not self.board[Slot.LOOP_READY] or not self.board[Slot.RECORDER_PID]:
+            failed = self.board.text(Text.FAULT) if self.board[Slot.LOOP_ENDED] else ""
+            dead = self.loop_process.exitcode is not None or self.recorder_process.exitcode is not None
+            if failed or dead or time.monotonic() > end:
+                self.close()
+                raise UserError(failed or "The control loop did not start; look at the terminal for why.")
+            time.sleep(0.01)
+
+    def _join(self, process: Any) -> None:
+        process.join(10.0)
+        if process.is_alive():
+            process.terminate()
+            process.join(5.0)
+
+
+class _Far(RecorderFace):
+    """The recorder in its own process."""
+
+    def __init__(self, bench: ProcessBench, requests: Connection) -> None:
+        self._bench, self._requests = bench, requests
+
+    def open(self, info: SessionInfo) -> None:
+        self._call("open", info)
+
+    def begin(self, run: RunInfo) -> None:
+        self._call("begin", run)
+
+    def pause(self, on: bool) -> None:
+        self._call("pause", on)
+
+    def mark(self, note: str, index: int | None = None) -> None:
+        self._call("mark", note, index)
+
+    def end(self, stop: int | None = None) -> None:
+        self._call("end", stop)
+
+    def cut(self, note: str) -> None:
+        self._call("cut", note)
+
+    def close(self) -> Path:
+        path: Path = self._call("close")
+        return path
+
+    def quit(self) -> None:
+        """End the recorder's process."""
+        with suppress(OSError):
+            self._requests.send(("quit", ()))
+
+    def _call(self, name: str, *arguments: Any) -> Any:
+        try:
+            self._requests.send((name, arguments))
+            while not self._requests.poll(0.01):
+                self._bench.beat()
+            good, answer = self._requests.recv()
+        except (EOFError, OSError):
+            raise UserError("The recorder has ended unexpectedly; open the bench again.") from None
+        if not good:
+            raise UserError(answer)
+        return answer

@@ -1,0 +1,262 @@
+"""A protocol of runs: first a plain list of steps, then a driver that takes them one by one on any bench."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from fingerlab.acquisition.bench import Bench
+from fingerlab.acquisition.board import Slot
+from fingerlab.acquisition.commands import (
+    Approach,
+    Command,
+    Disable,
+    Enable,
+    Finish,
+    Initialise,
+    SetUp,
+    Start,
+    Tare,
+)
+from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.recorder import RunInfo
+from fingerlab.acquisition.reference import STOP_S
+from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.errors import UserError
+
+REST_S = 2.0
+"""Rest between runs (assumed): the spring finger has come to rest."""
+
+SETTLE_S = 1.5
+"""After a change of cable, before the sensors are set (assumed)."""
+
+APPROACH_SPEED = math.radians(12.0)
+APPROACH_LIMIT = math.radians(150.0)
+"""rad/s, rad: the approach to the load cell, as an operator winds (assumed; as in a simulated session)."""
+
+CABLE_WORDS = {
+    "extension": "Fix the extension cable to the pulley, and take the flexion cable off.",
+    "flexion": "Fix the flexion cable to the pulley, and take the extension cable off.",
+    "none": "Take both cables off the pulley.",
+}
+PHASE_WORDS = {
+    "on_air": "Move the load cell out of the finger's way.",
+    "contact": "Put the load cell under the fingertip, without touching it.",
+    "motor_bench": "Leave the motor alone, or hang the known load on it.",
+    "free": "Let the finger hang free.",
+}
+
+
+class RunPlan(Protocol):
+    """What a protocol says of a run; :class:`fingerlab.twin.protocols.RunPlan` is one."""
+
+    @property
+    def phase(self) -> str: ...
+
+    @property
+    def cable(self) -> str: ...
+
+    @property
+    def trajectory(self) -> Mapping[str, Any]: ...
+
+    @property
+    def load_torque(self) -> float: ...
+
+    @property
+    def attributes(self) -> Mapping[str, Any]: ...
+
+
+@dataclass(frozen=True)
+class Change:
+    """Change the bench: the amplifier goes off, the operator is asked, the sensors are set anew."""
+
+    set_up: SetUp
+    prompt: str
+
+
+@dataclass(frozen=True)
+class Find:
+    """Find where the fingertip presses the load cell with ``force`` (N); contact runs go about there."""
+
+    force: float
+
+
+@dataclass(frozen=True)
+class Record:
+    """Record a run; ``number`` of ``count``."""
+
+    number: int
+    count: int
+    phase: str
+    cable: str
+    trajectory: Mapping[str, Any]
+    load_torque: float = 0.0
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Let the bench rest, s."""
+
+    seconds: float
+
+
+Step = Change | Find | Record | Rest
+
+
+def plan_steps(runs: Sequence[RunPlan], contact_force: float, rest_s: float = REST_S) -> tuple[Step, ...]:
+    """The steps of a protocol.
+
+    Args:
+        contact_force: N, mean force of contact runs that name no offset.
+    """
+    return tuple(_steps(runs, contact_force, rest_s))
+
+
+def plan_seconds(steps: Sequence[Step]) -> float:
+    """How long the steps take without the operator and without finding the contact, s."""
+    seconds = 0.0
+    for step in steps:
+        if isinstance(step, Record):
+            seconds += read_trajectory({**step.trajectory}).duration + STOP_S
+        elif isinstance(step, Rest):
+            seconds += step.seconds
+        elif isinstance(step, Change):
+            seconds += SETTLE_S
+    return seconds
+
+
+def _steps(runs: Sequence[RunPlan], contact_force: float, rest_s: float) -> Iterator[Step]:
+    before: SetUp | None = None
+    for number, run in enumerate(runs, start=1):
+        now = SetUp(run.phase, run.cable, run.load_torque)
+        if now != before:
+            yield Change(now, _prompt(now))
+        elif number > 1:
+            yield Rest(rest_s)
+        if run.phase == "contact" and "offset_deg" not in run.trajectory and now != before:
+            yield Find(contact_force)
+        before = now
+        yield Record(number, len(runs), run.phase, run.cable, run.trajectory, run.load_torque, run.attributes)
+
+
+def _prompt(set_up: SetUp) -> str:
+    words = f"{CABLE_WORDS[set_up.cable]} {PHASE_WORDS[set_up.phase]}"
+    if set_up.load_torque:
+        words += f" The load is {1e3 * set_up.load_torque:.4g} mN m."
+    return words
+
+
+class ProtocolDriver:
+    """Takes the steps on a bench whose recorder has a session open.
+
+    Args:
+        ask_operator: shown a sentence, returns when the operator has done it.
+        report: called with the share done (0 to 1) and what is being done.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        ask_operator: Callable[[str], None],
+        report: Callable[[float, str], None] | None = None,
+    ) -> None:
+        self._bench, self._ask_operator = bench, ask_operator
+        self._report = report or (lambda share, what: None)
+        self._offset_deg: float | None = None
+        self.samples = 0
+
+    def take(self, steps: Sequence[Step]) -> None:
+        """Take all steps, then switch the amplifier off.
+
+        Raises:
+            UserError: the bench refused or stopped, or the recorder failed; the motor has no current then.
+        """
+        try:
+            for step in steps:
+                self._take(step)
+            self._off()
+        except BaseException:
+            self._bench.stop()
+            raise
+
+    def _take(self, step: Step) -> None:
+        if isinstance(step, Change):
+            self._change(step)
+        elif isinstance(step, Find):
+            self._find(step)
+        elif isinstance(step, Record):
+            self._record(step)
+        else:
+            self._bench.wait(step.seconds)
+
+    def _off(self) -> None:
+        if self._bench.status().enabled:
+            self._bench.ask(Disable())
+
+    def _change(self, step: Change) -> None:
+        bench = self._bench
+        self._off()
+        self._ask_operator(step.prompt)
+        self._offset_deg = None
+        commands: list[Command] = [Initialise()]
+        if step.set_up.phase == "contact":
+            commands.append(Tare())
+        bench.ask(step.set_up)
+        bench.wait(SETTLE_S)
+        for command in [*commands, Enable()]:
+            bench.ask(command)
+
+    def _find(self, step: Find) -> None:
+        bench = self._bench
+        bench.ask(Approach(step.force, APPROACH_SPEED, APPROACH_LIMIT))
+        seconds = APPROACH_LIMIT / APPROACH_SPEED + 5.0
+        bench.wait_until(lambda: bench.approached() is not None, seconds, "Finding the load cell")
+        reached = bench.approached()
+        if reached is None or math.isnan(reached):
+            raise UserError(
+                f"The fingertip does not press the load cell with {step.force:g} N before "
+                f"{math.degrees(APPROACH_LIMIT):g}° at the pulley; move the load cell nearer."
+            )
+        self._offset_deg = round(math.degrees(reached), 2)
+        bench.ask(Finish())
+        self._wait_for_rest()
+
+    def _record(self, step: Record) -> None:
+        bench = self._bench
+        settings = dict(step.trajectory)
+        if "offset_deg" not in settings and self._offset_deg is not None:
+            settings["offset_deg"] = self._offset_deg
+        trajectory = read_trajectory(settings)
+        count = round(trajectory.duration * bench.rate_hz)
+        bench.ask(Start(settings))
+        start = bench.status().run_start
+        done = bench.status().recorded_runs
+        bench.recorder.begin(
+            RunInfo(
+                step.phase,
+                step.cable,
+                bench.rate_hz,
+                trajectory.settings,
+                start,
+                start + count,
+                step.load_torque,
+                step.attributes,
+            )
+        )
+        words = f"run {step.number} of {step.count}"
+
+        def recorded() -> bool:
+            share = min(max(bench.board[Slot.INDEX] - start, 0) / count, 1.0)
+            self._report((step.number - 1 + share) / step.count, words)
+            return bench.status().recorded_runs > done
+
+        bench.wait_until(recorded, trajectory.duration + 30.0, f"Recording {words}")
+        self.samples += count
+        self._wait_for_rest()
+
+    def _wait_for_rest(self) -> None:
+        bench = self._bench
+        bench.wait_until(lambda: bench.status().mode is Mode.ENABLED, STOP_S + 5.0, "Coming to rest")

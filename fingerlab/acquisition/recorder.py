@@ -1,0 +1,418 @@
+"""The recorder: reads the ring and writes each run straight to a file that survives its writer.
+
+It runs in a process of its own (``process.py``): a stalled disk then holds up neither the control loop nor
+the window, a crash of the window loses no sample, and a crash inside HDF5 (a full disk can cause one) takes
+nothing with it but what was not yet flushed. On a virtual clock the same object is polled by hand
+(``inline.py``).
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from fingerlab.acquisition.board import Board, Slot, Text
+from fingerlab.acquisition.columns import COLUMN, UNITS, RowFlag
+from fingerlab.acquisition.ring import Array, Ring, RingReader
+from fingerlab.errors import UserError
+from fingerlab.sessions.format import MAY_BE_NAN, REQUIRED_CHANNELS
+from fingerlab.sessions.part_file import CLEAN, LOSSY, TRUNCATED, PartHeader, PartWriter
+from fingerlab.sessions.recording_place import PART_SUFFIX, RecordingPlace, give_name
+from fingerlab.sessions.repair import MARKERS_SUFFIX, assemble_files, finish_recording
+
+FLUSH_S = 0.1
+"""Samples of this long are handed to the system at a time: less than half of what may be lost."""
+
+LOOK_S = 0.25
+"""How often the place is looked at."""
+
+LEAST_FREE_BYTES = 32 << 20
+"""With less room than this the recording ends by itself, while the end can still be written (assumed)."""
+
+FINGER = ("mcp_angle", "pip_angle", "endpoint_force")
+ALWAYS = ("motor_command", "motor_position", "motor_current", "motor_torque")
+BESIDE = ("motor_speed", "current_command", "lateness", "cycle_time")
+RAW = tuple(name for name in COLUMN if name.startswith("raw/"))
+
+
+@dataclass(frozen=True)
+class SessionInfo:
+    """A session to come: its place, the rig's JSON text, title, time, and further root attributes."""
+
+    path: Path
+    rig: str
+    title: str
+    created: str
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """A run to come.
+
+    Attributes:
+        phase, cable, sample_rate_hz, trajectory: as in the session format.
+        start: index of the first sample; one in the past is taken from the ring (pre-trigger).
+        stop: index after the last one; None until ``end``.
+        load_torque: N m. attributes: further ones of the run.
+    """
+
+    phase: str
+    cable: str
+    sample_rate_hz: float
+    trajectory: Mapping[str, Any]
+    start: int
+    stop: int | None = None
+    load_torque: float = 0.0
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class _Run:
+    """The run that is being written."""
+
+    info: RunInfo
+    writer: PartWriter
+    reader: RingReader
+    stop: int | None
+    next: int
+    paused: bool = False
+    skip_from: int | None = None
+    late: int = 0
+    dropped: int = 0
+    waiting: int = 0
+    not_numbers: int = 0
+
+
+class Recorder:
+    """Records runs into one session at a time.
+
+    Args:
+        rescue: folder for what can still be saved when the session's own folder has vanished.
+        clock: seconds, only for how often the disk is looked at.
+    """
+
+    def __init__(
+        self, ring: Ring, board: Board, rescue: Path, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._ring, self._board, self._rescue, self._clock = ring, board, rescue, clock
+        self._info: SessionInfo | None = None
+        self._place: RecordingPlace | None = None
+        self._done: list[tuple[Path, h5py.File]] = []
+        self._run: _Run | None = None
+        self._looked = -1.0
+        self._errors = 0
+
+    @property
+    def recording(self) -> bool:
+        """Whether a run is being written."""
+        return self._run is not None
+
+    def open(self, info: SessionInfo) -> None:
+        """Claim the place of a session.
+
+        Raises:
+            UserError: the place is taken or cannot be written to, or a session is open already.
+        """
+        if self._place is not None:
+            raise UserError(f"{self._place.path} is being recorded; close it before another is begun.")
+        self._place, self._info, self._done = RecordingPlace.claim(info.path), info, []
+
+    def begin(self, run: RunInfo) -> None:
+        """Begin a run; it is written from the next ``poll`` on.
+
+        Raises:
+            UserError: no session is open, a run is under way, or the file cannot be made.
+        """
+        if self._place is None or self._info is None:
+            raise UserError("No session is open for recording; choose where to record first.")
+        if self._run is not None:
+            raise UserError("A run is being recorded; end it before the next is begun.")
+        number = len(self._done) + 1
+        path = self._place.folder / f"{number:03d}{PART_SUFFIX}"
+        root = {
+            "title": self._info.title,
+            "created": self._info.created,
+            "rig": self._info.rig,
+            **self._info.attributes,
+        }
+        own = {
+            "phase": run.phase,
+            "cable": run.cable,
+            "sample_rate_hz": float(run.sample_rate_hz),
+            "trajectory": dict(run.trajectory),
+            **run.attributes,
+        }
+        try:
+            writer = PartWriter(path, PartHeader(root, own), _units(run.phase))
+        except (OSError, RuntimeError) as error:
+            raise UserError(
+                f"{self._place.path} cannot be written ({_reason(error)}); choose a place with room."
+            ) from None
+        self._run = _Run(run, writer, self._reader_from(run.start), run.stop, run.start)
+        self._board[Slot.RECORDING], self._board[Slot.RECORDED] = 1, 0
+
+    def pause(self, on: bool) -> None:
+        """Leave samples out from now on, or go on; what is left out is a gap in time."""
+        if self._run is None:
+            raise UserError("Nothing is being recorded; there is nothing to pause.")
+        self.poll()
+        if self._run is not None:
+            self._run.paused = on
+            self._board[Slot.RECORDING] = 2 if on else 1
+
+    def mark(self, note: str, index: int | None = None) -> None:
+        """Put a marker with a note at a sample, the newest where none is given.
+
+        Raises:
+            UserError: nothing is being recorded, or the note cannot be written.
+        """
+        run = self._run
+        if run is None:
+            raise UserError("Nothing is being recorded; a marker belongs to a run.")
+        index = self._board[Slot.INDEX] if index is None else index
+        marker = {"time": (index - run.info.start) / run.info.sample_rate_hz, "note": note}
+        try:
+            with run.writer.path.with_suffix(MARKERS_SUFFIX).open("a", encoding="utf-8") as file:
+                file.write(json.dumps(marker, ensure_ascii=False) + "\n")
+        except OSError as error:
+            raise UserError(f"The marker cannot be written ({error.strerror}); make room.") from None
+
+    def end(self, stop: int | None = None) -> None:
+        """End the run before sample ``stop``, or with the newest sample.
+
+        Raises:
+            UserError: nothing is being recorded.
+        """
+        if self._run is None:
+            raise UserError("Nothing is being recorded; there is nothing to end.")
+        self._run.stop = self._board[Slot.INDEX] + 1 if stop is None else stop
+        self.poll()
+
+    def cut(self, note: str) -> None:
+        """End the run with all that the ring still holds and say why it was cut."""
+        while self._run is not None and self._take() > 0:
+            pass
+        if self._run is not None:
+            self._finish(note)
+
+    def close(self, progress: Callable[[float, str], None] | None = None) -> Path:
+        """Write the session whole, verify it, and give it its name.
+
+        Returns:
+            Its path.
+
+        Raises:
+            UserError: no session is open, it holds no sample, or the place is full.
+        """
+        if self._place is None:
+            raise UserError("No session is open for recording.")
+        if self._run is not None:
+            self.end()
+            if self._run is not None:
+                self._finish("")
+        place, self._place = self._place, None
+        self._let_go()
+        if not place.parts():
+            place.remove()
+            raise UserError(f"{place.path} would hold no runs and is not written; record at least one.")
+        return finish_recording(place, progress)
+
+    def poll(self) -> bool:
+        """Take what the ring has; whether there was anything. Never raises for the disk's sake."""
+        self._board[Slot.RECORDER_BEAT] += 1
+        try:
+            taken = self._take()
+            self._look()
+        except (OSError, RuntimeError) as error:
+            self._fail(error)
+            return False
+        return taken > 0
+
+    def _take(self) -> int:
+        run = self._run
+        if run is None:
+            return 0
+        piece = run.reader.read()
+        self._board[Slot.UNREAD] += piece.lost
+        rows = piece.rows
+        index = rows[:, COLUMN["index"]]
+        inside = index >= run.next
+        if run.stop is not None:
+            inside &= index < run.stop
+        over = run.stop is not None and bool(len(index)) and index[-1] >= run.stop - 1
+        if inside.any():
+            self._write(run, rows[inside])
+        if over:
+            self._finish("")
+        return len(rows)
+
+    def _write(self, run: _Run, rows: Array) -> None:
+        index = rows[:, COLUMN["index"]]
+        if run.paused:
+            run.next = int(index[-1]) + 1
+            return
+        whole = np.isfinite(rows[:, [COLUMN[name] for name in _certain(run.info.phase)]]).all(axis=1)
+        run.not_numbers += int((~whole).sum())
+        rows, index = rows[whole], index[whole]
+        if not len(rows):
+            return
+        gaps = np.diff(index, prepend=run.next - 1) - 1
+        run.dropped += int(gaps.sum())
+        run.late += int(((rows[:, COLUMN["flags"]].astype(np.int64) & RowFlag.LATE) > 0).sum())
+        run.next = int(index[-1]) + 1
+        run.writer.append(_channels(run, rows, index))
+        run.waiting += len(rows)
+        if run.waiting >= FLUSH_S * run.info.sample_rate_hz:
+            run.writer.set_counts(run.dropped, run.late)
+            run.writer.flush()
+            run.waiting = 0
+        self._board[Slot.RECORDED] = run.writer.length
+
+    def _finish(self, note: str) -> None:
+        """Close the run's file; ``note`` says why it was cut, and is empty where it was not."""
+        run, self._run = self._run, None
+        assert run is not None
+        self._board[Slot.RECORDING] = 0
+        wanted = run.info.stop
+        complete = not note and (wanted is None or run.next >= wanted)
+        ended = TRUNCATED if note else LOSSY if run.dropped else CLEAN
+        run.writer.set_counts(run.dropped, run.late)
+        run.writer.finish(ended, note or _lossy_note(run), complete)
+        path = run.writer.path
+        self._done.append((path, h5py.File(path, "r")))
+        self._board[Slot.RECORDED_RUNS] = len(self._done)
+
+    def _look(self) -> None:
+        """See that the place is still there and has room."""
+        now = self._clock()
+        if self._place is None or now - self._looked < LOOK_S:
+            return
+        self._looked = now
+        if not self._place.folder.is_dir():
+            self._save_elsewhere()
+            return
+        free = shutil.disk_usage(self._place.folder).free
+        self._board[Slot.FREE_BYTES] = free
+        if free < LEAST_FREE_BYTES and self._run is not None:
+            sentence = (
+                f"The disk of {self._place.path.parent} has only {free / 1e6:.0f} MB left; the recording "
+                "ended, what it has is kept, make room before the next."
+            )
+            self.cut(sentence)
+            self._tell(sentence)
+
+    def _fail(self, error: Exception) -> None:
+        """The disk takes no more: leave the file as it is, it can be read up to the last flush."""
+        assert self._place is not None
+        sentence = (
+            f"{self._place.path} cannot be written ({_reason(error)}); the recording ended there, make room "
+            "and open it: what was written is kept."
+        )
+        run, place = self._run, self._place
+        self._run = self._place = None
+        self._board[Slot.RECORDING] = 0
+        self._tell(sentence)
+        if run is not None:
+            with suppress(OSError, RuntimeError):
+                run.writer.close()
+        self._let_go()
+        place.release()
+
+    def _save_elsewhere(self) -> None:
+        """The folder has vanished. Files that are open can still be read: save them in another place."""
+        assert self._place is not None
+        place, run = self._place, self._run
+        self._place = self._run = None
+        self._board[Slot.RECORDING] = 0
+        self._tell(f"The folder {place.folder.parent} has vanished; the recording was ended.")
+        files = list(self._done)
+        if run is not None:
+            with suppress(OSError, RuntimeError):
+                run.writer.flush()
+            files.append((run.writer.path, run.writer.file))
+        try:
+            self._rescue.mkdir(parents=True, exist_ok=True)
+            whole = self._rescue / f"{place.path.name}.rescued"
+            whole.unlink(missing_ok=True)
+            assemble_files(files, whole, place.path)
+            saved = give_name(whole, self._rescue / place.path.name)
+        except (OSError, UserError, RuntimeError) as error:
+            self._tell(f"The folder {place.folder.parent} has vanished, and its recording with it ({error}).")
+        else:
+            self._tell(f"The folder {place.folder.parent} has vanished; the recording was saved as {saved}.")
+        finally:
+            if run is not None:
+                with suppress(OSError, RuntimeError):
+                    run.writer.close()
+            self._let_go()
+            place.release()
+
+    def _tell(self, sentence: str) -> None:
+        self._board.set_text(Text.RECORDER, sentence)
+        self._errors += 1
+        self._board[Slot.RECORDER_ERRORS] = self._errors
+
+    def _let_go(self) -> None:
+        for _, file in self._done:
+            with suppress(OSError, RuntimeError):
+                file.close()
+        self._done = []
+
+    def _reader_from(self, index: int) -> RingReader:
+        """A reader at or before sample ``index``, as far back as the ring goes."""
+        newest = self._ring.last(1)
+        if not len(newest):
+            return self._ring.reader()
+        behind = int(newest[0, COLUMN["index"]]) - index + 2
+        return self._ring.reader(max(behind, 0))
+
+
+def _units(phase: str) -> dict[str, str]:
+    names = ["time", *ALWAYS]
+    if phase in ("on_air", "contact"):
+        names += FINGER
+    units = {"time": "s", **{name: UNITS[name] for name in names if name != "time"}}
+    if phase == "motor_bench":
+        units["load_torque"] = "N m"
+    return units | {name: UNITS[name] for name in (*BESIDE, *RAW)}
+
+
+def _certain(phase: str) -> list[str]:
+    """Columns without which a sample is none."""
+    needed = {*ALWAYS, *REQUIRED_CHANNELS[phase]} - MAY_BE_NAN - {"time"}
+    return [name for name in COLUMN if name in needed]
+
+
+def _channels(run: _Run, rows: Array, index: Array) -> dict[str, Any]:
+    time_s = (index - run.info.start) / run.info.sample_rate_hz
+    channels: dict[str, Any] = {}
+    for name in _units(run.info.phase):
+        if name == "load_torque":
+            channels[name] = np.full(len(rows), run.info.load_torque)
+        elif name != "time":
+            channels[name] = rows[:, COLUMN[name]]
+    if "endpoint_force" in channels and run.info.phase != "contact":
+        channels["endpoint_force"] = rows[:, COLUMN["endpoint_force"]]
+    channels["time"] = time_s  # last: a finite time says that all else is there
+    return channels
+
+
+def _lossy_note(run: _Run) -> str:
+    if not run.dropped:
+        return ""
+    why = f", {run.not_numbers} of them were no numbers" if run.not_numbers else ""
+    return f"{run.dropped} samples were lost in gaps{why}."
+
+
+def _reason(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or " ".join(str(error).split()))

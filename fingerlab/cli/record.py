@@ -1,0 +1,250 @@
+"""``fingerlab record``: a session from a device, without the window. Ctrl-C stops the motor first."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from collections.abc import Callable, Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
+from fingerlab.cli.simulate import PROTOCOL_NAMES
+from fingerlab.errors import UserError
+
+if TYPE_CHECKING:
+    from fingerlab.acquisition.bench import Bench
+    from fingerlab.devices.choosing import DeviceChoice
+    from fingerlab.rig import Rig
+
+
+@click.command()
+@click.option("--protocol", type=click.Choice(PROTOCOL_NAMES), help="Which runs to take.")
+@click.option(
+    "--trajectory",
+    metavar="FILE|JSON",
+    help="Take one run with this trajectory instead: JSON text, a file of it, or what diagnose --json gave.",
+)
+@click.option("--phase", help="Phase of that run: on_air, contact, motor_bench or free.")
+@click.option("--cable", type=click.Choice(["extension", "flexion", "none"]), help="Cable of that run.")
+@click.option(
+    "--device",
+    metavar="NAME",
+    help="simulated, or a card such as Dev1 or host:31763/Dev1; else the first one found.",
+)
+@click.option("--rig", "rig_file", type=click.Path(path_type=Path), help="Rig file (TOML).")
+@click.option("--title", help="Title of the session.")
+@click.option("--operator", help="Who records.")
+@click.option("--notes", help="Notes on the session.")
+@click.option("--rest", default=2.0, show_default=True, type=click.FloatRange(min=0), help="s between runs.")
+@click.option("--force", default=0.8, show_default=True, type=click.FloatRange(min=0.05), help="N, contact.")
+@click.option("--yes", is_flag=True, help="Do not wait for a key where the cable is to be changed.")
+@click.option("--real-time", is_flag=True, help="Let the simulated rig run in real time, as a card does.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, help="Which simulated bench.")
+@click.option("--effect", "effects", multiple=True, metavar="ID[=STRENGTH]", help="Of the simulated bench.")
+@click.option("--hidden", is_flag=True, help="Hide an effect in the simulated bench until 'reveal'.")
+@click.option("--preset", default="practice", help="Of the simulated bench: practice, as-built, or a file.")
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="Session file to write.")
+@json_option
+def record(out: Path, json_target: str | None, **options: Any) -> None:
+    """Record a session from a device.
+
+    What has been recorded is safe at every moment: a recording that was cut is repaired when it is opened.
+    The simulated rig runs as fast as it can, unless it is asked for real time.
+    """
+    from fingerlab.acquisition.protocol import plan_steps
+    from fingerlab.devices.choosing import REPLAY
+
+    refuse_existing(out)
+    name, plans = _plans(options)
+    choice = _choice(options)
+    if choice.kind == REPLAY:
+        raise UserError("A replay has been recorded already; record from 'simulated' or from a card.")
+    steps = plan_steps(plans, options["force"], options["rest"])
+    simulated = choice.kind == "simulated"
+    bar, report = progress_bar("Recording")
+    with bar:
+        report(0.0, "opening the device")
+        bench, rig, attributes = _open(choice, options, simulated)
+        told = {"protocol": name, "device": bench.status().device, **attributes}
+        quiet = options["yes"] or simulated  # nobody has to change a cable
+        ask = _tell(report) if quiet else _ask(bench, bar)
+        try:
+            path, samples = _run(bench, steps, out, rig, options, told, ask, report)
+        finally:
+            bench.close()
+    click.echo(f"{len(plans)} runs, {samples} samples, written to {path}.", err=True)
+    if json_target is not None:
+        write_json(_result(path, name, samples), json_target)
+
+
+def _run(
+    bench: Bench,
+    steps: Any,
+    out: Path,
+    rig: Rig,
+    options: Mapping[str, Any],
+    told: Mapping[str, Any],
+    ask: Callable[[str], None],
+    report: Callable[[float, str], None],
+) -> tuple[Path, int]:
+    from fingerlab.acquisition.protocol import ProtocolDriver
+    from fingerlab.acquisition.recorder import SessionInfo
+
+    attributes = {k: v for k in ("operator", "notes") if (v := options[k])}
+    title = options["title"] or f"{told['protocol']} protocol on {told['device']}"
+    now = datetime.now().astimezone().isoformat(timespec="seconds")
+    driver = ProtocolDriver(bench, ask, report)
+    terminated = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        bench.recorder.open(SessionInfo(out, rig.to_json(), title, now, {**attributes, **told}))
+        driver.take(steps)
+    except BaseException as error:
+        bench.stop()  # before anything else
+        _keep(bench, error, out)
+        raise
+    finally:
+        signal.signal(signal.SIGTERM, terminated)
+    report(1.0, "writing and verifying")
+    return bench.recorder.close(), driver.samples
+
+
+def _keep(bench: Bench, error: BaseException, out: Path) -> None:
+    """What was recorded before it broke off becomes a session that says so."""
+    note = str(error) if isinstance(error, UserError) else "The recording was stopped by the operator."
+    try:
+        bench.recorder.cut(note)
+        path = bench.recorder.close()
+    except UserError:
+        return
+    click.echo(f"The recording broke off; what was taken is in {path}.", err=True)
+
+
+def _open(
+    choice: DeviceChoice, options: Mapping[str, Any], simulated: bool
+) -> tuple[Bench, Rig, dict[str, Any]]:
+    """The bench, its rig, and what a simulated one says of itself."""
+    from platformdirs import user_data_path
+
+    from fingerlab.acquisition.requests import LoopSettings
+    from fingerlab.acquisition.safety import Limits
+    from fingerlab.acquisition.units import BenchUnits
+
+    rescue = user_data_path("FingerLab") / "rescued"
+    device = choice.build() if simulated else None
+    rig: Rig = device.rig if device is not None else choice.rig  # type: ignore[attr-defined, assignment]
+    attributes = dict(getattr(device, "session_attributes", {}))
+    settings = LoopSettings(BenchUnits.from_rig(rig), Limits.from_rig(rig))
+    if device is not None and not options["real_time"]:
+        from fingerlab.acquisition.inline import InlineBench
+
+        return InlineBench(device, settings, rescue), rig, attributes
+    from fingerlab.acquisition.process_bench import ProcessBench
+
+    return ProcessBench(choice, settings, rescue, rig.daq.rate_hz), rig, attributes
+
+
+def _choice(options: Mapping[str, Any]) -> DeviceChoice:
+    from fingerlab.devices.choosing import choose_device
+    from fingerlab.devices.simulated import Simulation
+    from fingerlab.rig_file import load_rig
+    from fingerlab.twin.effects import parse_effects
+
+    if options["hidden"] and options["effects"]:
+        raise UserError("--hidden picks the effect itself; leave out --effect, or leave out --hidden.")
+    rig = load_rig(options["rig_file"]) if options["rig_file"] else None
+    simulation = Simulation(
+        options["preset"], options["seed"], parse_effects(options["effects"]), options["hidden"]
+    )
+    return choose_device(options["device"], rig, simulation, real_time=options["real_time"])
+
+
+def _plans(options: Mapping[str, Any]) -> tuple[str, list[Any]]:
+    from fingerlab.twin.preset import load_preset
+    from fingerlab.twin.protocols import PROTOCOLS, single_run
+
+    protocol, text = options["protocol"], options["trajectory"]
+    if (protocol is None) == (text is None):
+        raise UserError("Give either --protocol with a name or --trajectory, not both or neither.")
+    if protocol is not None:
+        if options["phase"] or options["cable"]:
+            raise UserError(f"--phase and --cable go with --trajectory; {protocol} has its own.")
+        amplitude = load_preset(options["preset"]).numbers["protocol"]["contact_amplitude_deg"]
+        return protocol, PROTOCOLS[protocol](amplitude)
+    found = _proposal(text)
+    phase = options["phase"] or found.get("phase")
+    if phase is None:
+        raise UserError("--trajectory needs --phase: on_air, contact, motor_bench or free.")
+    return "single", [single_run(found["trajectory"], phase, options["cable"] or found.get("cable"))]
+
+
+def _proposal(text: str) -> dict[str, Any]:
+    """A trajectory, a proposal, or a whole diagnosis, from JSON text or a file of it.
+
+    Raises:
+        UserError: it is none of them.
+    """
+    where = "--trajectory"
+    if not text.lstrip().startswith("{"):
+        where = text
+        try:
+            text = Path(text).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise UserError(
+                f"--trajectory {where} is neither JSON text nor a file that can be read ({error})."
+            ) from None
+    try:
+        data = json.loads(text)
+    except ValueError as error:
+        raise UserError(f"{where} is not JSON ({error}); give a trajectory or what diagnose wrote.") from None
+    if isinstance(data, dict) and "next_experiment" in data:
+        data = data["next_experiment"]
+        if data is None:
+            raise UserError(f"{where} proposes no experiment: its diagnosis has nothing left to separate.")
+    if not isinstance(data, dict):
+        raise UserError(f"{where} is not a JSON object; it should hold 'trajectory', or 'kind' and the like.")
+    return data if "trajectory" in data else {"trajectory": data}
+
+
+def _tell(report: Callable[[float, str], None]) -> Callable[[str], None]:
+    return lambda sentence: report(0.0, sentence)
+
+
+def _ask(bench: Bench, bar: Any) -> Callable[[str], None]:
+    """Ask the operator on the terminal while the bench keeps seeing that somebody is there."""
+    import threading
+
+    def question(sentence: str) -> None:
+        bar.stop()
+        click.echo(f"{sentence} Then press Enter.", err=True)
+        done = threading.Event()
+
+        def read() -> None:
+            sys.stdin.readline()
+            done.set()
+
+        threading.Thread(target=read, daemon=True).start()
+        while not done.is_set():
+            bench.idle()
+        bar.start()
+
+    return question
+
+
+def _result(path: Path, name: str, samples: int) -> dict[str, Any]:
+    from fingerlab.sessions import open_session
+
+    session = open_session(path)
+    return {
+        "session": str(path),
+        "protocol": name,
+        "runs": len(session.runs),
+        "samples": samples,
+        "ended": session.attributes.get("ended"),
+        "dropped_samples": sum(int(run.attributes.get("dropped_samples", 0)) for run in session.runs),
+        "late_cycles": sum(int(run.attributes.get("late_cycles", 0)) for run in session.runs),
+    }

@@ -1,0 +1,116 @@
+"""One run while it is recorded: an HDF5 file in single-writer mode, so that what was flushed can be read.
+
+Only that mode promises it after the writer was killed. It allows no new object and no new attribute, hence
+everything is made beforehand: the attributes that tell how the run ended say "truncated" from the start, and
+are overwritten in place. Samples that were announced but never reached the file read as NaN; ``time`` is
+flushed last, so that a finite time stands for a whole sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from h5py import h5s
+
+from fingerlab.sessions.format import CHANNEL_UNITS, FORMAT_NAME, FORMAT_VERSION
+from fingerlab.sessions.run_writing import write_attributes
+
+CHUNK = 4096
+"""Samples a chunk: 4 s at 1 kHz. Chunks are not compressed, so that each is written in its place."""
+
+RUN = "001"
+CLEAN, TRUNCATED, LOSSY = "clean", "truncated", "lossy"
+"""How a recording ended: as asked, cut off, or as asked but with samples lost in between."""
+
+_ENDED_BYTES = 16
+_NOTE_BYTES = 400
+
+
+@dataclass(frozen=True)
+class PartHeader:
+    """What a run's file says from its first moment: attributes of the root and of the run."""
+
+    root: Mapping[str, Any]
+    run: Mapping[str, Any]
+
+
+class PartWriter:
+    """Takes a run's samples in pieces. Every method raises OSError where the disk does not take them."""
+
+    def __init__(self, path: Path, header: PartHeader, units: Mapping[str, str]) -> None:
+        """Make the file.
+
+        Args:
+            units: channel -> unit, all channels to come; ``time`` is among them.
+        """
+        self.path, self.length = path, 0
+        self._file = h5py.File(path, "x", libver="latest")
+        root = {"format": FORMAT_NAME, "format_version": FORMAT_VERSION, **header.root}
+        write_attributes(self._file, root)
+        self._group = self._file.create_group(f"runs/{RUN}")
+        write_attributes(self._group, header.run)
+        for key, size in (("ended", _ENDED_BYTES), ("ended_note", _NOTE_BYTES)):
+            self._group.attrs.create(key, np.bytes_(TRUNCATED if key == "ended" else ""), dtype=f"S{size}")
+        for key in ("complete", "dropped_samples", "late_cycles"):
+            self._group.attrs.create(key, 0, dtype=np.int64)
+        self._datasets = {name: self._make(name, unit) for name, unit in units.items()}
+        self._kinds = {name: dataset.dtype for name, dataset in self._datasets.items()}
+        self._counts = 0, 0
+        self._file.swmr_mode = True
+
+    def _make(self, name: str, unit: str) -> h5py.Dataset:
+        kind = np.float64 if name in ("time", "raw/encoder_counts") else np.float32
+        dataset = self._group.create_dataset(
+            name, (0,), maxshape=(None,), chunks=(CHUNK,), dtype=kind, fillvalue=np.nan
+        )
+        write_attributes(dataset, {"units": CHANNEL_UNITS.get(name, unit)})
+        return dataset
+
+    def append(self, channels: Mapping[str, Any]) -> None:
+        """The next samples of every channel, arrays of one length."""
+        # HDF5's own calls: h5py's indexing costs ten times as much, and this is done ten times a second.
+        count = len(channels["time"])
+        memory = h5s.create_simple((count,))
+        for name, dataset in self._datasets.items():
+            dataset.id.set_extent((self.length + count,))
+            place = dataset.id.get_space()
+            place.select_hyperslab((self.length,), (count,))
+            dataset.id.write(memory, place, np.ascontiguousarray(channels[name], dtype=self._kinds[name]))
+        self.length += count
+
+    def flush(self) -> None:
+        """Hand everything to the system; from here on it survives the death of this process."""
+        for name, dataset in self._datasets.items():
+            if name != "time":
+                dataset.flush()
+        self._datasets["time"].flush()
+
+    def set_counts(self, dropped: int, late: int) -> None:
+        """Samples lost and cycles late so far."""
+        if (dropped, late) == self._counts:
+            return
+        self._counts = dropped, late
+        self._group.attrs.modify("dropped_samples", np.int64(dropped))
+        self._group.attrs.modify("late_cycles", np.int64(late))
+
+    def finish(self, ended: str, note: str, complete: bool) -> None:
+        """Say how the run ended, and close the file."""
+        self._group.attrs.modify("ended", np.bytes_(ended))
+        self._group.attrs.modify("ended_note", np.bytes_(note.encode("utf-8")[:_NOTE_BYTES]))
+        self._group.attrs.modify("complete", np.int64(complete))
+        self.flush()
+        self.close()
+
+    @property
+    def file(self) -> h5py.File:
+        """The open file, readable even where its name is gone."""
+        return self._file
+
+    def close(self) -> None:
+        """Close the file as it is."""
+        self._file.close()

@@ -1,0 +1,123 @@
+"""One kill: a bench under way, one of its processes killed, and what became of motor and recording."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing import resource_tracker
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from fingerlab.acquisition.board import Board, Slot
+from fingerlab.acquisition.columns import COLUMN
+from fingerlab.acquisition.ring import Ring
+from fingerlab.sessions import check_session, open_session
+from tests.faults.shared_device import make_output, read_output
+
+ROOT = Path(__file__).resolve().parents[2]
+VICTIMS = ("window", "recorder", "loop")
+PATIENCE_S = 60.0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was seen after a kill.
+
+    Attributes:
+        plant_ms: cycles of the bench from the kill to zero output (1 ms each); after the death of the loop,
+            whose cycles end with it, milliseconds of the machine's clock.
+        lost_s: seconds of samples that the loop had published before the kill and the session lacks.
+        kept: samples in the session. ended: what it says of itself. wrong: samples that differ from the ring.
+    """
+
+    victim: str
+    after_s: float
+    zero: bool
+    plant_ms: float
+    lost_s: float
+    kept: int
+    ended: str
+    wrong: int
+
+
+def kill_once(folder: Path, victim: str, after_s: float) -> Outcome:
+    """Let a bench run for ``after_s`` seconds of recording, kill ``victim``, and look."""
+    output, session = folder / "output", folder / "session.h5"
+    make_output(output)
+    arguments = [
+        sys.executable,
+        "-m",
+        "tests.faults.window",
+        str(output),
+        str(session),
+        str(folder / "saved"),
+    ]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, cwd=ROOT, text=True) as window:
+        assert window.stdout is not None
+        told = json.loads(window.stdout.readline())
+        ring, board = Ring.attach(told["ring"]), Board.attach(told["board"])
+        for name in (told["ring"], told["board"]):  # they are the window's, not ours, to remove
+            with suppress(AttributeError, KeyError):
+                resource_tracker.unregister(f"/{name.lstrip('/')}", "shared_memory")
+        _wait_for_samples(board, told["start"] + 1000.0 * after_s)
+        before, cycles = ring.last(1)[0], read_output(output).cycles
+        killed_ns = time.monotonic_ns()
+        os.kill(told[victim], getattr(signal, "SIGKILL", signal.SIGTERM))
+        zero = _wait_for_zero(output)
+        at = read_output(output)
+        plant = (at.changed_ns - killed_ns) / 1e6 if victim == "loop" else float(at.cycles - cycles)
+        _wait_for_end(told, window)
+        rows = ring.last(ring.rows)
+    kept, wrong, last, ended = _look_at(session, rows, told["start"])
+    lost = max(0.0, (before[COLUMN["index"]] - last) / 1000.0)
+    ring.close()
+    board.close()
+    return Outcome(victim, after_s, zero, plant, lost, kept, ended, wrong)
+
+
+def _look_at(session: Path, rows: np.ndarray, start: int) -> tuple[int, int, int, str]:
+    found = open_session(session)
+    assert not check_session(found).errors
+    run = found.runs[0]
+    data = run.load(["time", "motor_position", "raw/encoder_counts"])
+    index = start + np.rint(data["time"] * 1000.0).astype(int)
+    published = rows[np.isin(rows[:, COLUMN["index"]], index)]
+    assert len(published) == len(index)
+    same = data["raw/encoder_counts"] == published[:, COLUMN["raw/encoder_counts"]]
+    same &= np.abs(data["motor_position"] - published[:, COLUMN["motor_position"]]) < 1e-6
+    return len(index), int((~same).sum()), int(index[-1]), str(found.attributes["ended"])
+
+
+def _wait_for_samples(board: Board, index: float) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while board[Slot.INDEX] < index and time.monotonic() < end:
+        time.sleep(2e-3)
+
+
+def _wait_for_zero(output: Path) -> bool:
+    end = time.monotonic() + PATIENCE_S
+    while not read_output(output).zero:
+        if time.monotonic() > end:
+            return False
+        time.sleep(1e-3)
+    return True
+
+
+def _wait_for_end(told: dict[str, int], window: subprocess.Popen[str]) -> None:
+    """Until no process holds the recording any more; a window that lives on ends by itself."""
+    end = time.monotonic() + PATIENCE_S
+    try:
+        window.wait(PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        window.kill()
+    for name in ("loop", "recorder"):
+        while psutil.pid_exists(told[name]) and time.monotonic() < end:
+            time.sleep(0.01)

@@ -1,0 +1,23 @@
+"""Killed processes: the motor is told zero, and what was flushed can be read. The sweep has hundreds more."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.faults.killing import VICTIMS, kill_once
+
+
+@pytest.mark.parametrize("after", [0.35, 0.8])
+@pytest.mark.parametrize("victim", VICTIMS)
+def test_a_killed_process_stops_the_motor_and_loses_a_quarter_of_a_second_at_most(
+    tmp_path: Path, victim: str, after: float
+) -> None:
+    outcome = kill_once(tmp_path, victim, after)
+    assert outcome.zero
+    assert outcome.lost_s <= 0.25
+    assert outcome.wrong == 0
+    assert outcome.kept >= 1000 * after - 250
+    assert outcome.ended == "truncated"
+    assert not (tmp_path / "session.h5.recording").exists()

@@ -1,0 +1,63 @@
+"""Stands for the window in fault tests: opens a bench, lets it run, records, and shows that it is alive.
+
+``python -m tests.faults.window OUTPUT SESSION RESCUE [BEATS]`` prints one line of JSON when it records. With
+BEATS it freezes after so many.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+from fingerlab.acquisition.commands import Enable, Initialise, SetUp, Start
+from fingerlab.acquisition.process_bench import ProcessBench
+from fingerlab.acquisition.recorder import RunInfo, SessionInfo
+from fingerlab.acquisition.requests import LoopSettings
+from fingerlab.acquisition.safety import Limits
+from fingerlab.acquisition.units import BenchUnits
+from fingerlab.errors import UserError
+from fingerlab.rig_file import default_rig
+from tests.faults.shared_device import SharedChoice
+
+SINE = {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0, "offset_deg": 22.0, "ramp_s": 0.5}
+
+# A machine that is busy with other tests is late; lateness has tests of its own, on a virtual clock.
+PATIENT = Limits(late_time=30.0, late_cycles=1e9, window_time=20.0, recorder_time=20.0)
+
+
+def main(output: str, session: str, rescue: str, beats: str = "1000000000") -> None:
+    rig = default_rig()
+    settings = LoopSettings(BenchUnits.from_rig(rig), PATIENT)
+    bench = ProcessBench(SharedChoice(Path(output)), settings, Path(rescue))
+    bench.recorder.open(SessionInfo(Path(session), rig.to_json(), "fault test", "2026-11-01T09:00:00+01:00"))
+    for command in (SetUp("on_air", "extension"), Initialise(), Enable(), Start(SINE, True)):
+        bench.ask(command)
+    start = bench.status().run_start
+    bench.recorder.begin(RunInfo("on_air", "extension", 1000.0, SINE, start))
+    told = {
+        "window": os.getpid(),
+        "loop": bench.loop_process.pid,
+        "recorder": bench.recorder_process.pid,
+        "ring": bench.ring.name,
+        "board": bench.board.name,
+        "start": start,
+    }
+    print(json.dumps(told), flush=True)
+    try:
+        for _ in range(int(beats)):
+            bench.idle()
+            if bench.status().recorder:
+                print(bench.status().recorder, file=sys.stderr)
+                break
+        else:
+            time.sleep(600)
+    except UserError as error:
+        print(error, file=sys.stderr)
+    bench.close()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
