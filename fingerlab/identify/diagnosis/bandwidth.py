@@ -31,6 +31,10 @@ def low_pass_kernel(taps: int, cutoff_hz: float, sample_rate_hz: float) -> Array
     return np.asarray(kernel / kernel.sum())
 
 
+EDGE = 2
+"""Zeros on either side of the wide kernel, for the differences that reach beyond it."""
+
+
 def wide_kernels(sample_rate_hz: float) -> tuple[Array, int]:
     """Low-pass kernel at 40 Hz with its first and second derivative, shape (taps, 3), and the decimation.
 
@@ -39,12 +43,15 @@ def wide_kernels(sample_rate_hz: float) -> tuple[Array, int]:
     step = max(1, round(sample_rate_hz / WIDE_RATE_HZ))
     cutoff = min(WIDE_CUTOFF_HZ, 0.3 * sample_rate_hz)
     taps = 2 * round(1.2 * sample_rate_hz / cutoff) + 1
-    smooth = low_pass_kernel(taps, cutoff, sample_rate_hz)
+    # Zeros around it, so that differences at the edges of the window are not lost: a torque and the
+    # acceleration that causes it must pass with the same gain.
+    smooth = np.pad(low_pass_kernel(taps, cutoff, sample_rate_hz), EDGE)
+    taps += 2 * EDGE
     slope = -np.gradient(smooth, 1.0 / sample_rate_hz)
     # A finite kernel must differentiate a ramp to exactly one and a parabola to exactly two.
     lag = (np.arange(taps) - taps // 2) / sample_rate_hz
     slope /= float(slope @ lag)
-    bend = np.gradient(np.gradient(smooth, 1.0 / sample_rate_hz), 1.0 / sample_rate_hz)
+    bend = np.convolve(smooth, (1.0, -2.0, 1.0), mode="same") * sample_rate_hz**2
     bend -= bend.mean()
     bend /= 0.5 * float(bend @ lag**2)
     return np.stack((smooth, slope, bend), axis=1), step

@@ -91,11 +91,6 @@ def test_wide_signals_hold_forty_hertz_back() -> None:
     )
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the derivative kernels lose the edges of the window and pass 3 Hz with 0.3 % more gain than the "
-    "values do; padded with zeros before np.gradient they would not",
-)
 @pytest.mark.parametrize("frequency", [1.0, 3.0, 5.0])
 def test_derivatives_pass_with_the_gain_of_the_values(frequency: float) -> None:
     """Else a torque and the acceleration that causes it no longer agree after filtering."""
