@@ -36,6 +36,7 @@ GRACE_S = 2.0
 
 WINDOW_LOST = "The window has ended unexpectedly; the motor was stopped."
 RECORDER_LOST = "The recorder has ended unexpectedly; the motor was stopped."
+CLOSED = "The bench was closed while it recorded."
 LOOP_LOST = "The control loop ended unexpectedly; the recording was cut."
 
 
@@ -120,6 +121,7 @@ def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, aliv
             _end_alone(recorder, board)
             _leave()
         if name == "quit":
+            _write_whole(recorder, CLOSED if board[Slot.LOOP_ENDED] else LOOP_LOST)
             _leave()
         _serve(recorder, requests, name, arguments)
 
@@ -141,8 +143,13 @@ def _end_alone(recorder: Recorder, board: Board) -> None:
     while time.monotonic() < end and not board[Slot.LOOP_ENDED]:
         recorder.poll()
         time.sleep(POLL_S)
-    recorder.cut(WINDOW_LOST)
-    with suppress(UserError):
+    _write_whole(recorder, WINDOW_LOST)
+
+
+def _write_whole(recorder: Recorder, note: str) -> None:
+    """What was recorded becomes a session that says why it was cut; nothing where all is closed."""
+    with suppress(UserError, OSError, RuntimeError):
+        recorder.cut(note)
         recorder.close()
 
 

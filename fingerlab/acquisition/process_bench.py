@@ -91,6 +91,8 @@ class ProcessBench(Bench):
         self.beat()
         if not self.loop_process.is_alive() and not self.board[Slot.LOOP_ENDED]:
             raise UserError("The control loop has ended unexpectedly; the motor was stopped.")
+        if not self.recorder_process.is_alive():
+            raise UserError("The recorder has ended unexpectedly; the motor was stopped.")
         time.sleep(IDLE_S)
 
     def close(self) -> None:
