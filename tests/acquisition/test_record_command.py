@@ -1,0 +1,102 @@
+"""``fingerlab record`` as a person calls it."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.cli.record import record
+from fingerlab.errors import UserError
+from fingerlab.sessions import check_session, open_session
+
+RUN = {"kind": "sine", "amplitude_deg": 10.0, "frequency_hz": 1.0, "offset_deg": 20.0, "duration_s": 3.0}
+
+
+def call(*arguments: str) -> Any:
+    return CliRunner().invoke(record, list(arguments), catch_exceptions=True)
+
+
+def test_one_run_on_the_simulated_rig(tmp_path: Path) -> None:
+    out = tmp_path / "one.h5"
+    result = call(
+        "--trajectory", json.dumps(RUN), "--phase", "on_air", "--device", "simulated", "--json", "-",
+        "--operator", "Ada", "--out", str(out),
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.stdout)
+    assert (told["samples"], told["ended"], told["dropped_samples"]) == (3000, "clean", 0)
+    session = open_session(out)
+    assert not check_session(session).errors
+    run = session.runs[0]
+    command = read_trajectory(RUN).command(run.channel("time"))
+    np.testing.assert_allclose(run.channel("motor_command"), command, atol=2e-3)
+    error = run.channel("motor_position")[1500:] - command[1500:]
+    assert np.sqrt(np.mean(error**2)) < np.radians(2.0)
+    kt = session.rig.motor.torque_constant * session.rig.motor.gear_ratio
+    np.testing.assert_allclose(run.channel("motor_torque"), kt * run.channel("motor_current"), atol=1e-6)
+    assert session.attributes["operator"] == "Ada"
+
+
+def test_what_diagnose_proposes_can_be_recorded(tmp_path: Path) -> None:
+    proposal = {"next_experiment": {"trajectory": {**RUN, "offset_deg": 60.0}, "phase": "motor_bench"}}
+    source = tmp_path / "diagnosis.json"
+    source.write_text(json.dumps(proposal), encoding="utf-8")
+    out = tmp_path / "next.h5"
+    result = call("--trajectory", str(source), "--device", "simulated", "--out", str(out))
+    assert result.exit_code == 0, result.output
+    run = open_session(out).runs[0]
+    assert run.phase == "motor_bench"
+    assert run.trajectory["offset_deg"] == 60.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--protocol", "on-air", "--trajectory", "{}"], "not both"),
+        ([], "not both or neither"),
+        (["--trajectory", json.dumps(RUN)], "--phase"),
+        (["--trajectory", "nowhere.json", "--phase", "free"], "neither JSON text nor a file"),
+        (["--trajectory", '{"next_experiment": null}'], "nothing left to separate"),
+        (["--trajectory", json.dumps({**RUN, "offset_deg": 400}), "--phase", "free"], "limits are"),
+        (["--protocol", "on-air", "--device", "replay:x.h5"], "replay"),
+    ],
+)
+def test_bad_requests_are_one_sentence(tmp_path: Path, arguments: list[str], words: str) -> None:
+    device = [] if "--device" in arguments else ["--device", "simulated"]
+    out = tmp_path / "no.h5"
+    result = call(*arguments, *device, "--out", str(out))
+    assert isinstance(result.exception, UserError)
+    assert words in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a test cannot press Ctrl-C there")
+def test_ctrl_c_stops_and_keeps_what_was_recorded(tmp_path: Path) -> None:
+    out = tmp_path / "broken-off.h5"
+    arguments = [sys.executable, "-m", "fingerlab", "record", "--device", "simulated", "--phase", "on_air"]
+    arguments += ["--trajectory", json.dumps({**RUN, "duration_s": 3000.0}), "--out", str(out)]
+    with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True) as process:
+        part = tmp_path / "broken-off.h5.recording" / "001.h5part"
+        end = time.monotonic() + 60.0
+        while not (part.exists() and part.stat().st_size > 200_000) and time.monotonic() < end:
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        _, told = process.communicate(timeout=60.0)
+    assert process.returncode == 130
+    assert "broke off" in told
+    assert "Traceback" not in told
+    session = open_session(out)
+    assert session.attributes["ended"] == "truncated"
+    assert session.runs[0].attributes["complete"] == 0
+    assert not check_session(session).errors
+    assert session.runs[0].length >= 100
