@@ -14,7 +14,7 @@ from pathlib import Path
 from fingerlab.acquisition.board import Board, Number, Slot, Text
 from fingerlab.acquisition.commands import Command
 from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.recorder import RunInfo, SessionInfo
+from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import Ring
 from fingerlab.errors import UserError
 

@@ -15,7 +15,8 @@ from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.columns import COLUMNS
 from fingerlab.acquisition.commands import Command
 from fingerlab.acquisition.loop import ControlLoop
-from fingerlab.acquisition.recorder import Recorder, RunInfo, SessionInfo
+from fingerlab.acquisition.recorder import Recorder
+from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost
@@ -63,6 +64,11 @@ class InlineBench(Bench):
             self._cycles += 1
             if self._cycles % POLL_CYCLES == 0:
                 self._recorder.poll()
+
+    def stop(self) -> None:
+        """The latched stop; nobody else lets the loop's next cycle come, so it is done here."""
+        super().stop()
+        self.step(1)
 
     def idle(self) -> None:
         self.step(IDLE_CYCLES)

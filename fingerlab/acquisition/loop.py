@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from fingerlab.acquisition.averaging import AVERAGE_S, Averaging
 from fingerlab.acquisition.board import Board, Number, Slot, Text
-from fingerlab.acquisition.checks import Reading, Watchdog
+from fingerlab.acquisition.checks import Reading
 from fingerlab.acquisition.commands import (
     Approach,
     Command,
@@ -31,7 +31,7 @@ from fingerlab.acquisition.machine import Event, Machine, Mode
 from fingerlab.acquisition.publishing import Publisher
 from fingerlab.acquisition.reading import Reader
 from fingerlab.acquisition.reference import Reference
-from fingerlab.acquisition.requests import LoopSettings, ReadyStart, Refused, prepare
+from fingerlab.acquisition.requests import LoopSettings, ReadyStart, Refused, prepare, watchdogs
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.safety import Safety, safety_checks
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost, cycles_per_command
@@ -81,7 +81,7 @@ class ControlLoop:
         self._restart = False
         self._stops = board[Slot.STOP_REQUESTS]
         self._recorder_errors = board[Slot.RECORDER_ERRORS]
-        self._dogs = self._watchdogs(settings)
+        self._dogs = watchdogs(settings, self._period)
         self._amps = self._volts = 0.0
         self._faults = self._run = 0
         self._safety: Safety
@@ -386,16 +386,6 @@ class ControlLoop:
         gains = settings.gains if self._hold == 1 else slowed(settings.gains, self._hold)
         most = min(gains.current_limit, CURRENT_MARGIN * settings.limits.current)
         return Gains(gains.proportional, gains.integral, gains.derivative, gains.derivative_cutoff_hz, most)
-
-    def _watchdogs(self, settings: LoopSettings) -> list[tuple[Slot, Watchdog]]:
-        limits, dogs = settings.limits, []
-        if settings.watch_window:
-            samples = round(limits.window_time / self._period)
-            dogs.append((Slot.WINDOW_BEAT, Watchdog("window", samples)))
-        if settings.watch_recorder:
-            samples = round(limits.recorder_time / self._period)
-            dogs.append((Slot.RECORDER_BEAT, Watchdog("recorder", samples)))
-        return dogs
 
 
 _EVENTS: dict[type, Event] = {

@@ -14,7 +14,7 @@ from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.columns import COLUMNS
 from fingerlab.acquisition.commands import Command, Quit
 from fingerlab.acquisition.process import Choice, Plan, loop_main, recorder_main
-from fingerlab.acquisition.recorder import RunInfo, SessionInfo
+from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
 from fingerlab.errors import UserError

@@ -21,7 +21,7 @@ from fingerlab.acquisition.commands import (
     Tare,
 )
 from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.recorder import RunInfo
+from fingerlab.acquisition.recording import RunInfo
 from fingerlab.acquisition.reference import STOP_S
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.errors import UserError

@@ -11,20 +11,19 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 
 from fingerlab.acquisition.board import Board, Slot, Text
-from fingerlab.acquisition.columns import COLUMN, UNITS, RowFlag
+from fingerlab.acquisition.columns import COLUMN, RowFlag
+from fingerlab.acquisition.recording import RunInfo, SessionInfo, certain_columns, channel_units, channels_of
 from fingerlab.acquisition.ring import Array, Ring, RingReader
 from fingerlab.errors import UserError
-from fingerlab.sessions.format import MAY_BE_NAN, REQUIRED_CHANNELS
 from fingerlab.sessions.part_file import CLEAN, LOSSY, TRUNCATED, PartHeader, PartWriter
 from fingerlab.sessions.recording_place import PART_SUFFIX, RecordingPlace, give_name
 from fingerlab.sessions.repair import MARKERS_SUFFIX, assemble_files, finish_recording
@@ -37,43 +36,6 @@ LOOK_S = 0.25
 
 LEAST_FREE_BYTES = 32 << 20
 """With less room than this the recording ends by itself, while the end can still be written (assumed)."""
-
-FINGER = ("mcp_angle", "pip_angle", "endpoint_force")
-ALWAYS = ("motor_command", "motor_position", "motor_current", "motor_torque")
-BESIDE = ("motor_speed", "current_command", "lateness", "cycle_time")
-RAW = tuple(name for name in COLUMN if name.startswith("raw/"))
-
-
-@dataclass(frozen=True)
-class SessionInfo:
-    """A session to come: its place, the rig's JSON text, title, time, and further root attributes."""
-
-    path: Path
-    rig: str
-    title: str
-    created: str
-    attributes: Mapping[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class RunInfo:
-    """A run to come.
-
-    Attributes:
-        phase, cable, sample_rate_hz, trajectory: as in the session format.
-        start: index of the first sample; one in the past is taken from the ring (pre-trigger).
-        stop: index after the last one; None until ``end``.
-        load_torque: N m. attributes: further ones of the run.
-    """
-
-    phase: str
-    cable: str
-    sample_rate_hz: float
-    trajectory: Mapping[str, Any]
-    start: int
-    stop: int | None = None
-    load_torque: float = 0.0
-    attributes: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass
@@ -153,7 +115,7 @@ class Recorder:
             **run.attributes,
         }
         try:
-            writer = PartWriter(path, PartHeader(root, own), _units(run.phase))
+            writer = PartWriter(path, PartHeader(root, own), channel_units(run.phase))
         except (OSError, RuntimeError) as error:
             raise UserError(
                 f"{self._place.path} cannot be written ({_reason(error)}); choose a place with room."
@@ -261,7 +223,7 @@ class Recorder:
         if run.paused:
             run.next = int(index[-1]) + 1
             return
-        whole = np.isfinite(rows[:, [COLUMN[name] for name in _certain(run.info.phase)]]).all(axis=1)
+        whole = np.isfinite(rows[:, [COLUMN[name] for name in certain_columns(run.info.phase)]]).all(axis=1)
         run.not_numbers += int((~whole).sum())
         rows, index = rows[whole], index[whole]
         if not len(rows):
@@ -270,7 +232,7 @@ class Recorder:
         run.dropped += int(gaps.sum())
         run.late += int(((rows[:, COLUMN["flags"]].astype(np.int64) & RowFlag.LATE) > 0).sum())
         run.next = int(index[-1]) + 1
-        run.writer.append(_channels(run, rows, index))
+        run.writer.append(channels_of(run.info, rows))
         run.waiting += len(rows)
         if run.waiting >= FLUSH_S * run.info.sample_rate_hz:
             run.writer.set_counts(run.dropped, run.late)
@@ -375,36 +337,6 @@ class Recorder:
             return self._ring.reader()
         behind = int(newest[0, COLUMN["index"]]) - index + 2
         return self._ring.reader(max(behind, 0))
-
-
-def _units(phase: str) -> dict[str, str]:
-    names = ["time", *ALWAYS]
-    if phase in ("on_air", "contact"):
-        names += FINGER
-    units = {"time": "s", **{name: UNITS[name] for name in names if name != "time"}}
-    if phase == "motor_bench":
-        units["load_torque"] = "N m"
-    return units | {name: UNITS[name] for name in (*BESIDE, *RAW)}
-
-
-def _certain(phase: str) -> list[str]:
-    """Columns without which a sample is none."""
-    needed = {*ALWAYS, *REQUIRED_CHANNELS[phase]} - MAY_BE_NAN - {"time"}
-    return [name for name in COLUMN if name in needed]
-
-
-def _channels(run: _Run, rows: Array, index: Array) -> dict[str, Any]:
-    time_s = (index - run.info.start) / run.info.sample_rate_hz
-    channels: dict[str, Any] = {}
-    for name in _units(run.info.phase):
-        if name == "load_torque":
-            channels[name] = np.full(len(rows), run.info.load_torque)
-        elif name != "time":
-            channels[name] = rows[:, COLUMN[name]]
-    if "endpoint_force" in channels and run.info.phase != "contact":
-        channels["endpoint_force"] = rows[:, COLUMN["endpoint_force"]]
-    channels["time"] = time_s  # last: a finite time says that all else is there
-    return channels
 
 
 def _lossy_note(run: _Run) -> str:

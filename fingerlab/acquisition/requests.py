@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fingerlab.acquisition.board import Slot
+from fingerlab.acquisition.checks import Watchdog
 from fingerlab.acquisition.commands import Command, Start
 from fingerlab.acquisition.control import Gains
 from fingerlab.acquisition.safety import Limits
@@ -68,3 +70,13 @@ def _check_range(trajectory: Trajectory, limits: Limits) -> None:
             f"The trajectory moves at up to {math.degrees(speed):.4g} °/s; the limit is "
             f"{math.degrees(limits.speed):.4g} °/s."
         )
+
+
+def watchdogs(settings: LoopSettings, period: float) -> list[tuple[Slot, Watchdog]]:
+    """Which counters of the board have to move, and the watchdog of each."""
+    limits, dogs = settings.limits, []
+    if settings.watch_window:
+        dogs.append((Slot.WINDOW_BEAT, Watchdog("window", round(limits.window_time / period))))
+    if settings.watch_recorder:
+        dogs.append((Slot.RECORDER_BEAT, Watchdog("recorder", round(limits.recorder_time / period))))
+    return dogs

@@ -93,7 +93,7 @@ def _run(
     report: Callable[[float, str], None],
 ) -> tuple[Path, int]:
     from fingerlab.acquisition.protocol import ProtocolDriver
-    from fingerlab.acquisition.recorder import SessionInfo
+    from fingerlab.acquisition.recording import SessionInfo
 
     attributes = {k: v for k in ("operator", "notes") if (v := options[k])}
     title = options["title"] or f"{told['protocol']} protocol on {told['device']}"

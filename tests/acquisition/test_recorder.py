@@ -15,7 +15,8 @@ import pytest
 
 from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.columns import COLUMN, COLUMNS, RowFlag
-from fingerlab.acquisition.recorder import Recorder, RunInfo, SessionInfo
+from fingerlab.acquisition.recorder import Recorder
+from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import Ring
 from fingerlab.errors import UserError
 from fingerlab.rig_file import default_rig

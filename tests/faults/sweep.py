@@ -73,10 +73,10 @@ kills again and writes this page; a handful of them, and every other fault, run 
 ## Killed processes
 
 A bench runs a sine under position control in real time and records it. One of its processes is killed
-(SIGKILL) at a random moment of the first two seconds of the recording: {kills} kills on {machine}. The
-bench's output stands outside of all these processes, as that of hardware does. Time is counted in the bench's
-own cycles (1 ms); after the death of the loop, with which the cycles end, by the machine's clock from the kill to
-the zero that the guardian wrote.
+(SIGKILL) at a random moment of the first two seconds of the recording: {kills} kills on {machine}.
+The bench's output stands outside of all these processes, as that of hardware does. Time is counted in the
+bench's own cycles (1 ms); after the death of the loop, with which the cycles end, by the machine's clock from
+the kill to the zero that the guardian wrote.
 
 | killed | kills | zero and low | ms, median | ms, most | over 50 ms | s lost, most | over 0.25 s | wrong |
 |---|---|---|---|---|---|---|---|---|

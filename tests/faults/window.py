@@ -14,7 +14,7 @@ from pathlib import Path
 
 from fingerlab.acquisition.commands import Enable, Initialise, SetUp, Start
 from fingerlab.acquisition.process_bench import ProcessBench
-from fingerlab.acquisition.recorder import RunInfo, SessionInfo
+from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits

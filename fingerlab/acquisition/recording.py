@@ -1,0 +1,81 @@
+"""What a recording is told, and which channels its runs have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fingerlab.acquisition.columns import COLUMN, UNITS
+from fingerlab.acquisition.ring import Array
+from fingerlab.sessions.format import MAY_BE_NAN, REQUIRED_CHANNELS
+
+FINGER = ("mcp_angle", "pip_angle", "endpoint_force")
+ALWAYS = ("motor_command", "motor_position", "motor_current", "motor_torque")
+BESIDE = ("motor_speed", "current_command", "lateness", "cycle_time")
+RAW = tuple(name for name in COLUMN if name.startswith("raw/"))
+
+
+@dataclass(frozen=True)
+class SessionInfo:
+    """A session to come: its place, the rig's JSON text, title, time, and further root attributes."""
+
+    path: Path
+    rig: str
+    title: str
+    created: str
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """A run to come.
+
+    Attributes:
+        phase, cable, sample_rate_hz, trajectory: as in the session format.
+        start: index of the first sample; one in the past is taken from the ring (pre-trigger).
+        stop: index after the last one; None until ``end``.
+        load_torque: N m. attributes: further ones of the run.
+    """
+
+    phase: str
+    cable: str
+    sample_rate_hz: float
+    trajectory: Mapping[str, Any]
+    start: int
+    stop: int | None = None
+    load_torque: float = 0.0
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+
+def channel_units(phase: str) -> dict[str, str]:
+    """All channels of a run of this phase, with their units; ``time`` is the first."""
+    names = ["time", *ALWAYS]
+    if phase in ("on_air", "contact"):
+        names += FINGER
+    units = {"time": "s", **{name: UNITS[name] for name in names if name != "time"}}
+    if phase == "motor_bench":
+        units["load_torque"] = "N m"
+    return units | {name: UNITS[name] for name in (*BESIDE, *RAW)}
+
+
+def certain_columns(phase: str) -> list[str]:
+    """Columns without which a sample is none."""
+    needed = {*ALWAYS, *REQUIRED_CHANNELS[phase]} - MAY_BE_NAN - {"time"}
+    return [name for name in COLUMN if name in needed]
+
+
+def channels_of(info: RunInfo, rows: Array) -> dict[str, Any]:
+    """Channels of a run from rows of the ring, shape (n, columns)."""
+    time_s = (rows[:, COLUMN["index"]] - info.start) / info.sample_rate_hz
+    channels: dict[str, Any] = {}
+    for name in channel_units(info.phase):
+        if name == "load_torque":
+            channels[name] = np.full(len(rows), info.load_torque)
+        elif name != "time":
+            channels[name] = rows[:, COLUMN[name]]
+    channels["time"] = time_s  # last: a finite time says that all else is there
+    return channels

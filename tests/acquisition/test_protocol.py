@@ -1,0 +1,121 @@
+"""Protocols: the plan is pure, and the driver takes it on a bench of our own."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fingerlab.acquisition.inline import InlineBench
+from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.protocol import (
+    Change,
+    Find,
+    ProtocolDriver,
+    Record,
+    Rest,
+    plan_seconds,
+    plan_steps,
+)
+from fingerlab.acquisition.recording import SessionInfo
+from fingerlab.acquisition.requests import LoopSettings
+from fingerlab.acquisition.safety import Limits
+from fingerlab.acquisition.units import BenchUnits
+from fingerlab.errors import UserError
+from fingerlab.rig_file import default_rig
+from fingerlab.sessions import open_session
+from fingerlab.twin.protocols import PROTOCOLS, RunPlan
+from tests.acquisition.fake_device import FakeDevice
+
+AIR = RunPlan(
+    "on_air",
+    "extension",
+    {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0, "offset_deg": 22.0, "duration_s": 2.0},
+)
+PRESS = RunPlan(
+    "contact", "flexion", {"kind": "sine", "amplitude_deg": 2.0, "frequency_hz": 1.0, "duration_s": 2.0}
+)
+
+
+def test_the_thesis_is_ten_runs_on_air_one_change_of_cable_and_ten_in_contact() -> None:
+    steps = plan_steps(PROTOCOLS["thesis"](2.0), 0.8)
+    records = [step for step in steps if isinstance(step, Record)]
+    assert [r.phase for r in records] == ["on_air"] * 10 + ["contact"] * 10
+    assert [s.set_up.cable for s in steps if isinstance(s, Change)] == ["extension", "flexion"]
+    assert sum(isinstance(s, Find) for s in steps) == 1
+    assert sum(isinstance(s, Rest) for s in steps) == 18
+    # 20 runs of 30 s with a soft stop of 1 s, 18 rests of 2 s, two changes of 1.5 s
+    assert plan_seconds(steps) == pytest.approx(20 * 31 + 18 * 2 + 2 * 1.5)
+
+
+@pytest.mark.parametrize("name", list(PROTOCOLS))
+def test_every_protocol_of_simulate_has_its_runs_in_its_order(name: str) -> None:
+    plans = PROTOCOLS[name](2.0)
+    records = [step for step in plan_steps(plans, 0.8) if isinstance(step, Record)]
+    assert [(r.phase, r.cable, r.trajectory) for r in records] == [
+        (p.phase, p.cable, p.trajectory) for p in plans
+    ]
+
+
+def inline(device: FakeDevice, tmp_path: Path) -> InlineBench:
+    bench = InlineBench(device, LoopSettings(BenchUnits.from_rig(default_rig()), Limits()), tmp_path / "r")
+    info = SessionInfo(tmp_path / "p.h5", default_rig().to_json(), "protocol", "2026-11-01T09:00:00+01:00")
+    bench.recorder.open(info)
+    return bench
+
+
+def settled(device: FakeDevice) -> None:
+    device.position = device.speed = 0.0
+
+
+def test_on_air_then_contact_with_the_contact_found(tmp_path: Path) -> None:
+    device = FakeDevice()
+    bench = inline(device, tmp_path)
+    asked: list[str] = []
+
+    def operator(sentence: str) -> None:
+        assert not device.enabled
+        asked.append(sentence)
+        settled(device)
+
+    shares: list[float] = []
+    driver = ProtocolDriver(bench, operator, lambda share, _: shares.append(share))
+    driver.take(plan_steps([AIR, AIR, PRESS], 0.8, rest_s=0.5))
+    session = open_session(bench.recorder.close())
+    assert (device.volts, device.enabled) == (0.0, False)
+    assert [len(asked), "extension" in asked[0], "flexion" in asked[1]] == [2, True, True]
+    assert [run.length for run in session.runs] == [2000, 2000, 2000]
+    assert session.attributes["ended"] == "clean"
+    assert shares == sorted(shares)
+    press = session.runs[2]
+    # 4 N/rad from 0.5 rad on: 0.8 N stands at 0.7 rad, about which the motor presses.
+    assert math.radians(float(press.trajectory["offset_deg"])) == pytest.approx(0.7, abs=0.02)
+    assert np.mean(press.channel("endpoint_force")[-500:]) == pytest.approx(0.8, abs=0.15)
+    bench.close()
+
+
+def test_a_fault_ends_the_protocol_and_what_was_taken_is_kept(tmp_path: Path) -> None:
+    device = FakeDevice(jump=(7000, 900.0))
+    bench = inline(device, tmp_path)
+    driver = ProtocolDriver(bench, lambda _: settled(device))
+    with pytest.raises(UserError, match="encoder jumped"):
+        driver.take(plan_steps([AIR, AIR, AIR], 0.8, rest_s=0.5))
+    assert (device.volts, device.enabled) == (0.0, False)
+    assert bench.status().mode is Mode.FAULT
+    bench.recorder.cut("a fault")
+    runs = open_session(bench.recorder.close()).runs
+    assert runs[0].attributes["ended"] == "clean"
+    assert runs[-1].attributes["ended"] == "truncated"
+    bench.close()
+
+
+def test_without_a_load_cell_in_reach_the_approach_is_given_up(tmp_path: Path) -> None:
+    device = FakeDevice()
+    bench = inline(device, tmp_path)
+    driver = ProtocolDriver(bench, lambda _: settled(device))
+    with pytest.raises(UserError, match=r"move the load cell nearer|is beyond its limit"):
+        driver.take(plan_steps([PRESS], 9.0))
+    assert (device.volts, device.enabled) == (0.0, False)
+    bench.close()
