@@ -9,6 +9,7 @@ nothing with it but what was not yet flushed. On a virtual clock the same object
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import time
 from collections.abc import Callable
@@ -347,4 +348,6 @@ def _lossy_note(run: _Run) -> str:
 
 
 def _reason(error: Exception) -> str:
-    return str(getattr(error, "strerror", None) or " ".join(str(error).split()))
+    text = str(getattr(error, "strerror", None) or " ".join(str(error).split()))
+    told = re.search("error message = '([^']+)'", text)  # HDF5 wraps the system's words into its own
+    return told[1] if told else text

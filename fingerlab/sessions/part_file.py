@@ -23,6 +23,10 @@ from fingerlab.sessions.run_writing import write_attributes
 CHUNK = 4096
 """Samples a chunk: 4 s at 1 kHz. Chunks are not compressed, so that each is written in its place."""
 
+RESERVE_SUFFIX = ".reserve"
+RESERVE_BYTES = 1 << 20
+"""Room that is set aside: what HDF5 may still hold when the disk is full, twenty chunks and their index."""
+
 RUN = "001"
 CLEAN, TRUNCATED, LOSSY = "clean", "truncated", "lossy"
 """How a recording ended: as asked, cut off, or as asked but with samples lost in between."""
@@ -49,6 +53,8 @@ class PartWriter:
             units: channel -> unit, all channels to come; ``time`` is among them.
         """
         self.path, self.length = path, 0
+        self._reserve = path.with_suffix(RESERVE_SUFFIX)
+        self._reserve.write_bytes(bytes(RESERVE_BYTES))
         self._file = h5py.File(path, "x", libver="latest")
         root = {"format": FORMAT_NAME, "format_version": FORMAT_VERSION, **header.root}
         write_attributes(self._file, root)
@@ -73,6 +79,17 @@ class PartWriter:
 
     def append(self, channels: Mapping[str, Any]) -> None:
         """The next samples of every channel, arrays of one length."""
+        try:
+            self._append(channels)
+        except (OSError, RuntimeError):
+            self._spend_reserve()
+            raise
+
+    def _spend_reserve(self) -> None:
+        """Give HDF5 the room to write what it still holds: it crashes where it cannot."""
+        self._reserve.unlink(missing_ok=True)
+
+    def _append(self, channels: Mapping[str, Any]) -> None:
         # HDF5's own calls: h5py's indexing costs ten times as much, and this is done ten times a second.
         count = len(channels["time"])
         memory = h5s.create_simple((count,))
@@ -85,6 +102,13 @@ class PartWriter:
 
     def flush(self) -> None:
         """Hand everything to the system; from here on it survives the death of this process."""
+        try:
+            self._flush()
+        except (OSError, RuntimeError):
+            self._spend_reserve()
+            raise
+
+    def _flush(self) -> None:
         for name, dataset in self._datasets.items():
             if name != "time":
                 dataset.flush()
@@ -114,3 +138,4 @@ class PartWriter:
     def close(self) -> None:
         """Close the file as it is."""
         self._file.close()
+        self._reserve.unlink(missing_ok=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -240,6 +241,29 @@ def test_a_full_disk_is_told_in_one_sentence_and_what_was_written_is_kept(
     session = open_session(bench.path)
     assert session.runs[0].length == 600
     assert session.attributes["ended"] == "truncated"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a small file system that can be mounted")
+def test_a_disk_that_is_really_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    small = tmp_path / "small"
+    small.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(small)]
+    if shutil.which("mount") is None or subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("mounting a small file system is not allowed here")
+    try:
+        monkeypatch.setattr("fingerlab.acquisition.recorder.LEAST_FREE_BYTES", 0)
+        bench = Bench(small)
+        bench.open()
+        bench.begin(0)
+        while not bench.board[Slot.RECORDER_ERRORS] and bench.index < 100_000:
+            bench.publish(100)
+        assert "No space left on device" in bench.board.text(Text.RECORDER)
+        elsewhere = tmp_path / "elsewhere"
+        shutil.copytree(bench.path.parent, elsewhere)
+        run = open_session(elsewhere / bench.path.name).runs[0]
+        assert bench.index - 250 <= run.length <= bench.index + 1
+    finally:
+        subprocess.run(["umount", str(small)], check=False)
 
 
 def test_little_room_ends_the_recording_while_it_can_be_ended(

@@ -88,7 +88,8 @@ def _look_at(session: Path, rows: np.ndarray, start: int) -> tuple[int, int, int
     try:
         found = open_session(session)
     except UserError as error:  # killed before the first flush: all that was recorded counts as lost
-        assert "holds no samples" in str(error)
+        if "holds no samples" not in str(error):
+            raise
         return 0, 0, start - 1, "empty"
     assert not check_session(found).errors
     run = found.runs[0]

@@ -9,7 +9,7 @@ import pytest
 from tests.faults.killing import VICTIMS, kill_once
 
 
-@pytest.mark.parametrize("after", [0.35, 0.8])
+@pytest.mark.parametrize("after", [0.25, 0.6])
 @pytest.mark.parametrize("victim", VICTIMS)
 def test_a_killed_process_stops_the_motor_and_loses_a_quarter_of_a_second_at_most(
     tmp_path: Path, victim: str, after: float
