@@ -21,6 +21,9 @@ python start.py COMMAND [ARGS]  run a command, as 'fingerlab COMMAND'; --help af
 
 The first start makes .venv and installs the locked dependencies; later starts install nothing."""
 
+EVERY_TEST = ("-n", "2", "--dist", "loadfile")
+"""The whole suite runs in two processes, a file at a time; what somebody picks by hand runs in one."""
+
 
 def main(arguments: Sequence[str]) -> int:
     """Do what the command line asks for and return its exit code."""
@@ -42,7 +45,7 @@ def _run(places: Places, arguments: list[str]) -> int:
         prepare(places, "test", "offscreen")
         os.environ["QT_QPA_PLATFORM"] = "offscreen"
         os.chdir(places.root)
-        return _become(places, ["-m", "pytest", *arguments[1:]])
+        return _become(places, ["-m", "pytest", *(arguments[1:] or EVERY_TEST)])
     if arguments:
         prepare(places, "app", "")
         return _become(places, ["-m", "fingerlab", *arguments])

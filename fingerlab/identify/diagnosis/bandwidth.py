@@ -7,6 +7,8 @@ friction; formed at 40 Hz it does not.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
@@ -21,18 +23,23 @@ NARROW_STEP = round(WIDE_RATE_HZ / NARROW_RATE_HZ)
 NARROW_HALF = NARROW_TAPS // 2
 
 
-def low_pass_kernel(taps: int, cutoff_hz: float, sample_rate_hz: float) -> Array:
+def low_pass_kernel(
+    taps: int, cutoff_hz: float, sample_rate_hz: float, window: Callable[[int], Array] = np.hamming
+) -> Array:
     """Windowed-sinc low-pass (Hamming), unit gain at zero frequency, shape (taps,); ``taps`` is odd.
 
     The same kernel as ``scipy.signal.firwin``, without the two seconds that importing it takes.
     """
     place = np.arange(taps) - taps // 2
-    kernel = np.sinc(2.0 * cutoff_hz / sample_rate_hz * place) * np.hamming(taps)
+    kernel = np.sinc(2.0 * cutoff_hz / sample_rate_hz * place) * window(taps)
     return np.asarray(kernel / kernel.sum())
 
 
-EDGE = 2
-"""Zeros on either side of the wide kernel, for the differences that reach beyond it."""
+DIFFERENCE = np.array((-1.0, 8.0, 0.0, -8.0, 1.0)) / 12.0
+"""Central difference of fourth order: exact to 1e-7 at 5 Hz and 1 kHz, and quiet towards the Nyquist
+frequency, where a second difference would let noise fold back into the band."""
+EDGE = 4
+"""Zeros on either side of the wide kernel, for two differences that reach beyond it."""
 
 
 def wide_kernels(sample_rate_hz: float) -> tuple[Array, int]:
@@ -43,15 +50,15 @@ def wide_kernels(sample_rate_hz: float) -> tuple[Array, int]:
     step = max(1, round(sample_rate_hz / WIDE_RATE_HZ))
     cutoff = min(WIDE_CUTOFF_HZ, 0.3 * sample_rate_hz)
     taps = 2 * round(1.2 * sample_rate_hz / cutoff) + 1
-    # Zeros around it, so that differences at the edges of the window are not lost: a torque and the
-    # acceleration that causes it must pass with the same gain.
-    smooth = np.pad(low_pass_kernel(taps, cutoff, sample_rate_hz), EDGE)
+    # A Hann window ends at zero, where a Hamming window's step would ring in the second derivative. The zeros
+    # keep differences at its edges: a torque and the acceleration that causes it must pass with one gain.
+    smooth = np.pad(low_pass_kernel(taps, cutoff, sample_rate_hz, np.hanning), EDGE)
     taps += 2 * EDGE
-    slope = -np.gradient(smooth, 1.0 / sample_rate_hz)
+    slope = -np.convolve(smooth, DIFFERENCE, mode="same") * sample_rate_hz
     # A finite kernel must differentiate a ramp to exactly one and a parabola to exactly two.
     lag = (np.arange(taps) - taps // 2) / sample_rate_hz
     slope /= float(slope @ lag)
-    bend = np.convolve(smooth, (1.0, -2.0, 1.0), mode="same") * sample_rate_hz**2
+    bend = -np.convolve(slope, DIFFERENCE, mode="same") * sample_rate_hz
     bend -= bend.mean()
     bend /= 0.5 * float(bend @ lag**2)
     return np.stack((smooth, slope, bend), axis=1), step

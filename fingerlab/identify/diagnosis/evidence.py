@@ -22,9 +22,11 @@ EARNED_SHARE = 0.006
 model gains about 0.1 % by chance and bias."""
 LEAST_SHARE = 0.2
 """A missing effect must explain this share of the reproducible misfit, or nothing is missing."""
-LEAST_FALL = 0.15
-"""... and lower the squared score by this much: below, the misfit is a matter of sensor steps, and of what
-every bench does a little (a tip that rubs) and no column describes to the end."""
+LEAST_FALL = 0.05
+"""... and lower the squared score by this much: below, the misfit is a matter of sensor steps."""
+CONTACT_CHARGE = 0.1
+"""... and by this much more where it acts in contact alone: how a tip rubs and settles is never described to
+the end, and a lean of the force takes up what is left."""
 UNKNOWN_SHARE = 0.65
 """An effect outside the catalogue is thought to explain this share of the misfit."""
 UNKNOWN_LEAST = 0.5
@@ -61,6 +63,16 @@ def freedom(trial: Trial) -> int:
     return len(effect.gains) + len(effect.relaxes) + (1 if len(effect.shapes) > 3 else 0)
 
 
+def charge(base: Trial, trial: Trial) -> float:
+    """What is added to a trial's misfit for the unknowns that its last effect brings."""
+    earned = EARNED_SHARE * freedom(trial) * max(max(base.misfit, 0.0) - trial.misfit, 0.0)
+    return earned + _contact_charge(trial) * trial.count
+
+
+def _contact_charge(trial: Trial) -> float:
+    return CONTACT_CHARGE if trial.model.choices[-1].effect.phases == ("contact",) else 0.0
+
+
 def temperature(misfit: float, count: float) -> float:
     """How much less than its face value a misfit weighs (see the module's text)."""
     return 1.0 + CORRELATED_VALUES * max(misfit, 0.0) / max(count, 1.0)
@@ -74,7 +86,7 @@ def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
             where they could matter.
     """
     zero, count = max(base.misfit, 0.0), base.count
-    charged = np.array([t.misfit + EARNED_SHARE * freedom(t) * max(zero - t.misfit, 0.0) for t in trials])
+    charged = np.array([t.misfit + charge(base, t) for t in trials])
     heat = temperature(min((t.misfit for t in trials), default=zero), count)
     tolerated = zero - max(least_share(base) * zero, LEAST_FALL * count)
     effects = -0.5 * charged / heat + np.log(PRIOR_EFFECTS / max(len(trials), 1))
@@ -133,8 +145,8 @@ def least_share(base: Trial) -> float:
 def justified(base: Trial, trial: Trial) -> bool:
     """Whether adding the trial's last effect to ``base`` is a step that the held-out runs bear out."""
     fall = base.misfit - trial.misfit
-    charge = EARNED_SHARE * freedom(trial) * max(fall, 0.0)
     heat = temperature(trial.misfit, trial.count)
-    likely = 0.5 * (fall - charge) / heat > LEAST_LOG_ODDS
-    shares = fall > max(least_share(base) * max(base.misfit, 0.0), LEAST_FALL * base.count)
+    likely = 0.5 * (fall - charge(base, trial)) / heat > LEAST_LOG_ODDS
+    least = LEAST_FALL + _contact_charge(trial)
+    shares = fall > max(least_share(base) * max(base.misfit, 0.0), least * base.count)
     return bool(likely and shares)

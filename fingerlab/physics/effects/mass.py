@@ -55,8 +55,6 @@ EFFECTS = (
         acts_on=("joint_torque",),
         gains={"tilt": Gain("rad", -0.35, 0.35, 0.1, title="tilt of the base")},
         columns=_tilt,
-        # Where the load cell stays level, the contact force leans against the base as much as gravity does.
-        relaxes={"lateral": Gain("tan", -0.4, 0.4, 0.1, title="tangent of the lean in contact")},
         coordinate="joint angle",
         equation=Row.MCP,
         explanation="The missing torques are those of gravity from another direction.",
