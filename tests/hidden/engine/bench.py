@@ -83,7 +83,7 @@ class Bench:
     spread: tuple[float, float, float] = (0.0, 0.0, 0.1)  # MCP and PIP in N m, travel in rad
     relaxing: tuple[float, float, float] = (0.0, 0.0, 1.0)  # MCP and PIP in N m/rad, time in s
     coupling: float = 0.0  # N m/rad between the joints
-    stop: tuple[float, float] | None = None  # rad of PIP in extension, time constant of the stop in s
+    stop: tuple[float, float] | None = None  # rad of PIP in extension, s of a quarter swing on it
     absolute_spin: float = 0.0  # share of the distal inertia that turns with the absolute rate
     screws: float = 0.0  # kg at the middle of the distal body
     tilt: float = 0.0  # rad, base against the wrist angle

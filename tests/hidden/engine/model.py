@@ -15,6 +15,7 @@ TIP_RADIUS = 2e-3  # m
 TINY = 1e-9  # kg m^2: MuJoCo wants a moment of inertia where the model has none
 PLATE_MASS = 0.02  # kg, of the load cell's button
 OUT_OF_REACH = 0.5  # m below the finger
+STOP_LOSS = 0.2  # damping ratio of the stop: hard rubber; assumed
 SLIDER_INERTIA = 4e-7  # kg m^2: a hundredth of the finger's
 BRISTLE_TIME = 3e-3  # s, damping over stiffness of friction that winds up; assumed
 SHEATH_STIFFNESS = 5e4  # N/m of the stuck cable in its sheath; assumed, like the next two
@@ -138,7 +139,8 @@ def _finger(bench: Bench, wear: float) -> str:
     i1, i2 = f["proximal_inertia"], max(spin, TINY)
     stop = ""
     if bench.stop is not None:
-        stop = f'limited="true" range="{-bench.stop[0]} 3" solreflimit="{bench.stop[1]} 1"'
+        edge, swing = bench.stop
+        stop = f'limited="true" range="{-edge} 3" solreflimit="{swing / STOP_LOSS} {STOP_LOSS}"'
     screws = ""
     if bench.screws > 0:
         screws = (

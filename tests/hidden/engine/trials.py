@@ -18,6 +18,7 @@ class Trial:
 
     Attributes:
         truth: strength by effect, SI. rank: of the (first) true effect, from 1; 0 without an effect.
+        could_show: what the diagnosis says of every true effect: at a plausible strength it would show.
         in_set: all true effects are in the set or in the final model; with none, the set is empty.
         score: of the nominal model. final_score: with the final model, or with the first candidate.
     """
@@ -27,6 +28,7 @@ class Trial:
     truth: Mapping[str, float]
     verdict: str
     rank: int
+    could_show: bool
     in_set: bool
     found: tuple[str, ...]
     model: tuple[str, ...]
@@ -40,10 +42,11 @@ class Trial:
 
     def line(self) -> str:
         """The trial in one line of a table."""
+        within = "in" if self.in_set else "--" if self.could_show else "weak"
         truth = ", ".join(f"{name} {value:.3g}" for name, value in self.truth.items()) or "nothing"
         return (
             f"{self.protocol:7} {self.seed:3d} {truth:40} {self.verdict:17} {self.rank:3d} "
-            f"{'in' if self.in_set else '--':3} {self.score:7.2f} {self.final_score:6.2f}  "
+            f"{within:4} {self.score:7.2f} {self.final_score:6.2f}  "
             f"{'+'.join(self.model)} | {' '.join(self.found)}"
         )
 
@@ -65,6 +68,7 @@ def blind_trial(
     path.unlink()
     order = [candidate.effect for candidate in answer.candidates]
     ranks = [order.index(name) + 1 for name in truth if name in order]
+    shows = {candidate.effect: candidate.detectable for candidate in answer.candidates}
     claimed = set(answer.set) | set(answer.final_model)
     return Trial(
         protocol=protocol,
@@ -72,6 +76,7 @@ def blind_trial(
         truth=truth,
         verdict=answer.verdict,
         rank=min(ranks, default=0),
+        could_show=all(shows.get(name, True) for name in truth),
         in_set=set(truth) <= claimed if truth else not answer.set,
         found=tuple(answer.set),
         model=tuple(answer.final_model),
