@@ -100,6 +100,8 @@ def _run(
     now = datetime.now().astimezone().isoformat(timespec="seconds")
     driver = ProtocolDriver(bench, ask, report)
     terminated = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # A program started in the background may find Ctrl-C switched off; it must stop the motor all the same.
+    interrupted = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         bench.recorder.open(SessionInfo(out, rig.to_json(), title, now, {**attributes, **told}))
         driver.take(steps)
@@ -109,6 +111,7 @@ def _run(
         raise
     finally:
         signal.signal(signal.SIGTERM, terminated)
+        signal.signal(signal.SIGINT, interrupted)
     report(1.0, "writing and verifying")
     return bench.recorder.close(), driver.samples
 

@@ -91,7 +91,10 @@ def test_ctrl_c_stops_and_keeps_what_was_recorded(tmp_path: Path) -> None:
         while not (part.exists() and part.stat().st_size > 200_000) and time.monotonic() < end:
             time.sleep(0.02)
         process.send_signal(signal.SIGINT)
-        _, told = process.communicate(timeout=60.0)
+        try:
+            _, told = process.communicate(timeout=60.0)
+        finally:
+            process.kill()  # one that does not listen must not hold up everything else
     assert process.returncode == 130
     assert "broke off" in told
     assert "Traceback" not in told
