@@ -162,7 +162,9 @@ def _lean(bench: Bench, value: float, rng: np.random.Generator) -> None:
 
 
 def _soft_tip(bench: Bench, value: float, rng: np.random.Generator) -> None:
-    bench.cell_stiffness = 1.0 / (1.0 / bench.cell_stiffness + value)
+    softer = 1.0 / (1.0 + value * bench.cell_stiffness)
+    bench.cell_stiffness *= softer
+    bench.cell_damping *= softer
 
 
 E = EngineEffect

@@ -42,14 +42,15 @@ def run(bench: Bench, built: BuiltModel, cable: str, command: np.ndarray, wear: 
     _hang_cable(bench, built, data, cable)
     data.qfrc_applied[built.motor] = -bench.motor_bias * wear
     state = np.empty((len(command), model.nq))
-    current, tension = np.empty(len(command)), np.empty(len(command))
+    current, tension, plate_speed = (np.empty(len(command)) for _ in range(3))
     gain = bench.motor["torque_constant"] * bench.motor["gear_ratio"]
     loop = _loop()
     updates = _updates(bench, built, wear)
-    position, control, pull = data.qpos, data.ctrl, data.actuator_force
+    position, speed, control, pull = data.qpos, data.qvel, data.ctrl, data.actuator_force
     motor, drive, rope = built.motor, built.drive, built.cable
     for index, wanted in enumerate(command.tolist()):
         state[index] = position
+        plate_speed[index] = speed[built.plate]
         amperes = loop(wanted, float(position[motor]))
         current[index] = amperes
         control[drive] = gain * amperes
@@ -64,7 +65,7 @@ def run(bench: Bench, built: BuiltModel, cable: str, command: np.ndarray, wear: 
     if not np.isfinite(state).all():
         raise RuntimeError("the simulation ran away")
     counted = np.floor(state[:, motor] / COUNT + 0.5) * COUNT
-    force = -bench.cell_stiffness * state[:, built.plate]
+    force = -bench.cell_stiffness * state[:, built.plate] - bench.cell_damping * plate_speed
     return Truth(counted, current, state[:, built.mcp], state[:, built.pip], force, tension)
 
 
