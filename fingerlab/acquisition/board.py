@@ -42,6 +42,7 @@ class Slot(IntEnum):
     LOOP_READY = 25  # loop
     KEEPER = 26  # keeper: 1 when it had to make the bench safe in the loop's place
     APPROACHED = 27  # loop: 1 reached, -1 not reached
+    FLUSHED = 28  # recorder: samples of this run that survive its own death
 
 
 class Text(IntEnum):

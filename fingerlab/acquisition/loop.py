@@ -104,10 +104,11 @@ class ControlLoop:
             self._quit_at = min(self._quit_at, self._reader.index + FAREWELL_S / self._period)
         self._lost_process = sentence
 
-    def run(self) -> None:
-        """Cycle until told to quit; whatever happens, the motor has no current afterwards."""
+    def run(self, look: Callable[[], None] = lambda: None) -> None:
+        """Cycle until told to quit, ``look`` before each; the motor has no current afterwards."""
         try:
             while not self.ended:
+                look()
                 self.cycle()
         except BaseException as error:
             self._fault(f"The control loop broke off ({type(error).__name__}: {error}).")

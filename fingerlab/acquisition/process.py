@@ -1,13 +1,15 @@
 """The processes of a bench: control loop and recorder, and what each does when another one dies.
 
 Who holds which end tells who lives: every process holds the writing end of a pipe to each that has to know,
-and the system closes it with the process, whatever killed it. Silence without death is told by heartbeats in
-the board. The recorder's process also keeps a guardian: when the loop dies without having said goodbye, it
-writes zero output and drops the enable line through a device of its own.
+and the system closes it with the process, whatever killed it; where the system tells sooner, loop and
+guardian look there (``lives.py``). Silence without death is told by heartbeats in the board. The recorder's
+process also keeps a guardian: when the loop dies without having said goodbye, it writes zero output and drops
+the enable line through a device of its own.
 """
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import os
 import signal
@@ -21,7 +23,8 @@ from pathlib import Path
 from typing import NoReturn, Protocol
 
 from fingerlab.acquisition.board import Board, Slot, Text
-from fingerlab.acquisition.loop import ControlLoop
+from fingerlab.acquisition.lives import Lives, Pulse
+from fingerlab.acquisition.loop import SAFE_TRIES, ControlLoop
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
@@ -30,6 +33,12 @@ from fingerlab.errors import UserError
 
 POLL_S = 0.02
 """How often the recorder takes what the ring has."""
+
+GUARD_S = 0.005
+"""How often the guardian looks whether the loop lives, where it is not told at once."""
+
+NICE, HIGH_PRIORITY_CLASS = -10, 0x80
+"""Priority that loop and recorder ask for (setpriority(2); SetPriorityClass of the Windows API)."""
 
 GRACE_S = 2.0
 """How long the recorder waits for the loop to end when the window is lost."""
@@ -76,15 +85,22 @@ def loop_main(plan: Plan, commands: Connection, recorder_lives: Connection, aliv
         board.set_text(Text.FAULT, str(error))
         board[Slot.LOOP_ENDED] = 1
         _leave()
-    threading.Thread(target=_listen, args=(loop, commands, recorder_lives), daemon=True).start()
+
+    def lost(sentence: str) -> None:
+        if not loop.ended:
+            loop.lose(sentence, farewell=sentence is WINDOW_LOST)
+
+    lives = Lives(os.getppid(), board, lost, (WINDOW_LOST, RECORDER_LOST))
+    threading.Thread(target=_listen, args=(loop, lives, commands, recorder_lives), daemon=True).start()
     gc.collect()
     gc.freeze()
     gc.disable()
-    loop.run()
+    come_first()
+    loop.run(lives.look)
     _leave()
 
 
-def _listen(loop: ControlLoop, commands: Connection, recorder_lives: Connection) -> None:
+def _listen(loop: ControlLoop, lives: Lives, commands: Connection, recorder_lives: Connection) -> None:
     """Take commands, and notice who died; in a thread, so that the loop never waits."""
     ends = {commands: WINDOW_LOST, recorder_lives: RECORDER_LOST}
     while ends and not loop.ended:
@@ -93,9 +109,7 @@ def _listen(loop: ControlLoop, commands: Connection, recorder_lives: Connection)
             try:
                 number, command = end.recv()
             except (EOFError, OSError):
-                sentence = ends.pop(end)
-                if not loop.ended:
-                    loop.lose(sentence, farewell=sentence is WINDOW_LOST)
+                lives.tell(ends.pop(end))
             else:
                 loop.submit(number, command)
 
@@ -107,6 +121,7 @@ def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, aliv
     board[Slot.RECORDER_PID] = os.getpid()
     recorder = Recorder(ring, board, plan.rescue)
     threading.Thread(target=_guard, args=(plan.device, board, loop_lives), daemon=True).start()
+    come_first()
     cut = False
     while True:
         recorder.poll()
@@ -157,14 +172,31 @@ def _guard(choice: Choice, board: Board, loop_lives: Connection) -> None:
     """Wait for the loop's end; where it was no proper one, make the bench safe in its place."""
     # Built before it is needed: importing a driver takes longer than the motor may run.
     device = None if choice.kind in IN_THE_LOOP else choice.build()
-    with suppress(EOFError, OSError):
-        loop_lives.recv()
+    _wait_until_dying(board, loop_lives)
     if board[Slot.LOOP_ENDED]:
         return
-    confirmed = device.make_safe() if device is not None else True
+    confirmed = device is None or device.make_safe()
     board[Slot.SAFE] = int(confirmed)
     board[Slot.ENABLE_LINE] = 0
     board[Slot.KEEPER] = 1
+    if device is None:
+        return
+    with suppress(EOFError, OSError):
+        loop_lives.recv()
+    # What the dying loop had handed to the driver may have come after the zero: write it once more.
+    confirmed = any(device.make_safe() for _ in range(SAFE_TRIES))
+    board[Slot.SAFE] = int(confirmed)
+
+
+def _wait_until_dying(board: Board, loop_lives: Connection) -> None:
+    """Until the loop's process is gone, or the system says that it is going."""
+    pulse: Pulse | None = None
+    with suppress(EOFError, OSError):
+        while not loop_lives.poll(GUARD_S):
+            if pulse is None and board[Slot.LOOP_PID]:
+                pulse = Pulse(board[Slot.LOOP_PID])
+            if pulse is not None and pulse.dying():
+                return
 
 
 def _leave() -> NoReturn:
@@ -172,6 +204,17 @@ def _leave() -> NoReturn:
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0)
+
+
+def come_first() -> None:
+    """Ask for this process to run before ordinary programs; not every system or user is granted it."""
+    if sys.platform == "win32":
+        kernel = ctypes.WinDLL("kernel32")
+        kernel.GetCurrentProcess.restype = ctypes.c_void_p
+        kernel.SetPriorityClass(ctypes.c_void_p(kernel.GetCurrentProcess()), HIGH_PRIORITY_CLASS)
+    else:
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, 0, NICE)
 
 
 def _be_undisturbed() -> None:

@@ -122,7 +122,7 @@ class Recorder:
                 f"{self._place.path} cannot be written ({_reason(error)}); choose a place with room."
             ) from None
         self._run = _Run(run, writer, self._reader_from(run.start), run.stop, run.start)
-        self._board[Slot.RECORDING], self._board[Slot.RECORDED] = 1, 0
+        self._board[Slot.RECORDING], self._board[Slot.RECORDED], self._board[Slot.FLUSHED] = 1, 0, 0
 
     def pause(self, on: bool) -> None:
         """Leave samples out from now on, or go on; what is left out is a gap in time."""
@@ -239,6 +239,7 @@ class Recorder:
             run.writer.set_counts(run.dropped, run.late)
             run.writer.flush()
             run.waiting = 0
+            self._board[Slot.FLUSHED] = run.writer.length
         self._board[Slot.RECORDED] = run.writer.length
 
     def _finish(self, note: str) -> None:

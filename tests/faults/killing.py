@@ -35,7 +35,10 @@ class Outcome:
     Attributes:
         plant_ms: cycles of the bench from the kill to zero output (1 ms each); after the death of the loop,
             whose cycles end with it, milliseconds of the machine's clock.
+        clock_ms: from the kill to zero output by the machine's clock, whoever was killed.
+        moving: whether the motor was enabled and had a current when the kill came.
         lost_s: seconds of samples that the loop had published before the kill and the session lacks.
+        flushed_lost: samples that the recorder had flushed before the kill and the session lacks.
         kept: samples in the session. ended: what it says of itself. wrong: samples that differ from the ring.
     """
 
@@ -43,7 +46,10 @@ class Outcome:
     after_s: float
     zero: bool
     plant_ms: float
+    clock_ms: float
+    moving: bool
     lost_s: float
+    flushed_lost: int
     kept: int
     ended: str
     wrong: int
@@ -69,19 +75,22 @@ def kill_once(folder: Path, victim: str, after_s: float) -> Outcome:
             with suppress(AttributeError, KeyError):
                 resource_tracker.unregister(f"/{name.lstrip('/')}", "shared_memory")
         _wait_for_samples(board, told["start"] + 1000.0 * after_s)
-        before, cycles = ring.last(1)[0], read_output(output).cycles
+        before, driven, flushed = ring.last(1)[0], read_output(output), board[Slot.FLUSHED]
         killed_ns = time.monotonic_ns()
         os.kill(told[victim], getattr(signal, "SIGKILL", signal.SIGTERM))
         zero = _wait_for_zero(output)
         at = read_output(output)
-        plant = (at.changed_ns - killed_ns) / 1e6 if victim == "loop" else float(at.cycles - cycles)
+        clock = (at.changed_ns - killed_ns) / 1e6
+        plant = clock if victim == "loop" else float(at.cycles - driven.cycles)
         _wait_for_end(told, window)
         rows = ring.last(ring.rows)
     kept, wrong, last, ended = _look_at(session, rows, told["start"])
-    lost = max(0.0, (before[COLUMN["index"]] - last) / 1000.0)
+    lost = float(max(0.0, (before[COLUMN["index"]] - last) / 1000.0))
+    moving = driven.enabled and driven.volts != 0.0
     ring.close()
     board.close()
-    return Outcome(victim, after_s, zero, plant, lost, kept, ended, wrong)
+    forgotten = max(0, flushed - kept)
+    return Outcome(victim, after_s, zero, plant, clock, moving, lost, forgotten, kept, ended, wrong)
 
 
 def _look_at(session: Path, rows: np.ndarray, start: int) -> tuple[int, int, int, str]:

@@ -38,7 +38,6 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             victim = VICTIMS[number % len(VICTIMS)]
             outcome = asdict(kill_once(Path(folder), victim, chance.uniform(0.05, 2.0)))
-        outcome["lost_s"] = float(outcome["lost_s"])
         outcomes.append(outcome)
         if options.keep:
             with options.keep.open("a", encoding="utf-8") as file:

@@ -16,7 +16,9 @@ def test_a_killed_process_stops_the_motor_and_loses_a_quarter_of_a_second_at_mos
 ) -> None:
     outcome = kill_once(tmp_path, victim, after)
     assert outcome.zero
+    assert outcome.moving
     assert outcome.lost_s <= 0.25
+    assert outcome.flushed_lost == 0
     assert outcome.wrong == 0
     assert outcome.kept >= 1000 * after - 250
     assert outcome.ended == "truncated"
