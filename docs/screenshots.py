@@ -46,6 +46,7 @@ def main() -> None:
         window = MainWindow(settings)
         window.resize(*SIZE)
         window.show()
+        window.show_tab("model_lab")
         window.open_paths([record(Path(folder) / "finger-rig.h5")])
         wait(window)
         for name, appearance in (("model-lab", "light"), ("model-lab-dark", "dark")):

@@ -1,52 +1,51 @@
-"""The menus: every action of the window with its key."""
+"""The menus: what the window does, and a menu for what the tab in front does."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QMainWindow, QMenu
 
-from fingerlab.identify.results import EQUATION_TITLES
-
-from .lab.steps_column import STEPS
+from .registry import Entry
+from .tab import Command, Tab
 
 
 @dataclass(frozen=True)
-class Commands:
-    """What the menus call."""
+class WindowCommands:
+    """What the menus of the window itself call."""
 
     open: Callable[[], Any]
-    practise: Callable[[], Any]
-    reveal: Callable[[], Any]
-    report: Callable[[], Any]
     close_session: Callable[[], Any]
     quit: Callable[[], Any]
     undo: Callable[[], Any]
     redo: Callable[[], Any]
-    add: Callable[[], Any]
-    step: Callable[[str], Any]
-    equation: Callable[[str], Any]
-    next_run: Callable[[], Any]
-    previous_run: Callable[[], Any]
-    whole_run: Callable[[], Any]
+    tab: Callable[[str], Any]
     appearance: Callable[[str], Any]
+    shortcuts: Callable[[], Any]
+    log: Callable[[], Any]
     about: Callable[[], Any]
 
 
 class Menus:
-    """Builds the menu bar and keeps the actions that change with what is open."""
+    """Builds the menu bar, and anew the menu of the tab in front."""
 
-    def __init__(self, window: QMainWindow, commands: Commands, appearance: str) -> None:
+    def __init__(
+        self, window: QMainWindow, commands: WindowCommands, tabs: Sequence[Entry], appearance: str
+    ) -> None:
         self._window = window
+        self._entries: list[tuple[QAction, Command]] = []
         self._file(commands)
         self._edit(commands)
-        self._view(commands, appearance)
+        self._view(commands, tabs, appearance)
+        self.tab_menu = window.menuBar().addMenu("&Tab")
         menu = window.menuBar().addMenu("&Help")
-        self._action(menu, "About FingerLab", None, commands.about)
-        self.update(session=False, practice=False, result=False, undo=False, redo=False)
+        self._action(menu, "&Keys…", "F1", commands.shortcuts)
+        self.log = self._action(menu, "&Log…", None, commands.log)
+        menu.addSeparator()
+        self._action(menu, "&About FingerLab", None, commands.about)
 
     def _action(
         self, menu: QMenu, text: str, keys: str | QKeySequence.StandardKey | None, call: Callable[[], Any]
@@ -57,50 +56,23 @@ class Menus:
         action.triggered.connect(lambda _checked=False: call())
         return action
 
-    def _file(self, commands: Commands) -> None:
+    def _file(self, commands: WindowCommands) -> None:
         menu = self._window.menuBar().addMenu("&File")
         self._action(menu, "&Open…", QKeySequence.StandardKey.Open, commands.open)
         self.recent = menu.addMenu("Open &recent")
-        menu.addSeparator()
-        self._action(menu, "&Practise on a hidden effect", None, commands.practise)
-        self.reveal = self._action(menu, "Re&veal the hidden effect", None, commands.reveal)
-        menu.addSeparator()
-        self.report = self._action(menu, "&Save report page…", QKeySequence.StandardKey.Save, commands.report)
         self.close_session = self._action(menu, "&Close session", "Ctrl+W", commands.close_session)
         menu.addSeparator()
         self._action(menu, "&Quit", "Ctrl+Q", commands.quit)
 
-    def _edit(self, commands: Commands) -> None:
+    def _edit(self, commands: WindowCommands) -> None:
         menu = self._window.menuBar().addMenu("&Edit")
         self.undo = self._action(menu, "&Undo", "Ctrl+Z", commands.undo)
         self.redo = self._action(menu, "&Redo", "Ctrl+Shift+Z", commands.redo)
-        menu.addSeparator()
-        self.add = self._action(menu, "&Add the chosen effect to the model", "Ctrl+Return", commands.add)
 
-    def _view(self, commands: Commands, appearance: str) -> None:
+    def _view(self, commands: WindowCommands, tabs: Sequence[Entry], appearance: str) -> None:
         menu = self._window.menuBar().addMenu("&View")
-        self._in_session: list[QAction] = []
-        for number, (step, (title, _)) in enumerate(STEPS.items(), start=1):
-            self._in_session.append(
-                self._action(menu, title, f"Ctrl+{number}", lambda s=step: commands.step(s))  # type: ignore[misc]
-            )
-        menu.addSeparator()
-        self.equations: dict[str, QAction] = {}
-        for number, (equation, title) in enumerate(EQUATION_TITLES.items(), start=1):
-            action = self._action(
-                menu,
-                title,
-                f"Alt+{number}",
-                lambda e=equation: commands.equation(e),  # type: ignore[misc]
-            )
-            self.equations[equation] = action
-        menu.addSeparator()
-        for text, keys, call in (
-            ("Next run", "Alt+Down", commands.next_run),
-            ("Previous run", "Alt+Up", commands.previous_run),
-            ("Whole run", "Alt+Home", commands.whole_run),
-        ):
-            self._in_session.append(self._action(menu, text, keys, call))
+        for tab in tabs:
+            self._action(menu, tab.title, f"Ctrl+{tab.number}", lambda key=tab.key: commands.tab(key))  # type: ignore[misc]
         menu.addSeparator()
         looks = menu.addMenu("Appearance")
         group = QActionGroup(self._window)
@@ -115,22 +87,42 @@ class Menus:
             action.setChecked(name == appearance)
             group.addAction(action)
 
-    def update(
-        self,
-        *,
-        session: bool,
-        practice: bool,
-        result: bool,
-        undo: bool,
-        redo: bool,
-        equations: frozenset[str] = frozenset(),
-    ) -> None:
+    def show_tab(self, title: str, tab: Tab) -> None:
+        """Make the menu of the tab in front; the keys of the others do nothing now."""
+        self.tab_menu.clear()
+        self.tab_menu.setTitle(title)
+        self._entries = []
+        for command in tab.commands:
+            if not command.text:
+                self.tab_menu.addSeparator()
+                continue
+            action = self._action(self.tab_menu, command.text, command.keys, command.call)
+            action.setCheckable(command.checked is not None)
+            self._entries.append((action, command))
+        self.tab_menu.menuAction().setVisible(bool(self._entries))
+        self.update(tab, sessions=self.close_session.isEnabled())
+
+    def update(self, tab: Tab, *, sessions: bool) -> None:
         """Enable what makes sense now."""
-        self.close_session.setEnabled(session)
-        self.reveal.setEnabled(practice)
-        for action in (self.report, self.add, *self._in_session):
-            action.setEnabled(result)
-        self.undo.setEnabled(undo)
-        self.redo.setEnabled(redo)
-        for equation, action in self.equations.items():
-            action.setEnabled(equation in equations)
+        self.close_session.setEnabled(sessions)
+        self.undo.setEnabled(tab.can_undo)
+        self.redo.setEnabled(tab.can_redo)
+        for action, command in self._entries:
+            action.setEnabled(command.enabled())
+            if command.checked is not None:
+                action.setChecked(command.checked())
+
+    def keys(self) -> list[tuple[str, list[tuple[str, str]]]]:
+        """For the sheet of keys: title of a menu, and words and key of each of its entries."""
+        sheet = []
+        for top in self._window.menuBar().actions():
+            menu = top.menu()
+            if isinstance(menu, QMenu) and top.isVisible():
+                found = [
+                    (action.text().replace("&", "").rstrip("…"), action.shortcut().toString())
+                    for action in menu.actions()
+                    if not action.shortcut().isEmpty()
+                ]
+                if found:
+                    sheet.append((top.text().replace("&", ""), found))
+        return sheet

@@ -31,7 +31,10 @@ class MessageBar(QFrame):
         self.hide()
 
     def tell(self, sentence: str, details: str = "") -> None:
-        """Show a sentence; with details it can be copied whole for a report."""
+        """Show a sentence; with details it can be copied whole for a report. An empty one hides the bar."""
+        if not sentence:
+            self.hide()
+            return
         self._details = details
         self.sentence.setText(sentence)
         self.setAccessibleDescription(sentence)

@@ -49,6 +49,14 @@ class Settings:
     def set_appearance(self, appearance: Appearance) -> None:
         self._store.setValue("appearance", appearance)
 
+    def tab(self) -> str:
+        """The tab that was in front, or an empty text."""
+        value = self._store.value("tab", "")
+        return value if isinstance(value, str) else ""
+
+    def set_tab(self, key: str) -> None:
+        self._store.setValue("tab", key)
+
     def save_place(self, window: QWidget) -> None:
         self._store.setValue("geometry", window.saveGeometry())
 

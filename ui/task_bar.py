@@ -28,7 +28,7 @@ class TaskBar(QWidget):
         self.cancel.setShortcut("Ctrl+.")
         self.cancel.setToolTip("Stop what is running (Ctrl+.).")
         layout = QHBoxLayout(self)
-        layout.setContentsMargins(16, 4, 8, 4)
+        layout.setContentsMargins(0, 4, 8, 4)
         layout.setSpacing(8)
         layout.addWidget(self.text, 1)
         layout.addWidget(self.progress)

@@ -36,6 +36,7 @@ class Request:
     title: str
     work: Work
     done: Callable[[Any], None]
+    owner: str = ""
 
 
 class _Thread(QThread):
@@ -78,7 +79,7 @@ class _Thread(QThread):
 
 
 class TaskRunner(QObject):
-    """Runs tasks one after the other; a new one stops the one that runs and takes its place.
+    """Runs one task at a time; the newest takes the place of those that it makes pointless.
 
     Signals:
         started(title), progressed(share, what), ended(how): ``how`` is ``done``, ``failed`` or ``stopped``.
@@ -93,30 +94,37 @@ class TaskRunner(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._thread: _Thread | None = None
-        self._next: Request | None = None
+        self._waiting: list[Request] = []
 
     @property
     def busy(self) -> bool:
         return self._thread is not None
 
-    def start(self, title: str, work: Work, done: Callable[[Any], None]) -> None:
-        """Run ``work`` in its thread and call ``done(result)`` in this one."""
-        request = Request(title, work, done)
-        if self._thread is not None:
-            self._next = request
-            self._thread.stop()
+    def start(self, title: str, work: Work, done: Callable[[Any], None], owner: str = "") -> None:
+        """Run ``work`` in its thread and call ``done(result)`` in this one.
+
+        Args:
+            owner: with a name, the new task replaces only what the same owner has running or waiting, and
+                waits for what others run; without one it takes the place of everything.
+        """
+        request = Request(title, work, done, owner)
+        self._waiting = [one for one in self._waiting if owner and one.owner != owner]
+        if self._thread is None:
+            self._launch(request)
             return
-        self._launch(request)
+        self._waiting.append(request)
+        if not owner or self._thread.request.owner == owner:
+            self._thread.stop()
 
     def cancel(self) -> None:
-        """Ask the running task to stop, and forget the one that waits."""
-        self._next = None
+        """Ask the running task to stop, and forget those that wait."""
+        self._waiting = []
         if self._thread is not None:
             self._thread.stop()
 
     def shut_down(self) -> None:
         """Stop whatever runs and wait until its thread has ended; nothing is reported any more."""
-        self._next = None
+        self._waiting = []
         thread, self._thread = self._thread, None
         if thread is not None:
             thread.stop()
@@ -143,9 +151,8 @@ class TaskRunner(QObject):
             return
         thread.wait()
         thread.deleteLater()
-        waiting, self._next = self._next, None
-        if waiting is not None:
-            self._launch(waiting)
+        if thread.stopped and self._waiting:
+            self._launch(self._waiting.pop(0))
             return
         if thread.stopped:
             self.ended.emit("stopped")
@@ -156,3 +163,5 @@ class TaskRunner(QObject):
             # "done" first: what the result starts (the next task) must come after the end of this one.
             self.ended.emit("done")
             thread.request.done(thread.result)
+        if self._thread is None and self._waiting:
+            self._launch(self._waiting.pop(0))

@@ -33,6 +33,7 @@ class Colours:
     floor: str
     candidate: str
     fault: str
+    stop: str
 
 
 @cache

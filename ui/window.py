@@ -1,8 +1,10 @@
-"""The window: the frame around the work area, opening and closing, messages and progress."""
+"""The window: rail, header, work area, status bar; opening, dropping and closing; messages.
+
+What a tab is, ``tab.py`` says; which there are, ``registry.py``; what they share, ``desk.py``.
+"""
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,6 +13,7 @@ from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import (
     QApplication,
     QFileDialog,
+    QHBoxLayout,
     QMainWindow,
     QMessageBox,
     QStackedWidget,
@@ -19,104 +22,137 @@ from PySide6.QtWidgets import (
 )
 
 import fingerlab
-from fingerlab.errors import UserError
 
-from . import practice, reporting
-from .empty_view import EmptyView, WaitingView
-from .header import Header
-from .lab.controller import DiagnoseCall, LabController, OpenCall, read_session, run_diagnosis
-from .lab.view import LabView
-from .lab.wording import sessions_text
-from .menus import Commands, Menus
+from . import dialogs, registry
+from .desk import Desk, OpenCall, RigLine, read_session
+from .frame_header import FrameHeader
+from .menus import Menus, WindowCommands
 from .message_bar import MessageBar
+from .rail import Rail
+from .registry import Entry
 from .settings import Settings
-from .task_bar import TaskBar
-from .tasks import Failed, IsCancelled, Progress, TaskRunner
+from .status_bar import StatusBar
+from .stop_key import StopKey
+from .tab import Tab
+from .tasks import Failed, TaskRunner
 from .theme import apply_appearance
 
 FIRST_SIZE = QSize(1280, 800)
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
-REPORT_FILTER = "Web page (*.html)"
 
 
 class MainWindow(QMainWindow):
-    """Composes the frame; all that it shows comes from the controller."""
+    """The frame around the tabs.
+
+    Args:
+        tabs: which there are; those of the registry where it is None.
+        read: opens a session file.
+    """
 
     def __init__(
         self,
         settings: Settings | None = None,
-        diagnose: DiagnoseCall = run_diagnosis,
+        tabs: Sequence[Entry] | None = None,
         read: OpenCall = read_session,
     ) -> None:
         super().__init__()
         self.settings = settings if settings is not None else Settings()
         self.tasks = TaskRunner(self)
-        self.controller = LabController(self.tasks, diagnose, read, self)
+        self.desk = Desk(self.settings, self.tasks, read, self)
+        self._entries = {entry.key: entry for entry in (tabs if tabs is not None else registry.TABS)}
+        self._tabs: dict[str, Tab] = {}
+        self.current = ""
         self.setWindowTitle("FingerLab")
         self.setMinimumSize(800, 480)
         self.setAcceptDrops(True)
         self._build()
-        self.menus = Menus(self, self._commands(), self.settings.appearance())
+        self.menus = Menus(self, self._commands(), list(self._entries.values()), self.settings.appearance())
+        self._stop_key = StopKey(self.desk.stop, self)
         self._connect()
-        self._refresh()
         self.settings.restore_place(self, FIRST_SIZE)
+        first = self.settings.tab()
+        self.show_tab(first if first in self._entries else next(iter(self._entries)))
 
     def _build(self) -> None:
-        self.header = Header()
+        self.rail = Rail(list(self._entries.values()))
+        self.header = FrameHeader()
         self.message = MessageBar()
-        self.empty = EmptyView()
-        self.waiting = WaitingView()
-        self.lab = LabView(self.controller)
         self.work = QStackedWidget()
-        for view in (self.empty, self.waiting, self.lab):
-            self.work.addWidget(view)
-        self.task_bar = TaskBar(self.tasks)
+        self.status = StatusBar(self.tasks)
+        self.task_bar = self.status.tasks
+        right = QVBoxLayout()
+        right.setSpacing(0)
+        right.addWidget(self.header)
+        right.addWidget(self.message)
+        right.addWidget(self.work, 1)
+        across = QHBoxLayout()
+        across.setSpacing(0)
+        across.addWidget(self.rail)
+        across.addLayout(right, 1)
         body = QWidget()
         layout = QVBoxLayout(body)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(0)
-        for widget in (self.header, self.message):
-            layout.addWidget(widget)
-        layout.addWidget(self.work, 1)
-        layout.addWidget(self.task_bar)
+        layout.addLayout(across, 1)
+        layout.addWidget(self.status)
         self.setCentralWidget(body)
 
-    def _commands(self) -> Commands:
-        lab = self.lab
-        return Commands(
+    def _commands(self) -> WindowCommands:
+        return WindowCommands(
             open=self.ask_and_open,
-            practise=self.practise,
-            reveal=self.reveal,
-            report=self.save_report,
             close_session=self.close_session,
             quit=self.close,
-            undo=self.controller.undo,
-            redo=self.controller.redo,
-            add=lab.candidates.add_button.click,
-            step=lab.go_to,
-            equation=lab.bar.choose_equation,
-            next_run=lambda: lab.bar.step_run(1),
-            previous_run=lambda: lab.bar.step_run(-1),
-            whole_run=lab.plot.show_whole,
+            undo=lambda: self.tab().undo(),
+            redo=lambda: self.tab().redo(),
+            tab=self.show_tab,
             appearance=self._set_appearance,
+            shortcuts=lambda: dialogs.show_keys(self.menus.keys(), self),
+            log=lambda: dialogs.show_log(self.desk.log, self),
             about=self._about,
         )
 
     def _connect(self) -> None:
-        self.header.open_asked.connect(self.ask_and_open)
-        self.header.report_asked.connect(self.save_report)
-        self.header.reveal_asked.connect(self.reveal)
-        self.empty.open_asked.connect(self.ask_and_open)
-        self.empty.practise_asked.connect(self.practise)
-        self.empty.recent_asked.connect(lambda path: self.open_paths([Path(path)]))
-        self.waiting.compare_asked.connect(self.controller.compare)
-        self.lab.report_asked.connect(self.save_report)
-        self.controller.sessions_changed.connect(self._refresh)
-        self.controller.result_changed.connect(self._refresh)
-        self.controller.activity_changed.connect(self._refresh)
-        self.tasks.progressed.connect(lambda _share, what: self.waiting.show_state(True, what))
+        desk = self.desk
+        self.rail.chosen.connect(self.show_tab)
+        self.header.stop_asked.connect(desk.stop)
         self.tasks.failed.connect(self._on_failed)
         self.menus.recent.aboutToShow.connect(self._fill_recent)
+        desk.tab_asked.connect(self.show_tab)
+        desk.open_asked.connect(self.ask_and_open)
+        desk.rig_changed.connect(self._on_rig)
+        desk.told.connect(self.message.tell)
+        desk.said.connect(self.task_bar.say)
+        desk.sessions_changed.connect(self._on_sessions)
+        desk.session_recorded.connect(self._on_recorded)
+        desk.commands_changed.connect(self._refresh)
+
+    # tabs
+
+    def tab(self, key: str = "") -> Tab:
+        """A tab, built if it was not yet; the one in front where no key is given."""
+        key = key or self.current
+        if key not in self._tabs:
+            self._tabs[key] = tab = self._entries[key].make(self.desk)
+            self.work.addWidget(tab.widget)
+            if self.desk.sessions:
+                tab.on_session_opened(self.desk.sessions)
+        return self._tabs[key]
+
+    def show_tab(self, key: str) -> None:
+        """Bring a tab to the front."""
+        if key not in self._entries or key == self.current:
+            return
+        tab = self.tab(key)
+        if self.current:
+            self.tab().on_hidden()
+        self.current = key
+        self.rail.show_current(key)
+        self.header.show_own(tab.header)
+        self.work.setCurrentWidget(tab.widget)
+        self.menus.show_tab(self._entries[key].title, tab)
+        self.settings.set_tab(key)
+        self._refresh()
+        tab.on_shown()
 
     # opening and closing
 
@@ -128,14 +164,14 @@ class MainWindow(QMainWindow):
 
     def open_paths(self, paths: Sequence[Path]) -> None:
         """Open session files together; what is open stays until they have been read."""
-        self.message.hide()
-        self.controller.open(paths, opened=lambda: self.settings.remember(paths))
+        self.desk.hush()
+        self.desk.open_paths(paths)
 
     def close_session(self) -> None:
         """Close what is open."""
-        self.message.hide()
-        self.controller.close()
-        self.task_bar.say("Session closed")
+        self.desk.hush()
+        self.tasks.cancel()
+        self.desk.close_sessions()
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
         if any(url.isLocalFile() for url in event.mimeData().urls()):
@@ -145,77 +181,46 @@ class MainWindow(QMainWindow):
         paths = [Path(url.toLocalFile()) for url in event.mimeData().urls() if url.isLocalFile()]
         if paths:
             event.acceptProposedAction()
-            self.open_paths(paths)
+            self.desk.hush()
+            if not self.tab().accept_files(paths):
+                self.open_paths(paths)
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        """Leave at once to the eye; the running work is asked to stop and waited for."""
+        """Ask where a tab has something to lose; then leave at once to the eye, and wait for what runs."""
+        if not all(tab.can_close() for tab in self._tabs.values()):
+            event.ignore()
+            return
         self.settings.save_place(self)
         self.hide()
         self.tasks.shut_down()
+        for tab in self._tabs.values():
+            tab.shut_down()
+        self._stop_key.arm(False)
         event.accept()
-
-    # practice and report
-
-    def practise(self) -> None:
-        """Simulate a session with a sealed effect and open it."""
-        self.message.hide()
-        self.tasks.start(
-            "Recording a practice session", practice.simulate, lambda path: self.open_paths([path])
-        )
-
-    def reveal(self) -> None:
-        """Say which effect the practice session holds."""
-        history = self.controller.history
-        model = history.now.added if history is not None else ()
-        try:
-            sealed = [session for session in self.controller.sessions if practice.is_sealed(session)]
-            self.message.tell(" ".join(practice.reveal(session, model) for session in sealed))
-        except UserError as error:
-            self.message.tell(str(error), traceback.format_exc())
-
-    def save_report(self) -> None:
-        """Write the report page of what is open, off the GUI thread."""
-        sessions, history = self.controller.sessions, self.controller.history
-        if not sessions or history is None:
-            return
-        start = Path(self.settings.folder()) / f"{sessions[0].path.stem}.html"
-        name, _ = QFileDialog.getSaveFileName(self, "Save report page", str(start), REPORT_FILTER)
-        if not name:
-            return
-        path, diagnosis = Path(name), history.now.diagnosis
-
-        def work(progress: Progress, cancelled: IsCancelled) -> Path:
-            return reporting.write_page(sessions, path, diagnosis, progress, cancelled)
-
-        self.tasks.start(
-            "Writing the report page", work, lambda done: self.message.tell(f"Report page saved: {done}")
-        )
 
     # what is shown
 
+    def _on_sessions(self, sessions: object) -> None:
+        for tab in self._tabs.values():
+            tab.on_session_opened(self.desk.sessions)
+        self._refresh()
+
+    def _on_recorded(self, path: Path) -> None:
+        for tab in self._tabs.values():
+            tab.on_session_recorded(path)
+
+    def _on_rig(self, line: RigLine) -> None:
+        self.header.show_rig(line)
+        self.status.show_rig(line)
+        self._stop_key.arm(bool(line.device))
+
     def _refresh(self) -> None:
-        sessions, history = self.controller.sessions, self.controller.history
-        sealed = any(practice.is_sealed(session) for session in sessions)
-        self.header.show_session(sessions_text(sessions) if sessions else "", sealed, history is not None)
-        self.header.setVisible(bool(sessions))
-        self.setWindowTitle(f"{sessions[0].path.name} – FingerLab" if sessions else "FingerLab")
-        if not sessions:
-            self.empty.show_recent(self.settings.recent())
-            self.work.setCurrentWidget(self.empty)
-        elif history is None:
-            self.waiting.show_state(self.tasks.busy, "")
-            self.work.setCurrentWidget(self.waiting)
-        else:
-            self.work.setCurrentWidget(self.lab)
-        comparisons = history.now.diagnosis.comparisons if history is not None else ()
-        self.menus.update(
-            session=bool(sessions),
-            practice=sealed,
-            result=history is not None,
-            undo=history is not None and history.can_undo,
-            redo=history is not None and history.can_redo,
-            equations=frozenset(c.equation for c in comparisons),
-        )
+        if not self.current:
+            return
+        tab = self.tab()
+        name = tab.window_title()
+        self.setWindowTitle(f"{name} – FingerLab" if name else "FingerLab")
+        self.menus.update(tab, sessions=bool(self.desk.sessions))
 
     def _fill_recent(self) -> None:
         menu = self.menus.recent
@@ -229,7 +234,7 @@ class MainWindow(QMainWindow):
 
     def _on_failed(self, failed: Failed) -> None:
         version = f"FingerLab {fingerlab.__version__}\n"
-        self.message.tell(failed.sentence, version + failed.details)
+        self.desk.tell(failed.sentence, version + failed.details)
 
     def show_mistake(self, sentence: str, details: str) -> None:
         """Show an error that no task caught."""

@@ -15,11 +15,12 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QFileDialog
 from pytestqt.qtbot import QtBot
 
+from fingerlab.identify.results import Diagnosis
 from fingerlab.ui import application
 from fingerlab.ui.settings import Settings
 from fingerlab.ui.window import MainWindow
 
-from .hands import invented_diagnosis, wait_for_result
+from .hands import invented_diagnosis, lab_with, wait_for_result
 
 WindowMaker = Callable[..., MainWindow]
 
@@ -46,7 +47,12 @@ def make_window(qtbot: QtBot, qapp: QApplication, settings: Settings) -> Iterato
     """Builds windows; afterwards each is closed as a person closes it, and no thread may be left."""
     windows: list[MainWindow] = []
 
-    def make(**options: object) -> MainWindow:
+    def make(
+        tab: str = "model_lab", diagnose: Callable[..., Diagnosis] | None = None, **options: object
+    ) -> MainWindow:
+        settings.set_tab(tab)
+        if diagnose is not None:
+            options["tabs"] = lab_with(diagnose)
         window = MainWindow(settings, **options)  # type: ignore[arg-type]
         window.resize(1280, 760)
         window.show()

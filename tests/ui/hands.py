@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
@@ -15,6 +16,8 @@ from pytestqt.qtbot import QtBot
 from fingerlab.errors import Cancelled
 from fingerlab.identify.results import Diagnosis
 from fingerlab.sessions.model import Session
+from fingerlab.ui.lab.tab import ModelLabTab
+from fingerlab.ui.registry import TABS, Entry
 from fingerlab.ui.window import MainWindow
 
 from . import invented
@@ -57,6 +60,21 @@ class Held:
         return invented_diagnosis(sessions, added, progress, cancelled)
 
 
+def lab_of(window: MainWindow) -> ModelLabTab:
+    """The Model lab of a window."""
+    tab = window.tab("model_lab")
+    assert isinstance(tab, ModelLabTab)
+    return tab
+
+
+def lab_with(diagnose: Callable[..., Diagnosis]) -> tuple[Entry, ...]:
+    """The window's tabs, with another diagnosis in the Model lab."""
+    return tuple(
+        replace(entry, make=lambda desk: ModelLabTab(desk, diagnose)) if entry.key == "model_lab" else entry
+        for entry in TABS
+    )
+
+
 def drop(window: MainWindow, *paths: Path) -> None:
     """Drop files on the window as a file manager does."""
     data = QMimeData()
@@ -82,4 +100,6 @@ def click(window: QWidget, name: str) -> None:
 
 
 def wait_for_result(qtbot: QtBot, window: MainWindow) -> None:
-    qtbot.waitUntil(lambda: window.controller.history is not None and not window.tasks.busy, timeout=PATIENCE)
+    qtbot.waitUntil(
+        lambda: lab_of(window).controller.history is not None and not window.tasks.busy, timeout=PATIENCE
+    )

@@ -9,10 +9,10 @@ from pathlib import Path
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QApplication
 
-from fingerlab.ui import application, window
+from fingerlab.ui import application, registry, window
 from fingerlab.ui.settings import Settings
 
-from .hands import invented_diagnosis
+from .hands import invented_diagnosis, lab_of, lab_with
 
 HEAVY = ("scipy", "numba", "matplotlib", "pandas", "pyarrow")
 
@@ -29,14 +29,12 @@ def test_a_session_named_on_the_command_line_is_opened_and_closing_ends_the_prog
     session_file: Path,
     monkeypatch,  # type: ignore[no-untyped-def]
 ) -> None:
-    defaults = list(window.MainWindow.__init__.__defaults__ or ())
-    defaults[1] = invented_diagnosis
-    monkeypatch.setattr(window.MainWindow.__init__, "__defaults__", tuple(defaults))
+    monkeypatch.setattr(registry, "TABS", lab_with(invented_diagnosis))
     seen: list[str] = []
 
     def look() -> None:
         for top in QApplication.topLevelWidgets():
-            if isinstance(top, window.MainWindow) and top.controller.history is not None:
+            if isinstance(top, window.MainWindow) and lab_of(top).controller.history is not None:
                 seen.append(top.windowTitle())
                 top.close()
 

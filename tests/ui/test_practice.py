@@ -15,7 +15,7 @@ from fingerlab.sessions import open_session
 from fingerlab.twin.session import reveal_session
 from fingerlab.ui import practice
 
-from .hands import child, click, invented_diagnosis, wait_for_result
+from .hands import child, click, invented_diagnosis, lab_of, wait_for_result
 
 PATIENCE = 120_000
 """The twin compiles its integrator at its first use."""
@@ -31,11 +31,11 @@ def test_practise_then_reveal(
     window = make_window(diagnose=invented_diagnosis)
     click(window, "practise")
     assert child(window, QPushButton, "cancel").isVisible()
-    qtbot.waitUntil(lambda: window.controller.history is not None, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: lab_of(window).controller.history is not None, timeout=PATIENCE)
     wait_for_result(qtbot, window)
     (file,) = (tmp_path / "practice").glob("*.h5")
     assert file.name in window.windowTitle()
-    assert len(window.controller.sessions[0].runs) == len(open_session(file).runs)
+    assert len(lab_of(window).controller.sessions[0].runs) == len(open_session(file).runs)
     click(window, "reveal")
     told = reveal_session(file)["effects"]
     sentence = child(window, QLabel, "message").text()
@@ -57,7 +57,7 @@ def test_cancelled_practice_leaves_nothing_behind(
     qtbot.waitUntil(lambda: "run 1 of" in child(window, QLabel, "status").text(), timeout=PATIENCE)
     QTest.keyClick(window, Qt.Key.Key_Period, Qt.KeyboardModifier.ControlModifier)
     qtbot.waitUntil(lambda: not window.tasks.busy, timeout=PATIENCE)
-    assert window.empty.isVisible()
+    assert lab_of(window).empty.isVisible()
     assert list((tmp_path / "practice").iterdir()) == []
 
 

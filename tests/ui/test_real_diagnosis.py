@@ -14,7 +14,7 @@ from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS
 from fingerlab.twin.session import write_session
 
-from .hands import child, click, drop
+from .hands import child, click, drop, lab_of
 
 PATIENCE = 120_000
 
@@ -32,8 +32,8 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def work_through(qtbot: QtBot, window, path: Path, effect: str) -> None:  # type: ignore[no-untyped-def]
     """Open, look, add, undo: what a person does."""
     drop(window, path)
-    qtbot.waitUntil(lambda: window.controller.history is not None, timeout=PATIENCE)
-    lab = window.lab
+    qtbot.waitUntil(lambda: lab_of(window).controller.history is not None, timeout=PATIENCE)
+    lab = lab_of(window).view
     assert lab.candidates.chosen_row().key == effect
     time, measured = lab.plot.measured.series
     _, modelled = lab.plot.modelled.series
@@ -65,8 +65,8 @@ def test_cancelling_the_real_diagnosis_stops_it(qtbot: QtBot, make_window, simul
     window = make_window()
     drop(window, simulated)
     progress = window.task_bar.progress
-    qtbot.waitUntil(lambda: window.waiting.isVisible() and progress.value() > 0, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: lab_of(window).waiting.isVisible() and progress.value() > 0, timeout=PATIENCE)
     click(window, "cancel")
     qtbot.waitUntil(lambda: not window.tasks.busy, timeout=PATIENCE)
-    assert window.controller.history is None
+    assert lab_of(window).controller.history is None
     assert child(window, QLabel, "status").text().endswith("stopped")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 
@@ -16,7 +14,6 @@ from ..tasks import IsCancelled, Progress, TaskRunner
 from .history import History, Step
 
 DiagnoseCall = Callable[[Sequence[Session], tuple[str, ...], Progress, IsCancelled], Diagnosis]
-OpenCall = Callable[[Path], Session]
 
 
 def run_diagnosis(
@@ -27,13 +24,6 @@ def run_diagnosis(
 
     result: Diagnosis = diagnose(sessions, added=added, progress=progress, cancelled=cancelled)
     return result
-
-
-def read_session(path: Path) -> Session:
-    """Open a session file; imported late for the same reason."""
-    from fingerlab.sessions import open_session
-
-    return open_session(path)
 
 
 class LabController(QObject):
@@ -53,7 +43,6 @@ class LabController(QObject):
         self,
         tasks: TaskRunner,
         diagnose: DiagnoseCall = run_diagnosis,
-        read: OpenCall = read_session,
         parent: QObject | None = None,
     ) -> None:
         super().__init__(parent)
@@ -61,7 +50,6 @@ class LabController(QObject):
         self.sessions: tuple[Session, ...] = ()
         self.history: History | None = None
         self._diagnose = diagnose
-        self._read = read
         tasks.started.connect(self.activity_changed)
         tasks.ended.connect(self.activity_changed)
 
@@ -70,27 +58,12 @@ class LabController(QObject):
         """The diagnosis shown now."""
         return self.history.now.diagnosis if self.history is not None else None
 
-    def open(self, paths: Sequence[Path], opened: Callable[[], None] | None = None) -> None:
-        """Open session files together and diagnose them; what was open stays until they are read."""
-        names = ", ".join(path.name for path in paths)
-
-        def work(progress: Progress, cancelled: IsCancelled) -> tuple[Session, ...]:
-            sessions = []
-            for number, path in enumerate(paths):
-                progress(number / len(paths), f"reading {path.name}")
-                sessions.append(self._read(path))
-            return tuple(sessions)
-
-        def done(sessions: Any) -> None:
-            self.sessions = sessions
-            self.history = None
-            self.sessions_changed.emit()
-            self.result_changed.emit()
-            if opened is not None:
-                opened()
-            self.compare()
-
-        self.tasks.start(f"Opening {names}", work, done)
+    def take(self, sessions: tuple[Session, ...]) -> None:
+        """Hold other sessions, or none; what was found of the former is gone."""
+        self.sessions = sessions
+        self.history = None
+        self.sessions_changed.emit()
+        self.result_changed.emit()
 
     def compare(self) -> None:
         """Diagnose the open sessions with the nominal model."""
@@ -120,14 +93,6 @@ class LabController(QObject):
 
     def redo(self) -> None:
         self._move(History.redo)
-
-    def close(self) -> None:
-        """Close the sessions."""
-        self.tasks.cancel()
-        self.sessions = ()
-        self.history = None
-        self.sessions_changed.emit()
-        self.result_changed.emit()
 
     def _move(self, step: Callable[[History], None]) -> None:
         if self.history is not None:

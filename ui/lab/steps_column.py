@@ -9,11 +9,11 @@ from ..theme import large_font
 from ..widgets.labels import remark
 
 STEPS = {
-    "compare": ("Compare", "Measured and modelled, side by side: the whole of the run (Ctrl+1)."),
-    "where": ("Where?", "Where the model fails worst: shows that stretch (Ctrl+2)."),
-    "missing": ("Missing?", "Which effect is missing: the candidates, best first (Ctrl+3)."),
-    "add": ("Add", "Add an effect to the model and refit (Ctrl+4)."),
-    "true": ("True?", "Does it hold on runs that the fit has not seen, and what to record next (Ctrl+5)."),
+    "compare": ("Compare", "Measured and modelled, side by side: the whole of the run (F2)."),
+    "where": ("Where?", "Where the model fails worst: shows that stretch (F3)."),
+    "missing": ("Missing?", "Which effect is missing: the candidates, best first (F4)."),
+    "add": ("Add", "Add an effect to the model and refit (F5)."),
+    "true": ("True?", "Does it hold on runs that the fit has not seen, and what to record next (F6)."),
 }
 
 

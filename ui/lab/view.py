@@ -18,7 +18,7 @@ from .steps_column import StepsColumn
 from .truth_panel import TruthPanel
 from .wording import NOTHING, UNKNOWN, best_choice, step_results
 
-STEPS_WIDTH = 168
+STEPS_WIDTH = 152
 
 
 class LabView(QWidget):
@@ -60,8 +60,8 @@ class LabView(QWidget):
         row = QHBoxLayout(middle)
         row.setContentsMargins(0, 4, 0, 4)
         row.setSpacing(16)
-        row.addWidget(self.candidates, 3)
-        row.addWidget(self.right, 4)
+        row.addWidget(self.candidates, 4)
+        row.addWidget(self.right, 5)
         splitter = QSplitter(Qt.Orientation.Vertical)
         splitter.setChildrenCollapsible(False)
         for widget, share in ((upper, 11), (middle, 9), (self.path, 4)):

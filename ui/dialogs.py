@@ -1,0 +1,64 @@
+"""The window's own small dialogs: the sheet of keys and the log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+from PySide6.QtGui import QGuiApplication
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QPlainTextEdit, QTextBrowser, QVBoxLayout, QWidget
+
+KeySheet = Sequence[tuple[str, Sequence[tuple[str, str]]]]
+
+GENERAL_KEYS = (
+    ("Stop the motor", "Esc"),
+    ("Cancel what is running", "Ctrl+."),
+    ("From field to field", "Tab, Shift+Tab"),
+)
+PLOT_KEYS = (("Zoom in and out", "+  −"), ("Move", "←  →"), ("Show all", "Home"))
+
+
+def show_keys(sheet: KeySheet, parent: QWidget) -> QDialog:
+    """All keys on one sheet; stays open beside the window."""
+    text = QTextBrowser()
+    text.setAccessibleName("Keys")
+    text.setObjectName("keySheet")
+    rows = []
+    for title, entries in (("Everywhere", GENERAL_KEYS), *sheet, ("In a plot", PLOT_KEYS)):
+        rows.append(f'<tr><td colspan="2"><b><br>{escape(title)}</b></td></tr>')
+        rows += [
+            f"<tr><td>{escape(words)}&nbsp;&nbsp;&nbsp;</td><td><b>{escape(key)}</b></td></tr>"
+            for words, key in entries
+        ]
+    text.setHtml(f"<table>{''.join(rows)}</table>")
+    return _show("Keys", text, parent)
+
+
+def show_log(lines: Sequence[str], parent: QWidget) -> QDialog:
+    """What was said since the window opened, latest at the bottom."""
+    text = QPlainTextEdit("\n".join(lines) if lines else "Nothing has been said yet.")
+    text.setAccessibleName("Log")
+    text.setObjectName("log")
+    text.setReadOnly(True)
+    dialog = _show("Log", text, parent)
+    text.verticalScrollBar().setValue(text.verticalScrollBar().maximum())
+    buttons = dialog.findChild(QDialogButtonBox)
+    assert buttons is not None
+    copy = buttons.addButton("&Copy all", QDialogButtonBox.ButtonRole.ActionRole)
+    copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(text.toPlainText()))
+    return dialog
+
+
+def _show(title: str, text: QWidget, parent: QWidget) -> QDialog:
+    dialog = QDialog(parent)
+    dialog.setWindowTitle(f"{title} – FingerLab")
+    dialog.resize(520, 560)
+    buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
+    buttons.rejected.connect(dialog.close)
+    layout = QVBoxLayout(dialog)
+    layout.setSpacing(8)
+    layout.addWidget(text)
+    layout.addWidget(buttons)
+    dialog.finished.connect(dialog.deleteLater)
+    dialog.show()
+    return dialog

@@ -1,0 +1,132 @@
+"""The line at the top of every tab: what is open, the rig's state, what is recorded, and STOP."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QSize, Qt, Signal
+from PySide6.QtGui import QColor, QPainter, QPaintEvent
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSizePolicy, QStackedWidget, QWidget
+
+from .desk import RigLine
+from .theme import colours_of, large_font
+from .widgets.labels import ElidedLabel
+
+STOP_SIZE = QSize(136, 36)
+RECORDING_WIDTH = 152
+LIGHT = 12
+
+
+class Lamp(QWidget):
+    """A round light. Its colour never stands alone: a word is beside it, and its form tells it, too.
+
+    ``off`` is a ring, ``ready`` and ``live`` a disc, ``fault`` and ``recording`` a disc in the fault's red.
+    """
+
+    def __init__(self, name: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._light = "off"
+        self.setAccessibleName(name)
+        self.setFixedSize(LIGHT + 4, LIGHT + 4)
+
+    @property
+    def light(self) -> str:
+        """What it shows."""
+        return self._light
+
+    def show_light(self, light: str) -> None:
+        """Change colour and form."""
+        if light != self._light:
+            self._light = light
+            self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        colours = colours_of(self)
+        colour = QColor(
+            {
+                "off": colours.muted,
+                "ready": colours.accent,
+                "live": colours.candidate,
+                "paused": colours.muted,
+            }.get(self._light, colours.fault)
+        )
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(colour)
+        if self._light not in ("off", "paused"):
+            painter.setBrush(colour)
+        painter.drawEllipse(2, 2, LIGHT, LIGHT)
+        painter.end()
+
+
+class FrameHeader(QWidget):
+    """Signal ``stop_asked``."""
+
+    stop_asked = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("frameHeader")
+        self.own = QStackedWidget()
+        self.own.addWidget(QWidget())
+        self.doing = ElidedLabel()
+        self.doing.setObjectName("doing")
+        self.doing.setAccessibleName("What is running")
+        self.doing.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self.lamp = Lamp("State light")
+        self.state = QLabel()
+        self.state.setObjectName("rigState")
+        self.state.setAccessibleName("State of the rig")
+        self.dot = Lamp("Recording light")
+        self.count = QLabel()
+        self.count.setObjectName("sampleCount")
+        self.count.setAccessibleName("Recorded samples")
+        self.stop = QPushButton("STOP")
+        self.stop.setObjectName("stop")
+        self.stop.setAccessibleName("Stop the motor")
+        self.stop.setToolTip("Motor current to zero and amplifier off, at once (Escape, in every tab).")
+        self.stop.setFont(large_font())
+        self.stop.setMinimumSize(STOP_SIZE)
+        self.stop.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Escape reaches it; space must not by accident
+        self.stop.clicked.connect(self.stop_asked)
+        self._lay_out()
+        self.show_rig(RigLine())
+
+    def _lay_out(self) -> None:
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(0, 2, 8, 2)
+        layout.setSpacing(8)
+        layout.addWidget(self.own, 5)
+        layout.addWidget(self.doing, 2)
+        layout.addWidget(self.lamp)
+        layout.addWidget(self.state)
+        layout.addSpacing(8)
+        # Its room is kept, so that nothing jumps when recording begins or the count gets longer.
+        recording = QWidget()
+        recording.setFixedWidth(RECORDING_WIDTH)
+        recording.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Preferred)
+        row = QHBoxLayout(recording)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.setSpacing(8)
+        row.addWidget(self.dot)
+        row.addWidget(self.count, 1)
+        layout.addWidget(recording)
+        layout.addWidget(self.stop)
+
+    def show_own(self, widget: QWidget | None) -> None:
+        """Show the tab's own part of the header."""
+        if widget is None:
+            self.own.setCurrentIndex(0)
+            return
+        if self.own.indexOf(widget) < 0:
+            self.own.addWidget(widget)
+        self.own.setCurrentWidget(widget)
+
+    def show_rig(self, line: RigLine) -> None:
+        """State, what is running, and what is recorded."""
+        self.lamp.show_light(line.light)
+        self.state.setText(line.state.capitalize())
+        self.doing.setText(line.doing)
+        recording = line.recording is not None
+        self.dot.setVisible(recording)
+        self.dot.show_light("paused" if line.paused else "recording")
+        words = "paused" if line.paused else "samples"
+        self.count.setText(f"{line.recording:,} {words}".replace(",", "\u202f") if recording else "")

@@ -1,0 +1,53 @@
+"""Which tabs the window has. To add one: write it in a sub-package and add its line here.
+
+The number is the tab's place on the rail and its key, Ctrl+number; it stays the same whichever tabs exist:
+1 Acquire, 2 Calibrate, 3 Sessions, 4 Fit, 5 Predict, 6 Model lab.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+
+from .desk import Desk
+from .tab import Tab
+
+TabMaker = Callable[[Desk], Tab]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A tab before it is built.
+
+    Attributes:
+        key: by which others name it. title, help: as on the rail. make: builds it.
+    """
+
+    number: int
+    key: str
+    title: str
+    help: str
+    make: TabMaker
+
+
+def _later(module: str, name: str) -> TabMaker:
+    """Import the tab when it is built: the window opens without waiting for it."""
+
+    def make(desk: Desk) -> Tab:
+        maker: TabMaker = getattr(import_module(module, __package__), name)
+        return maker(desk)
+
+    return make
+
+
+TABS: tuple[Entry, ...] = (
+    Entry(
+        6,
+        "model_lab",
+        "Model lab",
+        "Where the model fails, which physical effect is missing, and whether it is true.",
+        _later(".lab.tab", "ModelLabTab"),
+    ),
+)
+"""In the order of their numbers."""
