@@ -9,11 +9,11 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE, NARROW_RATE_HZ, narrow
 from fingerlab.identify.diagnosis.evidence import Evidence
-from fingerlab.identify.diagnosis.features import BoolArray
-from fingerlab.identify.diagnosis.fitting import SLACK_SPREAD_M, row_covariance
+from fingerlab.identify.diagnosis.fitting import SLACK_SPREAD_M, noise_covariance
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
 from fingerlab.identify.diagnosis.reduction import MARGIN, Group, GroupKey, Narrow, group_key
 from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.sums import BoolArray
 from fingerlab.identify.diagnosis.wording import Z90
 from fingerlab.identify.results import EQUATION_TITLES, Comparison, Failure, Fingerprint
 from fingerlab.physics import nominal
@@ -136,8 +136,8 @@ def _coordinates(motion: Motion) -> dict[str, Array]:
 def _residuals(trial: Trial, group: Group, kept: Kept) -> dict[Row, Array]:
     """Residual of every equation over a stretch, in the fit's own units (N, m or N m)."""
     h, _ = trial.model.coefficients(trial.fit.values, group)
-    rows = trial.model.layout.rows()[trial.model.active]
-    columns = kept.columns[:, trial.model.active]
+    rows = trial.model.rows
+    columns = kept.columns[:, trial.model.pick.signals]
     return {row: columns[:, rows == row] @ h[rows == row] for row in Row if np.any(rows == row)}
 
 
@@ -160,12 +160,12 @@ def _measured(trial: Trial, group: Group, kept: Kept, row: Row) -> Array:
         inertia = f.parameter == "rotor_inertia" and f.scale == "direct"
         if f.row == row and (measured or inertia):
             chosen.append(k)
-    return np.asarray(kept.columns[:, trial.model.active[chosen]] @ h[chosen], dtype=float)
+    return np.asarray(kept.columns[:, trial.model.pick.signals[chosen]] @ h[chosen], dtype=float)
 
 
 def _comparisons(study: Study, trial: Trial, group: Group, kept: Kept) -> list[Comparison]:
     residuals = _residuals(trial, group, kept)
-    noise = row_covariance(trial.model, trial.fit.values, group, group.noise, group.noise_samples)
+    noise = noise_covariance(trial.model, trial.fit.values, group)
 
     def one(equation: str, measured: Array, modelled: Array, unit: str, variance: float) -> Comparison:
         return Comparison(
@@ -204,8 +204,9 @@ def _comparisons(study: Study, trial: Trial, group: Group, kept: Kept) -> list[C
 
 
 def _force(study: Study, kept: Kept) -> Array:
-    index = next(i for i, f in enumerate(study.reduced.layout.features) if f.row == Row.FORCE)
-    return np.asarray(kept.columns[:, index], dtype=float)
+    layout = study.reduced.layout
+    index = next(i for i, f in enumerate(layout.features) if f.row == Row.FORCE)
+    return np.asarray(kept.columns[:, layout.signals[index]], dtype=float)
 
 
 def _coordinate(effect: Effect, kept: Kept) -> Array | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fingerlab.identify.diagnosis.features import SHIFTS_S
-from fingerlab.identify.diagnosis.fitting import row_covariance
+from fingerlab.identify.diagnosis.fitting import noise_covariance
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
 from fingerlab.identify.diagnosis.reduction import Group
 from fingerlab.identify.diagnosis.study import Study, Trial
@@ -25,7 +25,7 @@ def equation_errors(study: Study, trial: Trial) -> dict[str, EquationError]:
     sums: dict[str, Array] = {}
     for group in study.reduced.groups:
         residual = trial.residuals[group.key]
-        noise = row_covariance(trial.model, trial.fit.values, group, group.noise, group.noise_samples)
+        noise = noise_covariance(trial.model, trial.fit.values, group)
         for family, values in _families(study, trial, group, residual, noise).items():
             sums[family] = sums.get(family, np.zeros(4)) + group.samples * np.array([*values, 1.0])
     result = {}
@@ -82,23 +82,29 @@ def _find(study: Study, **wanted: object) -> int:
 
 def _variance(study: Study, group: Group, row: Row, shift: int | None) -> float:
     """Variance of the measured channel of an equation: N^2, m^2 or (N m)^2."""
-    measured = _find(study, row=row, constant=-1.0, shift=shift, scale="direct")
     names = {Row.MCP: "loss_mcp", Row.CABLE: "offset", Row.BENCH: "bench_offset"}
-    one = _find(study, row=row, parameter=names[row])
-    gram = group.gram + group.slack
-    count = max(float(gram[one, one]), 1.0)
-    return float(gram[measured, measured] / count - (gram[measured, one] / count) ** 2)
+    measured = _find(study, row=row, constant=-1.0, shift=shift, scale="direct")
+    products = _products(study, group, [measured, _find(study, row=row, parameter=names[row])])
+    count = max(float(products[1, 1]), 1.0)
+    return float(products[0, 0] / count - (products[0, 1] / count) ** 2)
+
+
+def _products(study: Study, group: Group, features: list[int]) -> Array:
+    """Products of some features over all samples, (k, k)."""
+    signals = study.reduced.layout.signals[features]
+    return group.whole.products[np.ix_(signals, signals)]
 
 
 def _contact(study: Study, group: Group) -> tuple[float, float]:
     """Lever (m) of the force about the PIP joint and the force's variance (N^2); zero without contact."""
     if group.key[1] != "contact":
         return 0.0, 0.0
-    force, torque = _find(study, row=Row.FORCE), _find(study, row=Row.PIP, parameter="force_gain")
-    one = _find(study, row=Row.PIP, parameter="loss_pip")
-    gram = group.gram
-    count = max(float(gram[one, one]), 1.0)
-    if gram[force, force] <= 0:
+    places = [_find(study, row=Row.FORCE)]
+    places += [_find(study, row=Row.PIP, parameter=name) for name in ("force_gain", "loss_pip")]
+    products = _products(study, group, places)
+    force, torque, one = range(3)
+    if products[force, force] <= 0:
         return 0.0, 0.0
-    mean = gram[force, one] / count
-    return float(gram[torque, force] / gram[force, force]), float(gram[force, force] / count - mean**2)
+    count = max(float(products[one, one]), 1.0)
+    lever = float(products[torque, force] / products[force, force])
+    return lever, float(products[force, force] / count - (products[force, one] / count) ** 2)

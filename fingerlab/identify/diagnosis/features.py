@@ -13,10 +13,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
+from fingerlab.identify.diagnosis.sums import IntArray, Pick
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Scale
 from fingerlab.physics.effects.hysteresis import stop_operator
@@ -24,9 +24,6 @@ from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.sensing import lateral_levers
 from fingerlab.rig import Finger, Rig
 from fingerlab.sessions.model import Array
-
-IntArray = np.ndarray[Any, np.dtype[np.int64]]
-BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
 
 SHIFTS_S = tuple(0.024 * k for k in range(-2, 10))
 """Delays (s) at which the motor's channels are kept; values between them are interpolated."""
@@ -72,6 +69,7 @@ class Layout:
     nuisances: dict[str, Gain]
     effects: tuple[Effect, ...]
     base: IntArray = field(repr=False)  # indices of the features without an owner
+    signals: IntArray = field(repr=False)  # (features,): which signal a feature is; some are the same one
 
     @cached_property
     def _rows(self) -> IntArray:
@@ -87,6 +85,16 @@ class Layout:
     def rows(self) -> IntArray:
         """Equation of each feature, shape (features,)."""
         return self._rows
+
+    @cached_property
+    def every(self) -> Pick:
+        """All features, for sums over samples."""
+        return Pick(self.signals, self._rows)
+
+    @property
+    def signal_count(self) -> int:
+        """How many different signals there are."""
+        return int(self.signals.max()) + 1
 
     def indices(self, owner: str, shape: int) -> IntArray:
         """Features that the effect ``owner`` brings at its grid point ``shape``."""
@@ -126,6 +134,7 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
         ]
     finger, q = motion.finger_and_joints
     one = np.ones_like(motion.time)
+    minus = -one
     force = np.zeros_like(one) if motion.force is None else motion.force
     columns = [
         (Feature(row, name, constant=1.0, scale="joint"), values)
@@ -136,8 +145,8 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
     columns += [
         (Feature(Row.MCP, "force_gain", constant=1.0, scale="joint"), contact_mcp),
         (Feature(Row.PIP, "force_gain", constant=1.0, scale="joint"), contact_pip),
-        (Feature(Row.MCP, "loss_mcp", scale="joint", routed=True), -one),
-        (Feature(Row.PIP, "loss_pip", scale="joint", routed=True), -one),
+        (Feature(Row.MCP, "loss_mcp", scale="joint", routed=True), minus),
+        (Feature(Row.PIP, "loss_pip", scale="joint", routed=True), minus),
         (Feature(Row.MCP, "trace_mcp", scale="joint"), q.mcp_velocity),
         (Feature(Row.PIP, "trace_pip", scale="joint"), q.pip_velocity),
         (Feature(Row.CABLE, constant=1.0, scale="arm_mcp"), q.mcp),
@@ -179,15 +188,15 @@ def shifted_columns(motion: Motion) -> list[tuple[Feature, Array]]:
     """Motor channels that a delay moves against the joints' channels; the shift is applied by the caller."""
     if motion.finger is None:
         return [(Feature(Row.BENCH, constant=-1.0), motion.torque)]
-    rate = np.gradient(motion.tension, 1.0 / motion.sample_rate_hz)
-    pull = motion.acceleration / motion.radius
+    tension, pull = motion.tension, motion.inertial_pull
+    rate = np.gradient(tension, 1.0 / motion.sample_rate_hz)
     inertia = motion.motor.inertia or 0.0
     columns: list[tuple[Feature, Array]] = []
     for row in (Row.MCP, Row.PIP):
-        columns.append((Feature(row, "torque_gain", constant=-1.0), motion.tension))
+        columns.append((Feature(row, "torque_gain", constant=-1.0), tension))
         columns.append((Feature(row, "rotor_inertia", constant=inertia), pull))
     columns.append((Feature(Row.CABLE, constant=-1.0), motion.radius * motion.position))
-    columns.append((Feature(Row.CABLE, "torque_gain", constant=-1.0, scale="compliance"), motion.tension))
+    columns.append((Feature(Row.CABLE, "torque_gain", constant=-1.0, scale="compliance"), tension))
     columns.append((Feature(Row.CABLE, "rotor_inertia", constant=inertia, scale="compliance"), pull))
     columns.append((Feature(Row.CABLE, "cable_damping"), rate))
     return columns

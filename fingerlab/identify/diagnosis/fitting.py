@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
-from fingerlab.identify.diagnosis.features import NO_SHIFT, BoolArray, IntArray, Layout
+from fingerlab.identify.diagnosis.features import NO_SHIFT, Layout
 from fingerlab.identify.diagnosis.model import Model
-from fingerlab.identify.diagnosis.reduction import Fold, Group, GroupKey
+from fingerlab.identify.diagnosis.reduction import Group, GroupKey
+from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Sums, total
 from fingerlab.physics.effects.base import Row
 from fingerlab.sessions.model import Array
 
@@ -21,74 +22,52 @@ Weights = Mapping[GroupKey, Array]
 """Inverse covariance of the equations' noise for each group, (5, 5) over :class:`Row`."""
 
 
-class Data:
-    """Sums over the runs that a fit may see: feature products with noise and without, and slack moments.
+@dataclass(frozen=True)
+class Weighted:
+    """Weighted products of a model's features, (k, k) each.
 
-    ``rows`` is the equation of every feature, shape (features,).
+    ``curvature`` holds noise, so that it is positive; ``matrix`` does not: it gives cost and gradient.
     """
 
-    def __init__(self, groups: Sequence[Group], rows: IntArray) -> None:
-        self.groups = groups
-        self._rows = rows
-        self.clean = [[f.gram - noise_share(g, f) for f in g.folds] for g in groups]
-        self._totals = [
-            (
-                g.gram,
-                sum(clean[1:], clean[0]),
-                g.slack,
-            )
-            for g, clean in zip(groups, self.clean, strict=True)
-        ]
-        self._weighted: dict[int, tuple[Array, tuple[Array, Array, Array]]] = {}
-
-    def part(self, i: int, k: int | None) -> tuple[Fold, Array]:
-        """Fold ``k`` of group ``i``, or all its folds as one, and its feature products without noise."""
-        folds = self.groups[i].folds
-        if k is not None:
-            return folds[k], self.clean[i][k]
-        gram, clean, slack = self._totals[i]
-        taut, loose = sum(f.taut_samples for f in folds), sum(f.slack_samples for f in folds)
-        return Fold(gram, slack, taut, loose), clean
-
-    def weighted(self, i: int, model: Model, weights: Array) -> tuple[Array, Array, Array]:
-        """Weighted sums over group ``i`` for a model's features: raw, without noise, slack; each (k, k)."""
-        every = self.weighted_all(i, weights)
-        return tuple(total[model.chosen] for total in every)
-
-    def weighted_fold(self, i: int, k: int, model: Model, weights: Array) -> tuple[Array, Array, Array]:
-        """The same for fold ``k`` alone."""
-        fold = self.groups[i].folds[k]
-        parts = tuple(m[model.chosen] for m in (fold.gram, self.clean[i][k], fold.slack))
-        return self._weigh(parts, model.rows, weights)
-
-    def weighted_all(self, i: int, weights: Array) -> tuple[Array, Array, Array]:
-        """The same for all features and all folds, (features, features) each.
-
-        Kept until other weights come: most fits differ only in which features they take.
-        """
-        known = self._weighted.get(i)
-        if known is None or known[0] is not weights:
-            known = (weights, self._weigh(self._totals[i], self._rows, weights))
-            self._weighted[i] = known
-        return known[1]
-
-    @staticmethod
-    def _weigh(sums: tuple[Array, ...], rows: IntArray, weights: Array) -> tuple[Array, Array, Array]:
-        gram, clean, slack = sums
-        weight = EFFECTIVE_SHARE * feature_weights(weights, rows)
-        return gram * weight, clean * weight, slack * (EFFECTIVE_SHARE / SLACK_SPREAD_M**2)
+    curvature: Array
+    matrix: Array
 
 
-def noise_share(group: Group, fold: Fold) -> Array:
-    """What noise alone adds to a fold's feature products, (features, features).
+class Data:
+    """Sums over the runs that a fit may see, with noise and without.
 
-    Taking it away keeps noisy regressors from being pulled towards zero (Fuller, "Measurement Error
+    Taking the noise away keeps noisy regressors from being pulled towards zero (Fuller, "Measurement Error
     Models", 1987, section 2.2): a tension that carries current noise would otherwise hide cable stretch.
     """
-    if group.noise_samples <= 0:
-        return np.zeros_like(group.noise)
-    counts = np.where(group.cable_rows, fold.taut_samples, fold.taut_samples + fold.slack_samples)
-    return group.noise / group.noise_samples * np.minimum.outer(counts, counts)
+
+    def __init__(self, groups: Sequence[Group]) -> None:
+        self.groups = groups
+        self.clean = [[f.without(_noise_of_a_sample(g)) for f in g.folds] for g in groups]
+        self._totals = [total(folds) for folds in self.clean]
+
+    def raw(self, i: int, k: int | None) -> Sums:
+        """Fold ``k`` of group ``i``, or all its folds as one."""
+        return self.groups[i].whole if k is None else self.groups[i].folds[k]
+
+    def noiseless(self, i: int, k: int | None) -> Sums:
+        """The same without noise."""
+        return self._totals[i] if k is None else self.clean[i][k]
+
+    def weighted(self, i: int, k: int | None, model: Model, weights: Array) -> Weighted:
+        """What a fit needs of group ``i``, or of its fold ``k``; a slack cable costs unless it may be so."""
+        weight = EFFECTIVE_SHARE * feature_weights(weights, model.rows)
+        raw = self.raw(i, k)
+        curvature, matrix = raw.of(model.pick) * weight, self.noiseless(i, k).of(model.pick) * weight
+        slack = None if model.slack_free else raw.slack(model.pick)
+        if slack is not None:
+            charge = slack * (EFFECTIVE_SHARE / SLACK_SPREAD_M**2)
+            curvature, matrix = curvature + charge, matrix + charge
+        return Weighted(curvature, matrix)
+
+
+def _noise_of_a_sample(group: Group) -> Array:
+    """What noise adds to the products of signals at one sample, (signals, signals)."""
+    return group.noise / max(group.noise_samples, 1.0)
 
 
 MOST_NOISE = 0.995
@@ -98,29 +77,44 @@ RIDGE = 1e-9
 
 
 def limit_noise(group: Group) -> None:
-    """Cut the group's noise back to what its own recordings hold, in every combination of features.
+    """Cut the group's noise back to what its own recordings hold, in every combination of signals.
 
     The noise is read from the runs with a cycle; in a combination that those runs happen to excite more
     than the others it would exceed the whole, and a fit could run away along it.
     """
     if group.noise_samples <= 0:
         return
-    whole = group.gram / max(sum(f.taut_samples for f in group.folds), 1)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(whole), 1e-300))
-    scale[np.diag(whole) <= 0] = 0.0
-    whole, noise = (m * np.outer(scale, scale) for m in (whole, group.noise / group.noise_samples))
+    whole = group.whole
+    noise = _noise_of_a_sample(group)
+    noise = _limited(noise, whole.taut() / max(whole.taut_samples, 1))
+    if whole.loose is not None:
+        noise = _limited(noise, whole.products / whole.samples)
+    group.noise = noise * group.noise_samples
+
+
+def _limited(noise: Array, whole: Array) -> Array:
+    """``noise`` cut back to a share of ``whole`` in every direction; both (n, n), of one sample."""
+    size = np.diag(whole)
+    live = np.flatnonzero(size > 0)
+    scale = 1.0 / np.sqrt(size[live])
+    among = np.ix_(live, live)
+    units = np.outer(scale, scale)
     # In units of the whole (its Cholesky factor) the noise is a share between 0 and 1 in every direction.
-    live = np.flatnonzero(scale)
-    factor = np.linalg.cholesky(whole[np.ix_(live, live)] + RIDGE * np.eye(len(live)))
-    half = np.linalg.solve(factor, noise[np.ix_(live, live)])
+    factor = np.linalg.cholesky(whole[among] * units + RIDGE * np.eye(len(live)))
+    half = np.linalg.solve(factor, noise[among] * units)
     shares, directions = np.linalg.eigh(np.linalg.solve(factor, half.T))
     wrong = (shares > MOST_NOISE) | (shares < 0.0)
     excess = shares[wrong] - np.clip(shares[wrong], 0.0, MOST_NOISE)
     reach = factor @ directions[:, wrong]
-    limited = noise.copy()
-    limited[np.ix_(live, live)] -= (reach * excess) @ reach.T
-    back = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
-    group.noise = limited * np.outer(back, back) * group.noise_samples
+    limited = np.zeros_like(noise)
+    limited[among] = noise[among] - (reach * excess) @ reach.T / units
+    return limited
+
+
+LEAST_GAIN = 1e-3
+LEAST_SHARE = 1e-6
+"""A step that lowers the cost by less than this, or by less than this share of it, is the last; the cost is
+twice a log probability."""
 
 
 @dataclass(frozen=True)
@@ -144,27 +138,19 @@ class Fitter:
         self.model = model
         self.data = data
         self.weights = weights
-        self.matrices = []  # without noise: cost and gradient
-        self.curvatures = []  # with noise, hence positive: the step
-        for i, group in enumerate(data.groups):
-            curvature, matrix, loose = data.weighted(i, model, weights[group.key])
-            if not model.slack_free:
-                matrix, curvature = matrix + loose, curvature + loose
-            self.matrices.append(matrix)
-            self.curvatures.append(curvature)
+        self.sums = [data.weighted(i, None, model, weights[g.key]) for i, g in enumerate(data.groups)]
         self._mean = model.start()
         self._stiffness = self._prior_weight() / model.spread**2
         self._low, self._high = model.low, model.high
-        self._whole: tuple[Array, tuple[Array, Array]] | None = None
-        self._at: tuple[Array, list[tuple[Array, Array]]] | None = None
+        self._whole: tuple[Array, list[tuple[Array, Array]], tuple[Array, Array]] | None = None
 
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""
-        total = float(np.sum((values - self._mean) ** 2 * self._stiffness))
-        for group, matrix in zip(self.data.groups, self.matrices, strict=True):
+        result = float(np.sum((values - self._mean) ** 2 * self._stiffness))
+        for group, sums in zip(self.data.groups, self.sums, strict=True):
             h = self.model.features(values, group)
-            total += float(h @ matrix @ h)
-        return total
+            result += float(h @ sums.matrix @ h)
+        return result
 
     def _prior_weight(self) -> Array:
         """1 for nuisances; weak for moment arms, losses, offsets and effects, of which nothing is known."""
@@ -179,24 +165,40 @@ class Fitter:
         )
 
     def run(self, start: Array | None = None, iterations: int = 12) -> Fit:
-        """Gauss-Newton with step halving from ``start``; stops when the cost no longer falls."""
+        """Newton steps with halving from ``start``; stops when the cost no longer falls."""
         values = np.clip(self._mean if start is None else start, self._low, self._high)
         cost = self.cost(values)
         information = np.eye(len(values))
         for _ in range(iterations):
-            gradient, information = self.normal_equations(values)
-            step = bounded_step(values, gradient, information, self._low, self._high)
-            improved = False
-            for fraction in (1.0, 0.5, 0.2, 0.05):
-                trial = np.clip(values + fraction * step, self._low, self._high)
-                trial_cost = self.cost(trial)
-                if trial_cost < cost:
-                    gain = cost - trial_cost
-                    values, cost, improved = trial, trial_cost, True
-                    break
-            if not improved or gain < 1e-3:
+            gradient, information, bend = self._expansion(values)
+            # The cost's own curvature, which lacks the noise, converges in a few steps; where it is too weak
+            # to be trusted, the one with noise takes shorter ones.
+            least = max(LEAST_GAIN, LEAST_SHARE * cost)
+            values, gain = self._improve(values, cost, gradient, bend, least)
+            if gain < -least:
+                values, gain = self._improve(values, cost, gradient, information, least)
+            cost -= max(gain, 0.0)
+            if gain < least:
                 break
         return Fit(values, information, cost)
+
+    def _improve(
+        self, values: Array, cost: float, gradient: Array, curvature: Array, least: float
+    ) -> tuple[Array, float]:
+        """The best point found along the step that ``curvature`` tells, and by how much the cost falls there.
+
+        A change by less than ``least`` either way is taken for the end.
+        """
+        step = bounded_step(values, gradient, curvature, self._low, self._high)
+        gain = 0.0
+        for fraction in (1.0, 0.5, 0.2, 0.05):
+            trial = np.clip(values + fraction * step, self._low, self._high)
+            gain = cost - self.cost(trial)
+            if gain > 0.0:
+                return trial, gain
+            if gain > -least:
+                break
+        return values, gain
 
     def without(self, values: Array, k: int) -> Array:
         """One step from the fit ``values`` to that of the runs without fold ``k`` of any group, (p,).
@@ -204,28 +206,35 @@ class Fitter:
         A group with one fold only stays in.
         """
         if self._whole is None or not np.array_equal(self._whole[0], values):
-            self._whole = (values, self.normal_equations(values))
-        gradient, information = self._whole[1]
+            coefficients = [self.model.coefficients(values, g) for g in self.data.groups]
+            self._whole = (values, coefficients, self.normal_equations(values))
+        _, coefficients, (gradient, information) = self._whole
         for i, group in enumerate(self.data.groups):
             if 1 < len(group.folds) > k:
-                curvature, matrix, loose = self.data.weighted_fold(i, k, self.model, self.weights[group.key])
-                if not self.model.slack_free:
-                    matrix, curvature = matrix + loose, curvature + loose
-                h, jacobian = self.model.coefficients(values, group)
-                gradient = gradient - (h @ matrix) @ jacobian
-                information = information - jacobian.T @ (curvature @ jacobian)
+                fold = self.data.weighted(i, k, self.model, self.weights[group.key])
+                h, jacobian = coefficients[i]
+                gradient = gradient - (h @ fold.matrix) @ jacobian
+                information = information - jacobian.T @ (fold.curvature @ jacobian)
         step = bounded_step(values, gradient, information, self._low, self._high)
         return np.clip(values + step, self._low, self._high)
 
     def normal_equations(self, values: Array) -> tuple[Array, Array]:
-        """Half the gradient of the cost, (p,), and its Gauss-Newton curvature, (p, p)."""
+        """Half the gradient of the cost, (p,), and its Gauss-Newton curvature with noise, (p, p)."""
+        gradient, information, _ = self._expansion(values)
+        return gradient, information
+
+    def _expansion(self, values: Array) -> tuple[Array, Array, Array]:
+        """Half the gradient of the cost, (p,); its Gauss-Newton curvature with noise and without, (p, p)."""
         gradient = self._stiffness * (values - self._mean)
         information = np.diag(self._stiffness)
-        for group, matrix, curvature in zip(self.data.groups, self.matrices, self.curvatures, strict=True):
+        bend = information
+        for group, sums in zip(self.data.groups, self.sums, strict=True):
             h, jacobian = self.model.coefficients(values, group)
-            gradient = gradient + (h @ matrix) @ jacobian
-            information = information + jacobian.T @ (curvature @ jacobian)
-        return gradient, information
+            slopes = sums.matrix @ jacobian
+            gradient = gradient + h @ slopes
+            information = information + jacobian.T @ (sums.curvature @ jacobian)
+            bend = bend + jacobian.T @ slopes
+        return gradient, information, bend
 
 
 def bounded_step(values: Array, gradient: Array, information: Array, low: Array, high: Array) -> Array:
@@ -294,25 +303,25 @@ def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array, outwards
 
 
 def row_covariance(
-    model: Model,
-    values: Array,
-    group: Group,
-    matrix: Array,
-    samples: float,
-    only: BoolArray | None = None,
+    model: Model, values: Array, group: Group, products: Array, samples: float, only: BoolArray | None = None
 ) -> Array:
-    """Covariance (5, 5) of the equations' residuals from a matrix of feature products over ``samples``.
+    """Covariance (5, 5) of the equations' residuals.
 
-    ``only`` picks active features, (k,); None takes all.
+    Args:
+        products: of the model's active features, (k, k), over ``samples``.
+        only: picks active features, (k,); None takes all.
     """
-    rows = model.rows
     h = model.features(values, group)
     if only is not None:
         h = np.where(only, h, 0.0)
     spread = np.zeros((len(h), len(Row)))
-    spread[np.arange(len(h)), rows] = h
-    covariance = spread.T @ matrix[model.chosen] @ spread
-    return np.asarray(covariance / max(samples, 1.0))
+    spread[np.arange(len(h)), model.rows] = h
+    return np.asarray(spread.T @ products @ spread / max(samples, 1.0))
+
+
+def noise_covariance(model: Model, values: Array, group: Group) -> Array:
+    """Covariance (5, 5) of what does not repeat in the equations' residuals, of one sample."""
+    return row_covariance(model, values, group, group.noise[model.pick.square], group.noise_samples)
 
 
 def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
@@ -324,7 +333,7 @@ def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
         routing = {1: "flexion", -1: "extension"}.get(group.cable_sign)
         if routing is None or f"arm_mcp@{routing}" in arms:
             continue
-        gram = group.gram
+        gram = group.whole.of(layout.every)
         for row, name in ((Row.MCP, "arm_mcp"), (Row.PIP, "arm_pip")):
 
             def pick(wanted: set[str], row: Row = row, shift: int | None = None) -> list[int]:

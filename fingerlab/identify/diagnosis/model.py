@@ -12,12 +12,12 @@ from fingerlab.identify.diagnosis.features import (
     NO_SHIFT,
     SLOPE,
     Feature,
-    IntArray,
     Layout,
     shift_weights,
     slope_weights,
 )
 from fingerlab.identify.diagnosis.reduction import Group
+from fingerlab.identify.diagnosis.sums import IntArray, Pick
 from fingerlab.physics.effects.base import Effect, Gain, Row
 from fingerlab.sessions.model import Array
 
@@ -77,14 +77,14 @@ class Model:
         return np.array([u.gain.typical for u in self.unknowns])
 
     @cached_property
-    def chosen(self) -> tuple[Array, ...]:
-        """The active features as an index of square matrices, as ``np.ix_`` gives it."""
-        return np.ix_(self.active, self.active)
+    def pick(self) -> Pick:
+        """The active features, for sums over samples."""
+        return self.layout.every[self.active]
 
-    @cached_property
+    @property
     def rows(self) -> IntArray:
         """The equation that each active feature stands in, shape (k,)."""
-        return self.layout.rows()[self.active]
+        return self.pick.rows
 
     def start(self) -> Array:
         """A vector to start from: no deviation, arms of 10 mm."""

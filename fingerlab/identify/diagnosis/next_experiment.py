@@ -17,10 +17,12 @@ import numpy as np
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
 from fingerlab.identify.diagnosis.evidence import Evidence
 from fingerlab.identify.diagnosis.features import Layout
+from fingerlab.identify.diagnosis.fitting import feature_weights
 from fingerlab.identify.diagnosis.imagined import bench_motion, finger_motion
 from fingerlab.identify.diagnosis.model import Choice, Model, build
 from fingerlab.identify.diagnosis.reduction import Group, layout_of, narrow_columns
 from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.sums import Pick, Sums
 from fingerlab.physics.effects.base import Effect, Row
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.rig import Rig
@@ -108,33 +110,30 @@ def _menu(rig: Rig, study: Study, trial: Trial) -> Iterator[Proposal]:
 
 @dataclass(frozen=True)
 class Imagined:
-    """A run that was not taken: its motion, and the features that it would give."""
+    """A run that was not taken: its motion, and the sums over the signals that it would give."""
 
     motion: Motion
     layout: Layout
-    columns: Array  # (n, features)
+    sums: Sums
     group: Group
 
 
 def _imagine(session: Session, motion: Motion, effects: Sequence[Effect]) -> Imagined:
     layout = layout_of(motion, session, effects)
-    return Imagined(
-        motion, layout, narrow_columns(motion, effects).columns, _group(motion, len(layout.features))
-    )
+    columns = narrow_columns(motion, effects, layout.signals).columns
+    return Imagined(motion, layout, Sums(columns.T @ columns), _group(motion))
 
 
 def _separation(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) -> float:
     """Expected gain in log evidence of ``truth`` over ``rival`` from one more run."""
     weights = _weights(study, run.motion)
-    with_truth = build(run.layout, [run.group], _choices(truth, run))
-    missing, _ = _columns(with_truth, truth, run, truth.model.choices[-1].effect)
+    added, missing = _added(build(run.layout, [run.group], _choices(truth, run)), truth, run)
     model = build(run.layout, [run.group], _choices(rival, run))
-    _, slopes = _columns(model, rival, run, None)
+    _, slopes = model.coefficients(_values(model, rival), run.group)
     share = EFFECTIVE_SHARE / heat
-    weighted = np.tensordot(weights, slopes, axes=(1, 0))
-    product = np.tensordot(slopes, weighted, axes=((0, 1), (0, 1))) * share
-    pull = np.tensordot(weighted, missing, axes=((0, 1), (0, 1))) * share
-    whole = float(np.sum(missing * (weights @ missing))) * share
+    product = slopes.T @ (run.sums.of(model.pick) * feature_weights(weights, model.rows)) @ slopes * share
+    pull = run.sums.across(missing[None], added, weights, model.pick)[0] @ slopes * share
+    whole = float(missing @ (run.sums.of(added) * feature_weights(weights, added.rows)) @ missing) * share
     known = _known(model, rival, heat)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(product + known), 1e-300))
     system = (product + known) * np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
@@ -151,17 +150,17 @@ def _choices(trial: Trial, run: Imagined) -> list[Choice]:
     return [c for c in trial.model.choices if c.effect in run.layout.effects]
 
 
-def _group(motion: Motion, size: int) -> Group:
+def _group(motion: Motion) -> Group:
     kind = "contact" if motion.phase == "contact" else "free"
     cable = {1: "flexion", -1: "extension", 0: "none"}[motion.cable_sign]
-    return Group((cable, kind), motion.cable_sign, [], np.zeros(size, dtype=bool), np.zeros((0, 0)))
+    return Group((cable, kind), motion.cable_sign, [], np.zeros((0, 0)))
 
 
 def _weights(study: Study, motion: Motion) -> Array:
     """Weights of the group that the run would belong to, or of the most similar one there is."""
     tension = [w for k, w in study.weights.items() if motion.cable_sign == 0 or k[0] != "none"]
     if motion.cable_sign != 0:
-        same = study.weights.get(_group(motion, 0).key)
+        same = study.weights.get(_group(motion).key)
         return same if same is not None else tension[0]
     result = np.zeros((5, 5))
     spread = np.linalg.inv(tension[0][:1, :1])[0, 0] if tension[0][0, 0] > 0 else 1e-6
@@ -169,22 +168,17 @@ def _weights(study: Study, motion: Motion) -> Array:
     return result
 
 
-def _columns(model: Model, trial: Trial, run: Imagined, owner: Effect | None) -> tuple[Array, Array]:
-    """Of a model at a trial's values: what ``owner`` adds, (5, n), and the residuals' slopes, (5, n, p)."""
+def _values(model: Model, trial: Trial) -> Array:
+    """The trial's values for a model of another run; what it does not know starts at nothing."""
     known = dict(zip((u.key for u in trial.model.unknowns), trial.fit.values, strict=True))
-    values = np.array(
-        [known.get(u.key, start) for u, start in zip(model.unknowns, model.start(), strict=True)]
-    )
-    h, jacobian = model.coefficients(values, run.group)
-    features = [model.layout.features[i] for i in model.active]
-    active = run.columns[:, model.active]
-    added, slopes = np.zeros((5, len(active))), np.zeros((5, len(active), len(values)))
-    for row in Row:
-        mine = np.array([f.row == row for f in features])
-        slopes[row] = active[:, mine] @ jacobian[mine]
-        theirs = mine & np.array([owner is not None and f.owner == owner.id for f in features])
-        added[row] = active[:, theirs] @ h[theirs]
-    return added, slopes
+    return np.array([known.get(u.key, start) for u, start in zip(model.unknowns, model.start(), strict=True)])
+
+
+def _added(model: Model, trial: Trial, run: Imagined) -> tuple[Pick, Array]:
+    """What the trial's last effect adds to the equations: its features, and their coefficients, (k,)."""
+    owner = trial.model.choices[-1].effect.id
+    theirs = np.flatnonzero([model.layout.features[i].owner == owner for i in model.active])
+    return model.pick[theirs], model.features(_values(model, trial), run.group)[theirs]
 
 
 def _known(model: Model, trial: Trial, heat: float) -> Array:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,9 +25,9 @@ from fingerlab.identify.diagnosis.bandwidth import (
     narrow_count,
 )
 from fingerlab.identify.diagnosis.features import (
+    NO_SHIFT,
     SHIFTS_S,
     SLOPE,
-    BoolArray,
     Feature,
     Layout,
     base_columns,
@@ -35,8 +35,9 @@ from fingerlab.identify.diagnosis.features import (
     shifted_columns,
 )
 from fingerlab.identify.diagnosis.stretches import stretches
+from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Sums, empty, total
 from fingerlab.physics.effects import CATALOGUE
-from fingerlab.physics.effects.base import Effect, Row
+from fingerlab.physics.effects.base import Effect
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
 
@@ -54,54 +55,27 @@ GroupKey = tuple[str, str]
 
 
 @dataclass
-class Fold:
-    """Sums of feature products over some runs of a group."""
-
-    gram: Array  # (features, features), taut samples
-    slack: Array  # the same for cable features where the cable may be slack
-    taut_samples: int = 0
-    slack_samples: int = 0
-    runs: list[str] = field(default_factory=list)
-
-
-def _total(matrices: Sequence[Array]) -> Array:
-    """Their sum, one after the other: stacking them first would copy all of them."""
-    result = matrices[0].copy()
-    for one in matrices[1:]:
-        result += one
-    return result
-
-
-@dataclass
 class Group:
-    """Runs of one routing and phase: they share moment arms, losses and noise."""
+    """Runs of one routing and phase: they share moment arms, losses and noise.
+
+    ``noise`` (signals, signals) holds products of what does not repeat from cycle to cycle.
+    """
 
     key: GroupKey
     cable_sign: int
-    folds: list[Fold]
-    cable_rows: BoolArray  # (features,) bool: features of the cable equation
-    noise: Array  # (features, features): products of what does not repeat from cycle to cycle
+    folds: list[Sums]
+    noise: Array
     noise_samples: float = 0.0
-    condition_count: int = 0
 
     @cached_property
-    def gram(self) -> Array:
-        """Sums over all folds, (features, features); asked for when all runs are in."""
-        return _total([f.gram for f in self.folds])
-
-    @cached_property
-    def slack(self) -> Array:
-        """The same where the cable may be slack."""
-        return _total([f.slack for f in self.folds])
+    def whole(self) -> Sums:
+        """Sums over all folds; asked for when all runs are in."""
+        return total(self.folds)
 
     @property
     def samples(self) -> int:
         """Decimated samples in the group."""
-        return sum(f.taut_samples + f.slack_samples for f in self.folds)
-
-    @property
-    def run_count(self) -> int:
-        return sum(len(f.runs) for f in self.folds)
+        return sum(f.samples for f in self.folds)
 
 
 @dataclass
@@ -116,7 +90,7 @@ class Reduced:
 
 @dataclass(frozen=True)
 class Narrow:
-    """Features of one stretch, decimated: ``columns`` (n, features), ``taut`` (n,) bool, ``time`` (n,) s."""
+    """Signals of one stretch, decimated: ``columns`` (n, signals), ``taut`` (n,) bool, ``time`` (n,) s."""
 
     columns: Array
     taut: BoolArray
@@ -128,44 +102,72 @@ MARGIN = round(max(abs(s) for s in SHIFTS_S) * WIDE_RATE_HZ)
 
 
 def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> Layout:
-    """The features in the order in which :func:`narrow_columns` fills them."""
-    features = [f for f, _ in base_columns(motion)]
-    for feature, _ in shifted_columns(motion):
+    """The features in the order in which :func:`narrow_columns` meets them."""
+    features: list[Feature] = []
+    signals: list[int] = []
+    known: dict[tuple[int, int | None], int] = {}
+    kept: list[Array] = []  # so that no array's identity is given to a later one
+    count = base = 0
+    for feature, values, own in _columns(motion, effects):
+        base += feature.owner is None
+        kept.append(values)
+        # What is one array in two equations is one signal; a user's own code is not relied on for that.
+        key = id(values), None if feature.shift == NO_SHIFT else feature.shift
+        place = count if own else known.setdefault(key, count)
+        count = max(count, place + 1)
+        features.append(feature)
+        signals.append(place)
+    return Layout(
+        tuple(features), nuisance_ranges(session.rig), tuple(effects), np.arange(base), np.array(signals)
+    )
+
+
+def _columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[tuple[Feature, Array, bool]]:
+    """All features in order with their values at the wide rate, and whether a user's own effect brings them.
+
+    A motor channel comes once for every shift, with the same values.
+    """
+    for feature, values in base_columns(motion):
+        yield feature, values, False
+    for feature, values in shifted_columns(motion):
         shifts: Sequence[int | None] = [None] if motion.finger is None else range(SLOPE + 1)
-        features += [_with(feature, shift=k) for k in shifts]
-    base = np.arange(len(features))
+        for k in shifts:
+            yield _with(feature, shift=k), values, False
     for effect in effects:
+        own = CATALOGUE.get(effect.id) is not effect
         for index, shape in enumerate(effect.shapes):
-            features += [
-                Feature(t.row, t.gain, t.constant, t.scale, owner=effect.id, shape=index)
-                for t in effect.columns(motion, shape)
-            ]
-    return Layout(tuple(features), nuisance_ranges(session.rig), tuple(effects), base)
+            for t in effect.columns(motion, shape):
+                feature = Feature(t.row, t.gain, t.constant, t.scale, owner=effect.id, shape=index)
+                yield feature, t.values, own
 
 
 def _with(feature: Feature, **changes: object) -> Feature:
     return Feature(**{**vars(feature), **changes})
 
 
-def narrow_columns(motion: Motion, effects: Sequence[Effect]) -> Narrow:
-    """All features of a stretch, low-passed at 8 Hz and decimated to 25 Hz."""
+def narrow_columns(motion: Motion, effects: Sequence[Effect], signals: IntArray) -> Narrow:
+    """All signals of a stretch, low-passed at 8 Hz and decimated to 25 Hz.
+
+    ``signals`` is the layout's: which signal each feature is, (features,).
+    """
     n = len(motion.time)
     inner = slice(MARGIN, n - MARGIN)
-    columns = [values[inner] for _, values in base_columns(motion)]
-    for _, values in shifted_columns(motion):
-        if motion.finger is None:
-            columns.append(values[inner])
-            continue
-        for shift in SHIFTS_S:
-            k = round(shift * WIDE_RATE_HZ)
-            columns.append(values[MARGIN - k : n - MARGIN - k])
-        columns.append(np.gradient(values, 1.0 / motion.sample_rate_hz)[inner])
-    for effect in effects:
-        for shape in effect.shapes:
-            columns += [term.values[inner] for term in effect.columns(motion, shape)]
+    columns: list[Array] = []
+    for place, (feature, values, _) in zip(signals, _columns(motion, effects), strict=True):
+        if place == len(columns):
+            columns.append(_shifted(values, feature.shift, motion.sample_rate_hz)[inner])
     # Single precision is a hundred times finer than the sensors, and twice as fast.
     low = narrow(np.stack(columns, dtype=np.float32, casting="same_kind"))
     return Narrow(low.T, _taut(motion, inner), narrow(motion.time[inner]), motion)
+
+
+def _shifted(values: Array, shift: int | None, rate: float) -> Array:
+    """A channel later by a kept shift, or its derivative; what falls out at the ends is in the margin."""
+    if shift is None:
+        return values
+    if shift == SLOPE:
+        return np.asarray(np.gradient(values, 1.0 / rate))
+    return np.roll(values, round(SHIFTS_S[shift] * WIDE_RATE_HZ))
 
 
 def _taut(motion: Motion, inner: slice) -> BoolArray:
@@ -251,27 +253,17 @@ def reduce_sessions(
 
 
 def _empty_group(run: Run, layout: Layout, count: int) -> Group:
-    size = len(layout.features)
-    folds = [Fold(np.zeros((size, size)), np.zeros((size, size))) for _ in range(count)]
-    return Group(group_key(run), run.cable_sign, folds, cable_rows(layout), np.zeros((size, size)))
-
-
-def cable_rows(layout: Layout) -> BoolArray:
-    """Which features stand in the cable equation, (features,) bool."""
-    return np.array([f.row == Row.CABLE for f in layout.features])
+    size = layout.signal_count
+    return Group(group_key(run), run.cable_sign, [empty(size) for _ in range(count)], np.zeros((size, size)))
 
 
 @dataclass
 class RunSums:
-    """Sums of feature products over one run."""
+    """Sums of signal products over one run; ``noise`` is None where nothing in the run repeats."""
 
-    name: str
-    gram: Array
-    slack: Array  # (cable features, cable features)
-    noise: Array | None = None  # None: nothing in the run repeats
+    sums: Sums
+    noise: Array | None = None
     noise_samples: float = 0.0
-    taut_samples: int = 0
-    slack_samples: int = 0
 
 
 def _in_turn(
@@ -286,7 +278,7 @@ def _in_turn(
     """
     first, run = pairs[0]
     layout = layout_of(next(stretches(run, first.rig)).glimpse(), first, effects)
-    cable = cable_rows(layout)
+    signals = layout.signals
     ids = [e.id for e in effects]
     if any(CATALOGUE.get(e.id) is not e for e in effects):
         executor = None  # a user's own effect lives in this process only
@@ -296,13 +288,13 @@ def _in_turn(
     try:
         for number in range(len(pairs)):
             while number not in done:
-                _refill(executor, ahead, waiting, pairs, (ids, cable))
+                _refill(executor, ahead, waiting, pairs, (ids, signals))
                 if number in waiting:
                     waiting.remove(number)
-                    done[number] = run_sums(*pairs[number], effects, cable, keep)
+                    done[number] = run_sums(*pairs[number], effects, signals, keep)
                 elif waiting and not ahead[number].done():
                     own = waiting.popleft()
-                    done[own] = run_sums(*pairs[own], effects, cable, keep)
+                    done[own] = run_sums(*pairs[own], effects, signals, keep)
                 else:
                     done[number] = ahead.pop(number).result()
             yield layout, done.pop(number)
@@ -316,7 +308,7 @@ def _refill(
     ahead: dict[int, Future[RunSums]],
     waiting: deque[int],
     pairs: Sequence[tuple[Session, Run]],
-    constants: tuple[Sequence[str], BoolArray],
+    constants: tuple[Sequence[str], IntArray],
 ) -> None:
     """Keep the second process busy; the next run in turn is left to this one."""
     if executor is None:
@@ -328,51 +320,48 @@ def _refill(
         ahead[number] = executor.submit(_elsewhere, replace(session, runs=()), run, *constants)
 
 
-def _elsewhere(session: Session, run: Run, ids: Sequence[str], cable: BoolArray) -> RunSums:
+def _elsewhere(session: Session, run: Run, ids: Sequence[str], signals: IntArray) -> RunSums:
     """What the second process does."""
-    return run_sums(session, run, [CATALOGUE[name] for name in ids], cable, None)
+    return run_sums(session, run, [CATALOGUE[name] for name in ids], signals, None)
 
 
 def run_sums(
     session: Session,
     run: Run,
     effects: Sequence[Effect],
-    cable: BoolArray,
+    signals: IntArray,
     keep: Callable[[Session, Run, Narrow], None] | None,
 ) -> RunSums:
-    """Products of all features over a run, in stretches of at most a minute.
+    """Products of all signals over a run, in stretches of at most a minute.
 
-    ``cable`` tells which features stand in the cable equation, shape (features,).
+    ``signals`` is the layout's: which signal each feature is, (features,).
     """
-    size = len(cable)
-    sums = RunSums(run.name, np.zeros((size, size)), np.zeros((int(cable.sum()), int(cable.sum()))))
+    result = RunSums(empty(int(signals.max()) + 1))
+    result.sums.runs.append(run.name)
     for motion in stretches(run, session.rig):
-        low = narrow_columns(motion, effects)
-        products = _add_products(sums, low, cable)
-        _add_noise(sums, low, run, products)
+        low = narrow_columns(motion, effects, signals)
+        part = _products(low)
+        result.sums.add(part)
+        _add_noise(result, low, run, part.products)
         if keep is not None:
             keep(session, run, low)
-    return sums
+    return result
 
 
-def _add_products(sums: RunSums, low: Narrow, cable: BoolArray) -> Array:
-    """Add a stretch; returns the products of its features, (features, features)."""
-    columns = low.columns
-    if not low.taut.all():
-        columns = columns.copy()
-        columns[np.ix_(~low.taut, cable)] = 0.0
-    products = columns.T @ columns
-    sums.gram += products
-    sums.taut_samples += int(low.taut.sum())
-    loose = low.columns[~low.taut][:, cable]
-    if len(loose):
-        sums.slack += loose.T @ loose
-    sums.slack_samples += int((~low.taut).sum())
-    return np.asarray(products)
+def _products(low: Narrow) -> Sums:
+    """Sums over one stretch."""
+    taut = int(low.taut.sum())
+    loose = low.columns[~low.taut]
+    return Sums(
+        low.columns.T @ low.columns,
+        loose.T @ loose if len(loose) else None,
+        taut,
+        len(low.taut) - taut,
+    )
 
 
-def _add_noise(sums: RunSums, low: Narrow, run: Run, products: Array) -> None:
-    """Products of what is left of every feature without the harmonics of the run's cycle."""
+def _add_noise(result: RunSums, low: Narrow, run: Run, products: Array) -> None:
+    """Products of what is left of every signal without the harmonics of the run's cycle."""
     frequency = run.trajectory.get("frequency_hz")
     if run.trajectory.get("kind") != "sine" or not frequency or not bool(low.taut.all()):
         return
@@ -384,18 +373,13 @@ def _add_noise(sums: RunSums, low: Narrow, run: Run, products: Array) -> None:
     basis, _ = np.linalg.qr(harmonics)
     cyclic = basis.T @ low.columns
     noise = products - cyclic.T @ cyclic
-    sums.noise = noise if sums.noise is None else sums.noise + noise
-    sums.noise_samples += len(low.time) - basis.shape[1]
+    result.noise = noise if result.noise is None else result.noise + noise
+    result.noise_samples += len(low.time) - basis.shape[1]
 
 
-def _add(group: Group, k: int, sums: RunSums) -> None:
+def _add(group: Group, k: int, found: RunSums) -> None:
     """Add a run to fold ``k`` of its group."""
-    fold = group.folds[k]
-    fold.gram += sums.gram
-    fold.slack[np.ix_(group.cable_rows, group.cable_rows)] += sums.slack
-    fold.taut_samples += sums.taut_samples
-    fold.slack_samples += sums.slack_samples
-    fold.runs.append(sums.name)
-    if sums.noise is not None:
-        group.noise += sums.noise
-        group.noise_samples += sums.noise_samples
+    group.folds[k].add(found.sums)
+    if found.noise is not None:
+        group.noise += found.noise
+        group.noise_samples += found.noise_samples

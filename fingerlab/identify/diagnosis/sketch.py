@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
 from fingerlab.identify.diagnosis.features import Feature
-from fingerlab.identify.diagnosis.fitting import Fitter, bounded_step
+from fingerlab.identify.diagnosis.fitting import Fitter, bounded_step, feature_weights
 from fingerlab.identify.diagnosis.study import Study, Trial
 from fingerlab.physics.effects.base import Effect
 from fingerlab.sessions.model import Array
@@ -41,13 +42,16 @@ class Sketch:
         self.gradient = gradient[self.free]
         self.groups = []
         for i, group in enumerate(study.data.groups):
-            raw, clean, _ = study.data.weighted_all(i, study.weights[group.key])
+            raw, clean = study.data.raw(i, None), study.data.noiseless(i, None)
+            weights = EFFECTIVE_SHARE * study.weights[group.key]
             h, jacobian = model.coefficients(values, group)
+            every = self.layout.every
             self.groups.append(
                 (
                     raw,
-                    h @ clean[model.active],
-                    jacobian[:, self.free].T @ raw[model.active],
+                    weights,
+                    clean.across(h[None], model.pick, weights, every)[0],
+                    raw.across(jacobian[:, self.free].T, model.pick, weights, every),
                     model.unit_coefficients(values, group),
                 )
             )
@@ -69,9 +73,10 @@ class Sketch:
         curvature = np.diag([0.01 / g.typical**2 for g in gains])
         slope = np.zeros(len(gains))
         shared = np.zeros((len(self.free), len(gains)))
-        for raw, pull, cross, unit in self.groups:
+        theirs = self.layout.every[places]
+        for raw, weights, pull, cross, unit in self.groups:
             columns = pick * unit[places][:, None]
-            curvature += columns.T @ raw[np.ix_(places, places)] @ columns
+            curvature += columns.T @ (raw.of(theirs) * feature_weights(weights, theirs.rows)) @ columns
             slope += pull[places] @ columns
             shared += cross[:, places] @ columns
         taken = self.inverse @ shared

@@ -20,11 +20,13 @@ from fingerlab.identify.diagnosis.fitting import (
     Weights,
     feature_weights,
     limit_noise,
+    noise_covariance,
     row_covariance,
     starting_arms,
 )
 from fingerlab.identify.diagnosis.model import Choice, Model, build
 from fingerlab.identify.diagnosis.reduction import Group, GroupKey, Reduced
+from fingerlab.identify.diagnosis.sums import Sums
 from fingerlab.physics.effects.base import Row
 from fingerlab.sessions.model import Array
 
@@ -86,7 +88,7 @@ class Study:
             limit_noise(group)
         if not self.weights:
             self.weights = {g.key: _first_weights() for g in self.reduced.groups}
-        self.data = Data(self.reduced.groups, self.reduced.layout.rows())
+        self.data = Data(self.reduced.groups)
 
     def start_values(self, model: Model, like: Trial | None = None) -> Array:
         """Start of a fit: the values of ``like`` where they are shared, else arms from a regression."""
@@ -154,7 +156,7 @@ class Study:
 
     def _noise_weights(self, trial: Trial, group: Group) -> Array:
         model, values = trial.model, trial.fit.values
-        covariance = row_covariance(model, values, group, group.noise, group.noise_samples)
+        covariance = noise_covariance(model, values, group)
         if group.key[1] == "contact":
             covariance = covariance + TIP_FRICTION_SPREAD**2 * self._rubbing(model, values, group)
         return _inverse(covariance, self.reduced.on_bench)
@@ -162,37 +164,38 @@ class Study:
     def _rubbing(self, model: Model, values: Array, group: Group) -> Array:
         """Mean products of what the tip's friction does to the equations, (5, 5)."""
         mine = [self.reduced.layout.features[i].parameter == "lateral_rub" for i in model.active]
-        return row_covariance(model, values, group, group.gram, group.samples, np.array(mine))
+        products = group.whole.of(model.pick)
+        return row_covariance(model, values, group, products, group.samples, np.array(mine))
 
     def _square(self, model: Model, values: Array, i: int, k: int | None) -> tuple[float, float]:
         """Reproducible chi-square of fold k (or all) of group i, and the independent values behind it."""
         group = self.reduced.groups[i]
-        fold, clean = self.data.part(i, k)
-        chosen = model.chosen
+        fold, clean = self.data.raw(i, k), self.data.noiseless(i, k)
         h = model.features(values, group)
         weight = feature_weights(self.weights[group.key], model.rows)
-        matrix = clean[chosen] * weight
+        matrix = clean.of(model.pick) * weight
         square = float(h @ matrix @ h)
-        square -= self._wandering(model, h, fold.gram[chosen] * weight, matrix)
+        square -= self._wandering(model, h, fold, weight, matrix)
         if self.reduced.on_bench:
             return EFFECTIVE_SHARE * square, EFFECTIVE_SHARE * fold.taut_samples
         count = 3 * fold.taut_samples + 2 * fold.slack_samples
         if fold.slack_samples:
             count += fold.slack_samples
-            if not model.slack_free:
-                square += float(h @ fold.slack[chosen] @ h) / SLACK_SPREAD_M**2
+            slack = None if model.slack_free else fold.slack(model.pick)
+            if slack is not None:
+                square += float(h @ slack @ h) / SLACK_SPREAD_M**2
         return EFFECTIVE_SHARE * square, EFFECTIVE_SHARE * count
 
     def _products(self, model: Model, values: Array, i: int, k: int) -> Array:
         """Sums of residual products over a fold, (5, 5); slack moments count where they are charged."""
         group = self.reduced.groups[i]
         fold = group.folds[k]
-        sums = row_covariance(model, values, group, fold.gram, 1.0)
-        if not model.slack_free:
-            sums = sums + row_covariance(model, values, group, fold.slack, 1.0)
-        return sums
+        products, slack = fold.of(model.pick), fold.slack(model.pick)
+        if slack is not None and not model.slack_free:
+            products = products + slack
+        return row_covariance(model, values, group, products, 1.0)
 
-    def _wandering(self, model: Model, h: Array, curvature: Array, matrix: Array) -> float:
+    def _wandering(self, model: Model, h: Array, fold: Sums, weight: Array, matrix: Array) -> float:
         """What the run's own friction explains when it may differ by WANDER from the common value."""
         gains = [
             f"{c.effect.id}.{name}" for c in model.choices if c.effect.wanders for name in c.effect.gains
@@ -209,6 +212,7 @@ class Study:
             return 0.0
         columns = np.stack(parts, axis=1)
         pull = columns.T @ matrix @ h * EFFECTIVE_SHARE
+        curvature = fold.of(model.pick) * weight
         stiffness = columns.T @ curvature @ columns * EFFECTIVE_SHARE + np.eye(len(parts)) / WANDER**2
         return float(pull @ np.linalg.solve(stiffness, pull)) / EFFECTIVE_SHARE
 

@@ -43,10 +43,9 @@ def _lagging_stretch(motion: Motion, shape: Shape) -> list[Term]:
     def change(values: Array) -> Array:
         return first_order_lag(values, time_constant, motion.sample_rate_hz) - values
 
-    pull = motion.acceleration / motion.radius
     return [
         Term(Row.CABLE, "", change(motion.tension), "compliance", constant=-1.0),
-        Term(Row.CABLE, "", change(pull), "compliance", constant=motion.motor.inertia or 0.0),
+        Term(Row.CABLE, "", change(motion.inertial_pull), "compliance", constant=motion.motor.inertia or 0.0),
     ]
 
 

@@ -22,8 +22,17 @@ def drive_terms(motion: Motion, gain: str, torque: Array) -> list[Term]:
     return pull_terms(gain, torque / motion.radius)
 
 
+def _coulomb_terms(motion: Motion, travel_deg: float) -> list[Term]:
+    if motion.finger is None:
+        return drive_terms(motion, "coulomb", winding_state(motion, travel_deg))
+    key = ("coulomb pull", travel_deg)  # one signal for Coulomb and Stribeck friction
+    return pull_terms(
+        "coulomb", motion.remember(key, lambda: winding_state(motion, travel_deg) / motion.radius)
+    )
+
+
 def _coulomb(motion: Motion, shape: Shape) -> list[Term]:
-    return drive_terms(motion, "coulomb", winding_state(motion, shape["travel_deg"]))
+    return _coulomb_terms(motion, shape["travel_deg"])
 
 
 def _viscous(motion: Motion, shape: Shape) -> list[Term]:
@@ -31,13 +40,15 @@ def _viscous(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _inertia(motion: Motion, shape: Shape) -> list[Term]:
-    return drive_terms(motion, "inertia", motion.acceleration)
+    if motion.finger is None:
+        return drive_terms(motion, "inertia", motion.acceleration)
+    return pull_terms("inertia", motion.inertial_pull)
 
 
 def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
     state = winding_state(motion)
     slow = np.exp(-((motion.velocity / shape["stribeck_speed"]) ** 2))
-    return drive_terms(motion, "coulomb", state) + drive_terms(motion, "extra", state * slow)
+    return _coulomb_terms(motion, MOTOR_STICKING_TRAVEL_DEG) + drive_terms(motion, "extra", state * slow)
 
 
 def _presliding(motion: Motion, shape: Shape) -> list[Term]:

@@ -62,7 +62,12 @@ class Motion:
     @property
     def tension(self) -> Array:
         """Motor torque over pulley radius, N; inertia not subtracted."""
-        return np.asarray(self.torque / self.radius)
+        return self.remember("tension", lambda: self.torque / self.radius)
+
+    @property
+    def inertial_pull(self) -> Array:
+        """Tension that one kg m^2 on the motor side takes to follow its motion, N."""
+        return self.remember("inertial pull", lambda: self.acceleration / self.radius)
 
     @property
     def finger_and_joints(self) -> tuple[Finger, nominal.JointMotion]:

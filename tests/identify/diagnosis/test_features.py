@@ -96,7 +96,7 @@ def test_the_true_model_leaves_nothing(quiet: Reduced) -> None:
     values = truth(model, made.Bench())
     for group in quiet.groups:
         for fold in group.folds:
-            left = row_covariance(model, values, group, fold.gram, fold.taut_samples)
+            left = row_covariance(model, values, group, fold.of(model.pick), fold.taut_samples)
             assert left[Row.MCP, Row.MCP] < 0.002**2  # of tensions that swing by newtons
             assert left[Row.PIP, Row.PIP] < 0.002**2
             assert left[Row.CABLE, Row.CABLE] < 1e-8**2  # of lengths that swing by millimetres
@@ -117,8 +117,8 @@ def test_a_wrong_constant_shows_by_its_closed_form(
     values = truth(model, made.Bench())
     values[model.index[key]] += change
     group = next(g for g in quiet.groups if g.key == ("extension", "free"))
-    gram = np.sum([f.gram for f in group.folds], axis=0)
-    left = row_covariance(model, values, group, gram, sum(f.taut_samples for f in group.folds))
+    whole = group.whole
+    left = row_covariance(model, values, group, whole.of(model.pick), whole.taut_samples)
     assert np.sqrt(left[row, row]) == pytest.approx(expected, rel=0.01)
 
 

@@ -163,7 +163,7 @@ def test_a_held_out_run_is_not_seen_by_its_fit(settled: list[Settled]) -> None:
     study, trial = settled[0].study, settled[0].trial
     values = trial.fit.values
     rest = [replace(g, folds=g.folds[1:] if len(g.folds) > 1 else g.folds) for g in study.reduced.groups]
-    never = Fitter(trial.model, Data(rest, study.reduced.layout.rows()), study.weights)
+    never = Fitter(trial.model, Data(rest), study.weights)
     gradient, information = never.normal_equations(values)
     step = bounded_step(values, gradient, information, trial.model.low, trial.model.high)
     expected = np.clip(values + step, trial.model.low, trial.model.high)

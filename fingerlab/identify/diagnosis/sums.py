@@ -1,0 +1,133 @@
+"""Products of signals, summed over samples: all that a fit needs of the recordings.
+
+A signal may stand in several equations (the tension in all three), so that far fewer signals than features
+need to be filtered and multiplied. What an equation sees of them depends on the cable: the cable equation
+says nothing at moments when the cable may be slack.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fingerlab.physics.effects.base import Row
+from fingerlab.sessions.model import Array
+
+IntArray = np.ndarray[Any, np.dtype[np.int64]]
+BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+
+
+@dataclass(frozen=True)
+class Pick:
+    """Some features in order: the signal that each is, and the equation it stands in; shapes (k,)."""
+
+    signals: IntArray
+    rows: IntArray
+
+    @cached_property
+    def cable(self) -> BoolArray:
+        """Which of them stand in the cable equation, (k,)."""
+        return np.asarray(self.rows == Row.CABLE)
+
+    @cached_property
+    def square(self) -> tuple[IntArray, IntArray]:
+        """Index of their square matrix among the signals."""
+        return self.signals[:, None], self.signals[None, :]
+
+    @cached_property
+    def in_cable(self) -> Array:
+        """1 where one of two features stands in the cable equation, (k, k)."""
+        return np.logical_or.outer(self.cable, self.cable).astype(float)
+
+    @cached_property
+    def both_cable(self) -> Array:
+        """1 where both do, (k, k)."""
+        return np.logical_and.outer(self.cable, self.cable).astype(float)
+
+    def __getitem__(self, chosen: Any) -> Pick:
+        return Pick(self.signals[chosen], self.rows[chosen])
+
+
+@dataclass
+class Sums:
+    """Products of signals over some samples.
+
+    ``products`` (signals, signals) counts all samples, ``loose`` those where the cable may be slack (None:
+    there are none).
+    """
+
+    products: Array
+    loose: Array | None = None
+    taut_samples: int = 0
+    slack_samples: int = 0
+    runs: list[str] = field(default_factory=list)  # names of the runs that hold the samples
+
+    @property
+    def samples(self) -> int:
+        return self.taut_samples + self.slack_samples
+
+    def add(self, other: Sums) -> None:
+        """Count the samples of ``other`` too."""
+        self.products += other.products
+        if other.loose is not None:
+            self.loose = other.loose.copy() if self.loose is None else self.loose + other.loose
+        self.taut_samples += other.taut_samples
+        self.slack_samples += other.slack_samples
+        self.runs += other.runs
+
+    def of(self, pick: Pick) -> Array:
+        """Products of features, (k, k), as the equations see them: none of the cable at slack moments."""
+        found = self.products[pick.square]
+        if self.loose is not None:
+            found = found - self.loose[pick.square] * pick.in_cable
+        return found
+
+    def slack(self, pick: Pick) -> Array | None:
+        """Products of the cable equation's features at slack moments, (k, k); None: there are none."""
+        return None if self.loose is None else self.loose[pick.square] * pick.both_cable
+
+    def taut(self) -> Array:
+        """Products where the cable is taut, (signals, signals)."""
+        return self.products if self.loose is None else self.products - self.loose
+
+    def without(self, noise: Array) -> Sums:
+        """The sums less what noise adds; ``noise`` is its part of one sample, (signals, signals)."""
+        loose = None if self.loose is None else self.loose - self.slack_samples * noise
+        return Sums(
+            self.products - self.samples * noise, loose, self.taut_samples, self.slack_samples, self.runs
+        )
+
+    def across(self, left: Array, pick: Pick, weights: Array, other: Pick) -> Array:
+        """Weighted products of combinations of features with single ones, (m, n).
+
+        Args:
+            left: combinations, (m, k), of the features ``pick``. weights: of the equations, (5, 5).
+            other: the single features, n of them.
+        """
+        result = np.zeros((len(left), len(other.rows)))
+        for row in np.unique(other.rows):
+            here = other.rows == row
+            weighted = left * weights[pick.rows, row]
+            found = weighted @ self.products[pick.signals]
+            if self.loose is not None:
+                unseen = weighted if row == Row.CABLE else weighted * pick.cable
+                found -= unseen @ self.loose[pick.signals]
+            result[:, here] = found[:, other.signals[here]]
+        return result
+
+
+def total(parts: Sequence[Sums]) -> Sums:
+    """Their sum, one after the other: stacking them first would copy all of them."""
+    result = empty(len(parts[0].products))
+    for part in parts:
+        result.add(part)
+    return result
+
+
+def empty(size: int) -> Sums:
+    """Sums over no samples of ``size`` signals."""
+    return Sums(np.zeros((size, size)))
