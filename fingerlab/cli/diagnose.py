@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from fingerlab.cli.common import json_option, progress_bar, refuse_existing, tell_own_effects, write_json
+from fingerlab.cli.common import json_option, progress_bar, tell_own_effects
 from fingerlab.parallel import second_process
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from fingerlab.identify.model_file import Model
     from fingerlab.identify.results import Diagnosis
+    from fingerlab.sessions import Session
 
 
 @click.command(short_help="Where the model fails and which effect is missing.")
@@ -23,16 +26,38 @@ if TYPE_CHECKING:
 @click.option(
     "--add", "added", multiple=True, metavar="ID", help="Effect that the model holds already; repeatable."
 )
+@click.option(
+    "--save",
+    "model_file",
+    metavar="M.json",
+    type=click.Path(path_type=Path),
+    help="Keep the model with the effects of --add; without --add, with those that the diagnosis adds.",
+)
+@click.option(
+    "--figures",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Draw the error path, where the model fails, and the effects' fingerprints into a folder.",
+)
 @json_option
-def diagnose(sessions: tuple[Path, ...], added: tuple[str, ...], json_target: str | None) -> None:
+def diagnose(
+    sessions: tuple[Path, ...],
+    added: tuple[str, ...],
+    model_file: Path | None,
+    figures: Path | None,
+    json_target: str | None,
+) -> None:
     """Compare model and measurement, rank the effects of the catalogue, and say which is missing.
 
     Errors are those on runs left out of the fit, in multiples of the bench's own repeatability: 1 is the
-    floor.
+    floor. A saved model predicts the endpoint force ('fingerlab predict') and can be compared with others
+    ('fingerlab compare').
     """
-    if json_target not in (None, "-"):
-        refuse_existing(Path(str(json_target)))
-    with second_process(sessions, "fingerlab.identify.diagnosis.reduction") as executor:
+    # Curves are kept by one process only, so that a second one would have nothing to do.
+    with second_process(() if figures else sessions, "fingerlab.identify.diagnosis.reduction") as executor:
+        from fingerlab.cli.output import refuse_taken_early, write_results
+
+        refuse_taken_early(json_target, model_file, figures)
         from fingerlab.identify.diagnosis import diagnose as run
         from fingerlab.sessions import open_session
 
@@ -40,11 +65,25 @@ def diagnose(sessions: tuple[Path, ...], added: tuple[str, ...], json_target: st
         tell_own_effects()
         bar, report = progress_bar("Diagnosing")
         with bar:
-            result = run(opened, added, progress=report, with_curves=False, executor=executor)
-    if json_target is not None:
-        write_json(result.to_json(), json_target)
+            result = run(opened, added, progress=report, with_curves=figures is not None, executor=executor)
+    saved = None if model_file is None else (_model(opened, added or result.final_model), model_file)
     if json_target != "-":
         print_diagnosis(result)
+    drawn = None
+    if figures is not None:
+        from fingerlab.report.diagnosis_figures import diagnosis_figures
+
+        drawn = (diagnosis_figures(result), figures)
+    write_results(result.to_json(), json_target, saved, drawn)
+
+
+def _model(sessions: Sequence[Session], effects: Sequence[str]) -> Model:
+    """The model with these effects, ready to be written."""
+    from fingerlab.identify.prediction import fit_extended, model_of_extended
+
+    bar, report = progress_bar("Fitting the model to save")
+    with bar:
+        return model_of_extended(fit_extended(sessions, effects, report))
 
 
 def print_diagnosis(result: Diagnosis) -> None:

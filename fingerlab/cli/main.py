@@ -27,6 +27,7 @@ COMMANDS = {
     "fit": ("fingerlab.cli.fit:fit", "Fit moment arms and friction losses."),
     "predict": ("fingerlab.cli.predict:predict", "Predict the endpoint force of contact runs."),
     "diagnose": ("fingerlab.cli.diagnose:diagnose", "Tell which physical effect the model is missing."),
+    "compare": ("fingerlab.cli.compare:compare", "Compare saved models on the same held-out runs."),
     "batch": ("fingerlab.cli.batch:batch", "Diagnose every session below a folder."),
     "effects": ("fingerlab.cli.effects:effects", "List the catalogue, and let in effects of your own."),
     "replicate": ("fingerlab.cli.replicate:replicate", "Repeat the thesis' experiment on the simulated rig."),

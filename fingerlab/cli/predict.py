@@ -12,7 +12,7 @@ from rich.table import Table
 
 from fingerlab.cli.common import json_option, progress_bar
 from fingerlab.cli.output import refuse_taken_early, table_console, write_results
-from fingerlab.identify.model_file import Model, load_model, without_nan
+from fingerlab.identify.model_file import DIAGNOSIS_METHOD, Model, load_model, without_nan
 from fingerlab.identify.thesis.contact import ContactRun
 from fingerlab.identify.thesis.models import parameter_sets
 from fingerlab.identify.thesis.pooling import Spread
@@ -35,7 +35,7 @@ NUMBERS = ("r2", "normalised_r2", "peak_measured", "peak_modelled", "share", "rm
     metavar="M.json",
     type=PATH,
     required=True,
-    help="Model file written by 'fingerlab fit'.",
+    help="Model file written by 'fingerlab fit' or 'fingerlab diagnose --save'.",
 )
 @click.option("--figures", metavar="DIR", type=PATH, help="Draw measured and modelled force into a folder.")
 @json_option
@@ -43,11 +43,18 @@ def predict(session_file: Path, model_file: Path, figures: Path | None, json_tar
     """Predict the endpoint force of a session's contact runs, and compare it with the load cell.
 
     Each set of parameters in the model predicts on its own: by PIP and by MCP equation, with each region's
-    parameters throughout and, for a model of four regions, switching with the region.
+    parameters throughout and, for a model of four regions, switching with the region. A model that
+    'diagnose --save' wrote predicts with its effects and without, each with a 90 % interval; a run that it
+    was fitted to is predicted by a fit without that run.
     """
     session = open_session(session_file)
     refuse_taken_early(json_target, None, figures)
     model = load_model(model_file)
+    if model.method == DIAGNOSIS_METHOD:
+        from fingerlab.cli.predict_extended import predict_with_effects
+
+        predict_with_effects(session, model, str(model_file), figures, json_target)
+        return
     sets = parameter_sets(model, str(model_file))
     bar, report = progress_bar("Predicting")
     with bar:

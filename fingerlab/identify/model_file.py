@@ -31,6 +31,8 @@ from fingerlab.sessions.reading import content_hash
 
 FORMAT = "fingerlab-model"
 FORMAT_VERSION = "1"
+DIAGNOSIS_METHOD = "diagnosis"
+"""``method`` of a model that a diagnosis fitted: nominal equations with effects."""
 
 SIGN_CONVENTION = (
     "Angles are flexion positive; tension T >= 0; s = +1 for a flexion cable, -1 for an extension cable; "

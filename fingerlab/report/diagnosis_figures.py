@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from fingerlab.identify.results import EQUATION_TITLES, Comparison, Failure, Fingerprint, PathStep
+from fingerlab.identify.results import EQUATION_TITLES, Comparison, Diagnosis, Failure, Fingerprint, PathStep
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.report.figure_style import (
     CANDIDATE,
@@ -212,6 +212,27 @@ def path_figure(path: Sequence[PathStep], given: Sequence[str]) -> Figure:
     label(axes, "error on runs left out of the fit, in multiples of the floor", "")
     legend_below(figure, _handles(axes))
     return figure
+
+
+def diagnosis_figures(diagnosis: Diagnosis) -> Mapping[str, Figure]:
+    """By name: the error path, the place where the model fails worst, and the fingerprints of the set.
+
+    Where no effect is in the set, the fingerprint is that of the most probable one.
+    """
+    figures = {"error-path": path_figure(diagnosis.path, diagnosis.model)}
+    if diagnosis.failure is not None:
+        worst = failure_stretch(diagnosis.comparisons, diagnosis.failure)
+        if worst is not None:
+            figures["worst-place"] = comparison_figure(worst, diagnosis.failure)
+    for equation in dict.fromkeys(c.equation for c in diagnosis.comparisons):
+        for number, shown in enumerate(chosen_stretches(diagnosis.comparisons, equation), start=1):
+            figures[f"{equation.replace('_', '-')}-{number}"] = comparison_figure(shown, diagnosis.failure)
+    drawn = [c for c in diagnosis.candidates if c.fingerprint is not None]
+    for candidate in [c for c in drawn if c.in_set] or drawn[:1]:
+        if candidate.fingerprint is not None:
+            name = f"fingerprint-{candidate.effect.replace('_', '-')}"
+            figures[name] = fingerprint_figure(candidate.fingerprint, candidate.title)
+    return figures
 
 
 def _step_name(step: PathStep, given: Sequence[str]) -> str:

@@ -135,16 +135,27 @@ def judge(traces: Traces, modelled: Array) -> Prediction:
     measured = traces.signals.force
     if measured is None:
         measured = np.full(len(modelled), np.nan)
-    start, stop = usable(len(modelled), traces.signals.sample_rate_hz)
-    y, f = measured[start:stop], modelled[start:stop]
+    rate = traces.signals.sample_rate_hz
+    return judge_forces(measured, modelled, rate, traces.grid, usable(len(modelled), rate))
+
+
+def judge_forces(
+    measured: Array, modelled: Array, sample_rate_hz: float, grid: PeriodGrid | None, span: tuple[int, int]
+) -> Prediction:
+    """Compare two forces, shape (n,) each, N.
+
+    Args:
+        grid: the run's whole periods; None for a run that does not repeat.
+        span: first and one-past-last sample to compare.
+    """
+    y, f = measured[slice(*span)], modelled[slice(*span)]
     error = f - y
     good = np.isfinite(error)
-    grid = traces.grid
     mean_y, mean_f, period_s = np.empty(0), np.empty(0), 0.0
     if grid is not None:
         mean_y, mean_f = _column_means(grid.fold(measured)), _column_means(grid.fold(modelled))
-        period_s = grid.period / traces.signals.sample_rate_hz
-    peak_y, peak_f = mean_peak(measured, traces), mean_peak(modelled, traces)
+        period_s = grid.period / sample_rate_hz
+    peak_y, peak_f = mean_peak(measured, grid, span), mean_peak(modelled, grid, span)
     return Prediction(
         r2=coefficient_of_determination(y, f),
         normalised_r2=normalised_r2(mean_y, mean_f) if grid is not None else normalised_r2(y, f),
@@ -167,19 +178,16 @@ def normalised_r2(measured: Array, modelled: Array) -> float:
     return coefficient_of_determination(normalise(measured[both]), normalise(modelled[both]))
 
 
-def mean_peak(force: Array, traces: Traces) -> float:
-    """Mean of the largest force of each period, N; the largest of the run where it does not repeat."""
-    grid = traces.grid or _whole_run(len(force), traces)
+def mean_peak(force: Array, grid: PeriodGrid | None, span: tuple[int, int]) -> float:
+    """Mean of the largest force of each period, N; the largest of the span where it does not repeat."""
+    start, stop = span
+    if grid is None and stop > start:
+        grid = PeriodGrid(start, stop - start, 1)
     if grid is None:
         return float("nan")
     folded = grid.fold(force)
     some = np.isfinite(folded).any(axis=1)
     return float(np.mean(np.nanmax(folded[some], axis=1))) if some.any() else float("nan")
-
-
-def _whole_run(length: int, traces: Traces) -> PeriodGrid | None:
-    start, stop = usable(length, traces.signals.sample_rate_hz)
-    return PeriodGrid(start, stop - start, 1) if stop > start else None
 
 
 def _column_means(folded: Array) -> Array:

@@ -1,0 +1,167 @@
+"""``compare``: several saved models on the same runs, none of which their values have seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich.table import Table
+from rich.text import Text
+
+from fingerlab.cli.common import json_option, progress_bar, tell_own_effects
+from fingerlab.cli.output import refuse_taken_early, table_console, write_results
+from fingerlab.cli.predict_extended import NUMBERS, spread_over
+from fingerlab.errors import UserError
+from fingerlab.identify.model_file import load_model, without_nan
+from fingerlab.identify.prediction import ExtendedModel, extended_model
+from fingerlab.identify.prediction.comparing import ComparedModel, ModelComparison, compare_models
+from fingerlab.identify.prediction.interval import LEVEL
+from fingerlab.identify.thesis.pooling import Spread
+from fingerlab.report.estimates import number
+from fingerlab.report.screen import score_text
+from fingerlab.sessions import open_session
+
+PATH = click.Path(path_type=Path)
+
+
+@click.command()
+@click.argument("session_file", metavar="S.h5", type=PATH)
+@click.option(
+    "--model",
+    "model_files",
+    metavar="M.json",
+    type=PATH,
+    multiple=True,
+    required=True,
+    help="Model file written by 'fingerlab diagnose --save'; repeatable.",
+)
+@click.option("--figures", metavar="DIR", type=PATH, help="Draw the errors into a folder.")
+@json_option
+def compare(
+    session_file: Path, model_files: tuple[Path, ...], figures: Path | None, json_target: str | None
+) -> None:
+    """Compare saved models on the runs of a session, beside the nominal model.
+
+    Every run is judged by values that have not seen it: left out of the fit where the model was fitted to
+    this session, as they stand in the file where it was fitted to others. Errors are in multiples of the
+    floor of the best model; the endpoint force is that of the contact runs.
+    """
+    session = open_session(session_file)
+    refuse_taken_early(json_target, None, figures)
+    tell_own_effects()
+    models = _load(model_files)
+    bar, report = progress_bar("Comparing")
+    with bar:
+        result = compare_models(session, models, report)
+    if json_target != "-":
+        _print(result)
+    drawn = None
+    if figures is not None:
+        from fingerlab.report.extended_figures import comparison_figures
+
+        drawn = (comparison_figures(result), figures)
+    write_results(comparison_json(result), json_target, None, drawn)
+
+
+def _load(paths: tuple[Path, ...]) -> dict[str, ExtendedModel]:
+    """Models by the name of their file, or by the whole path where names are the same."""
+    models: dict[str, ExtendedModel] = {}
+    alike = len({p.name for p in paths}) < len(paths)
+    for path in paths:
+        name = str(path) if alike else path.name
+        if name in models:
+            raise UserError(f"{path} is named twice; name each model once.")
+        models[name] = extended_model(load_model(path), str(path))
+    return models
+
+
+def _print(result: ModelComparison) -> None:
+    console = table_console()
+    table = Table(
+        title=f"{result.session.name}, runs that the values have not seen",
+        title_justify="left",
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column("model")
+    table.add_column("effects")
+    for title in ("error / floor", "force error (mN)", "R2", "R2 normalised", "share (%)", "in interval (%)"):
+        table.add_column(title, justify="right")
+    for model in result.models:
+        table.add_row(
+            Text(model.name), ", ".join(model.effects) or "–", score_text(model.score), *_force_cells(model)
+        )
+    console.print(table)
+    if any(m.errors for m in result.models):
+        console.print(_equations(result))
+    if not all(m.left_out for m in result.models):
+        names = ", ".join(m.name for m in result.models if not m.left_out)
+        console.print(f"Fitted on other sessions, so judged as it stands: {names}.", soft_wrap=True)
+
+
+def _force_cells(model: ComparedModel) -> tuple[str, ...]:
+    if not model.forces:
+        return ("–",) * 5
+    coverage = Spread(tuple(r.coverage for r in model.forces)).mean
+    return (
+        number(1e3 * spread_over(model.forces, "both", "rmse").mean, 1),
+        number(spread_over(model.forces, "both", "r2").mean, 4),
+        number(spread_over(model.forces, "both", "normalised_r2").mean, 4),
+        number(100 * spread_over(model.forces, "both", "share").mean, 1),
+        number(100 * coverage, 1) if np.isfinite(coverage) else "–",
+    )
+
+
+def _equations(result: ModelComparison) -> Table:
+    from fingerlab.report.page_tables import error_rows
+
+    table = Table(title="Error by equations (rms)", title_justify="left", padding=(0, 1, 0, 0))
+    table.add_column("model")
+    rows = {m.name: error_rows(m.errors) for m in result.models if m.errors}
+    for row in next(iter(rows.values())):
+        table.add_column(f"{row.title} ({row.unit})", justify="right")
+    for name, cells in rows.items():
+        table.add_row(Text(name), *(cell.error for cell in cells))
+    return table
+
+
+def comparison_json(result: ModelComparison) -> dict[str, Any]:
+    """The JSON of ``compare``: SI units, null where there is no number."""
+    data: dict[str, Any] = without_nan(
+        {
+            "schema": 1,
+            "session": str(result.session),
+            "models": [
+                {
+                    "model": model.name,
+                    "effects": list(model.effects),
+                    "left_out": model.left_out,
+                    "score": model.score,
+                    "errors": {name: vars(error) for name, error in model.errors.items()},
+                    "endpoint_force": _force_json(model),
+                }
+                for model in result.models
+            ],
+        }
+    )
+    return data
+
+
+def _force_json(model: ComparedModel) -> dict[str, Any] | None:
+    if not model.forces:
+        return None
+    return {
+        **{key: spread_over(model.forces, "both", key).mean for key in NUMBERS},
+        "interval": {
+            "level": LEVEL,
+            "coverage": Spread(tuple(r.coverage for r in model.forces)).mean,
+            "half_width": Spread(tuple(r.half_width for r in model.forces)).mean,
+        },
+        "by_run": [
+            {"run": r.run, "held_out": r.held_out}
+            | {key: r.numbers["both"].value(key) for key in NUMBERS}
+            | {"coverage": r.coverage, "half_width": r.half_width}
+            for r in model.forces
+        ],
+    }

@@ -1,0 +1,156 @@
+"""From sessions and the ids of effects to a fitted model that can be kept."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from threadpoolctl import threadpool_limits
+
+from fingerlab.errors import UserError
+from fingerlab.identify.diagnosis.bandwidth import NARROW_RATE_HZ
+from fingerlab.identify.diagnosis.evidence import temperature
+from fingerlab.identify.diagnosis.model import Choice
+from fingerlab.identify.diagnosis.reduction import (
+    GroupKey,
+    Progress,
+    group_key,
+    reduce_sessions,
+    runs_to_analyse,
+)
+from fingerlab.identify.diagnosis.search import refine
+from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.wording import Z90, deviations
+from fingerlab.identify.model_file import hash_sessions
+from fingerlab.identify.prediction.extended import ChosenEffect, ExtendedModel, HeldOut, Variant
+from fingerlab.identify.prediction.held_out import by_run, contact_forces, equation_weight
+from fingerlab.identify.prediction.interval import calibrate, error_of
+from fingerlab.identify.results import ParameterEstimate
+from fingerlab.physics.effects import effect
+from fingerlab.physics.effects.base import Effect
+from fingerlab.sessions.model import Session
+
+FULL_ITERATIONS = 8
+
+
+def fit_extended(
+    sessions: Sequence[Session], effects: Sequence[str], progress: Progress | None = None
+) -> ExtendedModel:
+    """Fit the nominal model and the same with ``effects`` (ids, in order) to all runs of the sessions.
+
+    Every contact run is also left out once: the values without it stand in ``Variant.held_out``, and what its
+    force then misses gives the interval.
+
+    Raises:
+        UserError: an unknown effect, one that does not apply to these runs, or a run that cannot be read.
+    """
+    chosen = [effect(name) for name in dict.fromkeys(effects)]
+    tell = progress or (lambda share, what: None)
+    with threadpool_limits(limits=1, user_api="blas"):
+        reduced = reduce_sessions(sessions, chosen, lambda share, what: tell(0.5 * share, what))
+        for one in chosen:
+            if one not in reduced.layout.effects:
+                raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
+        study = Study(reduced)
+        tell(0.5, "fitting")
+        trial = _settled(study, chosen)
+        nominal = study.fit([], study.fit([], trial), FULL_ITERATIONS)
+        hashes = {id(s): h.sha256 for s, h in zip(sessions, hash_sessions(sessions), strict=True)}
+        folds = _contact_folds(study, sessions, hashes)
+        variants = [_variant(study, t, folds) for t in (trial, nominal)]
+        parameters = _estimates(study.hold_out(trial))
+        done: list[Variant] = []
+        for number, variant in enumerate(variants):
+            tell(0.7 + 0.15 * number, "calibrating the interval")
+            done.append(_calibrated(variant, sessions, hashes))
+    if not chosen:
+        done[0] = done[1]
+    return ExtendedModel(done[0], done[1], parameters, hash_sessions(sessions))
+
+
+def _settled(study: Study, effects: Sequence[Effect]) -> Trial:
+    """All effects in, each at the point of its grid that fits best, under its own model's weights."""
+    trial = study.settle([])
+    for one in effects:
+        choices = list(trial.model.choices)
+        shapes = [study.fit([*choices, Choice(one, i)], trial, 3) for i in range(len(one.shapes))]
+        trial = refine(study, min(shapes, key=lambda t: t.fit.cost))
+        trial = study.settle(trial.model.choices, trial)
+    return trial
+
+
+@dataclass(frozen=True)
+class _LeftOut:
+    """A fold of contact runs: its group and number, and the runs in it as (hash of the session, run)."""
+
+    key: GroupKey
+    fold: int
+    runs: tuple[tuple[str, str], ...]
+
+
+def _contact_folds(study: Study, sessions: Sequence[Session], hashes: Mapping[int, str]) -> list[_LeftOut]:
+    """Contact runs as the reduction dealt them to folds; none of a group with a single fold."""
+    names = {g.key: [f.runs for f in g.folds] for g in study.reduced.groups}
+    seen: Counter[GroupKey] = Counter()
+    dealt: dict[tuple[GroupKey, int], list[tuple[str, str]]] = {}
+    for session, run in runs_to_analyse(sessions)[0]:
+        key = group_key(run)
+        k = seen[key] % len(names[key])
+        seen[key] += 1
+        if run.name not in names[key][k]:
+            raise AssertionError(f"run {run.name} is not in fold {k} of {key}")
+        if run.phase == "contact" and len(names[key]) > 1:
+            dealt.setdefault((key, k), []).append((hashes[id(session)], run.name))
+    return [_LeftOut(key, k, tuple(runs)) for (key, k), runs in dealt.items()]
+
+
+def _fitted_without(study: Study, trial: Trial, out: _LeftOut) -> Trial:
+    """The same model fitted to all runs but those of one fold, under the same weights."""
+    groups = [
+        replace(g, folds=[f for k, f in enumerate(g.folds) if g.key != out.key or k != out.fold])
+        for g in study.reduced.groups
+    ]
+    rest = Study(replace(study.reduced, groups=groups), weights=study.weights)
+    return rest.fit(trial.model.choices, trial, FULL_ITERATIONS)
+
+
+def _variant(study: Study, trial: Trial, folds: Sequence[_LeftOut]) -> Variant:
+    held_out = []
+    for out in folds:
+        values = _by_key(_fitted_without(study, trial, out))
+        for session in dict.fromkeys(sha for sha, _ in out.runs):
+            held_out.append(HeldOut(session, tuple(name for sha, name in out.runs if sha == session), values))
+    effects = tuple(
+        ChosenEffect(c.effect, dict(c.effect.shapes[c.shape]) if len(c.effect.shapes) else {})
+        for c in trial.model.choices
+    )
+    return Variant(effects, _by_key(trial), tuple(held_out), study.hold_out(trial).score)
+
+
+def _by_key(trial: Trial) -> dict[str, float]:
+    return {u.key: float(v) for u, v in zip(trial.model.unknowns, trial.fit.values, strict=True)}
+
+
+def _estimates(trial: Trial) -> dict[str, ParameterEstimate]:
+    """All unknowns with 90 % intervals, as the diagnosis tells them."""
+    spread = deviations(trial, temperature(trial.misfit, trial.count))
+    return {
+        u.key: ParameterEstimate(
+            float(v), u.gain.unit, float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
+        )
+        for u, v in zip(trial.model.unknowns, trial.fit.values, strict=True)
+    }
+
+
+def _calibrated(variant: Variant, sessions: Sequence[Session], hashes: Mapping[int, str]) -> Variant:
+    """The variant with the weight of the two equations and the band of its held-out contact runs."""
+    forces = [
+        f for s in sessions for f in contact_forces(variant, s, hashes[id(s)], str(s.path)) if f.held_out
+    ]
+    weight = equation_weight(forces)
+    errors = [error_of(f.both(weight), f.measured, NARROW_RATE_HZ) for f in forces]
+    return Variant(
+        variant.effects, variant.values, variant.held_out, variant.score, weight,
+        calibrate(by_run(forces, errors)),
+    )  # fmt: skip

@@ -1,0 +1,206 @@
+"""Endpoint force of a contact run from the motor's channels and the joints, without the load cell.
+
+The equations' residual is a function of the force that is assumed at the fingertip: r(F) = 0 gives the
+modelled force. The residual is evaluated at a few levels of force, the same all through the run, and is a
+straight line between them: all built-in terms are proportional to the force, or to whether the tip is held.
+What the load cell read takes no part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fingerlab.errors import UserError
+from fingerlab.identify.diagnosis.bandwidth import WIDE_RATE_HZ, narrow
+from fingerlab.identify.diagnosis.features import (
+    SHIFTS_S,
+    TOUCHING_FORCE_N,
+    Feature,
+    base_columns,
+    shifted_columns,
+)
+from fingerlab.identify.diagnosis.stretches import stretches
+from fingerlab.physics.effects.base import Effect, Row
+from fingerlab.physics.effects.motion import Motion
+from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.signals.periods import MAXIMUM_UNREPEATED, MINIMUM_PERIODS, PeriodGrid
+
+LEVELS_N = (-1.0, 0.0, TOUCHING_FORCE_N, 1.0)
+"""Forces at which the residual is evaluated, N: below, between and above the bends of the built-in terms."""
+JOINT_ROWS = {"pip": Row.PIP, "mcp": Row.MCP}
+MARGIN = round(max(abs(s) for s in SHIFTS_S) * WIDE_RATE_HZ)
+"""Samples at the wide rate that the longest delay may use up at either end."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """One stretch of a contact run, of at most a minute.
+
+    Attributes:
+        time: s into the run, (n,). measured: force that the load cell read, N, (n,), low-passed as all is;
+            NaN where none was read.
+        motion: signals at the wide rate, without a force.
+        frequency_hz: of the cycle; 0 where the motor does not repeat one.
+    """
+
+    run: str
+    time: Array
+    measured: Array
+    motion: Motion
+    frequency_hz: float
+
+
+def contact_runs(session: Session) -> tuple[Run, ...]:
+    """Runs in contact with a cable, in the order taken; may be empty."""
+    return tuple(run for run in session.runs if run.phase == "contact" and run.cable_sign != 0)
+
+
+def contact_stretches(session: Session, run: Run) -> Iterator[Stretch]:
+    """The stretches of a contact run.
+
+    Raises:
+        UserError: the rig gives no finger, or a channel is missing, not a number, or too short.
+    """
+    if session.rig.finger is None:
+        raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
+    cell = run.has("endpoint_force") and bool(np.all(np.isfinite(run.channel("endpoint_force"))))
+    measured = (
+        [_narrowed(m.force) for m in stretches(run, session.rig) if m.force is not None] if cell else []
+    )
+    # Read as free motion, so that what the load cell says cannot enter the prediction.
+    for number, motion in enumerate(stretches(replace(run, phase="on_air"), session.rig)):
+        time = _narrowed(motion.time)
+        read = measured[number] if measured else np.full(len(time), np.nan)
+        yield Stretch(run.name, time, read, motion, _cycle_hz(run, motion))
+
+
+def _cycle_hz(run: Run, motion: Motion) -> float:
+    """Frequency that the trajectory names, if the motor truly repeats at it; else 0."""
+    frequency = run.trajectory.get("frequency_hz")
+    if isinstance(frequency, bool) or not isinstance(frequency, (int, float)):
+        return 0.0
+    if not 0 < frequency < motion.sample_rate_hz / 4:
+        return 0.0
+    period = motion.sample_rate_hz / frequency
+    grid = PeriodGrid(0.0, period, int((len(motion.time) - 1) // period))
+    if grid.count < MINIMUM_PERIODS:
+        return 0.0
+    # In contact the motor settles for a few seconds: its cycle repeats about a mean that still moves.
+    cycles = grid.fold(motion.position)
+    cycles = cycles - cycles.mean(axis=1, keepdims=True)
+    spread = float(np.var(cycles))
+    alike = float(np.mean(np.var(cycles, axis=0))) <= MAXIMUM_UNREPEATED * spread
+    return float(frequency) if spread > 0 and alike else 0.0
+
+
+def _narrowed(values: Array) -> Array:
+    return narrow(values[MARGIN : len(values) - MARGIN])
+
+
+def solved_forces(
+    stretch: Stretch, effects: Sequence[Effect], values: Mapping[str, float], where: str
+) -> dict[str, Array]:
+    """Force that the PIP and the MCP equation imply, N, (n,) each; NaN where the force has no lever.
+
+    Args:
+        effects: those of the model, each with one shape. values: of the unknowns by key; nuisances that
+            were not fitted are zero. where: the model's name, for the error's sentence.
+
+    Raises:
+        UserError: the moment arms of the run's cable, or an effect's strength, are not among the values.
+    """
+    levels = [
+        _residuals(replace(stretch.motion, phase="contact", force=force, _memory={}), effects, values, where)
+        for force in (np.full_like(stretch.motion.time, level) for level in LEVELS_N)
+    ]
+    return {name: _root(np.stack([level[row] for level in levels])) for name, row in JOINT_ROWS.items()}
+
+
+def _residuals(
+    motion: Motion, effects: Sequence[Effect], values: Mapping[str, float], where: str
+) -> dict[Row, Array]:
+    """Residual of the joints' equations as a tension, N, (n,) each: every feature times its coefficient."""
+    sums = {row: np.zeros_like(motion.time) for row in JOINT_ROWS.values()}
+    for feature, column in _features(motion, effects, values.get("delay", 0.0)):
+        if feature.row in sums:
+            strength = feature.constant + _strength(feature, motion, values, where)
+            if strength != 0.0:
+                sums[feature.row] -= strength * _scale(feature, motion, values, where) * column
+    return {row: _narrowed(total) for row, total in sums.items()}
+
+
+def _features(motion: Motion, effects: Sequence[Effect], delay: float) -> Iterator[tuple[Feature, Array]]:
+    yield from base_columns(motion)
+    for feature, column in shifted_columns(motion):
+        yield feature, _later(column, delay, motion.sample_rate_hz)
+    for one in effects:
+        for term in one.columns(motion, one.shapes[0]):
+            yield Feature(term.row, term.gain, term.constant, term.scale, owner=one.id), term.values
+
+
+def _later(values: Array, delay: float, rate: float) -> Array:
+    """A channel moved to later by ``delay`` (s); what falls out at the ends is in the margin."""
+    if delay == 0.0:
+        return values
+    whole = round(delay * rate)
+    rest = delay - whole / rate
+    return np.roll(values - rest * np.gradient(values, 1.0 / rate), whole)
+
+
+CABLE_NAMES = {1: "flexion", -1: "extension"}
+
+
+def _strength(feature: Feature, motion: Motion, values: Mapping[str, float], where: str) -> float:
+    """Value of the unknown that multiplies a feature; 0 for a nuisance that was not fitted."""
+    if not feature.parameter:
+        return 0.0
+    if feature.owner is not None:
+        key = f"{feature.owner}.{feature.parameter}"
+        if key not in values:
+            raise UserError(
+                f"{where} lacks the value of '{key}'; save the model again with 'diagnose --save'."
+            )
+        return values[key]
+    if feature.routed:
+        return _routed(feature.parameter, motion, values, where)
+    return values.get(feature.parameter, 0.0)
+
+
+def _scale(feature: Feature, motion: Motion, values: Mapping[str, float], where: str) -> float:
+    """1 for a tension; the signed inverse of the moment arm for a torque."""
+    if feature.scale == "direct":
+        return 1.0
+    if feature.scale != "joint":
+        raise UserError(
+            f"The effect '{feature.owner}' puts a term of scale '{feature.scale}' into a joint's equation; "
+            "its terms there should be of scale 'joint' or 'direct'."
+        )
+    arm = "arm_mcp" if feature.row == Row.MCP else "arm_pip"
+    return motion.cable_sign / _routed(arm, motion, values, where)
+
+
+def _routed(name: str, motion: Motion, values: Mapping[str, float], where: str) -> float:
+    cable = CABLE_NAMES[motion.cable_sign]
+    if f"{name}@{cable}" not in values:
+        raise UserError(
+            f"{where} was not fitted with the {cable} cable; fit a model to a session that has runs with it."
+        )
+    return values[f"{name}@{cable}"]
+
+
+def _root(residual: Array) -> Array:
+    """Force at which the residual, (levels, n), crosses zero; (n,), N."""
+    levels = np.array(LEVELS_N)
+    slope = np.diff(residual, axis=0) / np.diff(levels)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        places = levels[:-1, None] - residual[:-1] / slope
+    low, high = levels[:-1].copy(), levels[1:].copy()
+    low[0], high[-1] = -np.inf, np.inf
+    inside = (places >= low[:, None]) & (places <= high[:, None]) & np.isfinite(places)
+    # Where no piece holds its own root the last one, of a tip that is held, is drawn on.
+    piece = np.where(inside.any(axis=0), inside.argmax(axis=0), len(low) - 1)
+    root = places[piece, np.arange(places.shape[1])]
+    return np.asarray(np.where(np.isfinite(root), root, np.nan))

@@ -1,0 +1,232 @@
+"""Saved models of a diagnosis: ``diagnose --save``, ``predict`` with effects, ``compare``."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.cli.main import main
+from fingerlab.identify.model_file import load_model, save_model, without_nan
+from fingerlab.identify.prediction import extended_model, fit_extended, model_of_extended, predict_extended
+from fingerlab.sessions import open_session
+from fingerlab.twin.effects import parse_effects
+from fingerlab.twin.preset import load_preset
+from fingerlab.twin.protocols import RunPlan
+from fingerlab.twin.session import write_session
+
+SECONDS = 12.0
+DELAY_S = 0.06
+"""Joint angles and force of the simulated bench are recorded later than the motor by this, s."""
+
+
+def wave(kind: str, amplitude: float, offset: float | None = None, **more: float) -> dict[str, object]:
+    result: dict[str, object] = {
+        "kind": kind, "amplitude_deg": amplitude, "frequency_hz": 1.0, "duration_s": SECONDS, **more,
+    }  # fmt: skip
+    return result if offset is None else {**result, "offset_deg": offset}
+
+
+PLANS = [
+    RunPlan("on_air", "extension", wave("sine", 15.0, 22.0)),
+    RunPlan("on_air", "extension", wave("chirp", 11.0, 22.0, end_frequency_hz=3.0)),
+    RunPlan("on_air", "flexion", wave("sine", 9.0, 15.0)),
+    RunPlan("on_air", "flexion", wave("chirp", 8.0, 15.0, end_frequency_hz=3.0)),
+    *[RunPlan("contact", "flexion", wave("sine", 2.0))] * 4,
+]
+
+
+def run_command(*arguments: object) -> int:
+    with pytest.raises(SystemExit) as stopped:
+        main([str(a) for a in arguments])
+    code = stopped.value.code
+    return 0 if code is None else int(code)
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """The sentence with which a command is refused: exit 2, nothing on standard output, no traceback."""
+    capsys.readouterr()
+    assert run_command(*arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "Traceback" not in err
+    lines = err.strip().splitlines()
+    assert len(lines) == 1, err
+    return lines[0]
+
+
+@pytest.fixture(scope="module")
+def session_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("late") / "S.h5"
+    write_session(path, load_preset(), "short", PLANS, parse_effects((f"transport_delay={DELAY_S}",)), 11)
+    return path
+
+
+@pytest.fixture(scope="module")
+def model_file(session_file: Path) -> Path:
+    path = session_file.with_name("late.json")
+    save_model(model_of_extended(fit_extended([open_session(session_file)], ["transport_delay"])), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def nominal_file(session_file: Path) -> Path:
+    path = session_file.with_name("nominal.json")
+    save_model(model_of_extended(fit_extended([open_session(session_file)], [])), path)
+    return path
+
+
+def predictions(session: Path, model: Path, tmp_path: Path) -> dict[str, dict[str, object]]:
+    target = tmp_path / "p.json"
+    assert run_command("predict", session, "--model", model, "--json", target) == 0
+    data = json.loads(target.read_text(encoding="utf-8"))
+    return {p["parameters"]: p for p in data["predictions"]}
+
+
+def test_the_effect_takes_away_what_the_delay_costs(
+    session_file: Path, model_file: Path, tmp_path: Path, capsys
+) -> None:
+    """A force that comes late by d misses sin(2 pi f d) of its own deviation under any gain and offset."""
+    found = predictions(session_file, model_file, tmp_path)
+    out = capsys.readouterr().out
+    for words in (
+        "recorded late",
+        "PIP and MCP",
+        "delay (ms)",
+        "90 % interval, extended model",
+        "not seen it",
+    ):
+        assert words in out
+    extended, nominal = found["extended/both"], found["nominal/both"]
+    assert all(run["held_out"] for run in extended["by_run"])
+    assert len(extended["by_run"]) == 4
+    least = math.sin(2 * math.pi * 1.0 * DELAY_S)  # the contact runs are sines of 1 Hz
+    assert math.sqrt(1.0 - nominal["r2"]) > least
+    assert math.sqrt(1.0 - extended["r2"]) < 0.2 * least
+    assert extended["rmse"] < 0.2 * nominal["rmse"]
+    assert extended["share"] == pytest.approx(1.0, abs=0.04)
+    assert extended["delay"] == pytest.approx(0.0, abs=0.006)
+
+
+def test_nine_in_ten_samples_of_held_out_runs_lie_inside(
+    session_file: Path, model_file: Path, tmp_path: Path, capsys
+) -> None:
+    found = predictions(session_file, model_file, tmp_path)
+    for name in ("extended/both", "nominal/both"):
+        assert 0.85 <= found[name]["interval"]["coverage"] <= 0.95
+    narrow, wide = (found[n]["interval"]["half_width"] for n in ("extended/both", "nominal/both"))
+    assert narrow < 0.3 * wide
+
+
+def test_the_saved_band_holds_for_a_run_that_no_fit_has_seen(session_file: Path, tmp_path: Path) -> None:
+    """Three contact runs are fitted and calibrated; the fourth is another session to the model."""
+    session = open_session(session_file)
+    shares = []
+    for k in (4, 6):
+        others = type(session)(**{**vars(session), "runs": session.runs[:k] + session.runs[k + 1 :]})
+        model = fit_extended([others], ["transport_delay"])
+        model = type(model)(**{**vars(model), "extended": _without_held_out(model.extended)})
+        alone = type(session)(**{**vars(session), "runs": session.runs[k : k + 1]})
+        (run,) = predict_extended(alone, model, "M").runs["extended"]
+        assert not run.held_out
+        shares.append(run.coverage)
+    assert 0.85 <= np.mean(shares) <= 0.95
+
+
+def _without_held_out(variant):  # the file of both sessions is the same; only values and band may be used
+    return type(variant)(**{**vars(variant), "held_out": ()})
+
+
+def test_a_model_file_comes_back_as_it_was_written(session_file: Path, model_file: Path) -> None:
+    model = load_model(model_file)
+    assert (model.method, model.effects) == ("diagnosis", ("transport_delay",))
+    again = model_of_extended(extended_model(model, "M"))
+    assert without_nan(again.details) == model.details
+    delay = model.parameters["delay"]
+    assert delay.low < delay.value < delay.high
+    assert delay.value == pytest.approx(DELAY_S, abs=0.002)
+
+
+def test_diagnose_saves_what_add_names(session_file: Path, tmp_path: Path, capsys) -> None:
+    saved, figures = tmp_path / "M.json", tmp_path / "figures"
+    options = ("--add", "transport_delay", "--save", saved, "--figures", figures, "--json", "-")
+    assert run_command("diagnose", session_file, *options) == 0
+    told = json.loads(capsys.readouterr().out)
+    model = load_model(saved)
+    assert told["model"] == ["transport_delay"]
+    assert model.effects == ("transport_delay",)
+    assert (figures / "error-path.png").read_bytes().startswith(b"\x89PNG")
+    assert "exists already" in refused(capsys, "diagnose", session_file, "--save", saved)
+
+
+def test_compare_puts_the_better_model_in_front_of_the_nominal(
+    session_file: Path, model_file: Path, nominal_file: Path, tmp_path: Path, capsys
+) -> None:
+    target, figures = tmp_path / "c.json", tmp_path / "figures"
+    models = ("--model", model_file, "--model", nominal_file)
+    assert run_command("compare", session_file, *models, "--json", target, "--figures", figures) == 0
+    out = capsys.readouterr().out
+    assert "error / floor" in out
+    late, nominal = json.loads(target.read_text(encoding="utf-8"))["models"]
+    assert (late["model"], nominal["model"]) == ("late.json", "nominal.json")
+    assert late["left_out"]
+    assert nominal["left_out"]
+    assert late["score"] < 2.0 < nominal["score"]
+    assert late["endpoint_force"]["rmse"] < 0.2 * nominal["endpoint_force"]["rmse"]
+    assert late["errors"]["endpoint_force"]["rmse"] < 0.2 * nominal["errors"]["endpoint_force"]["rmse"]
+    assert {p.name for p in figures.iterdir()} == {"error.png", "force-error.png"}
+
+
+def changed(path: Path, target: Path, change: Callable[[dict], None]) -> Path:
+    data = json.loads(path.read_text(encoding="utf-8"))
+    change(data)
+    target.write_text(json.dumps(data), encoding="utf-8")
+    return target
+
+
+def test_bad_models_are_refused_in_one_sentence(
+    session_file: Path, model_file: Path, tmp_path: Path, capsys
+) -> None:
+    def sentence(name: str, change: Callable[[dict], None], command: str = "predict") -> str:
+        bad = changed(model_file, tmp_path / name, change)
+        return refused(capsys, command, session_file, "--model", bad)
+
+    other = sentence("other.json", lambda d: d.update(format="simulink-model"))
+    assert "not a FingerLab model file" in other
+    unknown = sentence("unknown.json", lambda d: d.update(effects=["warp_drive"]))
+    assert "'warp_drive', which this program does not know" in unknown
+    assert "'extended'" in sentence("cut.json", lambda d: d["details"].pop("extended"))
+    shape = sentence("shape.json", lambda d: d["details"]["shapes"].update(transport_delay={"gap_deg": 1.0}))
+    assert "the shape ['gap_deg']" in shape
+    lost = sentence("lost.json", lambda d: d["details"]["nominal"]["values"].update(arm_mcp=None))
+    assert "'nominal'" in lost
+
+    def forget(data: dict) -> None:
+        for name in ("extended", "nominal"):
+            data["details"][name]["held_out"] = []
+            values = data["details"][name]["values"]
+            data["details"][name]["values"] = {k: v for k, v in values.items() if "@flexion" not in k}
+
+    assert "not fitted with the flexion cable" in sentence("cable.json", forget)
+    twice = refused(capsys, "compare", session_file, "--model", model_file, "--model", model_file)
+    assert "named twice" in twice
+
+
+def test_what_predict_and_compare_cannot_use(
+    session_file: Path, model_file: Path, make_session, tmp_path: Path, capsys
+) -> None:
+    free = make_session("free.h5", phases=(("on_air", "extension"),), samples=8000)
+    assert "no contact run with a cable" in refused(capsys, "predict", free, "--model", model_file)
+    fitted = tmp_path / "fit.json"
+    assert run_command("fit", session_file, "--model", fitted) == 0
+    assert "diagnose SESSION --save" in refused(capsys, "compare", session_file, "--model", fitted)
+
+
+def test_plans_are_ones_that_the_bench_can_run() -> None:
+    for plan in PLANS[:4]:
+        assert read_trajectory(plan.trajectory) is not None
