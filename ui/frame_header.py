@@ -18,7 +18,8 @@ LIGHT = 12
 class Lamp(QWidget):
     """A round light. Its colour never stands alone: a word is beside it, and its form tells it, too.
 
-    ``off`` is a ring, ``ready`` and ``live`` a disc, ``fault`` and ``recording`` a disc in the fault's red.
+    ``off`` is a ring, ``ready`` and ``live`` a disc, ``fault`` a disc in the fault's colour,
+    ``recording`` in red.
     """
 
     def __init__(self, name: str, parent: QWidget | None = None) -> None:
@@ -46,6 +47,7 @@ class Lamp(QWidget):
                 "ready": colours.accent,
                 "live": colours.candidate,
                 "paused": colours.muted,
+                "recording": colours.stop,
             }.get(self._light, colours.fault)
         )
         painter = QPainter(self)
@@ -65,6 +67,7 @@ class FrameHeader(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setObjectName("frameHeader")
+        self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
         self.own = QStackedWidget()
         self.own.addWidget(QWidget())
         self.doing = ElidedLabel()

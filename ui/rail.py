@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QFont, QFontMetrics
 from PySide6.QtWidgets import QButtonGroup, QPushButton, QVBoxLayout, QWidget
 
 from .registry import Entry
+
+PADDING = 28
+"""Room that the style puts around a title, in pixels."""
 
 
 class Rail(QWidget):
@@ -19,6 +23,7 @@ class Rail(QWidget):
         super().__init__(parent)
         self.setObjectName("rail")
         self.setAccessibleName("Tabs")
+        self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 8, 0, 8)
         layout.setSpacing(0)
@@ -34,6 +39,9 @@ class Rail(QWidget):
             button.clicked.connect(lambda _checked=False, key=tab.key: self.chosen.emit(key))
             self._group.addButton(button)
             self._buttons[tab.key] = button
+            bold = QFont(button.font())
+            bold.setBold(True)  # as the style draws the one in front
+            button.setMinimumWidth(QFontMetrics(bold).horizontalAdvance(tab.title) + PADDING)
             layout.addWidget(button)
         layout.addStretch(1)
 

@@ -43,6 +43,13 @@ def _later(module: str, name: str) -> TabMaker:
 
 TABS: tuple[Entry, ...] = (
     Entry(
+        1,
+        "acquire",
+        "Acquire",
+        "Connect a rig, see it live, drive it and record it.",
+        _later(".acquire.tab", "AcquireTab"),
+    ),
+    Entry(
         6,
         "model_lab",
         "Model lab",

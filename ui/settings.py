@@ -57,6 +57,18 @@ class Settings:
     def set_tab(self, key: str) -> None:
         self._store.setValue("tab", key)
 
+    def recordings(self) -> Path:
+        """Folder for recordings: the one chosen last, else one among the user's documents."""
+        value = self._store.value("recordings", "")
+        if isinstance(value, str) and value:
+            return Path(value)
+        from platformdirs import user_documents_path
+
+        return user_documents_path() / "FingerLab"
+
+    def set_recordings(self, folder: Path) -> None:
+        self._store.setValue("recordings", str(folder))
+
     def save_place(self, window: QWidget) -> None:
         self._store.setValue("geometry", window.saveGeometry())
 

@@ -36,3 +36,33 @@ def envelope(x: Array, y: Array, buckets: int) -> tuple[Array, Array]:
     places[:, 0] = x[starts]
     places[:, 1] = x[edges[1:] - 1]
     return places.ravel(), pairs.ravel()
+
+
+def live_envelope(first: int, y: Array, bucket: int) -> tuple[Array, Array]:
+    """The same for a series that grows: buckets begin at multiples of ``bucket``, so that they do not move.
+
+    Args:
+        first: number of the first sample. y: shape (n,), NaN where there is a gap.
+        bucket: samples in a bucket, at least 1.
+
+    Returns:
+        Sample numbers and values, two a bucket (smallest and largest in the order in which the series goes
+        through them); the series itself where a bucket is one or two samples.
+    """
+    count = len(y)
+    if bucket <= 2 or count < 2:
+        return np.arange(first, first + count, dtype=np.float64), y
+    head = -first % bucket
+    starts = np.arange(head, count, bucket, dtype=np.intp)
+    if head:
+        starts = np.concatenate((np.zeros(1, dtype=np.intp), starts))
+    stops = np.append(starts[1:], count)
+    low, high = np.fmin.reduceat(y, starts), np.fmax.reduceat(y, starts)
+    falling = y[starts] > y[stops - 1]
+    values = np.empty(2 * len(starts))
+    values[::2] = np.where(falling, high, low)
+    values[1::2] = np.where(falling, low, high)
+    places = np.empty(2 * len(starts))
+    places[::2] = first + starts
+    places[1::2] = first + stops - 1
+    return places, values

@@ -1,0 +1,1 @@
+"""The Acquire tab: drive the rig, see it, record it."""

@@ -1,0 +1,144 @@
+"""What the Acquire tab shows: quantities, their columns in the ring, units on the screen, and plots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fingerlab.report.screen import DEGREES, ScreenUnit
+
+DEGREE = ScreenUnit("°", DEGREES)
+DEGREE_A_SECOND = ScreenUnit("°/s", DEGREES)
+MILLI_NEWTON_METRE = ScreenUnit("mN m", 1e3)
+NEWTON = ScreenUnit("N", 1.0)
+AMPERE = ScreenUnit("A", 1.0)
+
+MODELLED_TORQUE = "modelled_torque"
+MODELLED_FORCE = "modelled_force"
+TORQUE_RESIDUAL = "torque_residual"
+FORCE_RESIDUAL = "force_residual"
+MODELLED = (MODELLED_TORQUE, MODELLED_FORCE, TORQUE_RESIDUAL, FORCE_RESIDUAL)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One measured or modelled quantity.
+
+    Attributes:
+        column: of the ring, or of the model. title: as an operator says. digits: behind the point.
+        help: symbol, unit and where it comes from.
+    """
+
+    column: str
+    title: str
+    unit: ScreenUnit
+    digits: int
+    help: str
+
+    def text(self, value: float) -> str:
+        """A value (SI) with its unit, in a width that does not change from one value to the next."""
+        if value != value:
+            return self.unit.after("–")
+        number = f"{value * self.unit.factor:.{self.digits}f}".replace("-", "−")
+        return self.unit.after("0" if float(number.replace("−", "-")) == 0 and self.digits == 0 else number)
+
+
+QUANTITIES = {
+    quantity.column: quantity
+    for quantity in (
+        Quantity("motor_command", "Command", DEGREE, 1, "θ_cmd: where the pulley is told to be."),
+        Quantity("motor_position", "Position", DEGREE, 1, "θ_m: the pulley's angle, from the encoder."),
+        Quantity("motor_speed", "Speed", DEGREE_A_SECOND, 0, "The pulley's speed, smoothed over 10 ms."),
+        Quantity("motor_torque", "Torque", MILLI_NEWTON_METRE, 1, "τ = k_t N i at the pulley."),
+        Quantity("motor_current", "Current", AMPERE, 2, "i: the amplifier's current monitor."),
+        Quantity("mcp_angle", "MCP", DEGREE, 1, "θ₁: knuckle angle, flexion positive."),
+        Quantity("pip_angle", "PIP", DEGREE, 1, "θ₂: middle joint's angle, flexion positive."),
+        Quantity("endpoint_force", "Force", NEWTON, 2, "F: the load cell under the fingertip."),
+        Quantity(MODELLED_TORQUE, "Modelled torque", MILLI_NEWTON_METRE, 1, "Torque by the PIP balance."),
+        Quantity(MODELLED_FORCE, "Modelled force", NEWTON, 2, "Force by the PIP balance."),
+        Quantity(TORQUE_RESIDUAL, "Torque residual", MILLI_NEWTON_METRE, 1, "Measured less modelled."),
+        Quantity(FORCE_RESIDUAL, "Force residual", NEWTON, 2, "Measured less modelled."),
+    )
+}
+
+SHOWN = tuple(name for name in QUANTITIES if name not in MODELLED)
+"""Columns that are taken from the ring."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A curve: its quantity, the role that gives its colour, and whether it is dashed or bold."""
+
+    column: str
+    role: str
+    dashed: bool = False
+    bold: bool = False
+
+
+@dataclass(frozen=True)
+class PlotSpec:
+    """One plot.
+
+    Attributes:
+        key, title, unit: of the left axis. share: of the height. least: smallest automatic range (screen
+            unit), so that noise does not fill the plot. model: shown only beside a model.
+        readings: quantities shown large above it.
+    """
+
+    key: str
+    title: str
+    unit: ScreenUnit
+    share: int
+    least: float
+    traces: tuple[Trace, ...]
+    readings: tuple[str, ...] = ()
+    model: bool = False
+
+
+PLOTS = (
+    PlotSpec(
+        "displacement",
+        "Motor displacement",
+        DEGREE,
+        10,
+        4.0,
+        (Trace("motor_command", "floor"), Trace("motor_position", "measured", bold=True)),
+        ("motor_command", "motor_position", "motor_speed"),
+    ),
+    PlotSpec(
+        "torque",
+        "Torque",
+        MILLI_NEWTON_METRE,
+        10,
+        10.0,
+        (Trace("motor_torque", "measured"), Trace(MODELLED_TORQUE, "modelled", dashed=True)),
+        ("motor_torque", "motor_current"),
+    ),
+    PlotSpec(
+        "torque_residual",
+        "Residual",
+        MILLI_NEWTON_METRE,
+        5,
+        5.0,
+        (Trace(TORQUE_RESIDUAL, "residual"),),
+        model=True,
+    ),
+    PlotSpec(
+        "angles",
+        "Joint angles",
+        DEGREE,
+        6,
+        4.0,
+        (Trace("mcp_angle", "measured"), Trace("pip_angle", "candidate", dashed=True)),
+        ("mcp_angle", "pip_angle"),
+    ),
+    PlotSpec(
+        "force",
+        "Force",
+        NEWTON,
+        6,
+        0.2,
+        (Trace("endpoint_force", "measured"), Trace(MODELLED_FORCE, "modelled", dashed=True)),
+        ("endpoint_force",),
+    ),
+    PlotSpec("force_residual", "Residual", NEWTON, 5, 0.1, (Trace(FORCE_RESIDUAL, "residual"),), model=True),
+)

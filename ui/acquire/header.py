@@ -1,0 +1,53 @@
+"""What stands in the header while Acquire is shown: which device, and the way to what was just recorded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QHBoxLayout, QPushButton, QWidget
+
+from ..widgets.labels import ElidedLabel
+
+
+class AcquireHeader(QWidget):
+    """Signals: disconnect_asked; open_asked(path)."""
+
+    disconnect_asked = Signal()
+    open_asked = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.name = ElidedLabel()
+        self.name.setObjectName("deviceName")
+        self.name.setAccessibleName("Device")
+        font = self.name.font()
+        font.setBold(True)
+        self.name.setFont(font)
+        self.disconnect_button = QPushButton("Disconnect")
+        self.disconnect_button.setObjectName("disconnect")
+        self.disconnect_button.setToolTip("Stop the motor and let the device go, to choose another.")
+        self.open = QPushButton("Look at the recording")
+        self.open.setObjectName("openRecording")
+        self._path = ""
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(16, 0, 8, 0)
+        layout.setSpacing(8)
+        layout.addWidget(self.name, 1)
+        layout.addWidget(self.open)
+        layout.addWidget(self.disconnect_button)
+        self.open.hide()
+        self.open.clicked.connect(lambda: self.open_asked.emit(self._path))
+        self.disconnect_button.clicked.connect(self.disconnect_asked)
+
+    def show_device(self, name: str, in_protocol: bool) -> None:
+        """Which device is connected."""
+        self.name.setText(name[:1].upper() + name[1:] if name else "Acquire")
+        self.disconnect_button.setVisible(bool(name))
+        self.disconnect_button.setEnabled(not in_protocol)
+
+    def show_written(self, path: Path) -> None:
+        """Offer what was just recorded."""
+        self._path = str(path)
+        self.open.setToolTip(f"Open {path.name} in the Model lab.")
+        self.open.show()

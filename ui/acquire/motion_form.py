@@ -1,0 +1,162 @@
+"""What the motor is to do, by hand: kind of trajectory and its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QFileDialog, QFormLayout, QPushButton, QWidget
+
+from fingerlab.acquisition.trajectories import read_trajectory
+
+from .fields import choice, number
+
+KINDS = {
+    "sine": "Sine",
+    "chirp": "Chirp",
+    "multisine": "Multisine",
+    "steps": "Steps",
+    "ramp_hold": "Ramp and hold",
+    "blocked": "Blocked",
+    "file": "From a file",
+}
+MOVES = ("sine", "chirp", "multisine", "steps", "ramp_hold")
+FIELDS = {
+    "amplitude_deg": MOVES,
+    "frequency_hz": MOVES,
+    "end_frequency_hz": ("chirp",),
+    "rise_s": ("steps",),
+    "offset_deg": (*MOVES, "blocked"),
+}
+"""Which numbers each kind has."""
+
+ENDLESS_S = 60.0
+"""Length that a trajectory without end is given: that of its pattern before it comes again."""
+
+
+class MotionForm(QWidget):
+    """Signal ``edited``."""
+
+    edited = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.kind = choice("kind", KINDS, "Mode: what the motor does.")
+        self.numbers = {
+            "amplitude_deg": number(
+                "amplitude", 15.0, 0.0, 120.0, 1, 1.0, "Amplitude: half of the range, at the pulley."
+            ),
+            "frequency_hz": number("frequency", 1.0, 0.01, 10.0, 2, 0.1, "Frequency: of the motion."),
+            "end_frequency_hz": number(
+                "endFrequency", 3.0, 0.01, 10.0, 2, 0.1, "End frequency of the chirp."
+            ),
+            "rise_s": number("rise", 0.15, 0.01, 2.0, 2, 0.05, "Rise: time from one step to the next."),
+            "offset_deg": number(
+                "offset", 22.0, -180.0, 180.0, 1, 1.0, "Offset: middle of the range, at the pulley."
+            ),
+        }
+        self.duration = number(
+            "duration", 0.0, 0.0, 36_000.0, 1, 5.0, "Duration: 0 goes on until it is brought to rest."
+        )
+        self.duration.setSpecialValueText("until stopped")
+        self.file = QPushButton("Choose…")
+        self.file.setObjectName("trajectoryFile")
+        self.file.setToolTip("Text table of time (s) and angle (degrees).")
+        self._path: Path | None = None
+        self._further: dict[str, Any] = {}
+        self._form = QFormLayout(self)
+        self._form.setContentsMargins(0, 0, 0, 0)
+        self._form.setSpacing(4)
+        self._form.addRow("&Mode", self.kind)
+        labels = {
+            "amplitude_deg": "&Amplitude (°)",
+            "frequency_hz": "F&requency (Hz)",
+            "end_frequency_hz": "&To (Hz)",
+            "rise_s": "R&ise (s)",
+            "offset_deg": "&Offset (°)",
+        }
+        for name, field in self.numbers.items():
+            self._form.addRow(labels[name], field)
+            field.valueChanged.connect(self._on_edited)
+        self._form.addRow("File", self.file)
+        self._form.addRow("&Duration (s)", self.duration)
+        self.duration.valueChanged.connect(self._on_edited)
+        self.kind.currentIndexChanged.connect(self._on_kind)
+        self.file.clicked.connect(self._choose_file)
+        self._on_kind()
+
+    @property
+    def endless(self) -> bool:
+        """Whether the motion goes on until it is brought to rest."""
+        return self.duration.value() == 0.0
+
+    def settings(self) -> dict[str, Any]:
+        """The trajectory as in the session format."""
+        kind = str(self.kind.currentData())
+        settings: dict[str, Any] = {"kind": kind, **self._further}
+        for name, kinds in FIELDS.items():
+            if kind in kinds:
+                settings[name] = self.numbers[name].value()
+        if kind == "file":
+            settings["file"] = str(self._path) if self._path is not None else ""
+        if not self.endless:
+            settings["duration_s"] = self.duration.value()
+        elif kind != "file":
+            settings["duration_s"] = ENDLESS_S
+        return settings
+
+    def show_settings(self, settings: Mapping[str, Any]) -> None:
+        """Fill the fields from a trajectory, such as one that was proposed.
+
+        Raises:
+            UserError: it is no trajectory.
+        """
+        given = read_trajectory(settings).settings
+        known = {"kind", "duration_s", "file", *FIELDS}
+        row = self.kind.findData(given["kind"])
+        self.kind.setCurrentIndex(row)
+        for name, field in self.numbers.items():
+            if name in given:
+                field.setValue(float(given[name]))
+        self.duration.setValue(float(given.get("duration_s", 20.0)))
+        if "file" in given:
+            self.show_file(Path(str(given["file"])))
+        self._further = {name: value for name, value in given.items() if name not in known}
+
+    def show_file(self, path: Path) -> None:
+        """Take the trajectory from a file."""
+        self._path = path
+        self.file.setText(path.name.replace("&", "&&"))
+        self.file.setToolTip(str(path))
+        self.kind.setCurrentIndex(self.kind.findData("file"))
+        self._on_edited()
+
+    def words(self) -> str:
+        """A few words for the header."""
+        settings = self.settings()
+        parts = [KINDS[settings["kind"]].lower()]
+        if "amplitude_deg" in settings:
+            parts.append(f"{settings['amplitude_deg']:g}°")
+        if "frequency_hz" in settings:
+            parts.append(f"{settings['frequency_hz']:g} Hz")
+        return ", ".join(parts)
+
+    def _choose_file(self) -> None:
+        name, _ = QFileDialog.getOpenFileName(
+            self, "Trajectory", str(Path.home()), "Text tables (*.csv *.txt *.tsv);;All files (*)"
+        )
+        if name:
+            self.show_file(Path(name))
+
+    def _on_kind(self) -> None:
+        kind = str(self.kind.currentData())
+        self._further = {}
+        for name, field in self.numbers.items():
+            self._form.setRowVisible(field, kind in FIELDS[name])
+        self._form.setRowVisible(self.file, kind == "file")
+        self.edited.emit()
+
+    def _on_edited(self) -> None:
+        self.edited.emit()

@@ -1,0 +1,282 @@
+"""The side panel, from top to bottom in the order of use: bench, motion or protocol, recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import (
+    QButtonGroup,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QProgressBar,
+    QPushButton,
+    QStackedWidget,
+    QVBoxLayout,
+    QWidget,
+)
+
+from fingerlab.acquisition.machine import Event, Mode
+
+from ..widgets.labels import ElidedLabel, heading
+from .fields import ActionButton, choice, number, row
+from .motion_form import MotionForm
+from .protocol_form import ProtocolForm
+from .recording import Recording
+from .station import Station
+
+PHASES = {
+    "on_air": "On air",
+    "contact": "Contact",
+    "motor_bench": "Motor bench",
+    "free": "Free",
+}
+CABLES = {"extension": "Extension cable", "flexion": "Flexion cable", "none": "No cable"}
+WIDTH = 272
+LONGEST_BEFORE_S = 25.0
+"""Pre-trigger: well within the shortest ring."""
+
+
+@dataclass(frozen=True)
+class Actions:
+    """What the buttons call."""
+
+    initialise: Callable[[], Any]
+    tare: Callable[[], Any]
+    enable: Callable[[], Any]
+    release: Callable[[], Any]
+    reset: Callable[[], Any]
+    start: Callable[[], Any]
+    finish: Callable[[], Any]
+    protocol: Callable[[], Any]
+    record: Callable[[], Any]
+    pause: Callable[[], Any]
+    mark: Callable[[], Any]
+    write: Callable[[], Any]
+    details: Callable[[], Any]
+
+
+class Panel(QWidget):
+    """Signal ``set_up_chosen(phase, cable)``; the cable is empty where the phase was changed."""
+
+    set_up_chosen = Signal(str, str)
+
+    def __init__(
+        self, station: Station, recording: Recording, actions: Actions, parent: QWidget | None = None
+    ) -> None:
+        super().__init__(parent)
+        self.setObjectName("acquirePanel")
+        self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
+        self.setFixedWidth(WIDTH)
+        self._station, self._recording = station, recording
+        self.pages = QStackedWidget()
+        self._make_bench(actions)
+        self._make_motion(actions)
+        self._make_recording(actions)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(8, 8, 8, 8)
+        layout.setSpacing(4)
+        for part in (self._bench, self._motion, self._record):
+            for entry in part:
+                if isinstance(entry, QWidget):
+                    layout.addWidget(entry)
+                else:
+                    layout.addLayout(entry)
+            layout.addSpacing(8)
+        layout.addStretch(1)
+
+    def _make_bench(self, actions: Actions) -> None:
+        self.phase = choice("phase", PHASES, "Phase: what is on the bench.")
+        self.cable = choice("cable", CABLES, "Cable: which one is fixed to the pulley.")
+        self.initialise = ActionButton(
+            "&Initialise",
+            "initialise",
+            "Encoder and angle sensors to their predefined values, at rest (Ctrl+I).",
+            actions.initialise,
+        )
+        self.tare = ActionButton(
+            "Reset &load cell", "tare", "The load cell's reading now is no force (Ctrl+T).", actions.tare
+        )
+        self.enable = ActionButton("&Enable", "enable", "Amplifier on or off (Ctrl+E).", actions.enable)
+        self.enable.setProperty("primary", "true")
+        self.release = ActionButton(
+            "Release stop", "release", "Open the latch of the stop (Ctrl+L).", actions.release
+        )
+        self.reset = ActionButton(
+            "Reset fault", "resetFault", "Acknowledge the fault (Ctrl+Shift+L).", actions.reset
+        )
+        self.phase.activated.connect(lambda: self.set_up_chosen.emit(str(self.phase.currentData()), ""))
+        self.cable.activated.connect(
+            lambda: self.set_up_chosen.emit(str(self.phase.currentData()), str(self.cable.currentData()))
+        )
+        self._bench = (
+            heading("Bench"),
+            row(self.phase, self.cable),
+            row(self.initialise, self.tare),
+            self.enable,
+            row(self.release, self.reset),
+        )
+
+    def _make_motion(self, actions: Actions) -> None:
+        self.by_hand, self.by_protocol = QPushButton("By &hand"), QPushButton("By p&rotocol")
+        group = QButtonGroup(self)
+        for number_, button in enumerate((self.by_hand, self.by_protocol)):
+            button.setCheckable(True)
+            button.setObjectName("byProtocol" if number_ else "byHand")
+            button.clicked.connect(lambda _checked=False, page=number_: self.pages.setCurrentIndex(page))
+            group.addButton(button)
+        self.by_hand.setChecked(True)
+        self.motion, self.protocol = MotionForm(), ProtocolForm()
+        self.start = ActionButton(
+            "&Start", "start", "Run the motion, or go over to it without a jump (Ctrl+Return).", actions.start
+        )
+        self.finish = ActionButton(
+            "To &rest", "finish", "Bring the motor to rest softly (Ctrl+Backspace).", actions.finish
+        )
+        self.run = ActionButton(
+            "Run &protocol",
+            "runProtocol",
+            "Take all runs and write the file (Ctrl+Shift+Return).",
+            actions.protocol,
+        )
+        self.progress = QProgressBar()
+        self.progress.setObjectName("protocolProgress")
+        self.progress.setAccessibleName("Progress of the protocol")
+        self.progress.setRange(0, 1000)
+        self.left = ElidedLabel()
+        self.left.setObjectName("protocolLeft")
+        for entries in (
+            (self.motion, row(self.start, self.finish)),
+            (self.protocol, self.run, self.progress, self.left),
+        ):
+            page = QWidget()
+            layout = QVBoxLayout(page)
+            layout.setContentsMargins(0, 0, 0, 0)
+            layout.setSpacing(4)
+            for entry in entries:
+                if isinstance(entry, QWidget):
+                    layout.addWidget(entry)
+                else:
+                    layout.addLayout(entry)
+            layout.addStretch(1)
+            self.pages.addWidget(page)
+        self._motion: tuple[QWidget | QHBoxLayout, ...] = (
+            heading("Motion"),
+            row(self.by_hand, self.by_protocol),
+            self.pages,
+        )
+
+    def _make_recording(self, actions: Actions) -> None:
+        self.record = ActionButton("Re&cord", "record", "Record a run, or end it (Ctrl+R).", actions.record)
+        self.pause = ActionButton(
+            "&Pause", "pauseRecording", "Leave samples out: a gap in time (Ctrl+Shift+P).", actions.pause
+        )
+        self.before = number(
+            "before",
+            0.0,
+            0.0,
+            LONGEST_BEFORE_S,
+            1,
+            1.0,
+            "Pre-trigger: seconds before the key that are recorded, too.",
+        )
+        self.note = QLineEdit()
+        self.note.setObjectName("note")
+        self.note.setPlaceholderText("Note for a marker")
+        self.note.setAccessibleName("Note for a marker")
+        self.note.returnPressed.connect(lambda: actions.mark())
+        self.mark = ActionButton(
+            "Mar&k",
+            "mark",
+            "Marker with the note; Ctrl+M takes the moment, then asks for the note.",
+            actions.mark,
+        )
+        self.write = ActionButton(
+            "&Write to file",
+            "write",
+            "Write the session, verify it, give it its name (Ctrl+S).",
+            actions.write,
+        )
+        self.details = ActionButton(
+            "Details…", "details", "Folder, title, operator and notes of the session.", actions.details
+        )
+        self.count = ElidedLabel()
+        self.count.setObjectName("recordedText")
+        label = QLabel("Before (s)")
+        label.setBuddy(self.before)
+        self._record = (
+            heading("Recording"),
+            row(self.record, self.pause),
+            row(label, self.before),
+            row(self.note, self.mark),
+            row(self.write, self.details),
+            self.count,
+        )
+
+    # what is shown
+
+    def show_set_up(self) -> None:
+        """Show the set-up that holds."""
+        set_up = self._station.set_up
+        self.phase.setCurrentIndex(self.phase.findData(set_up.phase))
+        self.cable.setCurrentIndex(self.cable.findData(set_up.cable))
+
+    def refresh(self) -> None:
+        """Which buttons can be used now, and why not."""
+        station, recording = self._station, self._recording
+        busy = recording.refusal("mark") if recording.in_protocol else ""
+        hands_off = "A protocol is under way; STOP ends it." if recording.in_protocol else busy
+        mode = station.mode
+        on = mode in (Mode.ENABLED, Mode.RUNNING, Mode.STOPPING)
+        for button, event in (
+            (self.initialise, Event.INITIALISE),
+            (self.enable, Event.DISABLE if on else Event.ENABLE),
+            (self.start, Event.RUN),
+            (self.finish, Event.FINISH),
+        ):
+            button.refuse(hands_off or station.refusal(event))
+        latched = station.status is not None and station.status.latched
+        self.release.refuse(
+            hands_off or (station.refusal(Event.RELEASE) if latched else "No stop is latched.")
+        )
+        self.reset.refuse(hands_off or station.refusal(Event.RESET))
+        moving = mode in (Mode.RUNNING, Mode.STOPPING)
+        rest = "The motor is running; reset the load cell at rest, with nothing on it." if moving else ""
+        self.tare.refuse(hands_off or (station.refusal(Event.FAULT) or rest))
+        self._set_text(self.enable, "Disa&ble" if on else "&Enable")
+        self._set_text(self.start, "&Change" if mode is Mode.RUNNING else "&Start")
+        fixed = hands_off or ("The amplifier is enabled; disable it first." if on else "")
+        for field, help_text in ((self.phase, "What is on the bench."), (self.cable, "Fixed to the pulley.")):
+            field.setEnabled(not fixed and station.status is not None)
+            field.setToolTip(fixed or help_text)
+        self._refresh_recording()
+
+    def _refresh_recording(self) -> None:
+        recording = self._recording
+        self._set_text(self.record, "End &run" if recording.recording else "Re&cord")
+        self._set_text(self.pause, "&Go on" if recording.paused else "&Pause")
+        self.record.refuse(recording.refusal("end" if recording.recording else "record"))
+        for button, what in (
+            (self.pause, "pause"),
+            (self.mark, "mark"),
+            (self.write, "write"),
+            (self.run, "protocol"),
+        ):
+            button.refuse(recording.refusal(what))
+        status, session = self._station.status, recording.session
+        if recording.recording and status is not None:
+            words = f"{status.recorded:,} samples".replace(",", "\u202f")
+        elif session is not None:
+            words = f"{session.runs} run{'s' * (session.runs != 1)}, not yet written"
+        else:
+            words = "Nothing recorded"
+        if words != self.count.text():
+            self.count.setText(words)
+
+    @staticmethod
+    def _set_text(button: QPushButton, text: str) -> None:
+        if button.text() != text:
+            button.setText(text)

@@ -1,0 +1,259 @@
+"""All live plots with one time axis: live or held, scrolled back, triggered, with cursors and marks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QKeyEvent
+from PySide6.QtWidgets import QScrollBar, QVBoxLayout, QWidget
+
+from .channels import PLOTS, QUANTITIES
+from .history import History
+from .pane import Pane
+
+WINDOWS_S = (2.0, 5.0, 10.0, 30.0, 60.0, 120.0)
+BEFORE_TRIGGER = 0.1
+"""Share of the window before a trigger."""
+
+
+@dataclass
+class Trigger:
+    """Where the display starts: ``column`` crosses ``level`` (SI) upwards or downwards."""
+
+    on: bool = False
+    column: str = "motor_position"
+    level: float = 0.0
+    rising: bool = True
+
+
+class LivePlots(QWidget):
+    """Signals: held_changed(on); cursors_told(text): positions, values and differences at the cursors."""
+
+    held_changed = Signal(bool)
+    cursors_told = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.panes = {spec.key: Pane(spec) for spec in PLOTS}
+        self.history: History | None = None
+        self.window_s = 10.0
+        self.held = False
+        self.trigger = Trigger()
+        self.triggered_at: int | None = None
+        self._stop = 0
+        self._cursors: list[float] | None = None
+        self._marks: list[tuple[float, str]] = []
+        self.scroll_bar = QScrollBar(Qt.Orientation.Horizontal)
+        self.scroll_bar.setAccessibleName("Scroll back through the last minutes")
+        self.scroll_bar.setToolTip("Scroll back through the last four minutes; the end is now.")
+        self.scroll_bar.valueChanged.connect(self._on_scrolled)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(4)
+        for pane in self.panes.values():
+            layout.addWidget(pane, pane.spec.share)
+            pane.moved_by_hand.connect(lambda moved=pane: self._on_hand(moved))
+            pane.cursor_moved.connect(self._on_cursor)
+        layout.addWidget(self.scroll_bar)
+        self.show_model(False)
+
+    # what is shown
+
+    def show_history(self, history: History | None) -> None:
+        """Another bench."""
+        self.history = history
+        self._marks.clear()
+        self._stop = 0
+        self.triggered_at = None
+        for pane in self.panes.values():
+            pane.clear()
+        self.hold(False)
+        self.refresh()
+
+    def show_model(self, on: bool) -> None:
+        """Whether modelled curves and residuals are shown."""
+        last = None
+        for pane in self.panes.values():
+            pane.setVisible(on or not pane.spec.model)
+            pane.show_model(on)
+            if not pane.isHidden():
+                last = pane
+        for pane in self.panes.values():
+            pane.show_time_axis(pane is last)
+
+    def set_window(self, seconds: float) -> None:
+        """How much time is shown."""
+        self.window_s = seconds
+        self.refresh()
+
+    def hold(self, on: bool) -> None:
+        """Keep the picture still, or follow the bench again."""
+        if on != self.held:
+            self.held = on
+            self.held_changed.emit(on)
+
+    def mark(self, index: int, note: str) -> None:
+        """A line with a note at a sample."""
+        if self.history is not None:
+            self._marks.append((index / self.history.rate_hz, note))
+            for pane in self.panes.values():
+                pane.show_marks(self._marks)
+
+    def tick(self) -> None:
+        """New samples may be there."""
+        history = self.history
+        if history is None or not self.isVisible():
+            return
+        for pane in self.panes.values():
+            for column, reading in pane.readings.items():
+                reading.show_value(history.value(column, history.stop - 1))
+        if not self.held:
+            self._stop = self._live_stop(history)
+            self._draw()
+        self._show_scroll(history)
+
+    def refresh(self) -> None:
+        """Draw again what is shown, live or held."""
+        history = self.history
+        if history is None:
+            return
+        if not self.held:
+            self._stop = self._live_stop(history)
+        self._draw()
+        self._show_scroll(history)
+
+    @property
+    def shown(self) -> tuple[int, int]:
+        """First sample shown, and the one after the last."""
+        assert self.history is not None
+        return self._stop - round(self.window_s * self.history.rate_hz), self._stop
+
+    def _draw(self) -> None:
+        assert self.history is not None
+        start, stop = self.shown
+        for pane in self.panes.values():
+            if not pane.isHidden():
+                pane.show_part(self.history, start, stop)
+        if self._cursors is not None:
+            self._tell_cursors()
+
+    def _live_stop(self, history: History) -> int:
+        if not self.trigger.on:
+            return history.stop
+        after = round(self.window_s * (1 - BEFORE_TRIGGER) * history.rate_hz)
+        found = last_crossing(history, self.trigger, history.stop - after)
+        if found is not None:
+            self.triggered_at = found
+        if self.triggered_at is None:
+            return self._stop or history.stop
+        return self.triggered_at + after
+
+    # by hand
+
+    def _show_scroll(self, history: History) -> None:
+        """The scroll bar's unit is a millisecond; its length, what is kept."""
+        wide = round(self.window_s * history.rate_hz)
+        self.scroll_bar.blockSignals(True)
+        self.scroll_bar.setRange(history.first + min(wide, len(history)), max(history.stop, history.first))
+        self.scroll_bar.setPageStep(wide)
+        self.scroll_bar.setSingleStep(max(wide // 20, 1))
+        self.scroll_bar.setValue(self._stop)
+        self.scroll_bar.blockSignals(False)
+
+    def _on_scrolled(self, stop: int) -> None:
+        self.hold(True)
+        self._stop = stop
+        self._draw()
+
+    def _on_hand(self, pane: Pane) -> None:
+        """The user has panned or zoomed in one plot: hold, and let the others follow."""
+        history = self.history
+        if history is None:
+            return
+        left, right = pane.item.getViewBox().viewRange()[0]
+        self.hold(True)
+        self.window_s = max(right - left, 0.02)
+        self._stop = round(right * history.rate_hz)
+        self._draw()
+        self._show_scroll(history)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        history = self.history
+        key = event.key()
+        wide = round(self.window_s * (history.rate_hz if history is not None else 0))
+        if history is None:
+            super().keyPressEvent(event)
+        elif key in (Qt.Key.Key_Left, Qt.Key.Key_Right):
+            step = wide // 10 if key == Qt.Key.Key_Right else -(wide // 10)
+            self._on_scrolled(min(max(self._stop + step, history.first + 1), history.stop))
+        elif key in (Qt.Key.Key_Plus, Qt.Key.Key_Equal, Qt.Key.Key_Minus):
+            self.window_s *= 1.5 if key == Qt.Key.Key_Minus else 1 / 1.5
+            self.window_s = min(max(self.window_s, 0.02), len(history) / history.rate_hz + 1.0)
+            self.refresh()
+        elif key == Qt.Key.Key_Home:
+            self.hold(False)
+            self.refresh()
+        else:
+            super().keyPressEvent(event)
+
+    # cursors
+
+    def show_cursors(self, on: bool) -> None:
+        """Two cursors at a third and two thirds of what is shown, or none."""
+        self._cursors = None
+        if on and self.history is not None:
+            start, stop = (edge / self.history.rate_hz for edge in self.shown)
+            self._cursors = [start + (stop - start) / 3, start + 2 * (stop - start) / 3]
+        for pane in self.panes.values():
+            pane.show_cursors(self._cursors)
+        self._tell_cursors()
+
+    def _on_cursor(self, number: int, time: float) -> None:
+        if self._cursors is not None:
+            self._cursors[number] = time
+            for pane in self.panes.values():
+                pane.show_cursors(self._cursors)
+            self._tell_cursors()
+
+    def _tell_cursors(self) -> None:
+        if self._cursors is None or self.history is None:
+            self.cursors_told.emit("")
+            return
+        a, b = self._cursors
+        parts = [f"A {a:.3f} s, B {b:.3f} s, B − A {b - a:+.3f} s"]
+        if b != a:
+            parts[0] += f" ({1 / abs(b - a):.2f} Hz)"
+        history = self.history
+        for pane in self.panes.values():
+            for column in pane.spec.readings:
+                at = [history.value(column, round(time * history.rate_hz)) for time in (a, b)]
+                if all(value == value for value in at):
+                    quantity = QUANTITIES[column]
+                    parts.append(
+                        f"{quantity.title} {quantity.text(at[0])}, {quantity.text(at[1])}, "
+                        f"difference {quantity.text(at[1] - at[0])}"
+                    )
+        self.cursors_told.emit("  ·  ".join(parts).replace("-", "−"))
+
+
+def last_crossing(history: History, trigger: Trigger, before: int) -> int | None:
+    """The newest sample before ``before`` at which the trigger's level was crossed; None for none."""
+    first, values = history.series(trigger.column, before - round(4 * history.rate_hz), before)
+    if len(values) < 2:
+        return None
+    above = values >= trigger.level if trigger.rising else values <= trigger.level
+    known = np.isfinite(values)
+    crossed = np.flatnonzero(above[1:] & ~above[:-1] & known[:-1])
+    return first + int(crossed[-1]) + 1 if len(crossed) else None
+
+
+def level_of(history: History | None, column: str) -> float:
+    """The middle of what a quantity did in the last seconds: a level that it is sure to cross."""
+    if history is None:
+        return 0.0
+    _, values = history.series(column, history.stop - round(5 * history.rate_hz), history.stop)
+    good = values[np.isfinite(values)]
+    return 0.0 if not len(good) else math.fsum((float(good.min()), float(good.max()))) / 2

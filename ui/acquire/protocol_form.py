@@ -1,0 +1,132 @@
+"""Which protocol is run: one of the instrument's, n runs of s seconds, or one that was handed over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QFormLayout, QSpinBox, QWidget
+
+from fingerlab.acquisition.protocol import Record, Step, plan_seconds, plan_steps
+
+from ..widgets.labels import remark
+from .fields import choice, number
+
+OWN = {
+    "own_on_air": "n runs on air",
+    "own_contact": "n runs in contact",
+    "own_both": "n on air, then n in contact",
+}
+NAMED = {
+    "thesis": "As in the thesis",
+    "rich": "Rich: air and contact",
+    "on-air": "Many motions on air",
+    "contact": "Contact",
+    "motor-bench": "Motor bench",
+}
+HANDED = "handed"
+
+
+class ProtocolForm(QWidget):
+    """Signal ``edited``."""
+
+    edited = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._handed: tuple[Step, ...] = ()
+        self.which = choice("protocol", {**OWN, **NAMED}, "Protocol: which runs are taken.")
+        self.which.setCurrentIndex(2)
+        self.runs = QSpinBox()
+        self.runs.setObjectName("runCount")
+        self.runs.setRange(1, 100)
+        self.runs.setValue(10)
+        self.runs.setAccessibleName("Runs of each kind")
+        self.runs.setToolTip("Runs of each kind; motion as set under By hand.")
+        self.seconds = number("runSeconds", 30.0, 1.0, 3600.0, 1, 5.0, "Seconds of each run.")
+        self.rest = number("rest", 2.0, 0.0, 600.0, 1, 1.0, "Rest between runs.")
+        self.force = number(
+            "contactForce", 0.8, 0.05, 20.0, 2, 0.1, "Contact force: mean of contact runs, found by winding."
+        )
+        self.amplitude = number(
+            "contactAmplitude", 5.0, 0.0, 90.0, 1, 0.5, "Contact amplitude: at the pulley, in contact runs."
+        )
+        self.total = remark()
+        self.total.setObjectName("protocolTotal")
+        form = self._form = QFormLayout(self)
+        form.setContentsMargins(0, 0, 0, 0)
+        form.setSpacing(4)
+        form.addRow("&Protocol", self.which)
+        form.addRow("R&uns (n)", self.runs)
+        form.addRow("&Each (s)", self.seconds)
+        form.addRow("Re&st (s)", self.rest)
+        form.addRow("&Force (N)", self.force)
+        form.addRow("Press (&°)", self.amplitude)
+        form.addRow(self.total)
+        self.which.currentIndexChanged.connect(self._on_which)
+        self.runs.valueChanged.connect(self.edited)
+        for field in (self.seconds, self.rest, self.force, self.amplitude):
+            field.valueChanged.connect(self.edited)
+        self._on_which()
+
+    def hand(self, steps: Sequence[Step], title: str) -> None:
+        """Take the steps of another tab."""
+        self._handed = tuple(steps)
+        row = self.which.findData(HANDED)
+        if row < 0:
+            self.which.addItem("", HANDED)
+            row = self.which.count() - 1
+        self.which.setItemText(row, title or "Handed over")
+        self.which.setCurrentIndex(row)
+        self.edited.emit()
+
+    def title(self) -> str:
+        """Name of the protocol, for the session file."""
+        key = str(self.which.currentData())
+        return key if key in NAMED else self.which.currentText()
+
+    def steps(self, motion: Mapping[str, Any]) -> tuple[Step, ...]:
+        """The steps, with the motion set by hand for the user's own protocols.
+
+        Raises:
+            UserError: the motion is impossible.
+        """
+        from fingerlab.twin.protocols import PROTOCOLS, RunPlan
+
+        key = str(self.which.currentData())
+        if key == HANDED:
+            return self._handed
+        if key in PROTOCOLS:
+            plans = PROTOCOLS[key](self.amplitude.value())
+        else:
+            wave = {**motion, "duration_s": self.seconds.value()}
+            press = {name: value for name, value in wave.items() if name != "offset_deg"}
+            press["amplitude_deg"] = self.amplitude.value()
+            count = self.runs.value()
+            plans = [RunPlan("on_air", "extension", wave)] * (count if key != "own_contact" else 0)
+            plans += [RunPlan("contact", "flexion", press)] * (count if key != "own_on_air" else 0)
+        return plan_steps(plans, self.force.value(), self.rest.value())
+
+    def tell_total(self, steps: Sequence[Step]) -> None:
+        """How many runs, how long."""
+        runs = sum(isinstance(step, Record) for step in steps)
+        self.total.setText(f"{runs} runs, about {clock(plan_seconds(steps))}, and the changes of cable.")
+
+    def _on_which(self) -> None:
+        key = str(self.which.currentData())
+        for field, shown in (
+            (self.runs, key in OWN),
+            (self.seconds, key in OWN),
+            (self.rest, key != HANDED),
+            (self.force, key not in (HANDED, "own_on_air", "on-air", "motor-bench")),
+            (self.amplitude, key not in (HANDED, "own_on_air", "on-air", "motor-bench")),
+        ):
+            self._form.setRowVisible(field, shown)
+        self.edited.emit()
+
+
+def clock(seconds: float) -> str:
+    """Minutes and seconds."""
+    whole = round(seconds)
+    return f"{whole // 60} min {whole % 60:02d} s" if whole >= 60 else f"{whole} s"

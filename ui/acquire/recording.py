@@ -1,0 +1,329 @@
+"""Recording by hand and by protocol: one session file at a time, runs in it, and its verification."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QObject, QTimer, Signal
+
+from fingerlab.acquisition.bench import Bench
+from fingerlab.acquisition.commands import SetUp
+from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.protocol import Change, ProtocolDriver, Step
+from fingerlab.acquisition.recording import RunInfo, SessionInfo
+from fingerlab.errors import UserError
+
+from ..tasks import Failed
+from .station import NO_BENCH, Station
+
+AFTER_STOP_MS = 300
+"""The recording goes on for this long after a stop, so that the stop itself is in it."""
+
+
+@dataclass
+class Details:
+    """What the operator says of the session to come."""
+
+    folder: Path
+    title: str = ""
+    operator: str = ""
+    notes: str = ""
+
+    def attributes(self) -> dict[str, str]:
+        """For the session file; without what was left empty."""
+        return {name: text for name in ("operator", "notes") if (text := getattr(self, name).strip())}
+
+
+@dataclass
+class _Open:
+    """The session that is being recorded."""
+
+    path: Path
+    runs: int = 0
+    notes: list[str] = field(default_factory=list)
+
+
+class _Driver(ProtocolDriver):
+    """Says which set-up it has come to."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        ask_operator: Callable[[str], None],
+        report: Callable[[float, str], None],
+        changed: Callable[[SetUp], None],
+    ) -> None:
+        super().__init__(bench, ask_operator, report)
+        self._changed = changed
+
+    def _take(self, step: Step) -> None:
+        super()._take(step)
+        if isinstance(step, Change):
+            self._changed(step.set_up)
+
+
+class Recording(QObject):
+    """Begins and ends runs, marks, pauses, and writes the session.
+
+    Signals:
+        changed. written(Path). asked(sentence): the operator has to do something, then :meth:`answer`.
+        progressed(share, words), set_up_changed(SetUp): of a protocol. ended(how): it is over: ``done``
+        or a sentence.
+    """
+
+    changed = Signal()
+    written = Signal(object)
+    asked = Signal(str)
+    progressed = Signal(float, str)
+    set_up_changed = Signal(object)
+    ended = Signal(str)
+
+    def __init__(self, station: Station, details: Details, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.station, self.details = station, details
+        self.session: _Open | None = None
+        self.in_protocol = False
+        self._answered = threading.Event()
+        station.stopped.connect(self._on_stopped)
+        station.warned.connect(self._on_warned)
+
+    # what can be done
+
+    @property
+    def recording(self) -> bool:
+        """Whether a run is being written (or pauses)."""
+        return self.station.status is not None and self.station.status.recording > 0
+
+    @property
+    def paused(self) -> bool:
+        return self.station.status is not None and self.station.status.recording == 2
+
+    def refusal(self, what: str) -> str:
+        """Why ``record``, ``end``, ``pause``, ``mark``, ``write``, ``protocol`` is refused now; or empty."""
+        if self.station.status is None:
+            return NO_BENCH
+        if self.in_protocol and what != "mark":
+            return "A protocol is under way; STOP ends it."
+        if self.station.caller.busy:
+            return f"{self.station.caller.title} is under way."
+        if what == "record":
+            return "A run is being recorded; end it first." if self.recording else ""
+        if what in ("end", "pause", "mark"):
+            return "" if self.recording else "Nothing is being recorded."
+        if what == "write":
+            return "" if self.session is not None else "No run has been recorded yet."
+        if self.recording or self.session is not None:
+            return "A session is open; write it to its file first."
+        if self.station.mode is Mode.FAULT:
+            return "The bench is in fault; reset it first."
+        if self.station.status.latched:
+            return "The stop is latched; release it first."
+        return ""
+
+    def record(self, trajectory: Mapping[str, Any], before_s: float) -> None:
+        """Begin a run, ``before_s`` seconds ago; a session is opened where none is."""
+        info = self._told_info() if self.session is None else None
+        if self.session is None and info is None:
+            return
+        set_up = self.station.set_up
+
+        def work(bench: Bench) -> None:
+            if info is not None:
+                bench.recorder.open(info)
+            status = bench.status()
+            start = max(status.index + 1 - round(before_s * bench.rate_hz), 0)
+            further = {"pre_trigger_s": before_s} if before_s else {}
+            if status.run_active:  # where the trajectory's own time begins in the run's
+                further["trajectory_start_s"] = (status.run_start - start) / bench.rate_hz
+            run = RunInfo(
+                set_up.phase,
+                set_up.cable,
+                bench.rate_hz,
+                trajectory,
+                start,
+                None,
+                set_up.load_torque,
+                further,
+            )
+            bench.recorder.begin(run)
+
+        def done(_: object) -> None:
+            if info is not None:
+                self.session = _Open(info.path)
+            assert self.session is not None
+            self.session.runs += 1
+            self.station.desk.say(f"Recording run {self.session.runs} of {self.session.path.name}")
+            self.changed.emit()
+
+        self.station.do("Beginning the recording", work, done)
+
+    def end(self) -> None:
+        """End the run with the newest sample."""
+        self.station.do("Ending the run", lambda bench: bench.recorder.end(), lambda _: self.changed.emit())
+
+    def pause(self, on: bool) -> None:
+        """Leave samples out, or go on; what is left out is a gap in time."""
+        self.station.do("Pausing", lambda bench: bench.recorder.pause(on), lambda _: self.changed.emit())
+
+    def mark(self, note: str, index: int) -> None:
+        """A marker with a note at a sample."""
+        text = note.strip() or "marker"
+
+        def work(bench: Bench) -> None:
+            bench.recorder.mark(text, index)
+
+        if self.in_protocol:  # the protocol has the bench's ear; the recorder takes one request at a time
+            self.station.desk.tell("A protocol is under way; add the marker afterwards in Sessions.")
+            return
+        self.station.do("Marking", work, lambda _: self.station.desk.say(f"Marked: {text}"))
+
+    def write(self) -> None:
+        """Write the session whole, verify it, give it its name."""
+        self.station.do(
+            "Writing and verifying",
+            lambda bench: bench.recorder.close(),
+            self._on_written,
+            self._on_failed,
+            True,
+        )
+
+    # protocol
+
+    def run_protocol(self, steps: Sequence[Step], title: str) -> None:
+        """Take the steps one by one and write the session."""
+        info = self._told_info(title or "protocol")
+        if info is None:
+            return
+        self._answered.clear()
+        self.in_protocol = True
+
+        def work(bench: Bench) -> Path:
+            driver = _Driver(
+                bench,
+                lambda sentence: self._ask(bench, sentence),
+                self.progressed.emit,
+                self.set_up_changed.emit,
+            )
+            try:
+                bench.recorder.open(info)
+                driver.take(steps)
+            except BaseException as error:
+                bench.stop()  # before anything else
+                raise UserError(_kept(bench, str(error) or type(error).__name__)) from error
+            return bench.recorder.close()
+
+        def done(path: Path) -> None:
+            self.in_protocol = False
+            self._on_written(path)
+            self.ended.emit("done")
+
+        def failed(failure: Failed) -> None:
+            self.in_protocol = False
+            self.station.desk.tell(failure.sentence, failure.details)
+            self.ended.emit(failure.sentence)
+            self.changed.emit()
+
+        self.station.do("The protocol", work, done, failed, True)
+        self.changed.emit()
+
+    def answer(self) -> None:
+        """The operator has done what was asked."""
+        self._answered.set()
+
+    def _ask(self, bench: Bench, sentence: str) -> None:
+        """In the worker: wait for the operator, but not for one who has pressed STOP."""
+        self._answered.clear()
+        self.asked.emit(sentence)
+        bench.wait_until(self._answered.is_set, math.inf, "")
+
+    def finish(self) -> None:
+        """The window closes: what was recorded is written, whatever it is."""
+        bench = self.station.bench
+        if bench is None or self.session is None:
+            return
+        try:
+            self._on_written(bench.recorder.close())
+        except UserError as error:
+            self.station.desk.tell(str(error))
+
+    # ends
+
+    def _on_stopped(self, sentence: str) -> None:
+        if self.recording and not self.in_protocol:
+            QTimer.singleShot(AFTER_STOP_MS, self, lambda: self._cut(sentence))
+
+    def _cut(self, sentence: str) -> None:
+        if self.recording and self.station.bench is not None:
+            self.station.do(
+                "Ending the run", lambda bench: bench.recorder.cut(sentence), lambda _: self.changed.emit()
+            )
+
+    def _on_warned(self, _sentence: str) -> None:
+        self.changed.emit()
+
+    def _on_written(self, path: Path) -> None:
+        self.session = None
+        self.station.desk.say(f"Written and verified: {path}")
+        self.station.desk.settings.set_recordings(path.parent)
+        self.station.desk.recorded(path)
+        self.written.emit(path)
+        self.changed.emit()
+
+    def _on_failed(self, failure: Failed) -> None:
+        self.session = None
+        self.station.desk.tell(failure.sentence, failure.details)
+        self.changed.emit()
+
+    def _told_info(self, what: str = "") -> SessionInfo | None:
+        try:
+            return self._info(what)
+        except UserError as error:
+            self.station.desk.tell(str(error))
+            return None
+
+    def _info(self, what: str = "") -> SessionInfo:
+        opened = self.station.opened
+        assert opened is not None
+        now = datetime.now().astimezone()
+        status = self.station.status
+        device = status.device if status is not None else ""
+        title = self.details.title.strip() or f"{what or 'recorded by hand'} on {device}"
+        told = {**opened.attributes, "protocol": what or "by hand", "device": device}
+        return SessionInfo(
+            free_name(self.details.folder, f"{now:%Y-%m-%d-%H%M%S}"),
+            opened.rig.to_json(),
+            title,
+            now.isoformat(timespec="seconds"),
+            {**self.details.attributes(), **told},
+        )
+
+
+def free_name(folder: Path, stem: str) -> Path:
+    """A name in the folder that is not taken."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(
+            f"{folder} cannot be made ({error.strerror}); choose another folder for recordings."
+        ) from None
+    path, number = folder / f"{stem}.h5", 1
+    while path.exists():
+        number += 1
+        path = folder / f"{stem}-{number}.h5"
+    return path
+
+
+def _kept(bench: Bench, reason: str) -> str:
+    """What was recorded before it broke off becomes a session that says so."""
+    try:
+        bench.recorder.cut(reason)
+        path = bench.recorder.close()
+    except UserError:
+        return f"{reason} The protocol was given up before a run was recorded."
+    return f"{reason} The protocol was given up; what was recorded is in {path}."

@@ -1,0 +1,320 @@
+"""The bench behind the Acquire tab: polled by a timer, asked off the GUI thread, kept for scrolling back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from PySide6.QtCore import QObject, Qt, QTimer, Signal
+
+from fingerlab.acquisition.bench import Bench, Status
+from fingerlab.acquisition.columns import COLUMN
+from fingerlab.acquisition.commands import Command, SetUp
+from fingerlab.acquisition.inline import InlineBench
+from fingerlab.acquisition.machine import MODE_WORDS, Event, Machine, Mode
+from fingerlab.acquisition.ring import RingReader
+from fingerlab.identify.live_model import Balance, LiveModel, Measured
+
+from ..desk import Desk, Light, RigLine
+from ..tasks import Failed
+from .caller import Call, Caller, attempt
+from .channels import FORCE_RESIDUAL, MODELLED, MODELLED_FORCE, MODELLED_TORQUE, SHOWN, TORQUE_RESIDUAL
+from .history import History
+from .opening import OpenBench, OpenCall, Wanted, open_bench
+
+TICK_MS = 33
+"""At most 30 looks a second, each followed by one repaint."""
+
+NO_BENCH = "No rig is connected; choose one first."
+_LIGHTS: dict[Mode, Light] = {
+    Mode.IDLE: "off",
+    Mode.INITIALISED: "ready",
+    Mode.ENABLED: "live",
+    Mode.RUNNING: "live",
+    Mode.STOPPING: "live",
+    Mode.FAULT: "fault",
+}
+
+
+class Station(QObject):
+    """One bench at a time.
+
+    Signals:
+        changed: another bench, or none, or something is being asked of it. ticked: new samples may be there.
+        stopped(sentence): the motor was stopped by the operator, a check or a lost process.
+        warned(sentence): samples lost, recorder failed.
+    """
+
+    changed = Signal()
+    ticked = Signal()
+    stopped = Signal(str)
+    warned = Signal(str)
+
+    def __init__(self, desk: Desk, opener: OpenCall = open_bench, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.desk = desk
+        self.bench: Bench | None = None
+        self.opened: OpenBench | None = None
+        self.status: Status | None = None
+        self.set_up = SetUp()
+        self.doing = ""
+        self.history = History((*SHOWN, *MODELLED), 1000.0, 1.0)
+        self.model: LiveModel | None = None
+        self.caller = Caller(self)
+        self._opener = opener
+        self._reader: RingReader | None = None
+        self._seen: Status | None = None
+        self._timer = QTimer(self)
+        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
+        self._timer.setInterval(TICK_MS)
+        self._timer.timeout.connect(self.tick)
+        self.caller.busy_changed.connect(self.changed)
+        self.caller.failed.connect(self._on_failed)
+        desk.stop_asked.connect(self.stop)
+
+    # opening and closing
+
+    def open(self, wanted: Wanted) -> None:
+        """Open a bench; the one that is open is closed first."""
+        before, self.bench = self.bench, None
+        self._let_go()
+
+        def work() -> OpenBench:
+            if before is not None:
+                before.close()
+            return self._opener(wanted)
+
+        self.caller.call(Call("Connecting", work, self._on_opened))
+        self.changed.emit()
+
+    def close(self) -> None:
+        """Stop the motor and let the device go."""
+        bench, self.bench = self.bench, None
+        self._let_go()
+        if bench is not None:
+            self.caller.call(Call("Disconnecting", bench.close))
+        self.changed.emit()
+
+    def shut_down(self) -> None:
+        """The window closes: end the processes, which stops the motor, and wait for them."""
+        bench, self.bench = self.bench, None
+        self._let_go()
+        self.caller.shut_down()
+        if bench is not None:
+            bench.close()
+
+    def _on_opened(self, opened: OpenBench) -> None:
+        self.opened, self.bench = opened, opened.bench
+        self.history = History((*SHOWN, *MODELLED), opened.bench.rate_hz)
+        self.status = self._seen = opened.bench.status()
+        self._reader = opened.bench.ring.reader()
+        self.set_up = SetUp()
+        self.model = None
+        self._timer.start()
+        self.desk.say(f"{self.status.device} is open")
+        self._show()
+        self.changed.emit()
+
+    def _let_go(self) -> None:
+        self._timer.stop()
+        self.opened = self.status = self._seen = self._reader = self.model = None
+        self.doing = ""
+        self.desk.show_rig(RigLine())
+
+    # what can be asked
+
+    @property
+    def mode(self) -> Mode | None:
+        """The bench's mode; None without a bench."""
+        return self.status.mode if self.status is not None else None
+
+    @property
+    def driving(self) -> bool:
+        """Whether the motor may have current."""
+        return self.status is not None and self.status.enabled
+
+    def refusal(self, event: Event) -> str:
+        """Why an event cannot be asked for now, empty where it can."""
+        if self.status is None:
+            return NO_BENCH
+        if self.caller.busy:
+            return f"{self.caller.title} is under way."
+        if self.status.loop_ended:
+            return "The device is gone; connect it again."
+        return Machine(self.status.mode, self.status.latched).refusal(event)
+
+    def ask(self, title: str, *commands: Command, done: Callable[[], None] | None = None) -> None:
+        """Ask the loop for something, one command after the other; a refusal is told."""
+
+        def work(bench: Bench) -> None:
+            for command in commands:
+                bench.ask(command)
+
+        self.do(title, work, lambda _: done() if done is not None else None)
+
+    def do(
+        self,
+        title: str,
+        work: Callable[[Bench], Any],
+        done: Callable[[Any], None] = lambda _: None,
+        failed: Callable[[Failed], None] | None = None,
+        long: bool = False,
+    ) -> None:
+        """Do something that waits for the bench; ``long`` for what takes seconds on a virtual clock, too."""
+        bench = self.bench
+        if bench is None:
+            self.desk.tell(NO_BENCH)
+            return
+        call = Call(title, lambda: work(bench), done, failed)
+        if isinstance(bench, InlineBench) and not long:
+            result, failure = attempt(call)  # nobody else turns its clock
+            if failure is not None:
+                (failed or self._on_failed)(failure)
+            else:
+                done(result)
+            self.tick()
+            return
+        self.caller.call(call)
+
+    def stop(self) -> None:
+        """The latched stop. Never waits."""
+        bench = self.bench
+        if bench is None:
+            return
+        if isinstance(bench, InlineBench) and self.caller.busy:
+            Bench.stop(bench)  # its clock is being turned by another thread
+        else:
+            bench.stop()
+        self.desk.say("STOP: motor current to zero, amplifier off")
+
+    def apply(self, set_up: SetUp, done: Callable[[], None]) -> None:
+        """Say what is on the bench; ``done`` in any case, for the fields to show what holds."""
+
+        def took(_: Any) -> None:
+            self.set_up = set_up
+            done()
+
+        def refused(failed: Failed) -> None:
+            self._on_failed(failed)
+            done()
+
+        self.do("Changing the set-up", lambda bench: bench.ask(set_up), took, refused)
+
+    def compare(self, balance: Balance | None, on: bool) -> None:
+        """Model beside the measurement from now on.
+
+        Raises:
+            UserError: the rig lacks what the model needs.
+        """
+        self.model = None
+        if on and self.opened is not None and self.bench is not None:
+            rate, set_up = self.bench.rate_hz, self.set_up
+            self.model = LiveModel(self.opened.rig, rate, set_up.phase, set_up.cable, balance)
+
+    # looking
+
+    def tick(self) -> None:
+        """Look at the bench: new samples, its state, what went wrong."""
+        bench, reader = self.bench, self._reader
+        if bench is None or reader is None:
+            return
+        if isinstance(bench, InlineBench) and not self.caller.busy:
+            bench.step(round(TICK_MS * 1e-3 * bench.rate_hz))
+        bench.beat()
+        piece = reader.read()
+        self.status = bench.status()
+        if len(piece.rows):
+            self._take(piece.rows)
+        self._show()
+        self._complain(self.status)
+        self.ticked.emit()
+
+    def _take(self, rows: np.ndarray[Any, np.dtype[np.float64]]) -> None:
+        index = rows[:, COLUMN["index"]]
+        whole = self.history.extend(index, {name: rows[:, COLUMN[name]] for name in SHOWN})
+        model = self.model
+        if model is None:
+            return
+        if not whole:
+            model.forget()
+        torque, force = rows[:, COLUMN["motor_torque"]], rows[:, COLUMN["endpoint_force"]]
+        mcp, pip, motor = (rows[:, COLUMN[name]] for name in ("mcp_angle", "pip_angle", "motor_position"))
+        modelled = model.extend(Measured(mcp, pip, motor, torque, force))
+        stop = int(index[-1]) + 1 - model.delay
+        self.history.fill(stop, {MODELLED_TORQUE: modelled.torque, MODELLED_FORCE: modelled.force})
+        start = stop - len(index)
+        for measured, fitted, residual in (
+            ("motor_torque", modelled.torque, TORQUE_RESIDUAL),
+            ("endpoint_force", modelled.force, FORCE_RESIDUAL),
+        ):
+            first, values = self.history.series(measured, start, stop)
+            if len(values):
+                self.history.fill(stop, {residual: values - fitted[first - start :]})
+
+    def _show(self) -> None:
+        status = self.status
+        if status is None:
+            return
+        word = MODE_WORDS[status.mode]
+        if status.loop_ended:
+            word = "device gone"
+        elif status.latched and status.mode is not Mode.FAULT:
+            word = f"stopped, {word}"
+        self.desk.show_rig(
+            RigLine(
+                light="fault" if status.loop_ended or status.latched else _LIGHTS[status.mode],
+                state=word,
+                doing=self.doing if status.mode in (Mode.RUNNING, Mode.STOPPING) else "",
+                recording=status.recorded if status.recording else None,
+                paused=status.recording == 2,
+                device=status.device,
+                samples=status.index + 1,
+                late=status.late + status.lost,
+                free_bytes=status.free_bytes,
+                warning=f"{status.unread} samples lost" if status.unread else "",
+                live=status.enabled,
+            )
+        )
+
+    def _complain(self, now: Status) -> None:
+        """Tell what is new since the last look."""
+        before, self._seen = self._seen, now
+        if before is None:
+            return
+        if now.faults != before.faults or (now.loop_ended and not before.loop_ended):
+            sentence = now.fault or "The control loop has ended; connect the device again."
+            self.desk.tell(sentence)
+            self.stopped.emit(sentence)
+        elif now.latched and not before.latched:
+            self.stopped.emit("The bench was stopped by the operator.")
+        if now.recorder and now.recorder != before.recorder:
+            self.desk.tell(now.recorder)
+            self.warned.emit(now.recorder)
+        if now.unread > before.unread:
+            sentence = (
+                f"The recorder was too slow: {now.unread} samples are lost and stored as a gap; close other "
+                "programs or record to a faster disk."
+            )
+            self.desk.tell(sentence)
+            self.warned.emit(sentence)
+
+    def _on_failed(self, failed: Failed) -> None:
+        self.desk.tell(failed.sentence, failed.details)
+
+
+def changed_set_up(before: SetUp, **values: Any) -> SetUp:
+    """A set-up whose cable goes with its phase.
+
+    Raises:
+        UserError: phase and cable do not go together.
+    """
+    from fingerlab.twin.protocols import setup_of
+
+    wanted = replace(before, **values)
+    if "cable" not in values and "phase" in values:
+        phase, cable = setup_of(wanted.phase)
+    else:
+        phase, cable = setup_of(wanted.phase, wanted.cable)
+    return replace(wanted, phase=phase, cable=cable)
