@@ -5,16 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fingerlab.errors import UserError
-from fingerlab.identify.diagnosis.display import Display
 from fingerlab.identify.diagnosis.errors import equation_errors
 from fingerlab.identify.diagnosis.evidence import Evidence, alike, distrusted, justified
 from fingerlab.identify.diagnosis.model import Choice
-from fingerlab.identify.diagnosis.next_experiment import propose
 from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
 from fingerlab.identify.diagnosis.search import Watch, forward, refine, rescore, weigh
 from fingerlab.identify.diagnosis.study import Study, Trial
@@ -23,6 +22,9 @@ from fingerlab.identify.results import Candidate, Diagnosis, Fingerprint, Parame
 from fingerlab.physics.effects import effect, whole_catalogue
 from fingerlab.physics.effects.base import Effect
 from fingerlab.sessions.model import Session
+
+if TYPE_CHECKING:
+    from fingerlab.identify.diagnosis.display import Display
 
 
 def diagnose(
@@ -90,13 +92,13 @@ def _diagnose(
     executor: Executor | None,
     started: float,
 ) -> Diagnosis:
-    display = Display(wanted=with_curves)
+    display = _display() if with_curves else None
     reduced = reduce_sessions(
         sessions,
         catalogue,
         scale.part(0.0, 0.4),
         cancelled,
-        display.keep if with_curves else None,
+        display.keep if display is not None else None,
         executor,
     )
     effects = reduced.layout.effects
@@ -117,7 +119,7 @@ def _diagnose(
         study.weights = first_weights
     loose = sum(f.slack_samples for g in reduced.groups for f in g.folds)
     chosen = alike(evidence)
-    curves = display.curves(study, evidence) if with_curves else None
+    curves = display.curves(study, evidence) if display is not None else None
     candidates = _candidates(evidence, chosen, loose, curves.fingerprints if curves else {})
     verdict = _verdict(evidence)
     return Diagnosis(
@@ -132,7 +134,7 @@ def _diagnose(
         else (),
         path=tuple(PathStep(_last(s) if k else None, s.score) for k, s in enumerate(path)),
         final_model=tuple(c.effect.id for c in path[-1].model.choices),
-        next_experiment=propose(sessions, study, evidence, chosen) if verdict == "missing_effect" else None,
+        next_experiment=_next_experiment(sessions, study, evidence, chosen),
         seconds=time.perf_counter() - started,
         probability_nothing=evidence.nothing,
         probability_unknown=evidence.unknown,
@@ -141,6 +143,24 @@ def _diagnose(
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
     )
+
+
+def _display() -> Display:
+    # Imported when it is wanted: who asks for numbers alone should not wait for it.
+    from fingerlab.identify.diagnosis.display import Display
+
+    return Display()
+
+
+def _next_experiment(
+    sessions: Sequence[Session], study: Study, evidence: Evidence, chosen: Sequence[int]
+) -> dict[str, Any] | None:
+    """The run that would separate the effects of the set; None where there is nothing to separate."""
+    if _verdict(evidence) != "missing_effect" or len(chosen) < 2:
+        return None
+    from fingerlab.identify.diagnosis.next_experiment import propose
+
+    return propose(sessions, study, evidence, chosen)
 
 
 def _base(study: Study, given: Sequence[Effect]) -> Trial:

@@ -64,12 +64,11 @@ class Curves:
 class Display:
     """Keeps the stretches that pass by while the sessions are reduced, and draws from them afterwards."""
 
-    wanted: bool = True
     stretches: list[Kept] = field(default_factory=list)
 
     def keep(self, session: Session, run: Run, low: Narrow) -> None:
         """Called by the reduction for every stretch."""
-        if not self.wanted or len(self.stretches) >= SHOWN_STRETCHES:
+        if len(self.stretches) >= SHOWN_STRETCHES:
             return
         motion = low.wide
         levers = None

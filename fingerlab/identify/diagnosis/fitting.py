@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -125,10 +126,17 @@ class Fit:
     information: Array
     cost: float
 
+    @cached_property
+    def deviations(self) -> Array:
+        """Standard deviation of every unknown, given what else is unknown, (p,)."""
+        scale = 1.0 / np.sqrt(np.diag(self.information))
+        covariance = np.linalg.pinv(self.information * np.outer(scale, scale), hermitian=True)
+        return np.asarray(scale * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+
 
 def feature_weights(weights: Array, rows: IntArray) -> Array:
     """Weight of each product of features, (k, k)."""
-    return np.asarray(weights[np.ix_(rows, rows)])
+    return np.asarray(weights[rows[:, None], rows])
 
 
 class Fitter:
@@ -288,15 +296,16 @@ def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array, outwards
     at_floor, at_ceiling = outwards & (floor > -1e-12), outwards & (ceiling < 1e-12)
     for _ in range(PIVOTING_ROUNDS):
         held = at_floor | at_ceiling
-        step = np.where(at_floor, floor, np.where(at_ceiling, ceiling, 0.0))
-        free = np.flatnonzero(~held)
+        step = np.where(at_floor, floor, 0.0)
+        step[at_ceiling] = ceiling[at_ceiling]
+        free = (~held).nonzero()[0]
         if len(free):
             rest = slope + matrix @ step
-            step[free] = np.linalg.solve(matrix[np.ix_(free, free)], -rest[free])
+            step[free] = np.linalg.solve(matrix[free[:, None], free], -rest[free])
         pull = slope + matrix @ step
         now_floor = (at_floor & (pull > -1e-6)) | (~held & (step < floor - 1e-12))
         now_ceiling = (at_ceiling & (pull < 1e-6)) | (~held & (step > ceiling + 1e-12))
-        if np.array_equal(now_floor, at_floor) and np.array_equal(now_ceiling, at_ceiling):
+        if (now_floor == at_floor).all() and (now_ceiling == at_ceiling).all():
             return np.asarray(step)
         at_floor, at_ceiling = now_floor, now_ceiling
     return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,8 @@ FRONT = 8
 """This many are looked at more closely when the weights have changed."""
 HOPEFUL_SHARE = 0.1
 """An effect whose first step lowers the cost by less than this share of the best's is fitted no further."""
+SAME_SHARE = 1e-3
+"""Effects whose costs differ by less than this share leave the same noise, and set the same weights."""
 LONGEST_PATH = 4
 """At most this many effects are added."""
 SCREEN_ITERATIONS, FULL_ITERATIONS = 3, 8
@@ -93,13 +95,13 @@ def weigh(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch) ->
     sets the weights, and all are judged again until the best stays the best.
     """
     trials = screen(study, base, effects, watch)
-    leader = ""
+    leaders: set[str] = set()
     for _ in range(3):
         front = sorted((refine(study, t) for t in trials[:HELD_OUT_TRIALS]), key=lambda t: t.fit.cost)
         trials = front + trials[HELD_OUT_TRIALS:]
-        if not front or front[0].model.choices[-1].effect.id == leader or front[0].fit.cost >= base.fit.cost:
+        if not front or front[0].fit.cost >= base.fit.cost or _led(front, leaders):
             break
-        leader = front[0].model.choices[-1].effect.id
+        leaders.add(front[0].model.choices[-1].effect.id)
         study.settle(front[0].model.choices, front[0], rounds=2)
         base = study.fit(base.model.choices, base, FULL_ITERATIONS)
         # Under the new weights another effect may come to the front.
@@ -111,6 +113,15 @@ def weigh(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch) ->
     scored = [study.hold_out(t) for t in trials[:HELD_OUT_TRIALS]]
     scored += [study.count(t) for t in trials[HELD_OUT_TRIALS:]]
     return judge(study.hold_out(base, residuals=True), scored)
+
+
+def _led(front: Sequence[Trial], leaders: Collection[str]) -> bool:
+    """Whether the best of the front has set the weights, or one that these data hardly tell from it."""
+    best = front[0].fit.cost
+    return any(
+        t.model.choices[-1].effect.id in leaders and t.fit.cost - best <= SAME_SHARE * abs(best)
+        for t in front
+    )
 
 
 def drop_idle(study: Study, trial: Trial, keep: int) -> Trial:

@@ -29,10 +29,7 @@ SCREEN_UNITS = {
 
 def deviations(trial: Trial, heat: float) -> dict[str, float]:
     """Standard deviation of every unknown, given what else is unknown; SI units."""
-    information = trial.fit.information
-    scale = 1.0 / np.sqrt(np.diag(information))
-    covariance = np.linalg.pinv(information * np.outer(scale, scale), hermitian=True) * np.outer(scale, scale)
-    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0) * heat)
+    spread = trial.fit.deviations * np.sqrt(heat)
     return dict(zip((u.key for u in trial.model.unknowns), (float(s) for s in spread), strict=True))
 
 
