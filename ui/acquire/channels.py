@@ -97,7 +97,7 @@ class PlotSpec:
 PLOTS = (
     PlotSpec(
         "displacement",
-        "Motor displacement",
+        "Motor",
         DEGREE,
         10,
         4.0,
@@ -124,7 +124,7 @@ PLOTS = (
     ),
     PlotSpec(
         "angles",
-        "Joint angles",
+        "Joints",
         DEGREE,
         6,
         4.0,

@@ -30,10 +30,10 @@ class Trigger:
 
 
 class LivePlots(QWidget):
-    """Signals: held_changed(on); cursors_told(text): positions, values and differences at the cursors."""
+    """Signals: held_changed(on); cursors_told(differences, values): at the cursors; empty for none."""
 
     held_changed = Signal(bool)
-    cursors_told = Signal(str)
+    cursors_told = Signal(str, str)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -58,7 +58,7 @@ class LivePlots(QWidget):
             pane.moved_by_hand.connect(lambda moved=pane: self._on_hand(moved))
             pane.cursor_moved.connect(self._on_cursor)
         layout.addWidget(self.scroll_bar)
-        self.show_model(False)
+        self.show_model(False, False)
 
     # what is shown
 
@@ -73,10 +73,11 @@ class LivePlots(QWidget):
         self.hold(False)
         self.refresh()
 
-    def show_model(self, on: bool) -> None:
-        """Whether modelled curves and residuals are shown."""
+    def show_model(self, torque: bool, force: bool) -> None:
+        """Whether the modelled torque and the modelled force are shown, each with its residual."""
         last = None
-        for pane in self.panes.values():
+        for key, pane in self.panes.items():
+            on = force if key.startswith("force") else torque
             pane.setVisible(on or not pane.spec.model)
             pane.show_model(on)
             if not pane.isHidden():
@@ -142,7 +143,8 @@ class LivePlots(QWidget):
 
     def _live_stop(self, history: History) -> int:
         if not self.trigger.on:
-            return history.stop
+            wide = round(self.window_s * history.rate_hz)
+            return max(history.stop, history.first + wide)  # the first seconds fill the picture from the left
         after = round(self.window_s * (1 - BEFORE_TRIGGER) * history.rate_hz)
         found = last_crossing(history, self.trigger, history.stop - after)
         if found is not None:
@@ -220,23 +222,21 @@ class LivePlots(QWidget):
 
     def _tell_cursors(self) -> None:
         if self._cursors is None or self.history is None:
-            self.cursors_told.emit("")
+            self.cursors_told.emit("", "")
             return
         a, b = self._cursors
-        parts = [f"A {a:.3f} s, B {b:.3f} s, B − A {b - a:+.3f} s"]
-        if b != a:
-            parts[0] += f" ({1 / abs(b - a):.2f} Hz)"
-        history = self.history
+        head = f"A {a:.3f} s, B {b:.3f} s"
+        change = f"{b - a:+.3f} s" + (f" ({1 / abs(b - a):.2f} Hz)" if b != a else "")
+        history, values, differences = self.history, [head], [change]
         for pane in self.panes.values():
             for column in pane.spec.readings:
                 at = [history.value(column, round(time * history.rate_hz)) for time in (a, b)]
                 if all(value == value for value in at):
                     quantity = QUANTITIES[column]
-                    parts.append(
-                        f"{quantity.title} {quantity.text(at[0])}, {quantity.text(at[1])}, "
-                        f"difference {quantity.text(at[1] - at[0])}"
-                    )
-        self.cursors_told.emit("  ·  ".join(parts).replace("-", "−"))
+                    values.append(f"{quantity.title}: A {quantity.text(at[0])}, B {quantity.text(at[1])}")
+                    differences.append(f"{quantity.title.lower()} {quantity.text(at[1] - at[0])}")
+        text = f"{head}; B − A: {', '.join(differences)}"
+        self.cursors_told.emit(text.replace("-", "−"), "\n".join(values).replace("-", "−"))
 
 
 def last_crossing(history: History, trigger: Trigger, before: int) -> int | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFormLayout, QSpinBox, QWidget
 
 from fingerlab.acquisition.protocol import Record, Step, plan_seconds, plan_steps
@@ -42,6 +42,7 @@ class ProtocolForm(QWidget):
         self.runs.setObjectName("runCount")
         self.runs.setRange(1, 100)
         self.runs.setValue(10)
+        self.runs.setAlignment(Qt.AlignmentFlag.AlignRight)
         self.runs.setAccessibleName("Runs of each kind")
         self.runs.setToolTip("Runs of each kind; motion as set under By hand.")
         self.seconds = number("runSeconds", 30.0, 1.0, 3600.0, 1, 5.0, "Seconds of each run.")

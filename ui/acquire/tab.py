@@ -302,7 +302,8 @@ class AcquireTab(Tab):
             self.desk.tell(str(error))
             self._compares = key = NO_MODEL
         self.toolbar.show_model(key, self._model_path if key == FILE else None)
-        self.plots.show_model(self.station.model is not None)
+        modelled = self.station.model is not None
+        self.plots.show_model(modelled, modelled and self.station.set_up.phase == "contact")
         self.plots.refresh()
 
     # what is shown

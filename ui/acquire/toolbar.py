@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
     QWidgetAction,
 )
 
+from ..widgets.labels import ElidedLabel
 from .channels import QUANTITIES, SHOWN
 from .fields import choice
 from .plots import WINDOWS_S, LivePlots, Trigger, level_of
@@ -47,10 +48,9 @@ class Toolbar(QWidget):
             "model", MODELS, "Model: its torque and force over the measured ones, with what is left."
         )
         self.model.setMinimumContentsLength(14)
-        self.differences = QLabel()
+        self.differences = ElidedLabel()
         self.differences.setObjectName("cursorText")
         self.differences.setAccessibleName("At the cursors")
-        self.differences.setWordWrap(True)
         row = QHBoxLayout()
         row.setSpacing(8)
         for widget in (self.window_s, self.hold, self.cursors, self.trigger):
@@ -91,8 +91,9 @@ class Toolbar(QWidget):
         self.hold.setChecked(on)
         self.hold.setText("Go &live" if on else "&Hold")
 
-    def _tell(self, text: str) -> None:
+    def _tell(self, text: str, values: str) -> None:
         self.differences.setText(text)
+        self.differences.setToolTip(values)
         self.differences.setVisible(bool(text))
 
 

@@ -1,0 +1,125 @@
+"""Hands at the simulated rig on a virtual clock: the window's own buttons, and time that passes when told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QComboBox, QLabel, QPushButton
+from pytestqt.qtbot import QtBot
+
+from fingerlab.acquisition.inline import InlineBench
+from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.requests import LoopSettings
+from fingerlab.acquisition.safety import Limits
+from fingerlab.acquisition.units import BenchUnits
+from fingerlab.devices.faults import Faults
+from fingerlab.devices.simulated import SimulatedRig, Simulation
+from fingerlab.ui.acquire.opening import OpenBench, OpenCall, Wanted
+from fingerlab.ui.acquire.tab import AcquireTab
+from fingerlab.ui.registry import TABS, Entry
+from fingerlab.ui.window import MainWindow
+
+from .hands import LEFT, child
+
+PATIENCE = 60_000
+"""The twin compiles its integrator at its first use."""
+
+
+def opener(rescue: Path, faults: Faults | None = None) -> OpenCall:
+    """Opens the simulated rig on a virtual clock; with faults if wanted."""
+
+    def make(wanted: Wanted) -> OpenBench:
+        device = SimulatedRig(simulation=Simulation(seed=wanted.seed), faults=faults)
+        settings = LoopSettings(BenchUnits.from_rig(device.rig), Limits.from_rig(device.rig))
+        return OpenBench(InlineBench(device, settings, rescue), device.rig, dict(device.session_attributes))
+
+    return make
+
+
+def tabs_with(make: OpenCall) -> tuple[Entry, ...]:
+    """The window's tabs, with another way to open a bench."""
+    return tuple(
+        replace(entry, make=lambda desk: AcquireTab(desk, make)) if entry.key == "acquire" else entry
+        for entry in TABS
+    )
+
+
+class Rig:
+    """A window with the simulated rig connected, whose time passes only in :meth:`run`."""
+
+    def __init__(self, window: MainWindow, qtbot: QtBot) -> None:
+        self.window, self._qtbot = window, qtbot
+        tab = window.tab("acquire")
+        assert isinstance(tab, AcquireTab)
+        self.tab = tab
+        self.station, self.recording = tab.station, tab.recording
+        # The card is looked for first; whatever this machine has must not matter.
+        qtbot.waitUntil(lambda: not tab.station.caller.busy, timeout=PATIENCE)
+        self.click("connectSimulated")
+        qtbot.waitUntil(lambda: self.station.bench is not None, timeout=PATIENCE)
+        self.station._timer.stop()
+        self.run(0.2)
+
+    @property
+    def bench(self) -> InlineBench:
+        bench = self.station.bench
+        assert isinstance(bench, InlineBench)
+        return bench
+
+    @property
+    def mode(self) -> Mode:
+        return self.bench.status().mode
+
+    def run(self, seconds: float) -> None:
+        """Time passes on the bench; the window looks as often as it does in life."""
+        for _ in range(max(round(seconds / 0.033), 1)):
+            self.station.tick()
+
+    def click(self, name: str) -> None:
+        """Click a button of the window."""
+        button = child(self.window, QPushButton, name)
+        assert button.isVisible(), name
+        assert button.isEnabled(), f"{name}: {button.toolTip()}"
+        QTest.mouseClick(button, LEFT)
+
+    def key(self, key: Qt.Key, modifier: Qt.KeyboardModifier = Qt.KeyboardModifier.NoModifier) -> None:
+        """Press a key in the window."""
+        QTest.keyClick(self.window, key, modifier)
+
+    def button(self, name: str) -> QPushButton:
+        """One of the buttons."""
+        found: QPushButton = child(self.window, QPushButton, name)
+        return found
+
+    def label(self, name: str) -> str:
+        """What a label says."""
+        text: str = child(self.window, QLabel, name).text()
+        return text
+
+    def enable(self) -> None:
+        """Initialise and enable, by the buttons."""
+        self.click("initialise")
+        self.run(0.1)
+        self.click("enable")
+        self.run(0.1)
+        assert self.mode is Mode.ENABLED
+
+    def start(self) -> None:
+        """Enable and start the motion that is set."""
+        self.enable()
+        self.click("start")
+        self.run(0.1)
+        assert self.mode is Mode.RUNNING
+
+    def settle(self) -> None:
+        """After a stop the pulley turns on; a person hangs the cable anew, and everything is at rest."""
+        field = child(self.window, QComboBox, "phase")
+        field.activated.emit(field.currentIndex())
+        self.run(0.5)
+
+    def files(self) -> list[Path]:
+        """Session files in the folder for recordings."""
+        return sorted(self.recording.details.folder.glob("*.h5"))
