@@ -24,6 +24,8 @@ from fingerlab.report.estimates import mean_and_deviation, number
 from fingerlab.sessions import Session, content_hash
 
 NUMBERS = ("r2", "normalised_r2", "peak_measured", "peak_modelled", "share", "rmse", "delay")
+HOLDS_FROM, HOLDS_TO = 0.85, 0.95
+"""Share of held-out force between which a 90 % interval is said to hold."""
 COLUMNS = (
     ("R2", "r2", 4, 1.0),
     ("R2 normalised", "normalised_r2", 4, 1.0),
@@ -79,6 +81,13 @@ def _print(session: Session, model: ExtendedModel, result: ExtendedPrediction) -
         console.print("No load cell was read in these runs: modelled forces only.", soft_wrap=True)
     console.print(_table(result))
     _print_intervals(console, result)
+    if not all(run.held_out for run in runs) and np.isfinite(runs[0].half_width):
+        holds = HOLDS_FROM <= Spread(tuple(run.coverage for run in runs)).mean <= HOLDS_TO
+        end = "." if holds or not np.isfinite(runs[0].coverage) else ": here it does not."
+        console.print(
+            f"The interval comes from held-out runs of {origin}; it holds for runs like those{end}",
+            soft_wrap=True,
+        )
 
 
 def _table(result: ExtendedPrediction) -> Table:

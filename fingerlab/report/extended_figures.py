@@ -18,7 +18,6 @@ from fingerlab.report.figure_style import (
     MODELLED,
     TICK_SIZE,
     label,
-    legend,
     legend_below,
     new_figure,
 )
@@ -86,7 +85,8 @@ def _start_of(curve: Curve) -> Curve:
 def comparison_figures(result: ModelComparison) -> Mapping[str, Figure]:
     """Error in floors and, where there are contact runs, error of the force and its interval, by model."""
     figures = {"error": error_figure(result.models)}
-    if all(m.forces for m in result.models):
+    runs = [run for model in result.models for run in model.forces]
+    if runs and all(np.isfinite(run.numbers["both"].value("rmse")) for run in runs):
         figures["force-error"] = force_error_figure(result.models)
     return figures
 
@@ -109,12 +109,12 @@ def error_figure(models: Sequence[ComparedModel]) -> Figure:
     axes.tick_params(axis="y", length=0)
     axes.set_xlim(0.0, 1.12 * max(float(scores.max()), 1.0))
     label(axes, "error on runs left out of the fit, in multiples of the floor", "")
-    legend(axes, loc="lower right")
+    legend_below(figure, dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True)))
     return figure
 
 
 def force_error_figure(models: Sequence[ComparedModel]) -> Figure:
-    """Error of the endpoint force of every contact run, and the mean half width of its interval."""
+    """Error of the endpoint force, mean over the contact runs, with every run as a dot."""
     figure, (axes,) = new_figure(size=(7.2, 1.2 + 0.5 * len(models)))
     at = np.arange(len(models), dtype=float)[::-1]
     errors = [1e3 * np.array([r.numbers["both"].value("rmse") for r in m.forces]) for m in models]
@@ -125,7 +125,7 @@ def force_error_figure(models: Sequence[ComparedModel]) -> Figure:
     axes.set_yticks(at, [model_words(m) for m in models], fontsize=TICK_SIZE)
     axes.tick_params(axis="y", length=0)
     label(axes, "error of the endpoint force (mN, rms)", "")
-    legend(axes, loc="lower right")
+    legend_below(figure, dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True)))
     return figure
 
 
