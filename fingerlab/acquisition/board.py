@@ -89,6 +89,11 @@ class Board:
         return cls(Block.attach(name))
 
     @property
+    def counters(self) -> memoryview:
+        """All counters by plain number, for those that count every cycle."""
+        return self._slots
+
+    @property
     def name(self) -> str | None:
         """Name for ``attach``; None for a private board."""
         return self._block.name

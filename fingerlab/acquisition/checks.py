@@ -6,6 +6,8 @@ Checks hold no clock: they count samples.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from operator import attrgetter
 from typing import Protocol
 
 
@@ -74,6 +76,24 @@ class Range:
         )
 
 
+class Ranges:
+    """Two or more ranges in one look, which takes a third of the time of as many looks."""
+
+    def __init__(self, ranges: Sequence[Range]) -> None:
+        self._ranges = ranges
+        self._get = attrgetter(*(one.attribute for one in ranges))
+        self._bounds = [(one.low, one.high) for one in ranges]
+
+    def reset(self) -> None:
+        """Nothing is remembered."""
+
+    def fault(self, reading: Reading) -> str | None:
+        for value, (low, high) in zip(self._get(reading), self._bounds):  # noqa: B905 (strict costs time)
+            if not low <= value <= high:
+                return next(filter(None, (one.fault(reading) for one in self._ranges)))
+        return None
+
+
 class Rise:
     """A quantity may not rise faster than a limit over a short window of samples."""
 
@@ -127,21 +147,25 @@ class EncoderJump:
 
 
 class EncoderStuck:
-    """Under current, a motor that is neither blocked nor blind moves its encoder by a count."""
+    """A motor that is neither blocked nor blind moves its encoder by a count when its current changes.
 
-    def __init__(self, current: float, samples: int) -> None:
-        self.current, self.samples = current, samples
-        self._last, self._count = math.nan, 0
+    Under a steady current it may stand: against the load cell, or where friction holds it at a turning point.
+    """
+
+    def __init__(self, current: float, change: float, samples: int) -> None:
+        self.current, self.change, self.samples = current, change, samples
+        self.reset()
 
     def reset(self) -> None:
-        self._last, self._count = math.nan, 0
+        self._last, self._count, self._from = math.nan, 0, math.nan
 
     def fault(self, reading: Reading) -> str | None:
-        if reading.position != self._last or abs(reading.current) < self.current:
-            self._last, self._count = reading.position, 0
+        if reading.position != self._last:
+            self._last, self._count, self._from = reading.position, 0, reading.current
             return None
         self._count += 1 + reading.lost
-        if self._count < self.samples:
+        still = self._count < self.samples or abs(reading.current) < self.current
+        if still or abs(reading.current - self._from) < self.change:
             return None
         return (
             f"The encoder stands still under {reading.current:.3g} A; the encoder is unplugged or the motor "

@@ -61,6 +61,34 @@ def slowed(gains: Gains, cycles: int) -> Gains:
     )
 
 
+REST_BAND = math.radians(0.3)
+"""A motor that stays this near to its command is at rest (assumed: seven encoder counts)."""
+
+REST_S = 0.1
+"""For so long."""
+
+LONGEST_SETTLING_S = 2.0
+"""After so long the current goes off in any case (assumed: four times the loop's integral time)."""
+
+
+class Settling:
+    """Tells when a soft stop is over: a motor without current and without friction keeps its last speed."""
+
+    def __init__(self, period: float) -> None:
+        self._wanted, self._most = round(REST_S / period), round(LONGEST_SETTLING_S / period)
+        self.begin()
+
+    def begin(self) -> None:
+        """A soft stop begins."""
+        self._near = self._waited = 0
+
+    def over(self, error: float) -> bool:
+        """Whether the motor rests, ``error`` (rad) from its command. Called once a cycle after the stop."""
+        self._waited += 1
+        self._near = self._near + 1 if abs(error) <= REST_BAND else 0
+        return self._near >= self._wanted or self._waited >= self._most
+
+
 class PositionLoop:
     """Current command (A) from the position error (rad), once a sample."""
 

@@ -26,7 +26,7 @@ from fingerlab.acquisition.commands import (
     SetUp,
     Tare,
 )
-from fingerlab.acquisition.control import Gains, PositionLoop, slowed
+from fingerlab.acquisition.control import Gains, PositionLoop, Settling, slowed
 from fingerlab.acquisition.machine import Event, Machine, Mode
 from fingerlab.acquisition.publishing import Publisher
 from fingerlab.acquisition.reading import Reader
@@ -72,6 +72,7 @@ class ControlLoop:
         gains = self._gains(settings)
         self._controller = PositionLoop(gains, self._period * self._hold)
         self._reference = Reference(self._period)
+        self._settling = Settling(self._period)
         self._reader = Reader(settings.units, self._period, clock)
         self._commands: deque[tuple[int, Command | ReadyStart | Refused]] = deque()
         self._averaging: Averaging | None = None
@@ -132,7 +133,7 @@ class ControlLoop:
         try:
             sample = self.device.exchange(self._volts)
         except DeviceLost as error:
-            self._lose_device(str(error))
+            self._fault(str(error), lost=True)
             return
         except DeviceFault as error:
             self._fault(str(error))
@@ -188,7 +189,7 @@ class ControlLoop:
         if self._approach is not None:
             self._follow_approach(reading)
         if reference.over:
-            self._end_of_trajectory()
+            self._end_of_trajectory(reading)
         if not self.machine.command_allowed:
             self._amps = self._volts = 0.0
         elif self._hold == 1 or reading.index % self._hold == 0:
@@ -218,7 +219,7 @@ class ControlLoop:
             sentence = str(error)
         except DeviceLost as error:
             sentence = str(error)
-            self._lose_device(sentence)
+            self._fault(sentence, lost=True)
         except DeviceFault as error:
             sentence = str(error)
             self._fault(sentence)
@@ -281,15 +282,16 @@ class ControlLoop:
         elif self._reference.over:
             self._board[Slot.APPROACHED] = -1
 
-    def _end_of_trajectory(self) -> None:
+    def _end_of_trajectory(self, reading: Reading) -> None:
         if self.machine.mode is Mode.RUNNING:
             self._rest()
-        else:
+        elif self._settling.over(self._reference.value - reading.position):
             self._become(Event.REST)
 
     def _rest(self) -> None:
         self._approach = None
         self._reference.rest()
+        self._settling.begin()
         self._board[Slot.RUN_ACTIVE] = 0
         self._become(Event.FINISH)
 
@@ -298,7 +300,9 @@ class ControlLoop:
         self._become(Event.STOP)
         self._forget()
 
-    def _fault(self, sentence: str) -> None:
+    def _fault(self, sentence: str, lost: bool = False) -> None:
+        """Motor off until the operator resets; with ``lost`` there is no device left, and the loop ends."""
+        self.ended = self.ended or lost
         if not self._make_safe():
             sentence += " Zero output could not be confirmed: switch the amplifier off by hand."
         self._become(Event.FAULT)
@@ -306,10 +310,6 @@ class ControlLoop:
         self._faults += 1
         self._board.set_text(Text.FAULT, sentence)
         self._board[Slot.FAULTS] = self._faults
-
-    def _lose_device(self, sentence: str) -> None:
-        self._fault(sentence)
-        self.ended = True
 
     def _forget(self) -> None:
         """What was under way has ended."""
@@ -336,7 +336,7 @@ class ControlLoop:
         try:
             self.device.start()
         except (DeviceLost, DeviceFault) as error:
-            self._lose_device(str(error))
+            self._fault(str(error), lost=True)
             return False
         self._reader.restarted()
         return True

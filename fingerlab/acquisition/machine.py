@@ -98,12 +98,12 @@ class Machine:
     @property
     def command_allowed(self) -> bool:
         """Whether a current command other than zero may leave."""
-        return self.mode in COMMAND_MODES
+        return self.mode is _R or self.mode is _P  # asked several times a cycle: a set would hash names
 
     @property
     def enable_allowed(self) -> bool:
         """Whether the amplifier's enable line may be high."""
-        return self.mode in ENABLE_MODES
+        return self.mode is _E or self.mode is _R or self.mode is _P
 
     def allows(self, event: Event) -> bool:
         """Whether the event is known in this mode and not held back by the latch."""

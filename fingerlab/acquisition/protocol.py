@@ -233,7 +233,7 @@ class ProtocolDriver:
         count = round(trajectory.duration * bench.rate_hz)
         bench.ask(Start(settings))
         start = bench.status().run_start
-        done = bench.status().recorded_runs
+        done = bench.board[Slot.RECORDED_RUNS]
         bench.recorder.begin(
             RunInfo(
                 step.phase,
@@ -251,7 +251,7 @@ class ProtocolDriver:
         def recorded() -> bool:
             share = min(max(bench.board[Slot.INDEX] - start, 0) / count, 1.0)
             self._report((step.number - 1 + share) / step.count, words)
-            return bench.status().recorded_runs > done
+            return bench.board[Slot.RECORDED_RUNS] > done
 
         bench.wait_until(recorded, trajectory.duration + 30.0, f"Recording {words}")
         self.samples += count

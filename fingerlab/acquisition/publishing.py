@@ -16,13 +16,12 @@ class Publisher:
     """Writes rows and counts late and lost cycles."""
 
     def __init__(self, ring: Ring, board: Board, period: float) -> None:
-        self._ring, self._board = ring, board
+        self._write, self._board, self._counters = ring.write, board, board.counters
         self._late_from = LATE_SHARE * period
         self._late = self._lost = self._cycles = 0
 
     def publish(self, r: Reading, machine: Machine, reference: float, amps: float, run: int) -> None:
         """Publish a cycle: ``reference`` in rad, ``amps`` the current command, ``run`` 0 without motion."""
-        board = self._board
         flags = 0
         if machine.enable_allowed:
             flags |= _ENABLED
@@ -31,12 +30,12 @@ class Publisher:
         if r.lateness > self._late_from:
             flags |= _LATE
             self._late += 1
-            board[Slot.LATE] = self._late
+            self._board[Slot.LATE] = self._late
         if r.lost:
             flags |= _LOST
             self._lost += r.lost
-            board[Slot.LOST] = self._lost
-        self._ring.write(
+            self._board[Slot.LOST] = self._lost
+        self._write(
             (
                 r.index,
                 reference,
@@ -57,10 +56,11 @@ class Publisher:
             )
         )
         self._cycles += 1
-        board[Slot.INDEX] = r.index
-        board[Slot.CYCLES] = self._cycles
+        self._counters[_INDEX] = r.index
+        self._counters[_CYCLES] = self._cycles
 
 
 # Plain numbers: arithmetic on an enum costs more than the rest of the cycle.
 _ENABLED, _LATCHED = int(RowFlag.ENABLED), int(RowFlag.LATCHED)
+_INDEX, _CYCLES = int(Slot.INDEX), int(Slot.CYCLES)
 _LATE, _LOST = int(RowFlag.LATE), int(RowFlag.LOST_BEFORE)

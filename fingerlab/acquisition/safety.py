@@ -17,6 +17,7 @@ from fingerlab.acquisition.checks import (
     FollowingError,
     Late,
     Range,
+    Ranges,
     Reading,
     Rise,
     Stuck,
@@ -55,6 +56,9 @@ class Limits:
     following_time: float = _limit(0.1, "s", "assumed")
     encoder_jump: float = _limit(0.1, "rad", "assumed: a sample at 100 rad/s, half of the no-load speed")
     encoder_stuck_current: float = _limit(1.5, "A", "assumed: ten times the no-load current")
+    encoder_stuck_change: float = _limit(
+        0.5, "A", "assumed: turning under load, dry friction held a motor still for at most 0.12 A"
+    )
     encoder_stuck_time: float = _limit(0.03, "s", "assumed: free, the pulley turns 0.5 degrees in it")
     stuck_time: float = _limit(0.5, "s", "assumed")
     stuck_travel: float = _limit(math.radians(10.0), "rad", "assumed: more than the cable's dead travel")
@@ -171,20 +175,30 @@ def safety_checks(limits: Limits, rate_hz: float, *, finger: bool, force: bool) 
     period = 1.0 / rate_hz
     checks: list[Check] = [
         EncoderJump(limits.encoder_jump),
-        Range("position", limits.position_low, limits.position_high, "motor position", "rad"),
-        Range("speed", -limits.speed, limits.speed, "motor speed", "rad/s"),
-        Range("current", -limits.current, limits.current, "motor current", "A"),
-        Range("torque", -limits.torque, limits.torque, "motor torque", "N m"),
+        Ranges(
+            (
+                Range("position", limits.position_low, limits.position_high, "motor position", "rad"),
+                Range("speed", -limits.speed, limits.speed, "motor speed", "rad/s"),
+                Range("current", -limits.current, limits.current, "motor current", "A"),
+                Range("torque", -limits.torque, limits.torque, "motor torque", "N m"),
+            )
+        ),
         Rise("tension", limits.tension_rise, period, "cable tension", "N/s"),
-        EncoderStuck(limits.encoder_stuck_current, samples(limits.encoder_stuck_time)),
+        EncoderStuck(
+            limits.encoder_stuck_current, limits.encoder_stuck_change, samples(limits.encoder_stuck_time)
+        ),
         FollowingError(limits.following_error, samples(limits.following_time)),
         Late(limits.late_time, round(limits.late_cycles), period),
     ]
     stuck = samples(limits.stuck_time)
     if finger:
         checks += [
-            Range("mcp", limits.mcp_low, limits.mcp_high, "MCP angle", "rad"),
-            Range("pip", limits.pip_low, limits.pip_high, "PIP angle", "rad"),
+            Ranges(
+                (
+                    Range("mcp", limits.mcp_low, limits.mcp_high, "MCP angle", "rad"),
+                    Range("pip", limits.pip_low, limits.pip_high, "PIP angle", "rad"),
+                )
+            ),
             Stuck(1, "position", limits.stuck_travel, stuck, "MCP sensor"),
             Stuck(2, "position", limits.stuck_travel, stuck, "PIP sensor"),
         ]

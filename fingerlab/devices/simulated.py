@@ -73,7 +73,10 @@ class SimulatedBench:
         self.effects = self._effects(simulation)
         self._counts_before = 0.0
         self._by_hand = dict.fromkeys(("load_cell", "mcp", "pip", "encoder"), 0.0)
+        self._touched = False
         self._lines = [_line(channel) for channel in daq.inputs]
+        self._amps = daq.command.sign * daq.command.gain
+        self._turn = daq.encoder.sign
         self.stream: BenchStream
         self.set_up(simulation.phase, simulation.cable, simulation.load_torque)
 
@@ -95,23 +98,28 @@ class SimulatedBench:
 
     def advance(self, volts: float, enabled: bool) -> None:
         """One cycle with the amplifier's set value held; without enable there is no current."""
-        self.stream.advance(self._daq.command.current(volts) if enabled else 0.0)
+        self.stream.advance(self._amps * volts if enabled else 0.0)
 
     def raw(self) -> tuple[float, ...]:
         """Raw values in the order of ``RAW_CHANNELS``; each call has noise of its own."""
         force, mcp, pip, current, counts = self.stream.seen()
-        hand, encoder = self._by_hand, self._daq.encoder
-        counts += round(hand["encoder"] * encoder.counts_per_turn / (2.0 * math.pi))
-        quantities = (force + hand["load_cell"], mcp + hand["mcp"], pip + hand["pip"], current)
-        raw = []
-        for quantity, (sign, gain, offset, low, high) in zip(quantities, self._lines, strict=True):
-            volts = (sign * quantity - offset) / gain
-            raw.append(low if volts < low else high if volts > high else volts)  # NaN stays NaN
-        return (*raw, encoder.sign * (self._counts_before + counts))
+        if self._touched:
+            hand = self._by_hand
+            counts += round(hand["encoder"] * self._daq.encoder.counts_per_turn / (2.0 * math.pi))
+            force, mcp, pip = force + hand["load_cell"], mcp + hand["mcp"], pip + hand["pip"]
+        lines = self._lines
+        return (
+            _volts(force, *lines[0]),
+            _volts(mcp, *lines[1]),
+            _volts(pip, *lines[2]),
+            _volts(current, *lines[3]),
+            self._turn * (self._counts_before + counts),
+        )
 
     def move_by_hand(self, channel: str, amount: float) -> None:
         """What a hand adds to a sensor: ``load_cell`` (N), ``mcp``, ``pip``, ``encoder`` (rad)."""
         self._by_hand[channel] = amount
+        self._touched = any(self._by_hand.values())
 
     def session_attributes(self) -> dict[str, str]:
         """Attributes by which ``reveal`` later tells what this bench had; sealed where it was hidden."""
@@ -166,6 +174,13 @@ class SimulatedRig:
         self._origin = self._skew = 0.0
         self._zero = 0.0
         self._sensors = FaultySensors(faults)
+        self._unplug_at = math.inf if faults.unplug_at is None else faults.unplug_at
+        self._steps_clock, self._spoils = (
+            bool(faults.clock_steps),
+            bool(faults.sensors or faults.encoder_jumps),
+        )
+        self._jumps = bool(faults.lost or faults.late)
+        self._low, self._high = self._daq.command.low, self._daq.command.high
 
     @property
     def driven_current(self) -> float:
@@ -224,25 +239,30 @@ class SimulatedRig:
         self._enabled = on
 
     def exchange(self, command_volts: float) -> Sample:
-        self._answer()
+        if self._index >= self._unplug_at:
+            self._answer()
         if not self._running:
             raise DeviceFault("The simulated rig is not running; start it first.")
         if not math.isfinite(command_volts):
             raise DeviceFault(f"The command is {command_volts} V; the output keeps its last value.")
         cycles, lateness = self._pace() if self._paced else self._jump()
         try:
-            for _ in range(cycles):
+            self.bench.advance(self._output, self._enabled)
+            for _ in range(cycles - 1):
                 self.bench.advance(self._output, self._enabled)
         except UserError as error:  # it ran away
             raise DeviceFault(str(error)) from error
-        command = self._daq.command
-        self._output = min(max(command_volts, command.low), command.high)
+        low, high = self._low, self._high
+        self._output = low if command_volts < low else high if command_volts > high else command_volts
         self._index += cycles
-        if self._index in self._faults.clock_steps:
+        if self._steps_clock and self._index in self._faults.clock_steps:
             self._set_clock(self._faults.clock_steps[self._index])
-        *volts, counts = self.bench.raw()
-        raw = self._sensors.spoil(self._index, (*volts, counts - self._zero))
-        self._answer()
+        force, mcp, pip, current, counts = self.bench.raw()
+        raw: tuple[float, ...] = (force, mcp, pip, current, counts - self._zero)
+        if self._spoils:
+            raw = self._sensors.spoil(self._index, raw)
+        if self._index >= self._unplug_at:
+            self._answer()
         return Sample(self._index, raw, lateness)
 
     def make_safe(self) -> bool:
@@ -258,7 +278,7 @@ class SimulatedRig:
         self._open = False
 
     def _unplugged(self) -> bool:
-        return self._faults.unplug_at is not None and self._index >= self._faults.unplug_at
+        return self._index >= self._unplug_at
 
     def _answer(self) -> None:
         if self._unplugged():
@@ -271,6 +291,9 @@ class SimulatedRig:
 
     def _jump(self) -> tuple[int, float]:
         """Cycles until the next one that is seen, and its lateness, on a clock that the rig turns itself."""
+        if not self._jumps:
+            self._clock.sleep(1.0 / self.rate_hz)
+            return 1, 0.0
         cycles = 1 + self._faults.lost.get(self._index + 1, 0)
         late = self._faults.late.get(self._index + cycles, 0.0)
         self._clock.sleep(cycles / self.rate_hz + late)
@@ -302,6 +325,12 @@ class SimulatedRig:
             self._clock.step(seconds)
         else:
             self._skew += seconds
+
+
+def _volts(quantity: float, sign: float, gain: float, offset: float, low: float, high: float) -> float:
+    """What a channel makes of a quantity; NaN stays NaN."""
+    volts = (sign * quantity - offset) / gain
+    return low if volts < low else high if volts > high else volts
 
 
 def _line(channel: AnalogInput) -> tuple[float, float, float, float, float]:

@@ -55,7 +55,8 @@ class PartWriter:
         self.path, self.length = path, 0
         self._reserve = path.with_suffix(RESERVE_SUFFIX)
         self._reserve.write_bytes(bytes(RESERVE_BYTES))
-        self._file = h5py.File(path, "x", libver="latest")
+        # A chunk is written once, from its beginning to its end: a cache of one is enough, and does not grow.
+        self._file = h5py.File(path, "x", libver="latest", rdcc_nbytes=8 * CHUNK)
         root = {"format": FORMAT_NAME, "format_version": FORMAT_VERSION, **header.root}
         write_attributes(self._file, root)
         self._group = self._file.create_group(f"runs/{RUN}")

@@ -58,6 +58,7 @@ class BenchStream:
         self._limit = float(self._bench.control["current_limit"])
         self._rng = rng
         self._sensors = self._bench.sensors
+        self._bridged = self._sensors.bridge_offset != 0.0 or self._sensors.bridge_mismatch != 0.0
         self._count = 2.0 * math.pi / (counts_per_turn or preset.numbers["control"]["counts"])
         self._noise: list[list[float]] = []
         self._noise_at = 0
@@ -77,7 +78,8 @@ class BenchStream:
         Raises:
             UserError: the bench ran away.
         """
-        command = min(max(current, -self._limit), self._limit)
+        limit = self._limit
+        command = -limit if current < -limit else limit if current > limit else current
         run_sample(
             self._plant,
             self._bench.friction,
@@ -108,8 +110,11 @@ class BenchStream:
         if not self.has_finger:
             return math.nan, math.nan, math.nan, current, counts
         force, q1, q2 = self._late()
-        mcp = bridge_angle(q1, sensors) + self._drift() + sensors.angle_noise * noise[1]
-        pip = bridge_angle(q2, sensors) + sensors.angle_noise * noise[2]
+        if self._bridged:
+            q1, q2 = bridge_angle(q1, sensors), bridge_angle(q2, sensors)
+        if sensors.drift:
+            q1 += self._drift()
+        mcp, pip = q1 + sensors.angle_noise * noise[1], q2 + sensors.angle_noise * noise[2]
         return (
             _quantised(sensors.force_gain * force + sensors.force_noise * noise[3], sensors.force_step),
             _quantised(mcp, sensors.angle_step),
@@ -134,8 +139,6 @@ class BenchStream:
         return a, b, c
 
     def _drift(self) -> float:
-        if self._sensors.drift == 0.0:
-            return 0.0
         warm = 1.0 - math.exp(-self._samples * PERIOD / WARM_UP)
         return self._sensors.drift * warm / (1.0 - math.exp(-2.0))
 

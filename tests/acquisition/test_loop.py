@@ -45,6 +45,8 @@ def test_a_run_ends_at_rest_and_leaves_the_amplifier_enabled_without_current() -
     bench.cycles(4000)
     assert bench.loop.machine.mode is Mode.STOPPING
     bench.cycles(1001)
+    assert bench.loop.machine.mode is Mode.STOPPING  # the motor has yet to come to rest
+    bench.cycles(2000)
     assert bench.loop.machine.mode is Mode.ENABLED
     assert abs(bench.column("motor_command")[-2]) < math.radians(1.0)
     assert bench.device.outputs[-1][1:] == (0.0, True)

@@ -50,6 +50,14 @@ def test_a_healthy_bench_has_no_fault(safety: Safety) -> None:
         ("force", 10.0, "force"),
         ("mcp", math.radians(95), "MCP"),
         ("pip", math.radians(95), "PIP"),
+        ("position", math.radians(160), "position"),
+        ("current", -3.0, "current"),
+        ("torque", -0.4, "torque"),
+        ("speed", -20.0, "speed"),
+        ("force", -10.0, "force"),
+        ("mcp", math.radians(-60), "MCP"),
+        ("pip", math.radians(-70), "PIP"),
+        ("position", math.radians(-20), "position"),
     ],
 )
 def test_each_quantity_trips_just_beyond_its_limit(
@@ -57,8 +65,10 @@ def test_each_quantity_trips_just_beyond_its_limit(
 ) -> None:
     reading = healthy()
     setattr(reading, attribute, limit * 0.9999)
+    safety.reset()
     assert safety.fault(reading) is None
     setattr(reading, attribute, limit * 1.0001)
+    safety.reset()  # so that only the value counts, not the jump to it
     sentence = safety.fault(reading)
     assert sentence is not None
     assert words in sentence
@@ -90,6 +100,16 @@ def test_tension_may_rise_at_its_limit_over_ten_samples_and_no_faster() -> None:
         assert any(faults) == tripped
 
 
+def test_the_tensions_rise_is_among_the_checks_of_every_experiment() -> None:
+    for finger, force in ((True, True), (False, False)):
+        safety, faults = safety_checks(Limits(), 1000.0, finger=finger, force=force), []
+        for k in range(30):
+            reading = healthy(k)
+            reading.tension = 2.5 * k  # 2500 N/s
+            faults.append(safety.fault(reading))
+        assert "tension" in str(next(filter(None, faults)))
+
+
 def test_an_encoder_jump_is_seen_in_its_own_sample_and_lost_cycles_are_allowed_for() -> None:
     check = EncoderJump(0.1)
     assert check.fault(healthy(0, 0.0)) is None
@@ -101,11 +121,20 @@ def test_an_encoder_jump_is_seen_in_its_own_sample_and_lost_cycles_are_allowed_f
 
 
 def test_an_encoder_that_stands_still_under_current_trips_after_its_time() -> None:
-    check, reading = EncoderStuck(1.5, 30), healthy()
+    check, reading = EncoderStuck(1.5, 0.5, 30), healthy()
+    reading.current = 1.0
+    check.fault(reading)
     reading.current = 1.6
-    assert [check.fault(reading) is None for _ in range(31)] == [True] * 30 + [False]
+    assert [check.fault(reading) is None for _ in range(31)] == [True] * 29 + [False] * 2
     reading.current = 1.4
     assert all(check.fault(reading) is None for _ in range(100))
+
+
+def test_a_motor_that_holds_against_a_steady_load_has_no_stuck_encoder() -> None:
+    check, reading = EncoderStuck(1.5, 0.5, 30), healthy()
+    for k in range(2000):
+        reading.current = 2.5 + 0.2 * math.sin(0.01 * k)
+        assert check.fault(reading) is None
 
 
 def test_a_stuck_sensor_is_told_from_a_finger_at_rest() -> None:
