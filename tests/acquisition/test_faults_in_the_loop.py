@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -21,7 +23,7 @@ from fingerlab.acquisition.commands import (
     Tare,
 )
 from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.safety import Limits
+from fingerlab.acquisition.safety import Limits, safety_checks
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
 
@@ -56,6 +58,54 @@ def test_each_fault_ends_at_zero_output_within_50_ms_of_plant_time(name: str) ->
     assert live, "the motor was driven before"
     assert live[-1] <= AT + cycles
     assert live[-1] - AT <= 50
+    assert (bench.device.volts, bench.device.enabled) == (0.0, False)
+
+
+LIMITS: dict[str, tuple[str, float]] = {
+    "current": ("motor_current", 0.2),
+    "torque": ("motor_torque", 0.025),
+    "speed": ("motor_speed", 1.2),
+    "position_high": ("motor_position", 0.5),
+    "position_low": ("motor_position", 0.3),
+    "mcp_high": ("mcp_angle", 0.2),
+    "mcp_low": ("mcp_angle", 0.12),
+    "pip_high": ("pip_angle", 0.3),
+    "pip_low": ("pip_angle", 0.18),
+    "force": ("endpoint_force", 0.3),
+}
+
+
+def beyond(name: str, values: np.ndarray, limit: float) -> np.ndarray:
+    """Which of the values are beyond the limit of this name."""
+    return values < limit if name.endswith("_low") else np.abs(values) > limit
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_the_first_sample_beyond_a_limit_takes_the_current_away(name: str) -> None:
+    column, limit = LIMITS[name]
+    bench = Driven(FakeDevice())
+    assert bench.ask(SetUp("contact", "flexion")) == ""
+    bench.run(endless=True)
+    bench.cycles(1200)
+    # Narrowed while it moves: a trajectory beyond the limits would have been refused at its start.
+    narrow = replace(Limits(), **{name: limit})
+    while beyond(name, bench.column(column), limit)[-1]:  # begin on the safe side
+        bench.cycles(1)
+    inside = len(bench.column(column))
+    bench.loop._safety = safety_checks(narrow, 1000.0, finger=True, force=True)
+    bench.cycles(1100, lambda: bool(bench.board[Slot.FAULTS]))
+    outside = beyond(name, bench.column(column)[inside:], limit)
+    assert outside.any(), "the motion reaches the limit"
+    assert int(np.argmax(outside)) == len(outside) - 1, "the fault came in its very sample"
+    assert (bench.device.volts, bench.device.enabled) == (0.0, False)
+    assert bench.loop.machine.mode is Mode.FAULT
+
+
+def test_a_tension_that_rises_too_fast_takes_the_current_away() -> None:
+    bench = Driven(FakeDevice(), Limits(tension_rise=40.0))
+    bench.run({**SINE, "frequency_hz": 3.0}, endless=True)
+    bench.cycles(1500)
+    assert "tension rises" in bench.fault
     assert (bench.device.volts, bench.device.enabled) == (0.0, False)
 
 

@@ -1,0 +1,239 @@
+"""Every fault but a kill: put into a bench in full motion that records, on a virtual clock, and counted.
+
+The recorder takes its turn every 20 cycles, as its process does every 20 ms. ``python -m tests.faults.sweep``
+shows the table; ``test_injected.py`` holds each to its limits.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import numpy as np
+
+from fingerlab.acquisition.board import Slot, Text
+from fingerlab.acquisition.commands import SetUp
+from fingerlab.acquisition.recorder import Recorder
+from fingerlab.acquisition.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.safety import Limits
+from fingerlab.devices.clock import VirtualClock
+from fingerlab.devices.faults import Faults
+from fingerlab.devices.simulated import SimulatedRig
+from fingerlab.errors import UserError
+from fingerlab.rig_file import default_rig
+from fingerlab.sessions import check_session, open_session
+from fingerlab.sessions.part_file import RESERVE_BYTES, PartWriter
+from fingerlab.sessions.recording_place import PART_SUFFIX
+from tests.acquisition.driving import SINE, Driven
+from tests.acquisition.fake_device import FakeDevice
+
+AT = 2400
+"""Cycle of the bench at which the fault comes: the motor is at full speed."""
+LAST = 7000
+TURN = 20
+"""Cycles between two turns of the recorder: ``process.POLL_S`` at 1 kHz."""
+ROOM_BYTES = 8 << 10
+"""Room that is left when the disk fills up: less than the next piece of any channel."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault.
+
+    Attributes:
+        name: for the table. device: options of the fake bench, or ``clock_steps`` of the simulated one.
+        during: done once at cycle ``AT``; what it enters is left when the recording ends.
+        most_ms: plant time within which output and enable are at zero; None where the run goes on.
+        words: in the sentence that the operator reads. phase: of the run.
+    """
+
+    name: str
+    device: dict[str, Any] = field(default_factory=dict)
+    during: Callable[[ExitStack, Path], None] | None = None
+    most_ms: int | None = 50
+    words: str = ""
+    phase: str = "contact"
+
+
+@dataclass(frozen=True)
+class Counted:
+    """What became of it: ms of plant time to zero (None where the motor went on), s of samples that are not
+    in the session, how that says it ended, and the operator's sentence."""
+
+    name: str
+    reaction_ms: int | None
+    lost_s: float
+    ended: str
+    sentence: str
+
+
+def fill_the_disk(stack: ExitStack, place: Path) -> None:
+    """From here on the file may grow by ``ROOM_BYTES`` only; the system itself refuses the rest.
+
+    As on a full disk, the room that the recorder has set aside can be had when it gives it up.
+    """
+    import resource
+
+    def spend(writer: PartWriter) -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest + ROOM_BYTES + RESERVE_BYTES, hard))
+        give_up(writer)
+
+    largest = max(path.stat().st_size for path in place.rglob(f"*{PART_SUFFIX}"))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    give_up = PartWriter._spend_reserve
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest + ROOM_BYTES, hard))
+    stack.enter_context(mock.patch.object(PartWriter, "_spend_reserve", spend))
+    stack.callback(resource.setrlimit, resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def little_room(stack: ExitStack, place: Path) -> None:
+    """The disk has one megabyte left."""
+    usage = shutil._ntuple_diskusage(10**9, 10**9 - 10**6, 10**6)  # type: ignore[attr-defined]
+    stack.enter_context(mock.patch.object(shutil, "disk_usage", return_value=usage))
+
+
+def take_the_folder_away(stack: ExitStack, place: Path) -> None:
+    """The folder that is recorded to vanishes with all that is in it."""
+    shutil.rmtree(place)
+
+
+def set_the_clock(stack: ExitStack, place: Path) -> None:
+    """Somebody sets the machine's clock an hour forward, then two back, and so on with every look at it."""
+    now, hours = time.time(), cycle((1.0, -1.0))
+
+    def jumping() -> float:
+        return now + 3600.0 * next(hours)
+
+    def jumping_ns() -> int:
+        return int(1e9 * jumping())
+
+    stack.enter_context(mock.patch.object(time, "time", jumping))
+    stack.enter_context(mock.patch.object(time, "time_ns", jumping_ns))
+
+
+STUCK_MS = 550
+"""Half a second without any change to the last bit, while what moves the sensor moves."""
+
+FAULTS = [
+    Fault("disk full", during=fill_the_disk, words="cannot be written"),
+    Fault("less than 32 MB of room left", during=little_room, words="MB left", most_ms=300),
+    Fault("target folder vanishes", during=take_the_folder_away, words="vanished", most_ms=300),
+    Fault("device unplugged", {"gone_at": AT}, words="gone", most_ms=1),
+    Fault("device reports an error", {"fault_at": AT}, words="hiccup", most_ms=1),
+    Fault("load cell gives no number", {"nan": {0: AT}}, words="force", most_ms=1),
+    Fault("MCP sensor gives no number", {"nan": {1: AT}}, words="MCP", most_ms=1),
+    Fault("PIP sensor gives no number", {"nan": {2: AT}}, words="PIP", most_ms=1),
+    Fault("current monitor gives no number", {"nan": {3: AT}}, words="current", most_ms=1),
+    Fault("encoder gives no number", {"nan": {4: AT}}, words="position", most_ms=1),
+    Fault("load cell stuck to the last bit", {"stuck": {0: AT}}, words="load cell", most_ms=STUCK_MS),
+    Fault("MCP sensor stuck to the last bit", {"stuck": {1: AT}}, words="MCP", most_ms=STUCK_MS),
+    Fault("PIP sensor stuck to the last bit", {"stuck": {2: AT}}, words="PIP", most_ms=STUCK_MS),
+    Fault("encoder stuck", {"stuck": {4: AT}}, words="encoder", most_ms=150),
+    Fault("encoder jumps by 38 degrees", {"jump": (AT, 900.0)}, words="encoder jumped", most_ms=1),
+    Fault("encoder jumps back by 13 degrees", {"jump": (AT, -300.0)}, words="encoder jumped", most_ms=1),
+    Fault("one cycle 30 ms late", {"late": {AT: 0.03}}, words="30 ms", most_ms=1),
+    Fault("60 cycles in a row 2 ms late", {"late": {AT + k: 2e-3 for k in range(60)}}, words="late 50 times"),
+    Fault("10 cycles lost", {"lost": {AT: 10}}, most_ms=None),
+    Fault("30 cycles lost at once", {"lost": {AT: 30}}, words="30 ms", most_ms=31),
+    Fault("machine's clock set forward and back by hours", during=set_the_clock, most_ms=None),
+    Fault("rig's clock set forward by an hour", {"clock_steps": {AT: 3600.0}}, most_ms=None, phase="on_air"),
+    Fault("rig's clock set back by two hours", {"clock_steps": {AT: -7200.0}}, most_ms=None, phase="on_air"),
+]
+
+
+def possible(fault: Fault) -> bool:
+    """Whether this system can have the fault: Windows keeps a folder with open files, and has no limit."""
+    return sys.platform != "win32" or fault.during not in (fill_the_disk, take_the_folder_away)
+
+
+def inject(fault: Fault, folder: Path) -> Counted:
+    """Let it happen in a recording below ``folder``."""
+    bench = _bench(fault)
+    place = folder / "place"
+    place.mkdir()
+    recorder = Recorder(bench.ring, bench.board, folder / "rescued", lambda: bench.loop._reader.index / 1000)
+    recorder.open(SessionInfo(place / "s.h5", default_rig().to_json(), "fault", "2026-11-01T09:00:00+01:00"))
+    assert bench.ask(SetUp(fault.phase, "flexion")) == ""
+    bench.run({**SINE, "ramp_s": 0.5}, endless=True)
+    start = bench.board[Slot.RUN_START]
+    recorder.begin(RunInfo(fault.phase, "flexion", 1000.0, SINE, start))
+    with ExitStack() as stack:
+        came, zero = _run(bench, recorder, fault, stack, place)
+        newest = bench.board[Slot.INDEX] if zero is None else zero
+        sentence = bench.fault or bench.board.text(Text.RECORDER)
+    path = _finish(recorder, sentence, place / "s.h5", folder / "rescued" / "s.h5")
+    lost, ended = _missing(path, start, newest)
+    return Counted(fault.name, None if zero is None else zero - came, lost / 1000.0, ended, sentence)
+
+
+def _bench(fault: Fault) -> Driven:
+    if "clock_steps" in fault.device:
+        clock = VirtualClock(1e4)
+        return Driven(SimulatedRig(faults=Faults(**fault.device), clock=clock))
+    return Driven(FakeDevice(**fault.device), Limits(stuck_torque=0.02))
+
+
+def _run(
+    bench: Driven, recorder: Recorder, fault: Fault, stack: ExitStack, place: Path
+) -> tuple[int, int | None]:
+    """Index at which the fault came, and of the first sample with zero output; None where it never fell.
+
+    A full disk comes with the first write that it refuses.
+    """
+    came, faults = AT, bench.board[Slot.FAULTS]
+    while bench.board[Slot.INDEX] < LAST and not bench.loop.ended:
+        bench.cycles(1)
+        index = bench.board[Slot.INDEX]
+        if fault.during is not None and index == AT:
+            recorder.poll()
+            fault.during(stack, place)
+        if index % TURN == 0:
+            recorder.poll()
+            if fault.during is fill_the_disk and bench.board[Slot.RECORDER_ERRORS]:
+                came = index
+        if bench.board[Slot.FAULTS] != faults:
+            device = bench.device
+            assert (device.volts, device.enabled) == (0.0, False)
+            return came, max(index, came)
+    return came, None
+
+
+def _finish(recorder: Recorder, sentence: str, path: Path, rescued: Path) -> Path:
+    """As ``fingerlab record`` does it when a run is over or broke off."""
+    try:
+        if sentence:
+            recorder.cut(sentence)
+        return recorder.close()
+    except UserError:  # the recorder had to give up before
+        return path if path.parent.exists() else rescued
+
+
+def _missing(path: Path, start: int, newest: int) -> tuple[int, str]:
+    """How many samples from ``start`` to before ``newest`` the session lacks, and how it says it ended."""
+    session = open_session(path)
+    assert not check_session(session).errors
+    times = session.runs[0].load(["time"])["time"]
+    index = start + np.rint(times * 1000.0).astype(int)
+    assert len(np.unique(index)) == len(index)
+    return newest - start - int((index < newest).sum()), str(session.attributes["ended"])
+
+
+def table(folder: Path) -> Iterator[str]:
+    """Rows of the table in ``docs/faults.md``."""
+    for number, fault in enumerate(FAULTS):
+        if not possible(fault):
+            continue
+        place = folder / str(number)
+        place.mkdir()
+        seen = inject(fault, place)
+        zero = "goes on" if seen.reaction_ms is None else f"{max(seen.reaction_ms, 1)} ms"
+        sentence = seen.sentence.replace(str(place / "place"), "FOLDER").replace(str(place), "DATA")
+        yield f"| {seen.name} | {zero} | {seen.lost_s:.3f} | {seen.ended} | {sentence or '-'} |"
