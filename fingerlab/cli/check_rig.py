@@ -33,9 +33,7 @@ from fingerlab.errors import UserError
     help="Answer one step's question, such as limits/force=no; may be repeated. The rest is asked.",
 )
 @json_option
-@click.pass_context
 def check_rig(
-    ctx: click.Context,
     device: str | None,
     rig_file: Path | None,
     out: Path,
@@ -45,8 +43,8 @@ def check_rig(
 ) -> None:
     """Confirm channels, terminals, signs, limits and assumptions of the rig, step by step.
 
-    Exits with 0 where everything was confirmed and with 1 where a step failed or was left out; the
-    protocol is written either way.
+    Exits with 0 where everything was confirmed. A step that failed or was left out is bad input: the bench is
+    not known to be what its rig file says; the exit code is 2 then. The protocol is written either way.
     """
     from fingerlab.devices.checking import check_rig as check
     from fingerlab.devices.checking import write_protocol
@@ -71,7 +69,23 @@ def check_rig(
     click.echo(f"{counted}. Written to {out}.", err=True)
     if json_target is not None:
         write_json(_json(protocol), json_target)
-    ctx.exit(0 if protocol.all_confirmed else 1)
+    if not protocol.all_confirmed:
+        raise UserError(_complaint(protocol, out))
+
+
+def _complaint(protocol: Any, out: Path) -> str:
+    """Which steps failed or were left out, and what to do."""
+    from fingerlab.devices.checking import FAILED, SKIPPED
+
+    said = []
+    for state, words in ((FAILED, "failed"), (SKIPPED, "were left out")):
+        steps = [outcome.id for outcome in protocol.outcomes if outcome.state == state]
+        if steps:
+            said.append(f"{', '.join(steps)} {words}")
+    return (
+        f"The rig is not confirmed ({'; '.join(said)}; see {out}); correct the wiring or the rig file and "
+        "run check-rig again."
+    )
 
 
 class _Operator:

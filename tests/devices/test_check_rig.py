@@ -224,9 +224,11 @@ def test_a_failed_step_shows_in_the_exit_code(tmp_path: Path) -> None:
     out = tmp_path / "protocol.json"
     arguments = ["--device", "simulated", "--out", str(out), "--yes", "--answer", "limits/force=no"]
     result = CliRunner().invoke(command, [*arguments, "--json", "-"])
-    assert result.exit_code == 1
+    assert isinstance(result.exception, UserError)  # exit code 2, as for any bad input
+    assert "limits/force failed" in str(result.exception)
     assert json.loads(result.stdout)["all_confirmed"] is False
     assert "failed: Limit force" in result.stderr
+    assert json.loads(out.read_text(encoding="utf-8"))["all_confirmed"] is False
 
 
 @pytest.mark.parametrize(
