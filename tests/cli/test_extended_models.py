@@ -91,7 +91,7 @@ def predictions(session: Path, model: Path, tmp_path: Path) -> dict[str, dict[st
 def test_the_effect_takes_away_what_the_delay_costs(
     session_file: Path, model_file: Path, tmp_path: Path, capsys
 ) -> None:
-    """A force that comes late by d misses sin(2 pi f d) of its own deviation under any gain and offset."""
+    """A sine that comes late by d misses sin(2 pi f d) of its own deviation under any gain and offset."""
     found = predictions(session_file, model_file, tmp_path)
     out = capsys.readouterr().out
     for words in (
@@ -106,7 +106,8 @@ def test_the_effect_takes_away_what_the_delay_costs(
     assert all(run["held_out"] for run in extended["by_run"])
     assert len(extended["by_run"]) == 4
     least = math.sin(2 * math.pi * 1.0 * DELAY_S)  # the contact runs are sines of 1 Hz
-    assert math.sqrt(1.0 - nominal["r2"]) > least
+    # Friction at the tip, a nuisance of every model, lags too and makes up for some of it, not for half.
+    assert math.sqrt(1.0 - nominal["r2"]) > 0.5 * least
     assert math.sqrt(1.0 - extended["r2"]) < 0.2 * least
     assert extended["rmse"] < 0.2 * nominal["rmse"]
     assert extended["share"] == pytest.approx(1.0, abs=0.04)

@@ -88,8 +88,8 @@ def _cycle_hz(run: Run, motion: Motion) -> float:
     grid = PeriodGrid(0.0, period, int((len(motion.time) - 1) // period))
     if grid.count < MINIMUM_PERIODS:
         return 0.0
-    # In contact the motor settles for a few seconds: its cycle repeats about a mean that still moves.
-    cycles = grid.fold(motion.position)
+    # In contact the motor settles for a few seconds, about a mean that moves: the later half tells.
+    cycles = grid.fold(motion.position)[grid.count // 2 :]
     cycles = cycles - cycles.mean(axis=1, keepdims=True)
     spread = float(np.var(cycles))
     alike = float(np.mean(np.var(cycles, axis=0))) <= MAXIMUM_UNREPEATED * spread
