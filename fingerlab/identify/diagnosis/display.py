@@ -11,7 +11,7 @@ from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE, NARROW_RATE_
 from fingerlab.identify.diagnosis.evidence import Evidence
 from fingerlab.identify.diagnosis.fitting import SLACK_SPREAD_M, noise_covariance
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
-from fingerlab.identify.diagnosis.reduction import MARGIN, Group, GroupKey, Narrow, group_key
+from fingerlab.identify.diagnosis.reduction import Group, GroupKey, Narrow, counted, group_key
 from fingerlab.identify.diagnosis.study import Study, Trial
 from fingerlab.identify.diagnosis.sums import BoolArray
 from fingerlab.identify.diagnosis.wording import Z90
@@ -80,7 +80,7 @@ class Display:
                     nominal.contact_lever_pip(finger, q.mcp, q.pip),
                 )
             )
-            both = narrow(both[:, MARGIN:-MARGIN])
+            both = narrow(both[:, counted(motion)])
             levers = (both[0], both[1])
         kept = Kept(
             str(session.path), run.name, run.phase, group_key(run), low.columns.astype(np.float32), low.taut,
@@ -128,7 +128,7 @@ def _coordinates(motion: Motion) -> dict[str, Array]:
         }
     if motion.force is not None:
         wide["force"] = motion.force
-    narrowed = narrow(np.stack([v[MARGIN:-MARGIN] for v in wide.values()]))
+    narrowed = narrow(np.stack([v[counted(motion)] for v in wide.values()]))
     return {name: narrowed[i] for i, name in enumerate(wide)}
 
 

@@ -66,7 +66,7 @@ def freedom(trial: Trial) -> int:
 def charge(base: Trial, trial: Trial) -> float:
     """What is added to a trial's misfit for the unknowns that its last effect brings."""
     earned = EARNED_SHARE * freedom(trial) * max(max(base.misfit, 0.0) - trial.misfit, 0.0)
-    return earned + _contact_charge(trial) * trial.count
+    return earned + _contact_charge(trial) * trial.count + max(trial.widening - base.widening, 0.0)
 
 
 def _contact_charge(trial: Trial) -> float:
@@ -125,7 +125,8 @@ def alike(evidence: Evidence) -> list[int]:
     total = evidence.probabilities.sum()
     misfits = np.array([t.misfit for t in evidence.trials])
     # What fits clearly better is not refuted by being larger: it only has not earned its unknowns.
-    better = 0.5 * (misfits[order[:1]] - misfits) / evidence.temperature > LEAST_LOG_ODDS
+    falls = misfits[order[:1]] - misfits
+    better = falls > max(2 * LEAST_LOG_ODDS * evidence.temperature, LEAST_FALL * evidence.base.count)
     chosen: list[int] = []
     covered = 0.0
     for i in order:

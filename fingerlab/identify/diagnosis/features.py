@@ -37,6 +37,11 @@ TOUCHING_FORCE_N = 0.2
 """Force from which the tip is held by the load cell, N; assumed: ten times its noise."""
 
 
+LIFTED_M = 1e-4
+"""A tip that is higher or lower than this (twice this: for certain) than where it presses has let go, m;
+assumed: several times what the joint angles' noise moves it by."""
+
+
 TIP_STICKING_TRAVEL_M = 3e-5
 """Travel over which friction at the tip builds up, m: about one angle step at the tip; assumed."""
 
@@ -175,13 +180,30 @@ def _tangential_forces(finger: Finger, motion: Motion) -> dict[str, Array]:
     tip = 2 * finger.proximal_half_length * np.cos(finger.wrist_angle - q.mcp) + 2 * (
         finger.distal_half_length * np.cos(q.mcp + q.pip - finger.wrist_angle)
     )
-    touching = np.clip(motion.force / TOUCHING_FORCE_N, 0.0, 1.0)
+    touching = _touching(motion.force, finger, q)
+    set_down = float(tip @ touching) / max(float(touching.sum()), 1.0)
     return {
         "lateral": motion.force,
         "lateral_constant": touching,
-        "lateral_spring": touching * (tip - tip.mean()),
+        "lateral_spring": touching * (tip - set_down),
         "lateral_rub": -motion.force * stop_operator(tip, TIP_STICKING_TRAVEL_M),
     }
+
+
+def _touching(force: Array, finger: Finger, q: nominal.JointMotion) -> Array:
+    """1 where the tip is on the load cell, 0 where it is off, shape (n,).
+
+    A force of zero is not enough to let go: a tip that stays at the same height still sticks sideways.
+    """
+    pressed = np.asarray(np.clip(force / TOUCHING_FORCE_N, 0.0, 1.0))
+    on = pressed >= 1.0
+    if not on.any() or on.all():
+        return pressed
+    height = 2 * finger.proximal_half_length * np.sin(q.mcp - finger.wrist_angle) + 2 * (
+        finger.distal_half_length * np.sin(q.mcp + q.pip - finger.wrist_angle)
+    )
+    away = np.abs(height - np.median(height[on])) / LIFTED_M
+    return np.asarray(np.maximum(pressed, np.clip(2.0 - away, 0.0, 1.0)))
 
 
 def shifted_columns(motion: Motion) -> list[tuple[Feature, Array]]:
@@ -233,8 +255,11 @@ def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
         "cable_compliance": Gain("m/N", 0.0, 6e-5, 2e-5),
         "cable_damping": Gain("m s/N", -2e-6, 2e-6, 5e-7),
         "lateral": Gain("tan", -0.12, 0.12, 0.05),
-        "lateral_constant": Gain("N", -0.1, 0.1, 0.05),
-        "lateral_spring": Gain("N/m", -600.0, 600.0, 200.0),
+        "lateral_constant": Gain(
+            "N", -1.5, 1.5, 0.5, source="assumed: friction that the tip was set down with"
+        ),
+        # A pad can only hold the tip back: with either sign, it would pass for a force that leans.
+        "lateral_spring": Gain("N/m", 0.0, 4000.0, 1300.0, source="assumed: a tip of rubber"),
         "lateral_rub": Gain("1", 0.0, 0.8, 0.2, source="assumed: friction coefficient of printed parts"),
         "delay": Gain("s", -0.001, 0.001, 0.0003),
         "arm_mcp": Gain("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm"),

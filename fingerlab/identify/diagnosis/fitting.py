@@ -12,6 +12,12 @@ from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
 from fingerlab.identify.diagnosis.features import NO_SHIFT, Layout
 from fingerlab.identify.diagnosis.model import Model
 from fingerlab.identify.diagnosis.reduction import Group, GroupKey
+from fingerlab.identify.diagnosis.standing import (
+    HELD_SHARE,
+    change_of_weight,
+    encoder_spread,
+    log_widening,
+)
 from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Sums, total
 from fingerlab.physics.effects.base import Row
 from fingerlab.sessions.model import Array
@@ -54,16 +60,45 @@ class Data:
         """The same without noise."""
         return self._totals[i] if k is None else self.clean[i][k]
 
-    def weighted(self, i: int, k: int | None, model: Model, weights: Array) -> Weighted:
-        """What a fit needs of group ``i``, or of its fold ``k``; a slack cable costs unless it may be so."""
+    def weighted(self, i: int, k: int | None, model: Model, weights: Array, standing: Array) -> Weighted:
+        """What a fit needs of group ``i``, or of its fold ``k``; a slack cable costs unless it may be so.
+
+        ``standing`` changes the weights where the motor stands; both (5, 5).
+        """
+        raw, clean = self.raw(i, k), self.noiseless(i, k)
         weight = EFFECTIVE_SHARE * feature_weights(weights, model.rows)
-        raw = self.raw(i, k)
-        curvature, matrix = raw.of(model.pick) * weight, self.noiseless(i, k).of(model.pick) * weight
+        curvature, matrix = raw.of(model.pick) * weight, clean.of(model.pick) * weight
+        still, quiet = raw.at_rest(model.pick), clean.at_rest(model.pick)
+        if still is not None and quiet is not None:
+            less = EFFECTIVE_SHARE * feature_weights(standing, model.rows)
+            curvature, matrix = curvature + still * less, matrix + quiet * less
         slack = None if model.slack_free else raw.slack(model.pick)
         if slack is not None:
             charge = slack * (EFFECTIVE_SHARE / SLACK_SPREAD_M**2)
             curvature, matrix = curvature + charge, matrix + charge
         return Weighted(curvature, matrix)
+
+    def standing(self, i: int, weights: Array) -> Array:
+        """How the encoder's step changes the weights of group ``i`` where the motor stands, (5, 5)."""
+        return change_of_weight(weights, encoder_spread(self.groups[i].encoder_variance))
+
+    def held(self, i: int, model: Model, values: Array, weights: Array) -> tuple[Array, float] | None:
+        """What friction that sticks does to group ``i`` where the motor stands; None: nothing.
+
+        The change of the weights, (5, 5), beside the encoder's, and by how much the logarithm of the density
+        falls at all those moments together because the residual may lie further out.
+        """
+        group = self.groups[i]
+        if group.whole.rest is None or not model.sticking:
+            return None
+        products = group.whole.of(model.pick)
+        spread = encoder_spread(group.encoder_variance)
+        own = np.zeros((5, 5))
+        for mine in model.sticking:
+            own += HELD_SHARE * row_covariance(model, values, group, products, group.samples, mine)
+        change = change_of_weight(weights, spread + own) - change_of_weight(weights, spread)
+        widening = log_widening(weights, spread + own) - log_widening(weights, spread)
+        return change, EFFECTIVE_SHARE * group.whole.rest_samples * widening
 
 
 def _noise_of_a_sample(group: Group) -> Array:
@@ -112,6 +147,8 @@ def _limited(noise: Array, whole: Array) -> Array:
     return limited
 
 
+SETTLING_ITERATIONS = 4
+"""With fewer, a fit only looks round, and friction at rest is taken as it was at the start."""
 LEAST_GAIN = 1e-3
 LEAST_SHARE = 1e-6
 """A step that lowers the cost by less than this, or by less than this share of it, is the last; the cost is
@@ -146,11 +183,41 @@ class Fitter:
         self.model = model
         self.data = data
         self.weights = weights
-        self.sums = [data.weighted(i, None, model, weights[g.key]) for i, g in enumerate(data.groups)]
+        self.sums: list[Weighted] = []
+        self._whole: tuple[Array, list[tuple[Array, Array]], tuple[Array, Array]] | None = None
+        self.sticks = bool(model.sticking) and any(g.whole.rest is not None for g in data.groups)
+        self.widening = 0.0  # see Data.held, all groups together
+        self._held: list[Array | None] = [None] * len(data.groups)
+        self._weigh()
         self._mean = model.start()
         self._stiffness = self._prior_weight() / model.spread**2
         self._low, self._high = model.low, model.high
-        self._whole: tuple[Array, list[tuple[Array, Array]], tuple[Array, Array]] | None = None
+
+    def _weigh(self) -> None:
+        self.sums = [self.part(i, None) for i in range(len(self.data.groups))]
+        self._whole = None
+
+    def part(self, i: int, k: int | None) -> Weighted:
+        """Weighted products over group ``i``, or over its fold ``k``."""
+        weights = self.weights[self.data.groups[i].key]
+        return self.data.weighted(i, k, self.model, weights, self.standing(i))
+
+    def standing(self, i: int) -> Array:
+        """How the weights of group ``i`` change where the motor stands, (5, 5)."""
+        change = self.data.standing(i, self.weights[self.data.groups[i].key])
+        held = self._held[i]
+        return change if held is None else change + held
+
+    def hold(self, values: Array) -> None:
+        """Weigh the moments at rest as the friction of ``values`` allows."""
+        if not self.sticks:
+            return
+        found = [
+            self.data.held(i, self.model, values, self.weights[g.key]) for i, g in enumerate(self.data.groups)
+        ]
+        self._held = [None if one is None else one[0] for one in found]
+        self.widening = sum(one[1] for one in found if one is not None)
+        self._weigh()
 
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""
@@ -173,8 +240,22 @@ class Fitter:
         )
 
     def run(self, start: Array | None = None, iterations: int = 12) -> Fit:
-        """Newton steps with halving from ``start``; stops when the cost no longer falls."""
-        values = np.clip(self._mean if start is None else start, self._low, self._high)
+        """Newton steps with halving from ``start``; stops when the cost no longer falls.
+
+        What a friction may hold at rest follows from its size, so that size is found first.
+        """
+        known = self._mean if start is None else start
+        if not self.sticks:
+            return self._run(known, iterations)
+        self.hold(known)
+        fit = self._run(known, iterations)
+        if iterations < SETTLING_ITERATIONS:
+            return fit
+        self.hold(fit.values)
+        return self._run(fit.values, iterations)
+
+    def _run(self, start: Array, iterations: int) -> Fit:
+        values = np.clip(start, self._low, self._high)
         cost = self.cost(values)
         information = np.eye(len(values))
         for _ in range(iterations):
@@ -219,7 +300,7 @@ class Fitter:
         _, coefficients, (gradient, information) = self._whole
         for i, group in enumerate(self.data.groups):
             if 1 < len(group.folds) > k:
-                fold = self.data.weighted(i, k, self.model, self.weights[group.key])
+                fold = self.part(i, k)
                 h, jacobian = coefficients[i]
                 gradient = gradient - (h @ fold.matrix) @ jacobian
                 information = information - jacobian.T @ (fold.curvature @ jacobian)

@@ -17,7 +17,7 @@ from fingerlab.identify.diagnosis.features import (
     slope_weights,
 )
 from fingerlab.identify.diagnosis.reduction import Group
-from fingerlab.identify.diagnosis.sums import IntArray, Pick
+from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Pick
 from fingerlab.physics.effects.base import Effect, Gain, Row
 from fingerlab.sessions.model import Array
 
@@ -85,6 +85,13 @@ class Model:
     def rows(self) -> IntArray:
         """The equation that each active feature stands in, shape (k,)."""
         return self.pick.rows
+
+    @cached_property
+    def sticking(self) -> list[BoolArray]:
+        """For every gain of a friction that sticks, which of the active features are its own, (k,) each."""
+        owned = [(self.layout.features[i].owner, self.layout.features[i].parameter) for i in self.active]
+        gains = [(c.effect.id, gain) for c in self.choices if c.effect.sticks for gain in c.effect.gains]
+        return [np.array([mine == gain for mine in owned]) for gain in gains if gain in owned]
 
     def start(self) -> Array:
         """A vector to start from: no deviation, arms of 10 mm."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from fingerlab.errors import Cancelled, UserError
 from fingerlab.identify.diagnosis.bandwidth import (
@@ -66,6 +67,7 @@ class Group:
     folds: list[Sums]
     noise: Array
     noise_samples: float = 0.0
+    encoder_variance: float = 0.0  # m^2 of cable: what a standing encoder's step leaves open
 
     @cached_property
     def whole(self) -> Sums:
@@ -90,15 +92,24 @@ class Reduced:
 
 @dataclass(frozen=True)
 class Narrow:
-    """Signals of one stretch, decimated: ``columns`` (n, signals), ``taut`` (n,) bool, ``time`` (n,) s."""
+    """Signals of one stretch, decimated: ``columns`` (n, signals), ``taut`` (n,) bool, ``time`` (n,) s.
+
+    ``rest`` (n,) tells where the motor stands.
+    """
 
     columns: Array
     taut: BoolArray
     time: Array
     wide: Motion
+    rest: BoolArray
 
 
 MARGIN = round(max(abs(s) for s in SHIFTS_S) * WIDE_RATE_HZ)
+
+
+def counted(motion: Motion) -> slice:
+    """Samples of a stretch, at the wide rate, that are judged: behind its lead, with room for shifts."""
+    return slice(motion.lead + MARGIN, len(motion.time) - MARGIN)
 
 
 def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> Layout:
@@ -150,15 +161,28 @@ def narrow_columns(motion: Motion, effects: Sequence[Effect], signals: IntArray)
 
     ``signals`` is the layout's: which signal each feature is, (features,).
     """
-    n = len(motion.time)
-    inner = slice(MARGIN, n - MARGIN)
+    inner = counted(motion)
     columns: list[Array] = []
     for place, (feature, values, _) in zip(signals, _columns(motion, effects), strict=True):
         if place == len(columns):
             columns.append(_shifted(values, feature.shift, motion.sample_rate_hz)[inner])
     # Single precision is a hundred times finer than the sensors, and twice as fast.
     low = narrow(np.stack(columns, dtype=np.float32, casting="same_kind"))
-    return Narrow(low.T, _taut(motion, inner), narrow(motion.time[inner]), motion)
+    return Narrow(
+        low.T, _taut(motion, inner), narrow(motion.time[inner]), motion, _at_rest(motion.position[inner])
+    )
+
+
+AT_REST_DEG = 0.1
+"""A motor stands that turns by less than this in a sixth of a second; assumed: two steps of its encoder."""
+REST_REACH = 2  # decimated samples on either side
+
+
+def _at_rest(position: Array) -> BoolArray:
+    """Decimated samples around which the motor stands, (n,)."""
+    angle = np.pad(narrow(position), REST_REACH, mode="edge")
+    windows = sliding_window_view(angle, 2 * REST_REACH + 1)
+    return np.asarray(np.ptp(windows, axis=1) < np.radians(AT_REST_DEG))
 
 
 def _shifted(values: Array, shift: int | None, rate: float) -> Array:
@@ -264,6 +288,7 @@ class RunSums:
     sums: Sums
     noise: Array | None = None
     noise_samples: float = 0.0
+    encoder_variance: float = 0.0
 
 
 def _in_turn(
@@ -343,6 +368,7 @@ def run_sums(
         part = _products(low)
         result.sums.add(part)
         _add_noise(result, low, run, part.products)
+        result.encoder_variance = (motion.radius * motion.position_step) ** 2 / 12.0
         if keep is not None:
             keep(session, run, low)
     return result
@@ -351,12 +377,14 @@ def run_sums(
 def _products(low: Narrow) -> Sums:
     """Sums over one stretch."""
     taut = int(low.taut.sum())
-    loose = low.columns[~low.taut]
+    loose, still = low.columns[~low.taut], low.columns[low.taut & low.rest]
     return Sums(
         low.columns.T @ low.columns,
         loose.T @ loose if len(loose) else None,
         taut,
         len(low.taut) - taut,
+        still.T @ still if len(still) else None,
+        len(still),
     )
 
 
@@ -380,6 +408,7 @@ def _add_noise(result: RunSums, low: Narrow, run: Run, products: Array) -> None:
 def _add(group: Group, k: int, found: RunSums) -> None:
     """Add a run to fold ``k`` of its group."""
     group.folds[k].add(found.sums)
+    group.encoder_variance = max(group.encoder_variance, found.encoder_variance)
     if found.noise is not None:
         group.noise += found.noise
         group.noise_samples += found.noise_samples

@@ -138,6 +138,18 @@ def drop_idle(study: Study, trial: Trial, keep: int) -> Trial:
     return study.hold_out(study.fit(choices, trial, FULL_ITERATIONS))
 
 
+def reshape(study: Study, trial: Trial) -> Trial:
+    """The trial with every earlier effect at the grid point that fits best now that a later one is there."""
+    choices, changed, found = list(trial.model.choices), False, trial
+    for i, choice in enumerate(choices[:-1]):
+        if len(choice.effect.shapes) > 1:
+            others = [c for k, c in enumerate(choices) if k != i]
+            found = refine(study, study.fit([*others, choice], found, SCREEN_ITERATIONS))
+            changed |= found.model.choices[-1].shape != choice.shape
+            choices[i] = found.model.choices[-1]
+    return study.hold_out(study.settle(choices, found, rounds=2)) if changed else trial
+
+
 def worth_adding(study: Study, base: Trial, best: Trial) -> bool:
     """Whether the step is justified under the weights of either model: it may not earn its own floor."""
     kept = study.weights
@@ -157,6 +169,8 @@ def forward(study: Study, first: Evidence, effects: Sequence[Effect], keep: int,
         if not (justified(evidence.base, best) and worth_adding(study, evidence.base, best)):
             break
         chosen = drop_idle(study, best, keep)
+        if len(chosen.model.choices) > 1:
+            chosen = reshape(study, chosen)
         steps.append(chosen)
         weights.append(study.weights)
         watch.tell(0.5, f"looking beyond {best.model.choices[-1].effect.title.lower()}")

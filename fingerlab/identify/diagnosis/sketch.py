@@ -34,6 +34,7 @@ class Sketch:
         model, values = base.model, base.fit.values
         self.layout = model.layout
         fitter = Fitter(model, study.data, study.weights)
+        fitter.hold(values)
         gradient, information = fitter.normal_equations(values)
         # Unknowns that stand at a bound and are pushed out of it stay where they are.
         held = ((values <= model.low) & (gradient > 0)) | ((values >= model.high) & (gradient < 0))
@@ -45,13 +46,14 @@ class Sketch:
             raw, clean = study.data.raw(i, None), study.data.noiseless(i, None)
             weights = EFFECTIVE_SHARE * study.weights[group.key]
             h, jacobian = model.coefficients(values, group)
+            still = EFFECTIVE_SHARE * fitter.standing(i)
             every = self.layout.every
             self.groups.append(
                 (
                     raw,
                     weights,
-                    clean.across(h[None], model.pick, weights, every)[0],
-                    raw.across(jacobian[:, self.free].T, model.pick, weights, every),
+                    clean.across(h[None], model.pick, weights, every, still)[0],
+                    raw.across(jacobian[:, self.free].T, model.pick, weights, every, still),
                     model.unit_coefficients(values, group),
                 )
             )

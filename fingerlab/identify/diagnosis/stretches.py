@@ -49,12 +49,17 @@ def stretches(run: Run, rig: Rig) -> Iterator[Motion]:
     for start in range(first, run.length, length):
         stop = min(start + length, run.length)
         if stop - start >= SHORTEST_STRETCH_S * rate:
-            yield _motion(run, rig, start, stop, on_bench, first if start == first else 0)
+            yield _motion(run, rig, start, stop, on_bench, first)
 
 
 def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int) -> Motion:
-    """Samples ``start:stop``; the ``lead`` before them is read too, so that a fault in it is not missed."""
+    """Samples ``start:stop``, and the ``lead`` before them.
+
+    What rubs, creeps or has play remembers how it came here: its state is followed through the lead, where
+    no equation is counted.
+    """
     kernels, step = wide_kernels(run.sample_rate_hz)
+    lead -= lead % step
     names = [*(BENCH_CHANNELS if on_bench else FINGER_CHANNELS)]
     extra = "load_torque" if on_bench else "endpoint_force" if run.phase == "contact" else ""
     names += [extra] if run.has(extra) else []
@@ -69,13 +74,13 @@ def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int
                 f"Run {run.name}, channel '{name}' holds a value that is not a number at sample {bad}; "
                 "only endpoint_force may, where no load cell was read."
             )
-        return widen(values[lead:], kernels, step)
+        return widen(values, kernels, step)
 
     position, torque = read("motor_position"), read("motor_torque")
     joints = force = load = None
     if on_bench:
         load = read("load_torque")[0] if run.has("load_torque") else np.zeros(position.shape[1])
-        torque = _drive_sign(torque[0], position) * torque
+        torque = _drive_sign(torque[0][lead // step :], position[:, lead // step :]) * torque
     else:
         mcp, pip = read("mcp_angle"), read("pip_angle")
         joints = JointMotion(mcp[0], pip[0], mcp[1], pip[1], mcp[2], pip[2])
@@ -85,7 +90,7 @@ def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int
         phase=run.phase,
         cable_sign=run.cable_sign,
         sample_rate_hz=run.sample_rate_hz / step,
-        time=(start + half + step * np.arange(position.shape[1])) / run.sample_rate_hz,
+        time=(start - lead + half + step * np.arange(position.shape[1])) / run.sample_rate_hz,
         position=position[0],
         velocity=position[1],
         acceleration=position[2],
@@ -95,7 +100,15 @@ def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int
         joints=joints,
         force=force,
         load=load,
+        lead=lead // step,
+        position_step=_smallest_step(samples["motor_position"][lead:]),
     )
+
+
+def _smallest_step(values: Array) -> float:
+    """Smallest change from sample to sample: the step of an encoder, next to nothing without one."""
+    changes = np.abs(np.diff(values))
+    return float(np.min(changes, where=changes > 0, initial=np.inf)) if np.any(changes > 0) else 0.0
 
 
 def _drive_sign(torque: Array, motion: Array) -> float:
@@ -122,13 +135,13 @@ def _force(run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, st
         raise UserError(
             f"Run {run.name} is a contact run without 'endpoint_force'; it needs the load cell's force in N."
         )
-    values = samples["endpoint_force"][lead:]
-    if not np.all(np.isfinite(values)):
+    values = samples["endpoint_force"]
+    if not np.all(np.isfinite(values[lead:])):
         raise UserError(
             f"Run {run.name} is a contact run, but 'endpoint_force' holds values that are not numbers; "
             "it needs the load cell's force in N."
         )
-    return widen(values, kernels[:, :1], step)[0]
+    return widen(np.nan_to_num(values), kernels[:, :1], step)[0]
 
 
 assert WIDE_RATE_HZ > 0

@@ -13,12 +13,11 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
 from fingerlab.identify.diagnosis.fitting import (
-    SLACK_SPREAD_M,
     Data,
     Fit,
     Fitter,
+    Weighted,
     Weights,
-    feature_weights,
     limit_noise,
     noise_covariance,
     row_covariance,
@@ -26,7 +25,6 @@ from fingerlab.identify.diagnosis.fitting import (
 )
 from fingerlab.identify.diagnosis.model import Choice, Model, build
 from fingerlab.identify.diagnosis.reduction import Group, GroupKey, Reduced
-from fingerlab.identify.diagnosis.sums import Sums
 from fingerlab.physics.effects.base import Row
 from fingerlab.sessions.model import Array
 
@@ -55,6 +53,8 @@ class Trial:
     held_out: bool = False
     residuals: Mapping[GroupKey, Array] = field(default_factory=dict)
     """Mean products of the equations' residuals for each group, (5, 5) over ``Row``, noise included."""
+    widening: float = 0.0
+    """What it costs in twice the log density that sticking friction may hold any value at rest."""
 
     @property
     def misfit(self) -> float:
@@ -116,10 +116,9 @@ class Study:
 
     def count(self, trial: Trial) -> Trial:
         """The trial with its misfit on every group of runs, in sample."""
-        misfits = [
-            self._square(trial.model, trial.fit.values, i, None) for i in range(len(self.reduced.groups))
-        ]
-        return Trial(trial.model, trial.fit, np.array(misfits))
+        fitter = self._fitter(trial)
+        misfits = [self._square(fitter, trial.fit.values, i, None) for i in range(len(self.reduced.groups))]
+        return Trial(trial.model, trial.fit, np.array(misfits), widening=fitter.widening)
 
     def hold_out(self, trial: Trial, residuals: bool = False) -> Trial:
         """The same model with every run scored by a fit that has not seen it.
@@ -130,17 +129,22 @@ class Study:
         rounds = max(len(g.folds) for g in self.reduced.groups)
         scored: dict[tuple[GroupKey, int], tuple[float, float]] = {}
         products = {g.key: np.zeros((5, 5)) for g in self.reduced.groups}
-        fitter = Fitter(trial.model, self.data, self.weights)
+        fitter = self._fitter(trial)
         for k in range(rounds):
             values = fitter.without(trial.fit.values, k)
             for i, group in enumerate(self.reduced.groups):
                 if k < len(group.folds):
-                    scored[group.key, k] = self._square(trial.model, values, i, k)
+                    scored[group.key, k] = self._square(fitter, values, i, k)
                     if residuals:
                         products[group.key] += self._products(trial.model, values, i, k)
-        misfits = [scored[g.key, k] for g in self.reduced.groups for k in range(len(g.folds))]
+        misfits = np.array([scored[g.key, k] for g in self.reduced.groups for k in range(len(g.folds))])
         means = {g.key: products[g.key] / max(g.samples, 1) for g in self.reduced.groups}
-        return Trial(trial.model, trial.fit, np.array(misfits), True, means if residuals else {})
+        return Trial(trial.model, trial.fit, misfits, True, means if residuals else {}, fitter.widening)
+
+    def _fitter(self, trial: Trial) -> Fitter:
+        fitter = Fitter(trial.model, self.data, self.weights)
+        fitter.hold(trial.fit.values)
+        return fitter
 
     def reweigh(self, trial: Trial) -> None:
         """Take the noise covariance that the trial's own features leave between cycles as the new weights."""
@@ -167,24 +171,13 @@ class Study:
         products = group.whole.of(model.pick)
         return row_covariance(model, values, group, products, group.samples, np.array(mine))
 
-    def _square(self, model: Model, values: Array, i: int, k: int | None) -> tuple[float, float]:
+    def _square(self, fitter: Fitter, values: Array, i: int, k: int | None) -> tuple[float, float]:
         """Reproducible chi-square of fold k (or all) of group i, and the independent values behind it."""
-        group = self.reduced.groups[i]
-        fold, clean = self.data.raw(i, k), self.data.noiseless(i, k)
-        h = model.features(values, group)
-        weight = feature_weights(self.weights[group.key], model.rows)
-        matrix = clean.of(model.pick) * weight
-        square = float(h @ matrix @ h)
-        square -= self._wandering(model, h, fold, weight, matrix)
-        if self.reduced.on_bench:
-            return EFFECTIVE_SHARE * square, EFFECTIVE_SHARE * fold.taut_samples
-        count = 3 * fold.taut_samples + 2 * fold.slack_samples
-        if fold.slack_samples:
-            count += fold.slack_samples
-            slack = None if model.slack_free else fold.slack(model.pick)
-            if slack is not None:
-                square += float(h @ slack @ h) / SLACK_SPREAD_M**2
-        return EFFECTIVE_SHARE * square, EFFECTIVE_SHARE * count
+        fold, sums = self.data.raw(i, k), fitter.part(i, k)
+        h = fitter.model.features(values, self.reduced.groups[i])
+        square = float(h @ sums.matrix @ h) - self._wandering(fitter.model, h, sums)
+        equations = 1 if self.reduced.on_bench else 3
+        return square, EFFECTIVE_SHARE * equations * fold.samples
 
     def _products(self, model: Model, values: Array, i: int, k: int) -> Array:
         """Sums of residual products over a fold, (5, 5); slack moments count where they are charged."""
@@ -195,26 +188,17 @@ class Study:
             products = products + slack
         return row_covariance(model, values, group, products, 1.0)
 
-    def _wandering(self, model: Model, h: Array, fold: Sums, weight: Array, matrix: Array) -> float:
+    def _wandering(self, model: Model, h: Array, sums: Weighted) -> float:
         """What the run's own friction explains when it may differ by WANDER from the common value."""
-        gains = [
-            f"{c.effect.id}.{name}" for c in model.choices if c.effect.wanders for name in c.effect.gains
-        ]
+        gains = [(c.effect.id, name) for c in model.choices if c.effect.wanders for name in c.effect.gains]
         if not gains:
             return 0.0
         owners = [self.reduced.layout.features[i] for i in model.active]
-        parts = []
-        for gain in gains:
-            part = np.where([f"{f.owner}.{f.parameter}" == gain for f in owners], h, 0.0)
-            if np.any(part):
-                parts.append(part)
-        if not parts:
-            return 0.0
-        columns = np.stack(parts, axis=1)
-        pull = columns.T @ matrix @ h * EFFECTIVE_SHARE
-        curvature = fold.of(model.pick) * weight
-        stiffness = columns.T @ curvature @ columns * EFFECTIVE_SHARE + np.eye(len(parts)) / WANDER**2
-        return float(pull @ np.linalg.solve(stiffness, pull)) / EFFECTIVE_SHARE
+        parts = [np.where([(f.owner, f.parameter) == gain for f in owners], h, 0.0) for gain in gains]
+        columns = np.stack([part for part in parts if part.any()] or [np.zeros_like(h)], axis=1)
+        pull = columns.T @ sums.matrix @ h
+        stiffness = columns.T @ sums.curvature @ columns + np.eye(columns.shape[1]) / WANDER**2
+        return float(pull @ np.linalg.solve(stiffness, pull))
 
 
 def _first_weights() -> Array:

@@ -8,7 +8,7 @@ says nothing at moments when the cable may be slack.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -57,13 +57,15 @@ class Sums:
     """Products of signals over some samples.
 
     ``products`` (signals, signals) counts all samples, ``loose`` those where the cable may be slack (None:
-    there are none).
+    there are none), ``rest`` those where the motor stands and the cable is taut.
     """
 
     products: Array
     loose: Array | None = None
     taut_samples: int = 0
     slack_samples: int = 0
+    rest: Array | None = None
+    rest_samples: int = 0
     runs: list[str] = field(default_factory=list)  # names of the runs that hold the samples
 
     @property
@@ -75,6 +77,9 @@ class Sums:
         self.products += other.products
         if other.loose is not None:
             self.loose = other.loose.copy() if self.loose is None else self.loose + other.loose
+        if other.rest is not None:
+            self.rest = other.rest.copy() if self.rest is None else self.rest + other.rest
+        self.rest_samples += other.rest_samples
         self.taut_samples += other.taut_samples
         self.slack_samples += other.slack_samples
         self.runs += other.runs
@@ -90,6 +95,10 @@ class Sums:
         """Products of the cable equation's features at slack moments, (k, k); None: there are none."""
         return None if self.loose is None else self.loose[pick.square] * pick.both_cable
 
+    def at_rest(self, pick: Pick) -> Array | None:
+        """Products of features where the motor stands, (k, k); None: it never does."""
+        return None if self.rest is None else self.rest[pick.square]
+
     def taut(self) -> Array:
         """Products where the cable is taut, (signals, signals)."""
         return self.products if self.loose is None else self.products - self.loose
@@ -97,15 +106,17 @@ class Sums:
     def without(self, noise: Array) -> Sums:
         """The sums less what noise adds; ``noise`` is its part of one sample, (signals, signals)."""
         loose = None if self.loose is None else self.loose - self.slack_samples * noise
-        return Sums(
-            self.products - self.samples * noise, loose, self.taut_samples, self.slack_samples, self.runs
-        )
+        rest = None if self.rest is None else self.rest - self.rest_samples * noise
+        return replace(self, products=self.products - self.samples * noise, loose=loose, rest=rest)
 
-    def across(self, left: Array, pick: Pick, weights: Array, other: Pick) -> Array:
+    def across(
+        self, left: Array, pick: Pick, weights: Array, other: Pick, at_rest: Array | None = None
+    ) -> Array:
         """Weighted products of combinations of features with single ones, (m, n).
 
         Args:
-            left: combinations, (m, k), of the features ``pick``. weights: of the equations, (5, 5).
+            left: combinations, (m, k), of the features ``pick``.
+            weights: of the equations, (5, 5); ``at_rest`` comes on top of them where the motor stands.
             other: the single features, n of them.
         """
         result = np.zeros((len(left), len(other.rows)))
@@ -116,6 +127,8 @@ class Sums:
             if self.loose is not None:
                 unseen = weighted if row == Row.CABLE else weighted * pick.cable
                 found -= unseen @ self.loose[pick.signals]
+            if at_rest is not None and self.rest is not None:
+                found += (left * at_rest[pick.rows, row]) @ self.rest[pick.signals]
             result[:, here] = found[:, other.signals[here]]
         return result
 

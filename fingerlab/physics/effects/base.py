@@ -94,6 +94,7 @@ class Effect:
         phases: phases of a run in which it can act; empty means all.
         special: how the fit treats it where it is not a column: "delay" or "slack".
         relaxes: nuisance gains that this effect sets free (it is the same term without the tight prior).
+        sticks: whether it may hold any value between its extremes while nothing moves.
         wanders: whether its strength differs by some per cent from run to run, as friction does.
     """
 
@@ -113,3 +114,4 @@ class Effect:
     special: Literal["", "delay", "slack"] = ""
     relaxes: Mapping[str, Gain] = field(default_factory=dict)
     wanders: bool = False
+    sticks: bool = False

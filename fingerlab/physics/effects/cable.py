@@ -6,18 +6,24 @@ import numpy as np
 
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.hysteresis import first_order_lag, stop_operator
+from fingerlab.physics.effects.hysteresis import first_order_lag, slip_state, stop_operator
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
-MOTOR_STICKING_TRAVEL_DEG = 0.15
-"""Travel over which motor friction builds up, degrees at the pulley: a few encoder steps; assumed."""
+STICKING_TRAVELS_DEG = (0.15, 0.21, 0.3, 0.42, 0.6, 0.84)
+"""Travel over which friction of motor or sheath reverses by 63 %, degrees at the pulley: from a few steps of
+the encoder to the wind-up of a gearbox; assumed."""
+USUAL_STICKING_DEG = 0.3
 
 
-def winding_state(motion: Motion, travel_deg: float = MOTOR_STICKING_TRAVEL_DEG) -> Array:
+def winding_state(motion: Motion, travel_deg: float = USUAL_STICKING_DEG) -> Array:
     """Direction of cable travel with sticking, in [-1, 1], shape (n,); +1 winding in."""
+
+    def stop(position: Array, travel: float) -> Array:
+        return motion.remember(("stop", travel), lambda: stop_operator(position, travel))
+
     return motion.remember(
-        ("winding", travel_deg), lambda: stop_operator(motion.position, float(np.radians(travel_deg)))
+        ("winding", travel_deg), lambda: slip_state(motion.position, float(np.radians(travel_deg)), stop)
     )
 
 
@@ -81,8 +87,15 @@ def _varying_arm(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _capstan(motion: Motion, shape: Shape) -> list[Term]:
-    loss = motion.tension * winding_state(motion)
-    return pull_terms("loss", loss)
+    """The sheath takes its share of the tension in the cable, before or behind what stretches."""
+
+    def lost() -> Array:
+        inertia = motion.motor.inertia or 0.0
+        cable = motion.tension - inertia * motion.inertial_pull
+        return cable * winding_state(motion, shape["travel_deg"])
+
+    terms = pull_terms("loss", motion.remember(("sheath", shape["travel_deg"]), lost))
+    return [t for t in terms if shape["stretch_behind"] or t.row != Row.CABLE]
 
 
 EFFECTS = (
@@ -156,6 +169,12 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="The motor needs more tension winding in, less paying out, in proportion to the tension.",
         reveal="runs at several loads, contact included",
+        shapes=(
+            *({"travel_deg": t, "stretch_behind": 1.0} for t in STICKING_TRAVELS_DEG),
+            *({"travel_deg": t, "stretch_behind": 0.0} for t in STICKING_TRAVELS_DEG[::-1]),
+        ),
+        shape_units={"travel_deg": "deg", "stretch_behind": "1"},
         wanders=True,
+        sticks=True,
     ),
 )

@@ -7,7 +7,12 @@ from typing import Any
 import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.cable import MOTOR_STICKING_TRAVEL_DEG, pull_terms, winding_state
+from fingerlab.physics.effects.cable import (
+    STICKING_TRAVELS_DEG,
+    USUAL_STICKING_DEG,
+    pull_terms,
+    winding_state,
+)
 from fingerlab.physics.effects.hysteresis import dahl_state
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
@@ -48,7 +53,7 @@ def _inertia(motion: Motion, shape: Shape) -> list[Term]:
 def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
     state = winding_state(motion)
     slow = np.exp(-((motion.velocity / shape["stribeck_speed"]) ** 2))
-    return _coulomb_terms(motion, MOTOR_STICKING_TRAVEL_DEG) + drive_terms(motion, "extra", state * slow)
+    return _coulomb_terms(motion, USUAL_STICKING_DEG) + drive_terms(motion, "extra", state * slow)
 
 
 def _presliding(motion: Motion, shape: Shape) -> list[Term]:
@@ -65,7 +70,7 @@ def _asymmetric(motion: Motion, shape: Shape) -> list[Term]:
 
 def _load_dependent(motion: Motion, shape: Shape) -> list[Term]:
     load = motion.torque if motion.load is None else motion.load
-    return drive_terms(motion, "share", np.abs(load) * winding_state(motion))
+    return drive_terms(motion, "share", np.abs(load) * winding_state(motion, shape["travel_deg"]))
 
 
 def _spring(motion: Motion, shape: Shape) -> list[Term]:
@@ -89,7 +94,7 @@ RIPPLE_ORDERS = (*range(4, 41, 2), *range(44, 61, 4))
 """Periods a turn of the pulley that are tried; between two of them a travel of 30 degrees shifts the phase by
 a quarter of a radian at most. 4.3:1 gearing puts the motor's 13 commutator segments at 56."""
 RIPPLE = Gain("N m", -0.05, 0.05, 0.003, title="ripple amplitude")
-STICKING_TRAVELS = tuple({"travel_deg": value} for value in (MOTOR_STICKING_TRAVEL_DEG, 0.5, 1.0))
+STICKING_TRAVELS = tuple({"travel_deg": value} for value in STICKING_TRAVELS_DEG)
 SPEEDS = tuple({"stribeck_speed": value} for value in (0.1, 0.3, 0.8, 2.0))
 
 EFFECTS = (
@@ -107,6 +112,7 @@ EFFECTS = (
         shape_units={"travel_deg": "deg"},
         bench=True,
         wanders=True,
+        sticks=True,
     ),
     Effect(
         id="motor_viscous_friction",
@@ -146,6 +152,7 @@ EFFECTS = (
         shape_units={"stribeck_speed": "rad/s"},
         bench=True,
         wanders=True,
+        sticks=True,
     ),
     Effect(
         id="motor_presliding",
@@ -161,6 +168,7 @@ EFFECTS = (
         shape_units={"travel_deg": "deg"},
         bench=True,
         wanders=True,
+        sticks=True,
     ),
     Effect(
         id="asymmetric_friction",
@@ -176,6 +184,7 @@ EFFECTS = (
         shape_units={"travel_deg": "deg"},
         bench=True,
         wanders=True,
+        sticks=True,
     ),
     Effect(
         id="load_dependent_friction",
@@ -187,8 +196,11 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="The missing tension opposes the travel and grows with the torque transmitted.",
         reveal="a motor bench with two known loads",
+        shapes=STICKING_TRAVELS,
+        shape_units={"travel_deg": "deg"},
         bench=True,
         wanders=True,
+        sticks=True,
     ),
     Effect(
         id="motor_spring",

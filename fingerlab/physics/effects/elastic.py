@@ -108,7 +108,7 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="After a change of angle an extra spring torque appears and dies away.",
         reveal="steps, each held for several seconds",
-        shapes=tuple({"time_constant": value} for value in (0.1, 0.3, 1.0, 3.0)),
+        shapes=tuple({"time_constant": value} for value in (0.1, 0.2, 0.35, 0.6, 1.1, 1.9, 3.3)),
         shape_units={"time_constant": "s"},
     ),
     Effect(

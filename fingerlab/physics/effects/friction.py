@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.hysteresis import dahl_state, stop_operator
+from fingerlab.physics.effects.hysteresis import dahl_state, slip_state, stop_operator
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
-STICKING_TRAVEL_DEG = (0.08, 0.25, 0.6)
-"""Travel over which a Coulomb joint builds up its friction, degrees: above the sensor's 0.04 degree step
-(KMA210 data sheet), so that noise does not flip the sign of a joint at rest; assumed."""
+STICKING_TRAVELS_DEG = (0.06, 0.12, 0.24, 0.48)
+"""Travel over which a Coulomb joint reverses 63 % of its friction, degrees: from the sensor's 0.04 degrees
+(KMA210 data sheet), so that noise does not flip the sign of a joint at rest, to the least that is called
+presliding; assumed."""
+USUAL_STICKING_DEG = 0.12
 
 COULOMB_GAIN = Gain("N m", 0.0, 0.05, 0.005, title="friction torque")
 VISCOUS_GAIN = Gain("N m s/rad", 0.0, 0.02, 0.002, title="viscous coefficient")
@@ -34,10 +36,15 @@ def _viscous(motion: Motion, shape: Shape) -> list[Term]:
 
 def _states(motion: Motion, travel_deg: float) -> tuple[Array, Array]:
     _, joints = motion.finger_and_joints
-    travel = float(np.radians(travel_deg))
-    return (
-        motion.remember(("sticking mcp", travel), lambda: stop_operator(joints.mcp, travel)),
-        motion.remember(("sticking pip", travel), lambda: stop_operator(joints.pip, travel)),
+    return _state(motion, "mcp", joints.mcp, travel_deg), _state(motion, "pip", joints.pip, travel_deg)
+
+
+def _state(motion: Motion, name: str, angle: Array, travel_deg: float) -> Array:
+    def stop(position: Array, travel: float) -> Array:
+        return motion.remember(("stop", name, travel), lambda: stop_operator(position, travel))
+
+    return motion.remember(
+        ("sticking", name, travel_deg), lambda: slip_state(angle, float(np.radians(travel_deg)), stop)
     )
 
 
@@ -47,7 +54,7 @@ def _coulomb(motion: Motion, shape: Shape) -> list[Term]:
 
 def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
     _, joints = motion.finger_and_joints
-    mcp, pip = _states(motion, STICKING_TRAVEL_DEG[0])
+    mcp, pip = _states(motion, USUAL_STICKING_DEG)
     speed = shape["stribeck_speed"]
     return joint_terms("coulomb", mcp, pip) + joint_terms(
         "extra",
@@ -85,9 +92,10 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="The missing torque flips sign with joint speed and has one size on each side.",
         reveal="slow sines with full reversals",
-        shapes=tuple({"travel_deg": travel} for travel in STICKING_TRAVEL_DEG),
+        shapes=tuple({"travel_deg": travel} for travel in STICKING_TRAVELS_DEG),
         shape_units={"travel_deg": "deg"},
         wanders=True,
+        sticks=True,
     ),
     Effect(
         id="stribeck_friction",
@@ -102,6 +110,7 @@ EFFECTS = (
         shapes=tuple({"stribeck_speed": speed} for speed in (0.1, 0.25, 0.5, 1.0)),
         shape_units={"stribeck_speed": "rad/s"},
         wanders=True,
+        sticks=True,
     ),
     Effect(
         id="presliding_hysteresis",
@@ -116,5 +125,6 @@ EFFECTS = (
         shapes=tuple({"travel_deg": travel} for travel in (1.0, 2.0, 4.0, 8.0)),
         shape_units={"travel_deg": "deg"},
         wanders=True,
+        sticks=True,
     ),
 )

@@ -7,6 +7,8 @@ map is affine. All prefixes of a chain of n such maps come out of log2(n) array 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from fingerlab.sessions.model import Array
@@ -35,6 +37,29 @@ def stop_operator(position: Array, travel: float) -> Array:
         step *= 2
     play = np.clip(position[0], low, high)
     return np.asarray((position - play) / travel)
+
+
+SLIP_RATIO, SLIP_LEAST = 2.0, 0.525
+SLIP_SHARES = (0.171, 0.266, 0.359, 0.204)
+"""Spring-sliders in parallel whose sum builds up as 1 - exp(-x) within 2 %: travels SLIP_LEAST times powers
+of SLIP_RATIO, and their shares, the integrals of the density x exp(-x) around each."""
+
+
+def slip_state(
+    position: Array, travel: float, stop: Callable[[Array, float], Array] = stop_operator
+) -> Array:
+    """Friction state in [-1, 1], shape (n,), that relaxes towards sliding by exp(-x / travel) on a reversal.
+
+    Spring-sliders in parallel (Maxwell slip; Al-Bender, Lampaert and Swevers 2005). Large moves look like
+    Dahl's law; unlike it, a small shake (a sensor's noise, an encoder's flicker) leaves the state alone.
+
+    Args:
+        stop: gives the state of one slider; who asks for several travels can keep those that they share.
+    """
+    result = np.zeros_like(position)
+    for k, share in enumerate(SLIP_SHARES):
+        result += share * stop(position, 0.5 * SLIP_LEAST * travel * SLIP_RATIO**k)
+    return result
 
 
 def dahl_state(position: Array, travel: float) -> Array:

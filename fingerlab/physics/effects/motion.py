@@ -35,6 +35,8 @@ class Motion:
     joints: nominal.JointMotion | None = None
     force: Array | None = None
     load: Array | None = None
+    lead: int = 0  # samples at the start that only set the memory of what has one; no equation counts there
+    position_step: float = 0.0  # of the motor's encoder, rad
     _memory: dict[object, Array] = field(default_factory=dict, repr=False, compare=False)
 
     def remember(self, key: object, make: Callable[[], Array]) -> Array:
