@@ -1,10 +1,11 @@
 """Makes the pictures in ``docs/images`` from the running program.
 
-Records a session from the simulated rig, opens it in the real window and saves what
-the window shows, light and dark::
+Every tab in every state that matters, light and dark, at 1280 x 800 and 1920 x 1080. The rig is the simulated
+one on a virtual clock; the Model lab shows a session that is recorded from it first::
 
     python docs/screenshots.py            # into docs/images
     python docs/screenshots.py FOLDER     # elsewhere, to look first
+    python docs/screenshots.py FOLDER acquire   # only one tab
 
 Runs without a display (Qt's off-screen platform).
 """
@@ -14,6 +15,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
@@ -21,39 +23,132 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 from PySide6.QtCore import QEventLoop, QSettings, QTimer
 from PySide6.QtWidgets import QApplication
 
+from fingerlab.acquisition.inline import InlineBench
+from fingerlab.acquisition.requests import LoopSettings
+from fingerlab.acquisition.safety import Limits
+from fingerlab.acquisition.units import BenchUnits
+from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS
 from fingerlab.twin.session import write_session
 from fingerlab.ui import application
+from fingerlab.ui.acquire import tab as acquire
+from fingerlab.ui.acquire.opening import OpenBench, Wanted
 from fingerlab.ui.settings import Settings
 from fingerlab.ui.theme import apply_appearance
 from fingerlab.ui.window import MainWindow
 
 EFFECT = "coulomb_friction"
 SEED = 11
-SIZE = (1280, 800)
+SIZES = ((1280, 800), (1920, 1080))
+LOOKS = ("light", "dark")
+
+States = Callable[[MainWindow, Path], Iterator[str]]
 
 
 def main() -> None:
-    """Make all pictures."""
-    target = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images"
+    """Make all pictures, or those of the tabs that are named."""
+    words = sys.argv[1:]
+    target = Path(words[0]) if words else Path(__file__).parent / "images"
     target.mkdir(parents=True, exist_ok=True)
+    wanted = words[1:] or list(TABS)
     app = QApplication([])
     with tempfile.TemporaryDirectory() as folder:
-        settings = Settings(QSettings(f"{folder}/settings.ini", QSettings.Format.IniFormat))
-        application.prepare(app, settings)
-        window = MainWindow(settings)
-        window.resize(*SIZE)
-        window.show()
-        window.show_tab("model_lab")
-        window.open_paths([record(Path(folder) / "finger-rig.h5")])
-        wait(window)
-        for name, appearance in (("model-lab", "light"), ("model-lab-dark", "dark")):
-            apply_appearance(app, appearance)  # type: ignore[arg-type]
-            pause(200)
-            window.grab().save(str(target / f"{name}.png"))
-        window.close()
+        for name in wanted:
+            take(app, name, TABS[name], target, Path(folder))
+
+
+def take(app: QApplication, tab: str, states: States, target: Path, folder: Path) -> None:
+    """All states of one tab: in each, light and dark in every size."""
+    settings = Settings(QSettings(f"{folder}/{tab}.ini", QSettings.Format.IniFormat))
+    settings.set_recordings(folder / "recordings")
+    settings.set_tab(tab)
+    application.prepare(app, settings)
+    window = MainWindow(settings)
+    window.resize(*SIZES[0])
+    window.show()
+    for state in states(window, folder):
+        for look in LOOKS:
+            apply_appearance(app, look)  # type: ignore[arg-type]
+            for size in SIZES:
+                window.resize(*size)
+                pause(150)
+                dark, wide = ["dark"] if look == "dark" else [], [str(size[0])] if size != SIZES[0] else []
+                name = "-".join([tab.replace("_", "-"), *([state] if state else []), *dark, *wide])
+                window.grab().save(str(target / f"{name}.png"))
+        window.resize(*SIZES[0])
+    window.close()
+
+
+def acquire_states(window: MainWindow, folder: Path) -> Iterator[str]:
+    """Connecting, running with the model, cursors, stopped, a protocol's prompt."""
+    acquire.ask_to_close = lambda *_: True  # type: ignore[assignment]
+    tab = window.tab("acquire")
+    assert isinstance(tab, acquire.AcquireTab)
+    tab.station._opener = lambda wanted: on_virtual_clock(wanted, folder)
+    wait_until(lambda: not tab.station.caller.busy)
+    yield "connect"
+    tab.station.open(Wanted("simulated", effect=EFFECT))
+    wait_until(lambda: tab.station.bench is not None)
+    tab.station._timer.stop()
+
+    def run(seconds: float) -> None:
+        for _ in range(round(seconds / 0.033)):
+            tab.station.tick()
+
+    run(1.0)
+    for button in (tab.panel.initialise, tab.panel.enable, tab.panel.start, tab.panel.record):
+        button.click()
+        run(0.2)
+    tab.toolbar.model_chosen.emit("nominal")
+    run(11.0)
+    tab.panel.note.setText("a light touch")
+    tab.panel.mark.click()
+    run(1.5)
+    yield "running"
+    tab.toolbar.hold.click()
+    tab.toolbar.cursors.click()
+    yield "cursors"
+    tab.toolbar.cursors.click()
+    tab.toolbar.hold.click()
+    tab.station.stop()
+    run(0.2)
+    pause(500)
+    run(0.2)
+    yield "stopped"
+    tab.panel.release.click()
+    tab.panel.write.click()
+    wait_until(lambda: not tab.station.caller.busy)
+    window.desk.hush()
+    tab.toolbar.model_chosen.emit("none")
+    tab.panel.by_protocol.click()
+    tab.panel.run.click()
+    wait_until(tab.prompt.isVisible)
+    tab.plots.tick()
+    yield "prompt"
+    tab.station.stop()
+
+
+def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
+    """Nothing open; then a session with one effect."""
+    yield "empty"
+    window.open_paths([record(folder / "finger-rig.h5")])
+    pause(50)
+    wait_until(lambda: not window.tasks.busy)
+    pause(300)
+    yield ""
+
+
+TABS: dict[str, States] = {"acquire": acquire_states, "model_lab": lab_states}
+
+
+def on_virtual_clock(wanted: Wanted, folder: Path) -> OpenBench:
+    """The simulated rig, turned by hand."""
+    device = SimulatedRig(simulation=Simulation(seed=wanted.seed, effects=parse_effects((wanted.effect,))))
+    settings = LoopSettings(BenchUnits.from_rig(device.rig), Limits.from_rig(device.rig))
+    bench = InlineBench(device, settings, folder / "rescued")
+    return OpenBench(bench, device.rig, dict(device.session_attributes))
 
 
 def record(path: Path) -> Path:
@@ -64,12 +159,10 @@ def record(path: Path) -> Path:
     return path
 
 
-def wait(window: MainWindow) -> None:
-    """Until nothing runs any more."""
-    pause(50)
-    while window.tasks.busy:
+def wait_until(condition: Callable[[], bool]) -> None:
+    """Let the window work until something is so."""
+    while not condition():
         pause(20)
-    pause(300)
 
 
 def pause(milliseconds: int) -> None:

@@ -66,12 +66,14 @@ SHOWN = tuple(name for name in QUANTITIES if name not in MODELLED)
 
 @dataclass(frozen=True)
 class Trace:
-    """A curve: its quantity, the role that gives its colour, and whether it is dashed or bold."""
+    """A curve: its quantity, the role that gives its colour, and whether its line is wide.
+
+    Colour never tells alone: of two curves in a plot one is wide.
+    """
 
     column: str
     role: str
-    dashed: bool = False
-    bold: bool = False
+    wide: bool = False
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,7 @@ PLOTS = (
         DEGREE,
         10,
         4.0,
-        (Trace("motor_command", "floor"), Trace("motor_position", "measured", bold=True)),
+        (Trace("motor_command", "floor"), Trace("motor_position", "measured", wide=True)),
         ("motor_command", "motor_position", "motor_speed"),
     ),
     PlotSpec(
@@ -110,7 +112,7 @@ PLOTS = (
         MILLI_NEWTON_METRE,
         10,
         10.0,
-        (Trace("motor_torque", "measured"), Trace(MODELLED_TORQUE, "modelled", dashed=True)),
+        (Trace("motor_torque", "measured"), Trace(MODELLED_TORQUE, "modelled", wide=True)),
         ("motor_torque", "motor_current"),
     ),
     PlotSpec(
@@ -128,7 +130,7 @@ PLOTS = (
         DEGREE,
         6,
         4.0,
-        (Trace("mcp_angle", "measured"), Trace("pip_angle", "candidate", dashed=True)),
+        (Trace("mcp_angle", "measured"), Trace("pip_angle", "candidate", wide=True)),
         ("mcp_angle", "pip_angle"),
     ),
     PlotSpec(
@@ -137,7 +139,7 @@ PLOTS = (
         NEWTON,
         6,
         0.2,
-        (Trace("endpoint_force", "measured"), Trace(MODELLED_FORCE, "modelled", dashed=True)),
+        (Trace("endpoint_force", "measured"), Trace(MODELLED_FORCE, "modelled", wide=True)),
         ("endpoint_force",),
     ),
     PlotSpec("force_residual", "Residual", NEWTON, 5, 0.1, (Trace(FORCE_RESIDUAL, "residual"),), model=True),

@@ -15,6 +15,9 @@ from .history import History
 from .pane import Pane
 
 WINDOWS_S = (2.0, 5.0, 10.0, 30.0, 60.0, 120.0)
+SHORTEST_S = 0.02
+"""Closer than twenty samples there is nothing to see."""
+
 BEFORE_TRIGGER = 0.1
 """Share of the window before a trigger."""
 
@@ -55,7 +58,7 @@ class LivePlots(QWidget):
         layout.setSpacing(4)
         for pane in self.panes.values():
             layout.addWidget(pane, pane.spec.share)
-            pane.moved_by_hand.connect(lambda moved=pane: self._on_hand(moved))
+            pane.moved_by_hand.connect(self._on_hand)
             pane.cursor_moved.connect(self._on_cursor)
         layout.addWidget(self.scroll_bar)
         self.show_model(False, False)
@@ -69,7 +72,7 @@ class LivePlots(QWidget):
         self._stop = 0
         self.triggered_at = None
         for pane in self.panes.values():
-            pane.clear()
+            pane.show_marks(())
         self.hold(False)
         self.refresh()
 
@@ -170,15 +173,14 @@ class LivePlots(QWidget):
         self._stop = stop
         self._draw()
 
-    def _on_hand(self, pane: Pane) -> None:
+    def _on_hand(self, left: float, right: float) -> None:
         """The user has panned or zoomed in one plot: hold, and let the others follow."""
         history = self.history
         if history is None:
             return
-        left, right = pane.item.getViewBox().viewRange()[0]
         self.hold(True)
-        self.window_s = max(right - left, 0.02)
-        self._stop = round(right * history.rate_hz)
+        self.window_s = max(right - left, SHORTEST_S)
+        self._stop = min(max(round(right * history.rate_hz), history.first + 1), history.stop)
         self._draw()
         self._show_scroll(history)
 
@@ -193,7 +195,7 @@ class LivePlots(QWidget):
             self._on_scrolled(min(max(self._stop + step, history.first + 1), history.stop))
         elif key in (Qt.Key.Key_Plus, Qt.Key.Key_Equal, Qt.Key.Key_Minus):
             self.window_s *= 1.5 if key == Qt.Key.Key_Minus else 1 / 1.5
-            self.window_s = min(max(self.window_s, 0.02), len(history) / history.rate_hz + 1.0)
+            self.window_s = min(max(self.window_s, SHORTEST_S), len(history) / history.rate_hz + 1.0)
             self.refresh()
         elif key == Qt.Key.Key_Home:
             self.hold(False)
