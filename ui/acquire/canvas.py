@@ -108,7 +108,7 @@ class Canvas(QWidget):
             painter.setPen(grid)
             painter.drawLine(area.left(), y, area.right(), y)
             painter.setPen(text)
-            room = QRect(16, y - height // 2, LEFT - 22, height)
+            room = QRect(16, min(max(y - height // 2, 0), self.height() - height), LEFT - 22, height)
             painter.drawText(room, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter, words)
         for value, words in round_ticks(*self.x_range, area.width() // TIME_TICK_ROOM):
             x = round(self.x_of(value))

@@ -17,7 +17,7 @@ from ..widgets.decimate import live_envelope
 from ..widgets.labels import remark
 from ..widgets.plot_style import line
 from .canvas import Canvas, Line
-from .channels import QUANTITIES, PlotSpec, Quantity, Trace
+from .channels import MODELLED, QUANTITIES, PlotSpec, Quantity, Trace
 from .history import History
 from .scale import Scale, ScaleButton
 
@@ -89,6 +89,7 @@ class Pane(QWidget):
         self.canvas.moved_by_hand.connect(self.moved_by_hand)
         self.canvas.cursor_moved.connect(self.cursor_moved)
         self.scale = Scale(spec.least)
+        self._model = False
         self._range = (-spec.least / 2, spec.least / 2)
         self.canvas.y_range = self._range
         self.error = remark(wrap=False)
@@ -146,6 +147,7 @@ class Pane(QWidget):
 
     def show_model(self, on: bool) -> None:
         """Whether what belongs to the model is shown."""
+        self._model = on
         for widget in self.modelled:
             widget.setVisible(on or self.spec.model)
         self.error.setVisible(on and not self.spec.model)
@@ -155,6 +157,9 @@ class Pane(QWidget):
         bucket = max((stop - start) // max(self.canvas.area.width(), 16), 1)
         lines, low, high = [], math.inf, -math.inf
         for trace in self.spec.traces:
+            if trace.column in MODELLED and not self._model:
+                lines.append(Line(trace.role, trace.wide, np.empty(0), np.empty(0)))
+                continue
             first, values = history.series(trace.column, start, stop)
             places, drawn = live_envelope(first, values, bucket)
             drawn = drawn * self.spec.unit.factor

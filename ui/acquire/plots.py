@@ -236,7 +236,8 @@ class LivePlots(QWidget):
                 if all(value == value for value in at):
                     quantity = QUANTITIES[column]
                     values.append(f"{quantity.title}: A {quantity.text(at[0])}, B {quantity.text(at[1])}")
-                    differences.append(f"{quantity.title.lower()} {quantity.text(at[1] - at[0])}")
+                    title = quantity.title if quantity.title.isupper() else quantity.title.lower()
+                    differences.append(f"{title} {quantity.text(at[1] - at[0])}")
         text = f"{head}; B − A: {', '.join(differences)}"
         self.cursors_told.emit(text.replace("-", "−"), "\n".join(values).replace("-", "−"))
 

@@ -67,6 +67,7 @@ class AcquireTab(Tab):
         self._build()
         self.commands = self._menu()
         self._connect()
+        self._tell_total()
         self._refresh()
 
     def _build(self) -> None:

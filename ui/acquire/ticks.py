@@ -15,7 +15,12 @@ def round_ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
     span = high - low
     if not (math.isfinite(span) and span > 0):
         return []
-    rough = span / max(most, 2)
+    ticks = _multiples(low, high, span / max(most, 2))
+    return ticks if len(ticks) > 1 else _multiples(low, high, span / 4)
+
+
+def _multiples(low: float, high: float, rough: float) -> list[tuple[float, str]]:
+    """Multiples of the smallest round step that is not below ``rough``."""
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(power * factor for factor in STEPS if power * factor >= rough * (1 - 1e-9))
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
