@@ -225,6 +225,8 @@ class SimulatedRig:
             raise DeviceFault("The simulated rig is not open; open it before it is started.")
         if self._running:
             raise DeviceFault("The simulated rig is running already; stop it before it is started again.")
+        if not math.isfinite(self.bench.stream.now[0]):
+            raise DeviceFault("The simulated bench ran away; open it again.")
         self._output, self._enabled, self._running = 0.0, False, True
         self._index = -1
         self._zero = 0.0
