@@ -101,21 +101,24 @@ class Rise:
 
     def __init__(self, attribute: str, limit: float, period: float, words: str, unit: str) -> None:
         self.attribute, self.limit, self.words, self.unit = attribute, limit, words, unit
-        self._span = self.WINDOW * period
-        self._past: list[float] = []
-        self._next = 0
+        self._period = period
+        self.reset()
 
     def reset(self) -> None:
-        self._past, self._next = [], 0
+        self._past: list[float] = []
+        self._when: list[int] = []
+        self._next = self._cycle = 0
 
     def fault(self, reading: Reading) -> str | None:
         value = abs(getattr(reading, self.attribute))
+        self._cycle += 1 + reading.lost
         if len(self._past) < self.WINDOW:
             self._past.append(value)
+            self._when.append(self._cycle)
             return None
         slot = self._next
-        rise = (value - self._past[slot]) / self._span
-        self._past[slot] = value
+        rise = (value - self._past[slot]) / ((self._cycle - self._when[slot]) * self._period)
+        self._past[slot], self._when[slot] = value, self._cycle
         self._next = (slot + 1) % self.WINDOW
         if rise <= self.limit:
             return None

@@ -100,6 +100,13 @@ def test_tension_may_rise_at_its_limit_over_ten_samples_and_no_faster() -> None:
         assert any(faults) == tripped
 
 
+def test_a_rise_over_lost_cycles_took_their_time_too() -> None:
+    check, reading = Rise("tension", 2000.0, 1e-3, "cable tension", "N/s"), healthy()
+    for k in range(200):  # 1500 N/s, every other cycle lost
+        reading.tension, reading.lost = 3.0 * k, 1
+        assert check.fault(reading) is None
+
+
 def test_the_tensions_rise_is_among_the_checks_of_every_experiment() -> None:
     for finger, force in ((True, True), (False, False)):
         safety, faults = safety_checks(Limits(), 1000.0, finger=finger, force=force), []
