@@ -81,7 +81,7 @@ def kill_once(folder: Path, victim: str, after_s: float) -> Outcome:
         zero = _wait_for_zero(output)
         at = read_output(output)
         clock = (at.changed_ns - killed_ns) / 1e6
-        plant = clock if victim == "loop" else float(at.cycles - driven.cycles)
+        plant = clock if victim == "loop" else float(at.changed_at - driven.cycles)
         _wait_for_end(told, window)
         rows = ring.last(ring.rows)
     kept, wrong, last, ended = _look_at(session, rows, told["start"])

@@ -14,8 +14,9 @@ from pathlib import Path
 from fingerlab.devices.protocol import Sample
 from tests.acquisition.fake_device import FakeDevice
 
-LAYOUT = struct.Struct("qdqqq")
-"""Cycles of the bench, set value (V), enable, monotonic time of the last change of the output (ns), guard."""
+LAYOUT = struct.Struct("qdqqqq")
+"""Cycles of the bench, set value (V), enable, monotonic time (ns) and cycle of the last change of the output,
+guard."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class Output:
     volts: float
     enabled: bool
     changed_ns: int
+    changed_at: int
     guarded: int
 
     @property
@@ -40,8 +42,8 @@ def make_output(path: Path) -> None:
 
 def read_output(path: Path) -> Output:
     """The output as it is."""
-    cycles, volts, enabled, changed, guarded = LAYOUT.unpack(path.read_bytes())
-    return Output(cycles, volts, bool(enabled), changed, guarded)
+    cycles, volts, enabled, changed, at, guarded = LAYOUT.unpack(path.read_bytes())
+    return Output(cycles, volts, bool(enabled), changed, at, guarded)
 
 
 @dataclass(frozen=True)
@@ -91,11 +93,11 @@ class SharedDevice(FakeDevice):
         return True
 
     def _tell(self) -> None:
-        cycles, volts, enabled, changed, guarded = LAYOUT.unpack(self._memory[:])
-        if (self.volts, int(self.enabled)) != (volts, enabled):
-            changed = time.monotonic_ns()
+        cycles, volts, enabled, changed, at, guarded = LAYOUT.unpack(self._memory[:])
         if self._driving:
             cycles = self.total
         else:
             guarded += 1
-        self._memory[:] = LAYOUT.pack(cycles, self.volts, int(self.enabled), changed, guarded)
+        if (self.volts, int(self.enabled)) != (volts, enabled):
+            changed, at = time.monotonic_ns(), cycles
+        self._memory[:] = LAYOUT.pack(cycles, self.volts, int(self.enabled), changed, at, guarded)

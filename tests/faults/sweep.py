@@ -32,6 +32,7 @@ def main() -> None:
     parser.add_argument("kills", nargs="?", type=int, default=500)
     parser.add_argument("seed", nargs="?", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="JSON lines of outcomes: added to, and counted as a whole")
+    parser.add_argument("--victim", choices=VICTIMS, help="only this one; each in its turn without it")
     options = parser.parse_args()
     chance = random.Random(options.seed)
     outcomes: list[dict[str, Any]] = []
@@ -39,7 +40,7 @@ def main() -> None:
         outcomes = [json.loads(line) for line in options.keep.read_text(encoding="utf-8").splitlines()]
     for number in range(options.kills):
         with tempfile.TemporaryDirectory() as folder:
-            victim = VICTIMS[number % len(VICTIMS)]
+            victim = options.victim or VICTIMS[number % len(VICTIMS)]
             outcome = asdict(kill_once(Path(folder), victim, chance.uniform(0.05, 2.0)))
         outcomes.append(outcome)
         if options.keep:
