@@ -96,8 +96,8 @@ def page(outcomes: list[dict[str, Any]], injected: list[str]) -> str:
 
 TEXT = """# Faults, counted
 
-What happens to motor and recording when something dies or breaks. `python -m tests.faults.sweep` takes the
-kills again and writes this page; a handful of them, and every other fault, run with the test suite.
+What happens to motor and recording when something dies or breaks. `python -m tests.faults.sweep 500 SEED`
+(in pieces: `45 SEED --keep FILE`) takes the kills and writes this page; a handful of them, and every other fault, run with the test suite.
 
 ## Killed processes
 
