@@ -6,8 +6,9 @@ The simulated rig runs at 1 kHz by the machine's clock in the loop's own process
 every sample to disk in another. With ``--with-window`` the application's window is open off screen on its
 Acquire tab and draws six plots of 60 s. Lateness is how long after its due time a cycle began; a cycle that
 is a whole period late has lost those in between. The amplifier is off: a busy machine is to be measured, and
-with the motor driven the loop would stop it at the first 20 ms that the machine holds it up. Before each measurement a bare loop of waits, without
-anything of FingerLab in it, tells what the machine itself can do. Writes docs/benchmarks-real-time.md.
+with the motor driven the loop would stop it at the first 20 ms that the machine holds it up. Before each
+measurement a bare loop of waits, without anything of FingerLab in it, tells what the machine itself can do.
+Writes docs/benchmarks-real-time.md.
 """
 
 from __future__ import annotations
