@@ -110,6 +110,7 @@ def test_readings_are_what_the_bench_measures(rig: Rig) -> None:
 
 
 def test_a_change_while_running_makes_no_jump(rig: Rig) -> None:
+    rig.tab.panel.motion.numbers["amplitude_deg"].setValue(5.0)
     rig.start()
     rig.run(2.5)
     rig.tab.panel.motion.numbers["amplitude_deg"].setValue(9.0)
@@ -117,10 +118,10 @@ def test_a_change_while_running_makes_no_jump(rig: Rig) -> None:
     assert rig.button("start").text() == "&Change"
     rig.click("start")
     rig.run(1.0)
-    assert rig.mode is Mode.RUNNING
+    assert rig.mode is Mode.RUNNING, rig.bench.status().fault
     assert rig.label("doing") == "sine, 9°, 1.5 Hz"
     _, command = rig.station.history.series("motor_command", 0, rig.station.history.stop)
-    # 15 degrees at 1 Hz is 94 degrees a second: 0.1 degrees a sample; a jump would be degrees.
+    # 9 degrees at 1.5 Hz is 85 degrees a second: 0.1 degrees a sample; a jump would be degrees.
     assert np.degrees(np.nanmax(np.abs(np.diff(command)))) < 0.25
 
 
@@ -277,8 +278,8 @@ def test_pre_trigger_records_what_was_before_the_key(rig: Rig, qtbot: QtBot) -> 
 
 
 def test_marker_takes_the_moment_of_the_key_and_its_note(rig: Rig, qtbot: QtBot) -> None:
-    rig.click("record")
     began = rig.bench.status().index
+    rig.click("record")
     rig.run(1.0)
     rig.key(Qt.Key.Key_M, CONTROL)
     moment = rig.bench.status().index

@@ -15,8 +15,12 @@ def round_ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
     span = high - low
     if not (math.isfinite(span) and span > 0):
         return []
-    ticks = _multiples(low, high, span / max(most, 2))
-    return ticks if len(ticks) > 1 else _multiples(low, high, span / 4)
+    rough = span / max(most, 2)
+    ticks = _multiples(low, high, rough)
+    while len(ticks) < 2:
+        rough /= 2
+        ticks = _multiples(low, high, rough)
+    return ticks
 
 
 def _multiples(low: float, high: float, rough: float) -> list[tuple[float, str]]:
