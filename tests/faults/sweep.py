@@ -97,13 +97,14 @@ def page(outcomes: list[dict[str, Any]], injected: list[str]) -> str:
 TEXT = """# Faults, counted
 
 What happens to motor and recording when something dies or breaks. `python -m tests.faults.sweep 500 SEED`
-(in pieces: `45 SEED --keep FILE`) takes the kills and writes this page; a handful of them, and every other fault, run with the test suite.
+(in pieces: `45 SEED --keep FILE`) takes the kills and writes this page; a handful of
+them, and every other fault, run with the test suite.
 
 ## Killed processes
 
 A bench runs a sine under position control in real time and records it. One of its processes is killed
-(SIGKILL) at a random moment of the first two seconds of the recording: {kills} kills on {machine}, which
-other programs shared. "Window" is the process that plays its part: it has opened the bench, begun the run
+(SIGKILL) at a random moment of the first two seconds of the recording: {kills} kills on {machine},
+which other programs shared. "Window" is the process that plays its part: it has opened the bench, begun the run
 and shows that it is alive. The bench's output stands outside of all these processes, as that of hardware
 does.
 
