@@ -104,8 +104,8 @@ them, and every other fault, run with the test suite.
 
 A bench runs a sine under position control in real time and records it. One of its processes is killed
 (SIGKILL) at a random moment of the first two seconds of the recording: {kills} kills on {machine},
-which other programs shared. "Window" is the process that plays its part: it has opened the bench, begun the run
-and shows that it is alive. The bench's output stands outside of all these processes, as that of hardware
+which other programs shared. "Window" is the process that plays its part: it has opened the bench, begun the
+run and shows that it is alive. The bench's output stands outside of all these processes, as that of hardware
 does.
 
 Plant time is counted in the bench's own cycles (1 ms), from before the kill is sent to zero volts with
