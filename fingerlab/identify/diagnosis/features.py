@@ -19,7 +19,7 @@ import numpy as np
 from fingerlab.identify.diagnosis.sums import IntArray, Pick
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Scale
-from fingerlab.physics.effects.hysteresis import stop_operator
+from fingerlab.physics.effects.hysteresis import rubbing_force
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.sensing import lateral_levers
 from fingerlab.rig import Finger, Rig
@@ -42,8 +42,9 @@ LIFTED_M = 1e-4
 assumed: several times what the joint angles' noise moves it by."""
 
 
-TIP_STICKING_TRAVEL_M = 3e-5
-"""Travel over which friction at the tip builds up, m: about one angle step at the tip; assumed."""
+TIP_STIFFNESS = 1 / 3e-5
+"""Sideways force over the friction coefficient that a tip which sticks takes on with travel, N/m: 1 N over
+about one angle step at the tip; assumed."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +187,7 @@ def _tangential_forces(finger: Finger, motion: Motion) -> dict[str, Array]:
         "lateral": motion.force,
         "lateral_constant": touching,
         "lateral_spring": touching * (tip - set_down),
-        "lateral_rub": -motion.force * stop_operator(tip, TIP_STICKING_TRAVEL_M),
+        "lateral_rub": -rubbing_force(tip, np.maximum(motion.force, 0.0), TIP_STIFFNESS),
     }
 
 

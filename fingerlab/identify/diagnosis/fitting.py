@@ -188,6 +188,7 @@ class Fitter:
         self.sticks = bool(model.sticking) and any(g.whole.rest is not None for g in data.groups)
         self.widening = 0.0  # see Data.held, all groups together
         self._held: list[Array | None] = [None] * len(data.groups)
+        self._still = [data.standing(i, weights[g.key]) for i, g in enumerate(data.groups)]
         self._weigh()
         self._mean = model.start()
         self._stiffness = self._prior_weight() / model.spread**2
@@ -204,9 +205,8 @@ class Fitter:
 
     def standing(self, i: int) -> Array:
         """How the weights of group ``i`` change where the motor stands, (5, 5)."""
-        change = self.data.standing(i, self.weights[self.data.groups[i].key])
         held = self._held[i]
-        return change if held is None else change + held
+        return self._still[i] if held is None else self._still[i] + held
 
     def hold(self, values: Array) -> None:
         """Weigh the moments at rest as the friction of ``values`` allows."""
@@ -365,20 +365,24 @@ def bounded_step(values: Array, gradient: Array, information: Array, low: Array,
     return step * scale
 
 
-PIVOTING_ROUNDS = 8
+PIVOTING_ROUNDS = 40
+PATIENCE = 2
+"""Rounds in which all wrong bounds are exchanged without their number falling, before it is one at a time."""
 
 
 def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array, outwards: BoolArray) -> Array | None:
     """The same minimiser by exchanging all wrong bounds at once; None where that does not settle.
 
-    Block principal pivoting (Judice and Pires 1994): nearly always two or three solves, but it may cycle.
+    Block principal pivoting (Judice and Pires 1994): nearly always two or three solves. Where their number
+    does not fall any more, only the last of the wrong bounds is exchanged, which cannot go in circles.
     ``outwards`` are the unknowns that stand at a bound and are pushed out of it.
     """
     at_floor, at_ceiling = outwards & (floor > -1e-12), outwards & (ceiling < 1e-12)
+    fewest, patience = len(slope) + 1, PATIENCE
     for _ in range(PIVOTING_ROUNDS):
-        held = at_floor | at_ceiling
         step = np.where(at_floor, floor, 0.0)
         step[at_ceiling] = ceiling[at_ceiling]
+        held = at_floor | at_ceiling
         free = (~held).nonzero()[0]
         if len(free):
             rest = slope + matrix @ step
@@ -386,9 +390,18 @@ def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array, outwards
         pull = slope + matrix @ step
         now_floor = (at_floor & (pull > -1e-6)) | (~held & (step < floor - 1e-12))
         now_ceiling = (at_ceiling & (pull < 1e-6)) | (~held & (step > ceiling + 1e-12))
-        if (now_floor == at_floor).all() and (now_ceiling == at_ceiling).all():
+        wrong = ((now_floor != at_floor) | (now_ceiling != at_ceiling)).nonzero()[0]
+        if len(wrong) == 0:
             return np.asarray(step)
-        at_floor, at_ceiling = now_floor, now_ceiling
+        if len(wrong) < fewest:
+            fewest, patience = len(wrong), PATIENCE
+        else:
+            patience -= 1
+        if patience >= 0:
+            at_floor, at_ceiling = now_floor, now_ceiling
+        else:
+            last = wrong[-1]
+            at_floor[last], at_ceiling[last] = now_floor[last], now_ceiling[last]
     return None
 
 

@@ -54,7 +54,7 @@ def parameters(trial: Trial, effect: Effect, heat: float) -> dict[str, Parameter
         result[name] = ParameterEstimate(value, gain.unit, low, high)
     choice = next(c for c in trial.model.choices if c.effect is effect)
     for name, unit in effect.shape_units.items():
-        grid = sorted(float(s[name]) for s in effect.shapes)
+        grid = sorted({float(s[name]) for s in effect.shapes})
         value = float(effect.shapes[choice.shape][name])
         at = grid.index(value)
         result[name] = ParameterEstimate(value, unit, grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)])

@@ -86,7 +86,7 @@ class Effect:
         gains: the linear unknowns, by name.
         columns: terms from signals and one point of ``shapes``.
         shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
-        shape_units: unit of each nonlinear unknown.
+        shape_units: unit of each nonlinear unknown; what ``shapes`` holds beyond these are switches, 0 or 1.
         coordinate: what the residual is plotted against to see this effect (a ``Motion`` quantity).
         equation: the row in which that fingerprint is drawn.
         explanation: one sentence for a person, without numbers.

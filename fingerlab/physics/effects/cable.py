@@ -173,7 +173,7 @@ EFFECTS = (
             *({"travel_deg": t, "stretch_behind": 1.0} for t in STICKING_TRAVELS_DEG),
             *({"travel_deg": t, "stretch_behind": 0.0} for t in STICKING_TRAVELS_DEG[::-1]),
         ),
-        shape_units={"travel_deg": "deg", "stretch_behind": "1"},
+        shape_units={"travel_deg": "deg"},
         wanders=True,
         sticks=True,
     ),

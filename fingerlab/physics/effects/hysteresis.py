@@ -39,6 +39,30 @@ def stop_operator(position: Array, travel: float) -> Array:
     return np.asarray((position - play) / travel)
 
 
+def rubbing_force(position: Array, limit: Array, stiffness: float) -> Array:
+    """Force of a spring that sticks until it would exceed +-``limit``, shape (n,); it starts at zero.
+
+    The limit may change from sample to sample: a tip that sticks keeps its sideways force while it is pressed
+    harder, and loses what its friction can no longer hold when it is let go.
+
+    Args:
+        position: m, shape (n,). limit: N, not negative, shape (n,). stiffness: N/m.
+    """
+    shift, low, high = stiffness * np.diff(position, prepend=position[:1]), -limit, limit.copy()
+    step = 1
+    while step < len(position):
+        # A shift and a clamp after a shift and a clamp are again one of each.
+        new_low = np.clip(low[:-step] + shift[step:], low[step:], high[step:])
+        new_high = np.clip(high[:-step] + shift[step:], low[step:], high[step:])
+        shift = np.concatenate((shift[:step], shift[step:] + shift[:-step]))
+        low = np.concatenate((low[:step], new_low))
+        high = np.concatenate((high[:step], new_high))
+        if np.array_equal(new_low, new_high):
+            break  # what came earlier no longer matters anywhere
+        step *= 2
+    return np.asarray(np.clip(shift, low, high))
+
+
 SLIP_RATIO, SLIP_LEAST = 2.0, 0.525
 SLIP_SHARES = (0.171, 0.266, 0.359, 0.204)
 """Spring-sliders in parallel whose sum builds up as 1 - exp(-x) within 2 %: travels SLIP_LEAST times powers

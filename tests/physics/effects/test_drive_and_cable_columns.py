@@ -77,16 +77,16 @@ def test_motor_columns_have_their_closed_forms() -> None:
         n = shape["order"]
         assert of("torque_ripple", shape, "sine") == pytest.approx(np.sin(n * angle))
         assert of("torque_ripple", shape, "cosine") == pytest.approx(np.cos(n * angle))
-    fast = (np.abs(speed) > 0.4) & (t > 0.1)
-    assert of("motor_coulomb_friction")[fast] == pytest.approx(np.sign(speed[fast]))
+    fast = (np.abs(speed) > 0.6) & (t > 0.1)  # several travels behind every reversal
+    assert of("motor_coulomb_friction")[fast] == pytest.approx(np.sign(speed[fast]), abs=0.02)
     load = 0.05 + 0.02 * np.sin(2 * np.pi * 0.25 * t)
-    assert of("load_dependent_friction")[fast] == pytest.approx((load * np.sign(speed))[fast])
+    assert of("load_dependent_friction")[fast] == pytest.approx((load * np.sign(speed))[fast], abs=0.0015)
 
 
 def test_load_dependent_friction_takes_the_known_load_where_there_is_one() -> None:
     motion = bench(load=np.full(1000, -0.09))
     state = column(CATALOGUE["motor_coulomb_friction"].columns(motion, SHARP), Row.BENCH)
-    share = column(CATALOGUE["load_dependent_friction"].columns(motion, {}), Row.BENCH)
+    share = column(CATALOGUE["load_dependent_friction"].columns(motion, SHARP), Row.BENCH)
     assert share == pytest.approx(0.09 * state)
 
 
@@ -99,14 +99,21 @@ def test_equal_directions_of_asymmetric_friction_are_coulomb_friction() -> None:
 
 
 def test_capstan_loss_is_a_share_of_the_tension_against_the_travel() -> None:
-    """Euler-Eytelwein to first order: winding in, the motor pulls more than the finger feels."""
+    """Euler-Eytelwein to first order: winding in, the motor pulls more than the finger feels.
+
+    What the rotor's inertia takes never reaches the sheath; the cable stretches before or behind it.
+    """
     motion = moving()
-    terms = CATALOGUE["capstan_friction"].columns(motion, {})
-    fast = (np.abs(motion.velocity) > 0.4) & (motion.time > 0.1)
-    tension = motion.torque / RADIUS
-    for row in (Row.MCP, Row.PIP):
-        expected = tension * np.sign(motion.velocity)
-        assert column(terms, row)[fast] == pytest.approx(expected[fast])
+    fast = (np.abs(motion.velocity) > 0.6) & (motion.time > 0.1)
+    tension = (motion.torque - (motion.motor.inertia or 0.0) * motion.acceleration) / RADIUS
+    expected = (tension * np.sign(motion.velocity))[fast]
+    for shape in CATALOGUE["capstan_friction"].shapes:
+        if shape["travel_deg"] < 0.2:
+            terms = CATALOGUE["capstan_friction"].columns(motion, shape)
+            for row in (Row.MCP, Row.PIP):
+                error = column(terms, row)[fast] - expected
+                assert np.abs(error).max() < 0.02 * np.abs(expected).max()
+            assert any(t.row == Row.CABLE for t in terms) == bool(shape["stretch_behind"])
 
 
 def test_play_follows_the_last_reversal() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.physics.effects.hysteresis import dahl_state, stop_operator
+from fingerlab.physics.effects.hysteresis import dahl_state, rubbing_force, slip_state, stop_operator
 from fingerlab.sessions.model import Array
 
 
@@ -97,3 +97,57 @@ def test_neither_depends_on_where_it_starts_or_on_the_sign() -> None:
     for operator in (stop_operator, dahl_state):
         assert operator(path + 5.0, 0.04) == pytest.approx(operator(path, 0.04), abs=1e-9)
         assert operator(-path, 0.04) == pytest.approx(-operator(path, 0.04), abs=1e-9)
+
+
+def test_slip_state_builds_up_as_its_closed_form() -> None:
+    """Behind a reversal 1 - 2 exp(-x / d), and from rest, where half the way is to go, 1 - exp(-2 x / d)."""
+    travel = 0.3
+    out, back = np.linspace(0.0, 3.0, 4001), np.linspace(3.0, 0.0, 4001)[1:]
+    state = slip_state(np.concatenate((out, back)), travel)
+    assert state[:4001] == pytest.approx(1.0 - np.exp(-2 * out / travel), abs=0.025)
+    turned = 3.0 - back
+    assert state[4001:] == pytest.approx(-(1.0 - 2.0 * np.exp(-turned / travel)), abs=0.05)
+
+
+def test_a_small_shake_leaves_the_slip_state_alone_and_wears_dahls_down() -> None:
+    position = np.concatenate((np.linspace(0.0, 1.0, 2000), 1.0 + 2e-3 * (np.arange(4000) % 2)))
+    assert slip_state(position, 0.1)[-1] > 0.95
+    assert dahl_state(position, 0.1)[-1] < 0.1
+
+
+def test_slip_states_share_the_sliders_of_travels_that_are_twice_as_long() -> None:
+    asked: list[float] = []
+
+    def stop(position: Array, travel: float) -> Array:
+        asked.append(travel)
+        return stop_operator(position, travel)
+
+    for travel in (0.15, 0.3, 0.6):
+        slip_state(np.linspace(0.0, 1.0, 50), float(np.radians(travel)), stop)
+    assert len(asked) == 12
+    assert len(set(asked)) == 6
+
+
+def looped_rubbing(position: Array, limit: Array, stiffness: float) -> Array:
+    force, result = 0.0, []
+    for step, most in zip(np.diff(position, prepend=position[:1]), limit, strict=True):
+        force = min(max(force + stiffness * step, -most), most)
+        result.append(force)
+    return np.array(result)
+
+
+@pytest.mark.parametrize("length", [1, 2, 5, 300, 1025])
+def test_rubbing_force_is_the_loop(length: int) -> None:
+    rng = np.random.default_rng(length)
+    position = np.cumsum(rng.standard_normal(length)) * 1e-5
+    limit = np.clip(rng.standard_normal(length).cumsum() * 0.1 + 0.3, 0.0, None)
+    found = rubbing_force(position, limit, 3e4)
+    assert found == pytest.approx(looped_rubbing(position, limit, 3e4), abs=1e-9)
+
+
+def test_a_tip_that_sticks_keeps_its_force_while_it_is_pressed_harder() -> None:
+    position = np.concatenate((np.linspace(0.0, 1e-4, 100), np.full(100, 1e-4)))
+    limit = np.concatenate((np.full(100, 0.5), np.linspace(0.5, 2.0, 50), np.linspace(2.0, 0.2, 50)))
+    force = rubbing_force(position, limit, 1e5)
+    assert force[60:170] == pytest.approx(0.5)  # it slid at 0.5 N and then stood
+    assert force[-1] == pytest.approx(0.2)  # what its friction can still hold

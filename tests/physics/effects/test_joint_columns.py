@@ -31,13 +31,16 @@ def test_friction_takes_work_over_a_cycle(name: str, row: Row) -> None:
         torque = column(CATALOGUE[name].columns(motion, shape), row)
         # The torque that the cable must add does work on the joint: friction turns it into heat.
         assert np.sum((torque * speed)[LAST]) > 0
-        if name == "coulomb_friction" and shape["travel_deg"] < 0.5:  # a longer travel is still building up
+        if name == "coulomb_friction" and shape["travel_deg"] < 0.2:  # a longer travel is still building up
             fast = (np.abs(speed) > 0.5) & (motion.time > 0.1)  # it starts unloaded
-            assert torque[fast] == pytest.approx(np.sign(speed[fast]), abs=1e-9)
+            assert torque[fast] == pytest.approx(np.sign(speed[fast]), abs=0.02)
 
 
 def test_work_lost_to_viscous_and_coulomb_friction() -> None:
-    """Per cycle of amplitude A at angular frequency w: pi w A^2, and 4 A (less the travel that it sticks)."""
+    """Per cycle of amplitude A at angular frequency w: pi w A^2, and 4 A less what comes back on reversals.
+
+    After a reversal the torque is 1 - 2 exp(-x / d): over both reversals of a cycle that is 4 d less.
+    """
     motion = moving()
     amplitude, omega = 0.25, 2 * np.pi  # of the MCP joint; two cycles in the last two seconds
 
@@ -47,7 +50,7 @@ def test_work_lost_to_viscous_and_coulomb_friction() -> None:
         return float(np.sum((torque * motion.joints.mcp_velocity)[LAST]) / RATE / 2)
 
     assert work("viscous_friction") == pytest.approx(np.pi * omega * amplitude**2, rel=1e-3)
-    for shape, travel in enumerate(np.radians((0.08, 0.25))):
+    for shape, travel in enumerate(np.radians((0.06, 0.12, 0.24))):
         assert CATALOGUE["coulomb_friction"].shapes[shape] == {
             "travel_deg": pytest.approx(np.degrees(travel))
         }
