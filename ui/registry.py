@@ -50,6 +50,13 @@ TABS: tuple[Entry, ...] = (
         _later(".acquire.tab", "AcquireTab"),
     ),
     Entry(
+        3,
+        "sessions",
+        "Sessions",
+        "A folder of sessions: find, review, tag, cut, merge and export them.",
+        _later(".browse.tab", "SessionsTab"),
+    ),
+    Entry(
         6,
         "model_lab",
         "Model lab",

@@ -69,6 +69,14 @@ class Settings:
     def set_recordings(self, folder: Path) -> None:
         self._store.setValue("recordings", str(folder))
 
+    def library(self) -> Path:
+        """The folder that Sessions browses: the one chosen last, else that of the recordings."""
+        value = self._store.value("library", "")
+        return Path(value) if isinstance(value, str) and value else self.recordings()
+
+    def set_library(self, folder: Path) -> None:
+        self._store.setValue("library", str(folder))
+
     def save_place(self, window: QWidget) -> None:
         self._store.setValue("geometry", window.saveGeometry())
 

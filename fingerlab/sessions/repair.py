@@ -42,7 +42,7 @@ def repaired(path: Path) -> Path:
     """
     if not path.exists() and recording_folder(path).is_dir():
         return finish_recording(RecordingPlace.hold(path))
-    if _was_cut(path):
+    if was_cut(path):
         return _repair_single(path)
     return path
 
@@ -227,7 +227,7 @@ def _opened(parts: Sequence[Path]) -> Iterator[list[tuple[Path, h5py.File]]]:
             file.close()
 
 
-def _was_cut(path: Path) -> bool:
+def was_cut(path: Path) -> bool:
     """Whether an HDF5 file still says that a writer has it open."""
     try:
         with path.open("rb") as file:

@@ -1,0 +1,1 @@
+"""A folder tree of session files: what is in it, found again, looked through, noted, cut and merged."""

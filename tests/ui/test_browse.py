@@ -1,0 +1,137 @@
+"""The Sessions tab as a person uses it: choose a folder, search, tag, open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QFileDialog, QLabel, QLineEdit, QPlainTextEdit
+from pytestqt.qtbot import QtBot
+
+from fingerlab.library.notes import FILE_NAME
+from fingerlab.ui.browse.tab import SessionsTab
+from fingerlab.ui.browse.table_model import NAME, QUALITY, RECORDED, TAGS
+from fingerlab.ui.window import MainWindow
+
+from .hands import LEFT, PATIENCE, child, click, drop, invented_diagnosis, lab_of
+
+Opened = tuple[MainWindow, SessionsTab]
+
+
+def sessions_of(window: MainWindow) -> SessionsTab:
+    tab = window.tab("sessions")
+    assert isinstance(tab, SessionsTab)
+    return tab
+
+
+def texts(tab: SessionsTab, column: int) -> list[str]:
+    model = tab.page.model
+    return [model.index(row, column).data() for row in range(model.rowCount())]
+
+
+@pytest.fixture
+def folder(make_session: Callable[..., Path], tmp_path: Path) -> Path:
+    """Two good sessions, of which one came late, and a file that is none."""
+    (tmp_path / "library" / "may").mkdir(parents=True)
+
+    def later(file: h5py.File) -> None:
+        file.attrs["created"] = "2026-11-02T14:30:00+01:00"
+        file.attrs["title"] = "Index finger"
+        file["runs/001"].attrs["late_cycles"] = 12
+
+    make_session("library/ring.h5", phases=(("on_air", "extension"),) * 3)
+    make_session("library/may/index.h5", later)
+    (tmp_path / "library" / "broken.h5").write_text("no session", encoding="utf-8")
+    return tmp_path / "library"
+
+
+@pytest.fixture
+def browsing(qtbot: QtBot, make_window, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Opened:  # type: ignore[no-untyped-def]
+    window = make_window(tab="sessions", diagnose=invented_diagnosis)
+    monkeypatch.setattr(QFileDialog, "getExistingDirectory", staticmethod(lambda *_: str(folder)))
+    click(window, "chooseFolder")
+    tab = sessions_of(window)
+    qtbot.waitUntil(lambda: tab.page.count.text() == "3 sessions", timeout=PATIENCE)
+    return window, tab
+
+
+def row_of(tab: SessionsTab, name: str) -> int:
+    return next(row for row, text in enumerate(texts(tab, NAME)) if text.startswith(name))
+
+
+def choose(tab: SessionsTab, name: str) -> None:
+    place = tab.page.table.visualRect(tab.page.model.index(row_of(tab, name), NAME)).center()
+    QTest.mouseClick(tab.page.table.viewport(), LEFT, Qt.KeyboardModifier.NoModifier, place)
+
+
+def test_the_table_tells_latest_first_and_by_the_benchs_clock(browsing: Opened, folder: Path) -> None:
+    window, tab = browsing
+    assert texts(tab, NAME) == ["may/index.h5\nIndex finger", "ring.h5\nRing finger, Łódź", "broken.h5"]
+    assert texts(tab, RECORDED)[:2] == ["2026-11-02\n14:30:00", "2026-11-01\n09:00:00"]
+    assert texts(tab, QUALITY) == ["! 12 late cycles", "✓ clean", "✗ unreadable"]
+    assert window.settings.library() == folder
+
+
+def test_thumbnails_are_read_when_rows_are_seen(browsing: Opened, qtbot: QtBot, folder: Path) -> None:
+    _, tab = browsing
+    page = tab.page
+
+    def both() -> bool:
+        found = [page._thumbnail(folder / name) for name in ("ring.h5", "may/index.h5")]
+        return all(one is not None for one in found)
+
+    qtbot.waitUntil(both, timeout=PATIENCE)
+    assert page._thumbnail(folder / "broken.h5") is None
+
+
+def test_the_search_box_filters_and_says_what_it_does_not_understand(browsing: Opened) -> None:
+    window, tab = browsing
+    search = child(window, QLineEdit, "search")
+    QTest.keyClicks(search, "phase:contact")
+    assert texts(tab, NAME) == ["may/index.h5\nIndex finger"]
+    assert child(window, QLabel, "sessionCount").text() == "1 of 3 sessions"
+    search.clear()
+    QTest.keyClicks(search, "longer:much")
+    assert "write seconds" in child(window, QLabel, "libraryEmpty").text()
+
+
+def test_tags_are_kept_beside_the_recording_and_found_again(browsing: Opened, folder: Path) -> None:
+    window, tab = browsing
+    before = (folder / "ring.h5").read_bytes()
+    choose(tab, "ring.h5")
+    QTest.keyClicks(child(window, QLineEdit, "tags"), "good, new cable")
+    click(window, "keepNotes")
+    assert texts(tab, TAGS)[row_of(tab, "ring.h5")] == "good, new cable"
+    QTest.keyClicks(child(window, QPlainTextEdit, "notes"), "run 2 slipped")
+    choose(tab, "may/index.h5")  # what was typed is kept without being asked for
+    assert "run 2 slipped" in (folder / FILE_NAME).read_text(encoding="utf-8")
+    assert child(window, QPlainTextEdit, "notes").toPlainText() == ""
+    QTest.keyClicks(child(window, QLineEdit, "search"), "tag:cable")
+    assert texts(tab, NAME) == ["ring.h5\nRing finger, Łódź"]
+    assert (folder / "ring.h5").read_bytes() == before
+
+
+def test_a_double_click_opens_the_session_in_the_model_lab(browsing: Opened, qtbot: QtBot) -> None:
+    window, tab = browsing
+    choose(tab, "ring.h5")  # the first of the two clicks
+    place = tab.page.table.visualRect(tab.page.model.index(row_of(tab, "ring.h5"), NAME)).center()
+    QTest.mouseDClick(tab.page.table.viewport(), LEFT, Qt.KeyboardModifier.NoModifier, place)
+    qtbot.waitUntil(lambda: window.current == "model_lab" and not window.tasks.busy, timeout=PATIENCE)
+    assert [s.path.name for s in lab_of(window).controller.sessions] == ["ring.h5"]
+
+
+def test_a_recorded_session_appears_and_a_dropped_folder_is_browsed(
+    browsing: Opened,
+    qtbot: QtBot,
+    make_session: Callable[..., Path],
+    folder: Path,
+) -> None:
+    window, tab = browsing
+    window.desk.recorded(make_session("library/new.h5"))
+    qtbot.waitUntil(lambda: [p.name for p in tab.page.paths()] == ["new.h5"], timeout=PATIENCE)
+    drop(window, folder / "may")
+    qtbot.waitUntil(lambda: texts(tab, NAME) == ["index.h5\nIndex finger"], timeout=PATIENCE)

@@ -1,0 +1,206 @@
+"""The folder's sessions as a table with a search box, and the chosen one beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import QEvent, QItemSelection, QModelIndex, QObject, Qt, Signal
+from PySide6.QtGui import QKeyEvent
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QHBoxLayout,
+    QHeaderView,
+    QLineEdit,
+    QPushButton,
+    QTableView,
+    QVBoxLayout,
+    QWidget,
+)
+
+from fingerlab.errors import UserError
+from fingerlab.library.filtering import HELP, matches
+from fingerlab.library.notes import Note
+from fingerlab.library.thumbnail import Thumbnail
+
+from ..widgets.labels import ElidedLabel, remark
+from .details_panel import DetailsPanel
+from .table_model import LENGTH, MOTOR, NAME, PHASES, QUALITY, RECORDED, RIG, TAGS, VERDICT, SessionTable
+from .thumbnails import ThumbnailDelegate, Thumbnails
+
+WIDTHS = {MOTOR: 12, RECORDED: 11, LENGTH: 11, PHASES: 11, RIG: 9, QUALITY: 17, VERDICT: 18, TAGS: 10}
+"""Widths in characters; the name takes the rest."""
+
+
+class LibraryPage(QWidget):
+    """Signals: folder_asked, again_asked; review_asked(Path), lab_asked(paths); chosen(): other rows."""
+
+    folder_asked = Signal()
+    again_asked = Signal()
+    review_asked = Signal(object)
+    lab_asked = Signal(object)
+    chosen = Signal()
+
+    def __init__(self, thumbnails: Thumbnails, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._thumbnails = thumbnails
+        self.model = SessionTable()
+        self.table = QTableView()
+        self.details = DetailsPanel()
+        self.folder = ElidedLabel()
+        self.folder.setObjectName("libraryFolder")
+        self.choose = QPushButton("Choose &folder…")
+        self.choose.setObjectName("chooseFolder")
+        self.again = QPushButton("Read a&gain")
+        self.again.setObjectName("readAgain")
+        self.again.setToolTip("Look for new and changed files (F5).")
+        self.search = QLineEdit()
+        self.search.setObjectName("search")
+        self.search.setPlaceholderText("Search: words, phase:contact, tag:good, is:clean, after:2026-05 …")
+        self.search.setAccessibleName("Search and filter")
+        self.search.setToolTip(HELP)
+        self.search.setClearButtonEnabled(True)
+        self.count = remark(wrap=False)
+        self.count.setObjectName("sessionCount")
+        self.empty = remark()
+        self.empty.setObjectName("libraryEmpty")
+        self._build()
+        self._set_up_table()
+        self._connect()
+
+    def _build(self) -> None:
+        top = QHBoxLayout()
+        top.setSpacing(8)
+        top.addWidget(self.folder, 1)
+        top.addWidget(self.choose)
+        top.addWidget(self.again)
+        find = QHBoxLayout()
+        find.setSpacing(8)
+        find.addWidget(self.search, 1)
+        find.addWidget(self.count)
+        left = QVBoxLayout()
+        left.setContentsMargins(16, 8, 0, 8)
+        left.setSpacing(8)
+        left.addLayout(top)
+        left.addLayout(find)
+        left.addWidget(self.empty)
+        left.addWidget(self.table, 1)
+        across = QHBoxLayout(self)
+        across.setContentsMargins(0, 0, 0, 0)
+        across.setSpacing(0)
+        across.addLayout(left, 1)
+        across.addWidget(self.details)
+
+    def _set_up_table(self) -> None:
+        table, metrics = self.table, self.fontMetrics()
+        table.setModel(self.model)
+        table.setObjectName("sessionTable")
+        table.setAccessibleName("Sessions")
+        table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        table.setShowGrid(False)
+        table.setWordWrap(False)
+        table.setTabKeyNavigation(False)
+        table.setAlternatingRowColors(True)
+        table.setItemDelegateForColumn(MOTOR, ThumbnailDelegate(self._thumbnail, table))
+        table.verticalHeader().hide()
+        table.verticalHeader().setDefaultSectionSize(round(2.7 * metrics.height()))
+        header = table.horizontalHeader()
+        header.setHighlightSections(False)
+        header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        header.setMinimumSectionSize(4 * metrics.averageCharWidth())
+        header.setSectionResizeMode(NAME, QHeaderView.ResizeMode.Stretch)
+        for column, characters in WIDTHS.items():
+            table.setColumnWidth(column, characters * metrics.averageCharWidth() + 8)
+        table.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        header.setSortIndicator(RECORDED, Qt.SortOrder.DescendingOrder)
+        table.setSortingEnabled(True)
+        table.installEventFilter(self)
+
+    def _connect(self) -> None:
+        self.choose.clicked.connect(self.folder_asked)
+        self.again.clicked.connect(self.again_asked)
+        self.search.textChanged.connect(self._on_search)
+        self.table.doubleClicked.connect(self._on_double_click)
+        self.table.selectionModel().selectionChanged.connect(self._on_chosen)
+        self._thumbnails.ready.connect(lambda _path: self.table.viewport().update())
+        self.details.review_asked.connect(self._ask_review)
+        self.details.lab_asked.connect(lambda: self.lab_asked.emit(self.paths()))
+
+    # what is shown
+
+    def show_folder(self, text: str) -> None:
+        """The folder that is browsed."""
+        self.folder.setText(text)
+
+    def show_count(self, reading: str = "") -> None:
+        """How many sessions there are and how many of them are shown."""
+        shown, total = self.model.rowCount(), self.model.total
+        words = f"{total} sessions" if shown == total else f"{shown} of {total} sessions"
+        self.count.setText(reading or words)
+        text = ""
+        if not reading and total == 0:
+            text = (
+                "No session file below this folder. Choose the folder that holds the sessions, or record one "
+                "in Acquire."
+            )
+        elif not reading and shown == 0:
+            text = "No session fits the search. Take words away, or clear it."
+        self.empty.setText(text)
+        self.empty.setVisible(bool(text))
+
+    def paths(self) -> list[Path]:
+        """The sessions chosen, in the order shown."""
+        rows = sorted(index.row() for index in self.table.selectionModel().selectedRows())
+        return [self.model.path(row) for row in rows]
+
+    def choose_path(self, path: Path) -> None:
+        """Mark a session, if it is shown."""
+        row = self.model.row(path)
+        if row >= 0:
+            self.table.selectRow(row)
+            self.table.scrollTo(self.model.index(row, NAME))
+
+    def refresh_details(self) -> None:
+        """Show the chosen session beside the table."""
+        paths = self.paths()
+        path = paths[0] if paths else None
+        facts = self.model.facts(path) if path is not None else None
+        if path is None or facts is None or len(paths) > 1:
+            self.details.show_session(facts, Note(), None, len(paths))
+        else:
+            self.details.show_session(facts, self.model.note(path), self.model.verdict(path), 1)
+
+    def _thumbnail(self, path: Path) -> Thumbnail | None:
+        facts = self.model.facts(path)
+        return None if facts is None or facts.problem else self._thumbnails.get(path, facts.modified)
+
+    # hand
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        pressed = isinstance(event, QKeyEvent) and event.type() == QEvent.Type.KeyPress
+        if pressed and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):  # type: ignore[attr-defined]
+            self._ask_review()
+            return True
+        return super().eventFilter(watched, event)
+
+    def _on_search(self, text: str) -> None:
+        try:
+            self.model.filter(matches(text))
+        except UserError as error:
+            self.count.setText("")
+            self.empty.setText(str(error))
+            self.empty.show()
+            return
+        self.show_count()
+
+    def _on_double_click(self, index: QModelIndex) -> None:
+        self.lab_asked.emit([self.model.path(index.row())])
+
+    def _on_chosen(self, _now: QItemSelection, _before: QItemSelection) -> None:
+        self.refresh_details()
+        self.chosen.emit()
+
+    def _ask_review(self) -> None:
+        paths = self.paths()
+        if len(paths) == 1:
+            self.review_asked.emit(paths[0])

@@ -1,0 +1,195 @@
+"""The Sessions tab: the folder's sessions, and the review of one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from PySide6.QtWidgets import QFileDialog, QStackedWidget
+
+from fingerlab.errors import UserError
+from fingerlab.library.facts import SessionFacts
+from fingerlab.library.index import scan
+from fingerlab.library.notes import Note, Notebook
+from fingerlab.library.verdicts import Verdict, find_verdicts
+
+from ..desk import Desk
+from ..tab import SEPARATOR, Command, Tab
+from .background import Background, IsCancelled, Tell
+from .library_page import LibraryPage
+from .thumbnails import Thumbnails
+
+SCAN = "scan"
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a scan of a folder brought: facts, notes, verdicts, and what is wrong with the side file."""
+
+    folder: Path
+    facts: tuple[SessionFacts, ...]
+    notebook: Notebook
+    verdicts: dict[Path, Verdict]
+    trouble: str
+
+
+def look_through(folder: Path, known: Sequence[SessionFacts], tell: Tell, cancelled: IsCancelled) -> Found:
+    """Read a folder anew; in the background."""
+
+    def found(facts: SessionFacts, share: float) -> None:
+        tell((facts.name, share))
+
+    facts = scan(folder, known, found, cancelled)
+    notebook, trouble = Notebook(folder), ""
+    try:
+        notebook.read()
+    except UserError as error:
+        trouble = str(error)
+    return Found(folder, facts, notebook, find_verdicts(folder, facts), trouble)
+
+
+class SessionsTab(Tab):
+    """Composes the tab."""
+
+    def __init__(self, desk: Desk) -> None:
+        super().__init__(desk)
+        self.folder = desk.settings.library()
+        self.thumbnails = Thumbnails(self)
+        self.page = LibraryPage(self.thumbnails)
+        self.pages = QStackedWidget()
+        self.pages.addWidget(self.page)
+        self.widget = self.pages
+        self.notebook = Notebook(self.folder)
+        self._scanner = Background(self)
+        self._looked = False
+        self._choose_next: Path | None = None
+        self.commands = self._menu()
+        self._connect()
+        self.page.show_folder(str(self.folder))
+        self.page.show_count("Not read yet")
+
+    def _connect(self) -> None:
+        page = self.page
+        page.folder_asked.connect(self.ask_folder)
+        page.again_asked.connect(self.read_again)
+        page.lab_asked.connect(self.open_in_lab)
+        page.chosen.connect(self.desk.commands_changed)
+        page.details.noted.connect(self._keep_note)
+        self._scanner.told.connect(self._on_told)
+        self._scanner.done.connect(self._on_found)
+        self._scanner.failed.connect(self._on_failed)
+
+    def _menu(self) -> tuple[Command, ...]:
+        page = self.page
+        return (
+            Command("Choose &folder…", self.ask_folder, "Ctrl+Shift+O"),
+            Command("Read a&gain", self.read_again, "F5"),
+            Command("&Search", page.search.setFocus, "Ctrl+F"),
+            SEPARATOR,
+            Command(
+                "Open in &Model lab",
+                lambda: self.open_in_lab(page.paths()),
+                "Ctrl+Return",
+                lambda: bool(page.paths()),
+            ),
+        )
+
+    # what the frame asks
+
+    def on_shown(self) -> None:
+        if not self._looked:
+            self.read_again()
+
+    def on_session_recorded(self, path: Path) -> None:
+        if self._looked and path.resolve().is_relative_to(self.folder.resolve()):
+            self.read_again(path)
+
+    def accept_files(self, paths: Sequence[Path]) -> bool:
+        """A folder is browsed; files go to the Model lab as everywhere."""
+        folders = [path for path in paths if path.is_dir()]
+        if not folders:
+            return False
+        self.browse(folders[0])
+        return True
+
+    def can_close(self) -> bool:
+        self.page.details.flush()
+        return True
+
+    def on_hidden(self) -> None:
+        self.page.details.flush()
+
+    def shut_down(self) -> None:
+        self._scanner.shut_down()
+        self.thumbnails.shut_down()
+
+    # folder
+
+    def ask_folder(self) -> None:
+        """Choose another folder in a dialog."""
+        name = QFileDialog.getExistingDirectory(self.widget, "Folder of sessions", str(self.folder))
+        if name:
+            self.browse(Path(name))
+
+    def browse(self, folder: Path) -> None:
+        """Show another folder, and remember it."""
+        self.desk.hush()
+        self.folder = folder
+        self.desk.settings.set_library(folder)
+        self.page.show_folder(str(folder))
+        self.page.model.show_all((), {}, {})
+        self.read_again()
+
+    def read_again(self, choose: Path | None = None) -> None:
+        """Look for new and changed files; ``choose`` is marked when it is found."""
+        self._looked = True
+        self._choose_next = choose if isinstance(choose, Path) else None
+        folder, known = self.folder, self.page.model.all_facts()
+        if not folder.is_dir() and folder == self.desk.settings.recordings():
+            self.page.show_count()  # nothing has been recorded yet; that is no mistake
+            return
+        self.page.show_count("Reading …")
+        self._scanner.ask(SCAN, lambda tell, cancelled: look_through(folder, known, tell, cancelled))
+
+    def _on_told(self, _key: object, part: tuple[str, float]) -> None:
+        self.page.show_count(f"Reading, {100 * part[1]:.0f} %")
+
+    def _on_found(self, _key: object, found: Found) -> None:
+        if found.folder != self.folder:
+            return
+        chosen = self.page.paths()
+        self.notebook = found.notebook
+        names = {one.name for one in found.facts}
+        notes = {one.path: found.notebook.note_of(one, names) for one in found.facts}
+        self.page.model.show_all(found.facts, notes, found.verdicts)
+        self.page.show_count()
+        if found.trouble:
+            self.desk.tell(found.trouble)
+        for path in [self._choose_next] if self._choose_next is not None else chosen[:1]:
+            self.page.choose_path(path)
+        if not self.page.details.changed:
+            self.page.refresh_details()
+        self.desk.commands_changed.emit()
+
+    def _on_failed(self, _key: object, sentence: str, details: str) -> None:
+        self.page.show_count()
+        self.desk.tell(sentence, details)
+
+    # sessions
+
+    def open_in_lab(self, paths: Sequence[Path]) -> None:
+        """Open sessions together in the Model lab."""
+        if paths:
+            self.desk.hush()
+            self.desk.open_paths(list(paths), "model_lab")
+
+    def _keep_note(self, facts: SessionFacts, note: Note) -> None:
+        try:
+            self.notebook.write(facts, note, {one.name for one in self.page.model.all_facts()})
+        except UserError as error:
+            self.desk.tell(str(error))
+            return
+        self.page.model.show_note(facts.path, note)
+        self.page.details.kept(note)
+        self.desk.say(f"Tags and notes of {facts.name} kept")
