@@ -1,0 +1,178 @@
+"""Calibrations of a rig, one JSON file each: dated, versioned, never overwritten."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from fingerlab.calibration.result import Outcome
+from fingerlab.calibration.sensors import SENSORS
+from fingerlab.errors import UserError
+
+Verdict = Literal["accepted", "accepted with a reason", "rejected"]
+ACCEPTED, WITH_REASON, REJECTED = "accepted", "accepted with a reason", "rejected"
+_NAME = re.compile(r"(?P<sensor>[a-z-]+)-v(?P<version>\d{4,})-.*\.json")
+
+
+@dataclass(frozen=True)
+class Record:
+    """A stored calibration.
+
+    Attributes:
+        sensor: its word. version: from 1, counted for each sensor of the rig. created: ISO 8601 with offset.
+        verdict: what the operator decided. reason: why, where there are objections.
+        source: what it was measured with, or the files it was read from.
+        data: the whole of the file, SI.
+    """
+
+    sensor: str
+    version: int
+    created: str
+    verdict: Verdict
+    reason: str
+    source: str
+    data: Mapping[str, Any]
+    path: Path | None = None
+
+    @property
+    def gain(self) -> float:
+        """``unit``/V."""
+        return float(self.data["gain"]["value"])
+
+    @property
+    def offset(self) -> float:
+        """``unit``."""
+        return float(self.data["offset"]["value"])
+
+    @property
+    def title(self) -> str:
+        """Version and date: ``version 3 of 2026-11-21``."""
+        return f"version {self.version} of {self.created[:10]}"
+
+
+class CalibrationStore:
+    """The folder of one rig's calibrations; it is made when the first one is stored."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def save(
+        self,
+        outcome: Outcome,
+        verdict: Verdict,
+        reason: str = "",
+        source: str = "",
+        operator: str = "",
+        now: datetime | None = None,
+    ) -> Record:
+        """Store a calibration with what was decided on it, rejected ones too: nothing measured is lost.
+
+        Raises:
+            UserError: there are objections and no reason was given, or the file cannot be written.
+        """
+        reason = reason.strip()
+        if verdict == ACCEPTED and outcome.objections:
+            raise UserError(
+                "There are objections to this calibration; give a reason to accept it all the same."
+            )
+        if verdict == WITH_REASON and not reason:
+            raise UserError("Say why it is accepted all the same; the reason is stored with the calibration.")
+        created = (now or datetime.now()).astimezone()
+        data = {
+            **outcome.to_json(),
+            "created": created.isoformat(timespec="seconds"),
+            "verdict": verdict,
+            "reason": reason,
+            "source": source,
+            "operator": operator,
+        }
+        return self._write(outcome.sensor.name, data, created)
+
+    def history(self, sensor: str) -> list[Record]:
+        """All calibrations of a sensor, newest first.
+
+        Raises:
+            UserError: a file of the folder is damaged.
+        """
+        return [read_record(path) for _, path in sorted(self._files(sensor), reverse=True)]
+
+    def latest(self, sensor: str) -> Record | None:
+        """The newest calibration that was accepted."""
+        return next((one for one in self.history(sensor) if one.verdict != REJECTED), None)
+
+    def current(self) -> dict[str, Record]:
+        """The newest accepted calibration of each sensor that has one."""
+        found = {name: self.latest(name) for name in SENSORS}
+        return {name: record for name, record in found.items() if record is not None}
+
+    def _files(self, sensor: str) -> list[tuple[int, Path]]:
+        if not self.folder.is_dir():
+            return []
+        matches = ((_NAME.fullmatch(path.name), path) for path in self.folder.iterdir())
+        return [(int(m["version"]), path) for m, path in matches if m is not None and m["sensor"] == sensor]
+
+    def _write(self, sensor: str, data: dict[str, Any], created: datetime) -> Record:
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            version = max((number for number, _ in self._files(sensor)), default=0)
+            while True:
+                version += 1
+                path = self.folder / f"{sensor}-v{version:04d}-{created:%Y%m%dT%H%M%S}.json"
+                if any(number == version for number, _ in self._files(sensor)):
+                    continue  # another program has taken the version meanwhile
+                text = json.dumps({**data, "version": version}, indent=1, ensure_ascii=False)
+                with path.open("x", encoding="utf-8") as file:
+                    file.write(text)
+                return read_record(path)
+        except OSError as error:
+            raise UserError(
+                f"The calibration cannot be stored in {self.folder} ({error.strerror}); "
+                "the folder should be writable and have room."
+            ) from None
+
+
+def read_record(path: Path) -> Record:
+    """Read one stored calibration.
+
+    Raises:
+        UserError: the file cannot be read or is no calibration.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        return record_of(data, path)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror}).") from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise UserError(
+            f"{path} is no stored calibration ({error}); move it out of the folder, then the others count."
+        ) from None
+
+
+def record_of(data: Any, path: Path | None = None) -> Record:
+    """A record from the JSON of its file.
+
+    Raises:
+        ValueError, KeyError, TypeError: it is no calibration.
+    """
+    record = Record(
+        str(data["sensor"]),
+        int(data["version"]),
+        str(data["created"]),
+        data["verdict"],
+        str(data["reason"]),
+        str(data["source"]),
+        data,
+        path,
+    )
+    numbers = [float(data[name][key]) for name in ("gain", "offset") for key in ("value", "low", "high")]
+    if record.sensor not in SENSORS or not all(map(math.isfinite, numbers)) or record.gain == 0:
+        raise ValueError("its sensor or its line is impossible")
+    if record.verdict not in (ACCEPTED, WITH_REASON, REJECTED):
+        raise ValueError(f"its verdict is {record.verdict!r}")
+    return record
