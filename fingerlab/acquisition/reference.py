@@ -3,6 +3,10 @@
 A reference is a source (a function of time) plus a correction that leads from where the motor was told to
 be, at the speed at which it was told to go, to the source within a given time: the polynomial of fifth order
 whose value and first two derivatives vanish at its end.
+
+From one motion to another it is a mixture of both instead, whose shares change by such a polynomial: what
+lies between two motions within the limits is within the limits, while a correction would carry on a high
+speed for as long as it lasts, far beyond either motion.
 """
 
 from __future__ import annotations
@@ -63,7 +67,8 @@ class Reference:
         def full(time: Array) -> Array:
             return np.asarray(trajectory.offset + trajectory.amplitude * trajectory.wave(time))
 
-        self._set(full, trajectory.duration, max(trajectory.ramp, SHORTEST_BLEND_S), endless)
+        blend = max(trajectory.ramp, SHORTEST_BLEND_S)
+        self._set(_mixed(self._as_it_is(), full, blend), trajectory.duration, blend, endless)
 
     def rest(self, seconds: float = STOP_S) -> None:
         """Soft stop: lead to zero within ``seconds``, then be over."""
@@ -87,6 +92,15 @@ class Reference:
         self._done += 1
         return self.value
 
+    def _as_it_is(self) -> Callable[[Array], Array]:
+        """The present motion as a function of the time since the last sample."""
+        source, gap, rate, blend = self._source, self._gap, self._gap_rate, self._blend
+        last = (self._done - 1 + self._lead) * self.period
+        if self._done == 0:
+            value = self.value
+            return lambda time: np.full_like(time, value)
+        return lambda time: np.asarray(source(last + time) + _correction(last + time, gap, rate, blend))
+
     def _set(self, source: Callable[[Array], Array], seconds: float, blend: float, endless: bool) -> None:
         start = np.asarray(source(np.array([0.0, SLOPE_S])))
         rate = (self.value - self._before) / self.period
@@ -99,10 +113,30 @@ class Reference:
 
     def _calculate(self) -> None:
         time = (self._done + self._lead + np.arange(BLOCK, dtype=np.float64)) * self.period
-        values = np.asarray(self._source(time))
-        if time[0] < self._blend:
-            s = np.minimum(time / self._blend, 1.0)
-            gap = 1.0 + s**3 * (-10.0 + s * (15.0 - 6.0 * s))
-            rate = s + s**3 * (-6.0 + s * (8.0 - 3.0 * s))
-            values = values + self._gap * gap + self._gap_rate * self._blend * rate
+        values = np.asarray(self._source(time)) + _correction(time, self._gap, self._gap_rate, self._blend)
         self._ahead, self._next = values.tolist(), 0
+
+
+def _correction(time: Array, gap: float, rate: float, blend: float) -> Array:
+    """What leads from ``gap`` (rad) and ``rate`` (rad/s) beside a source to nothing in ``blend`` seconds."""
+    if time[0] >= blend:
+        return np.zeros_like(time)
+    s = np.minimum(time / blend, 1.0)
+    of_gap = 1.0 + s**3 * (-10.0 + s * (15.0 - 6.0 * s))
+    of_rate = s + s**3 * (-6.0 + s * (8.0 - 3.0 * s))
+    return np.asarray(gap * of_gap + rate * blend * of_rate)
+
+
+def _mixed(
+    old: Callable[[Array], Array], new: Callable[[Array], Array], blend: float
+) -> Callable[[Array], Array]:
+    """From one motion to the other within ``blend`` seconds, with smooth shares of both."""
+
+    def motion(time: Array) -> Array:
+        if time[0] >= blend:
+            return np.asarray(new(time))
+        s = np.minimum(time / blend, 1.0)
+        share = s**3 * (10.0 + s * (-15.0 + 6.0 * s))
+        return np.asarray(old(time) + share * (new(time) - old(time)))
+
+    return motion

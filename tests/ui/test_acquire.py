@@ -109,9 +109,6 @@ def test_readings_are_what_the_bench_measures(rig: Rig) -> None:
     assert np.nanmax(drawn) == pytest.approx(37.0, abs=1.0)
 
 
-@pytest.mark.xfail(
-    reason="the loop's blend to a changed motion swings past the position limit: a fault, no jump"
-)
 def test_a_change_while_running_makes_no_jump(rig: Rig) -> None:
     rig.tab.panel.motion.numbers["amplitude_deg"].setValue(5.0)
     rig.start()
