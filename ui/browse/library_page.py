@@ -27,7 +27,7 @@ from .details_panel import DetailsPanel
 from .table_model import LENGTH, MOTOR, NAME, PHASES, QUALITY, RECORDED, RIG, TAGS, VERDICT, SessionTable
 from .thumbnails import ThumbnailDelegate, Thumbnails
 
-WIDTHS = {MOTOR: 12, RECORDED: 11, LENGTH: 11, PHASES: 11, RIG: 9, QUALITY: 17, VERDICT: 18, TAGS: 10}
+WIDTHS = {MOTOR: 12, RECORDED: 13, LENGTH: 13, PHASES: 13, RIG: 12, QUALITY: 15, VERDICT: 17, TAGS: 9}
 """Widths in characters; the name takes the rest."""
 
 
