@@ -69,6 +69,7 @@ class Reference:
 
         blend = max(trajectory.ramp, SHORTEST_BLEND_S)
         self._set(_mixed(self._as_it_is(), full, blend), trajectory.duration, blend, endless)
+        self._gap = self._gap_rate = 0.0  # a mixture begins where the motion is; what is left is rounding
 
     def rest(self, seconds: float = STOP_S) -> None:
         """Soft stop: lead to zero within ``seconds``, then be over."""

@@ -29,7 +29,7 @@ def test_a_change_stays_between_both_motions(after: int) -> None:
         reference.next()
     reference.change(read_trajectory(sine(9.0, 1.5)), endless=True)
     command = np.degrees([reference.next() for _ in range(4000)])
-    assert 5.0 - 1e-6 <= command.min()
+    assert command.min() >= 5.0 - 1e-6
     assert command.max() <= 35.0 + 1e-6
     assert np.ptp(command[2500:]) == pytest.approx(18.0, abs=1e-3)
 
