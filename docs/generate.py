@@ -1,0 +1,296 @@
+"""Pages that are made from the program itself: the catalogue of effects, the commands, limits, constants.
+
+MkDocs calls this file as a hook (``mkdocs.yml``) and the pages come into the build without being stored, so
+that they cannot grow old. To look at them as files::
+
+    python docs/generate.py FOLDER
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+from fingerlab.acquisition.safety import Limits, limits_table
+from fingerlab.cli.main import COMMANDS, cli
+from fingerlab.identify.diagnosis.features import nuisance_ranges
+from fingerlab.physics.effects import CATALOGUE, Effect, Gain, cable, drive, elastic, friction, mass, sensing
+from fingerlab.rig_file import default_rig
+
+DOCS = Path(__file__).resolve().parent
+FAMILIES = {
+    "Joint friction": friction,
+    "Springs of the joints": elastic,
+    "Mass and gravity": mass,
+    "Cable": cable,
+    "Motor and gearbox": drive,
+    "Sensors and contact": sensing,
+}
+ACTS_ON = {
+    "joint_torque": "joint torque (MCP and PIP)",
+    "cable_kinematics": "cable length",
+    "motor_torque": "motor torque",
+    "endpoint_force": "endpoint force",
+}
+EQUATIONS = {
+    "MCP": "the MCP equation",
+    "PIP": "the PIP equation",
+    "CABLE": "the cable equation",
+    "BENCH": "the motor-bench equation",
+}
+SPECIAL = {
+    "delay": "This one is not a column of the equations: the motor's channels are shifted in the fit.",
+    "slack": "This one is not a column of the equations: the cable equation counts one-sidedly in the fit.",
+}
+COMMENT = "<!-- Made by docs/generate.py from the program; do not edit. -->\n\n"
+
+
+def pages() -> dict[str, str]:
+    """Every generated page: path below ``docs/`` -> Markdown."""
+    notes = equation_notes()
+    made = {"catalogue/index.md": _index()}
+    made |= {f"catalogue/{e.id}.md": _effect_page(e, notes[e.id]) for e in CATALOGUE.values()}
+    made |= {
+        "commands.md": _commands(),
+        "limits.md": _limits(),
+        "nuisances.md": _nuisances(),
+    }
+    return {path: COMMENT + text for path, text in made.items()}
+
+
+def equation_notes() -> dict[str, Mapping[str, Any]]:
+    """Equation, symbols and look-alikes of each effect, by id (``equations.toml``)."""
+    return tomllib.loads((DOCS / "equations.toml").read_text(encoding="utf-8"))
+
+
+def _index() -> str:
+    lines = [
+        "# Catalogue of effects",
+        "",
+        f"{len(CATALOGUE)} effects that the nominal model leaves out. Each page is made from the object that "
+        "the fit, the ranking, the plots and the report use; only the printed equation and the list of "
+        "look-alikes are written by hand. `fingerlab effects` prints the same list.",
+        "",
+        "An effect adds a torque τ₁, τ₂ to the joint equations, a length x to the cable equation, or a "
+        "torque τₘ on the motor side; these equations are in [theory](../theory.md). Two ids that the "
+        "simulated rig knows have no effect of their own in a diagnosis: `routing_change`, because every fit "
+        "gives each routing moment arms of its own, and `contact_compliance`.",
+    ]
+    for family, module in FAMILIES.items():
+        lines += ["", f"## {family}", "", "| effect | id | changes |", "|---|---|---|"]
+        for effect in module.EFFECTS:
+            changes = ", ".join(ACTS_ON[name] for name in effect.acts_on)
+            lines.append(f"| [{effect.title}]({effect.id}.md) | `{effect.id}` | {changes} |")
+    return "\n".join(lines) + "\n"
+
+
+def _effect_page(effect: Effect, note: Mapping[str, Any]) -> str:
+    changes = ", ".join(ACTS_ON[name] for name in effect.acts_on)
+    parts = [
+        f"# {effect.title}",
+        f"`{effect.id}` changes: {changes}.",
+        effect.explanation,
+        "## Equation",
+        f"$$\n{note['equation']}\n$$",
+        f"{note['symbols']} The other symbols are those of [theory](../theory.md).",
+    ]
+    if effect.special:
+        parts.append(SPECIAL[effect.special])
+    parts += ["## Unknowns", *_unknowns(effect)]
+    parts += ["## How it shows", _fingerprint(effect)]
+    parts += ["## How to tell", f"What reveals it: {effect.reveal}."]
+    parts += _look_alikes(note["alike"])
+    parts += _behaviour(effect)
+    return "\n\n".join(parts) + "\n"
+
+
+def _unknowns(effect: Effect) -> Iterator[str]:
+    gains = {**effect.gains, **effect.relaxes}
+    if gains:
+        yield gain_table(gains)
+        yield '"Typical" is a strength that would matter; it scales the fit and its prior.'
+    if effect.relaxes:
+        yield "Every model carries this within a [narrow range](../nuisances.md); the effect sets it free."
+    shapes = {name: sorted({shape[name] for shape in effect.shapes}) for name in effect.shape_units}
+    if shapes:
+        rows = [
+            f"| {name.removesuffix('_deg').replace('_', ' ')} | {effect.shape_units[name]} | "
+            f"{', '.join(f'{value:g}' for value in values)} |"
+            for name, values in shapes.items()
+        ]
+        yield "Shapes that are tried, one after the other:"
+        yield "\n".join(["| shape | unit | values |", "|---|---|---|", *rows])
+    if not gains and not shapes:
+        yield "It has no unknown of its own."
+
+
+def gain_table(gains: Mapping[str, Gain]) -> str:
+    """Unknowns with unit, range, typical strength and source, as a Markdown table."""
+    rows = [
+        f"| `{name}` | {gain.title or name.replace('_', ' ')} | {gain.unit} | "
+        f"{gain.low:g} to {gain.high:g} | {gain.typical:g} | {gain.source} |"
+        for name, gain in gains.items()
+    ]
+    head = "| name | what | unit | plausible range | typical | source |\n|---|---|---|---|---|---|"
+    return "\n".join([head, *rows])
+
+
+def _fingerprint(effect: Effect) -> str:
+    return (
+        f"Its fingerprint is drawn in {EQUATIONS[effect.equation.name]}: the residual against "
+        f"{effect.coordinate}, with the effect's own curve over it."
+    )
+
+
+def _look_alikes(ids: list[str]) -> list[str]:
+    if not ids:
+        return ["Nothing else in the catalogue has a course like this one."]
+    links = ", ".join(f"[{CATALOGUE[name].title}]({name}.md)" for name in ids)
+    return [
+        f"Easily taken for it: {links}. Which of them a session can tell apart is a property of the session: "
+        "`diagnose` says so each time, and proposes the run that separates the closest two."
+    ]
+
+
+def _behaviour(effect: Effect) -> list[str]:
+    said = []
+    if effect.phases:
+        said.append(f"It acts in {' and '.join(effect.phases)} runs only.")
+    if effect.bench:
+        said.append("It can act on the motor bench too, without a finger.")
+    if effect.wanders:
+        said.append("Its strength may differ by some per cent from run to run.")
+    if effect.sticks:
+        said.append("While nothing moves it may hold any value between its extremes.")
+    return ["## In the fit", " ".join(said)] if said else []
+
+
+def _commands() -> str:
+    parts = [
+        "# Commands",
+        "The text of each `--help`. Exit codes: 0 success, 2 bad usage or bad input with one sentence that "
+        "says what is wrong, 130 stopped with Ctrl-C.",
+    ]
+    for word in COMMANDS:
+        with click.Context(cli, info_name="fingerlab") as parent:
+            command = cli.get_command(parent, word)
+            assert command is not None, word
+            with click.Context(command, info_name=word, parent=parent, max_content_width=90) as context:
+                parts += [f"## {word}", f"```text\n{command.get_help(context)}\n```"]
+    return "\n\n".join(parts) + "\n"
+
+
+def _limits() -> str:
+    rows = [
+        f"| {row.name.replace('_', ' ')} | {row.value:g} | {row.unit} | {row.source} |"
+        for row in limits_table(Limits())
+    ]
+    return "\n".join(
+        [
+            "# Limits of the control loop",
+            "",
+            "The control loop stops the motor beyond these, window or no window. SI units. A rig file's "
+            'section `[limits]` sets those with the source "rig file" (here: the default rig); the others '
+            "belong to the loop.",
+            "",
+            "| limit | value | unit | source |",
+            "|---|---|---|---|",
+            *rows,
+            "",
+        ]
+    )
+
+
+def _nuisances() -> str:
+    return (
+        "# Unknowns of every model\n\n"
+        "What every fit leaves open besides the effects, with the ranges for the default rig. Moment arms, "
+        "losses and cable offset are free for each routing by itself. Constants of the rig have their "
+        "tolerance as a prior and a hard bound at 2.5 tolerances; their numbers are relative, unit 1.\n\n"
+        + gain_table(nuisance_ranges(default_rig()))
+        + "\n"
+    )
+
+
+# What MkDocs calls.
+
+
+def on_config(config: Any) -> Any:
+    """Put the effects into the navigation, by family, and pages that it does not name under Validation."""
+    config.nav = navigation(config.nav or [])
+    return config
+
+
+def navigation(nav: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The navigation of ``mkdocs.yml`` with what is only known when the pages are built."""
+    families = [
+        {family: [f"catalogue/{effect.id}.md" for effect in module.EFFECTS]}
+        for family, module in FAMILIES.items()
+    ]
+    named = set(_named(nav))
+    others = [path.name for path in sorted(DOCS.glob("*.md")) if path.name not in named]
+    more: dict[str, list[Any]] = {"Catalogue": ["catalogue/index.md", *families], "Validation": others}
+    result = []
+    for entry in nav:
+        for title, part in entry.items():
+            given = part if isinstance(part, list) else []
+            result.append({title: [*given, *more[title]] if title in more else part})
+    return result
+
+
+def _named(part: Any) -> Iterator[str]:
+    """Pages that a part of the navigation names."""
+    if isinstance(part, str):
+        yield part
+    elif isinstance(part, Mapping):
+        yield from _named(list(part.values()))
+    elif isinstance(part, list):
+        for inner in part:
+            yield from _named(inner)
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Add the generated pages to the build."""
+    from mkdocs.structure.files import File
+
+    for path, text in pages().items():
+        files.append(File.generated(config, path, content=text))
+    return files
+
+
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
+
+
+def on_page_content(html: str, **_: Any) -> str:
+    """Formulas as MathML, which browsers show without a script and without a network."""
+    from html import unescape
+
+    from latex2mathml.converter import convert
+
+    def formula(found: re.Match[str]) -> str:
+        display = "inline" if found[2] == "(" else "block"
+        return str(convert(unescape(found[3]).strip(), display=display))
+
+    return FORMULA.sub(formula, html)
+
+
+def main(arguments: list[str]) -> int:
+    """Write the generated pages into a folder."""
+    if len(arguments) != 1:
+        print("usage: python docs/generate.py FOLDER", file=sys.stderr)
+        return 2
+    for path, text in pages().items():
+        target = Path(arguments[0]) / path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(text, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

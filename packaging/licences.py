@@ -1,0 +1,57 @@
+"""List the licences of what a packaged program bundles: ``python packaging/licences.py`` in ``.venv``.
+
+Writes ``packaging/LICENCES.md`` from ``requirements/app.txt`` and what each installed package says of itself.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from importlib import metadata
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+TARGET = ROOT / "packaging" / "LICENCES.md"
+ELSEWHERE = {"pywin32": ("312", "PSF-2.0 (Windows only; from its page, not installed here)")}
+"""Packages of other systems, which this machine cannot ask."""
+HEAD = """# What a packaged program bundles
+
+Made by `python packaging/licences.py` from `requirements/app.txt` and what each package says of itself; the
+full texts lie in each package's own folder (`*.dist-info`). Besides these: Python itself (PSF-2.0). Qt comes
+with PySide6 under LGPL-3.0: it is bundled as shared libraries, which a user may replace. FingerLab's own
+licence is for its owners to choose; none is stated yet.
+
+| package | version | licence |
+|---|---|---|
+"""
+
+
+def locked() -> list[str]:
+    """Names of the packages of the application's lock file, each once."""
+    text = (ROOT / "requirements" / "app.txt").read_text(encoding="utf-8")
+    return sorted(set(re.findall(r"^([A-Za-z0-9_.-]+)==", text, re.MULTILINE)))
+
+
+def licence(name: str) -> tuple[str, str]:
+    """Version and licence of an installed package, as short as it says them."""
+    if name in ELSEWHERE:
+        return ELSEWHERE[name]
+    about = metadata.metadata(name).json
+    listed = [str(k) for k in about.get("classifier", [])]
+    kinds = [k.split("::")[-1].strip() for k in listed if k.startswith("License ::")]
+    said = about.get("license_expression") or ", ".join(kinds) or str(about.get("license", "")).split("\n")[0]
+    return str(about["version"]), str(said)
+
+
+def main() -> int:
+    """Write the list; 1 where a package says nothing."""
+    rows = [(name, *licence(name)) for name in locked()]
+    TARGET.write_text(HEAD + "".join(f"| {n} | {v} | {said} |\n" for n, v, said in rows), encoding="utf-8")
+    silent = [name for name, _, said in rows if not said]
+    if silent:
+        print(f"licences.py: no licence stated by {', '.join(silent)}", file=sys.stderr)
+    return 1 if silent else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
