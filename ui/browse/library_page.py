@@ -123,7 +123,7 @@ class LibraryPage(QWidget):
         self.table.doubleClicked.connect(self._on_double_click)
         self.table.selectionModel().selectionChanged.connect(self._on_chosen)
         self._thumbnails.ready.connect(lambda _path: self.table.viewport().update())
-        self.details.review_asked.connect(self._ask_review)
+        self.details.review_asked.connect(self.ask_review)
         self.details.lab_asked.connect(lambda: self.lab_asked.emit(self.paths()))
 
     # what is shown
@@ -179,7 +179,7 @@ class LibraryPage(QWidget):
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         pressed = isinstance(event, QKeyEvent) and event.type() == QEvent.Type.KeyPress
         if pressed and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):  # type: ignore[attr-defined]
-            self._ask_review()
+            self.ask_review()
             return True
         return super().eventFilter(watched, event)
 
@@ -200,7 +200,8 @@ class LibraryPage(QWidget):
         self.refresh_details()
         self.chosen.emit()
 
-    def _ask_review(self) -> None:
+    def ask_review(self) -> None:
+        """Ask for the review of the one session that is marked."""
         paths = self.paths()
         if len(paths) == 1:
             self.review_asked.emit(paths[0])

@@ -13,11 +13,14 @@ from fingerlab.library.facts import SessionFacts
 from fingerlab.library.index import scan
 from fingerlab.library.notes import Note, Notebook
 from fingerlab.library.verdicts import Verdict, find_verdicts
+from fingerlab.sessions.model import Session
 
-from ..desk import Desk
+from ..desk import Desk, read_session
 from ..tab import SEPARATOR, Command, Tab
 from .background import Background, IsCancelled, Tell
 from .library_page import LibraryPage
+from .review_data import ReviewData
+from .review_page import ReviewPage
 from .thumbnails import Thumbnails
 
 SCAN = "scan"
@@ -57,8 +60,11 @@ class SessionsTab(Tab):
         self.folder = desk.settings.library()
         self.thumbnails = Thumbnails(self)
         self.page = LibraryPage(self.thumbnails)
+        self.data = ReviewData(self)
+        self.review_page = ReviewPage(self.data)
         self.pages = QStackedWidget()
         self.pages.addWidget(self.page)
+        self.pages.addWidget(self.review_page)
         self.widget = self.pages
         self.notebook = Notebook(self.folder)
         self._scanner = Background(self)
@@ -74,25 +80,37 @@ class SessionsTab(Tab):
         page.folder_asked.connect(self.ask_folder)
         page.again_asked.connect(self.read_again)
         page.lab_asked.connect(self.open_in_lab)
+        page.review_asked.connect(self.review)
         page.chosen.connect(self.desk.commands_changed)
         page.details.noted.connect(self._keep_note)
+        self.review_page.back_asked.connect(self.show_table)
+        self.review_page.changed.connect(self.desk.commands_changed)
+        self.data.opened.connect(self._on_opened)
+        self.data.failed.connect(self.desk.tell)
         self._scanner.told.connect(self._on_told)
         self._scanner.done.connect(self._on_found)
         self._scanner.failed.connect(self._on_failed)
 
     def _menu(self) -> tuple[Command, ...]:
-        page = self.page
+        page, review = self.page, self.review_page
         return (
             Command("Choose &folder…", self.ask_folder, "Ctrl+Shift+O"),
             Command("Read a&gain", self.read_again, "F5"),
             Command("&Search", page.search.setFocus, "Ctrl+F"),
             SEPARATOR,
+            Command("&Review runs", page.ask_review, None, lambda: len(page.paths()) == 1),
             Command(
                 "Open in &Model lab",
-                lambda: self.open_in_lab(page.paths()),
+                lambda: self.open_in_lab(self.chosen()),
                 "Ctrl+Return",
-                lambda: bool(page.paths()),
+                lambda: bool(self.chosen()),
             ),
+            SEPARATOR,
+            Command("&All sessions", self.show_table, "Alt+Left", self._reviewing),
+            Command("Next run", lambda: review.step_run(1), "Alt+Down", self._reviewing),
+            Command("Previous run", lambda: review.step_run(-1), "Alt+Up", self._reviewing),
+            Command("Whole run", review.plots.show_whole, "Alt+Home", self._reviewing),
+            Command("&Cursors", review.cursors.toggle, "Ctrl+K", self._reviewing, review.cursors.isChecked),
         )
 
     # what the frame asks
@@ -123,6 +141,7 @@ class SessionsTab(Tab):
     def shut_down(self) -> None:
         self._scanner.shut_down()
         self.thumbnails.shut_down()
+        self.data.shut_down()
 
     # folder
 
@@ -177,6 +196,38 @@ class SessionsTab(Tab):
         self.desk.tell(sentence, details)
 
     # sessions
+
+    def chosen(self) -> list[Path]:
+        """The sessions that a command is about: the one under review, or those marked in the table."""
+        session = self.review_page.session
+        if self._reviewing() and session is not None:
+            return [session.path]
+        return self.page.paths()
+
+    def review(self, path: Path) -> None:
+        """Open a session and show its runs against time."""
+        self.desk.hush()
+        self.page.details.flush()
+        self.data.open(path, read_session)
+
+    def show_table(self) -> None:
+        """Back to the table."""
+        self.review_page.show_session(None)
+        self.pages.setCurrentWidget(self.page)
+        self.page.table.setFocus()
+        self.desk.commands_changed.emit()
+
+    def window_title(self) -> str:
+        session = self.review_page.session
+        return session.path.name if session is not None else ""
+
+    def _reviewing(self) -> bool:
+        return self.pages.currentWidget() is self.review_page
+
+    def _on_opened(self, session: Session) -> None:
+        self.pages.setCurrentWidget(self.review_page)
+        self.review_page.show_session(session)
+        self.desk.commands_changed.emit()
 
     def open_in_lab(self, paths: Sequence[Path]) -> None:
         """Open sessions together in the Model lab."""

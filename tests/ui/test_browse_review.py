@@ -1,0 +1,151 @@
+"""Reviewing a run as a person does: open it, zoom, put cursors, lay another run and the strokes over it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QLabel
+from pytestqt.qtbot import QtBot
+
+from fingerlab.library.pyramid import BASE
+from fingerlab.ui.browse.clock_axis import clock_text
+from fingerlab.ui.browse.review_page import ReviewPage
+from fingerlab.ui.browse.tab import SessionsTab
+from fingerlab.ui.window import MainWindow
+
+from .hands import PATIENCE, child, click, invented_diagnosis, lab_of
+
+SAMPLES = 40_000
+
+
+def long_session(file: h5py.File) -> None:
+    """A spike of one sample, a marker, and a start by the clock."""
+    run = file["runs/002"]
+    run["motor_torque"][12_345] = 9.0
+    run.attrs["started"] = "2026-11-01T09:00:30+01:00"
+    run.attrs["markers"] = json.dumps([{"time": 5.0, "note": "light touch"}])
+
+
+@pytest.fixture
+def reviewing(
+    qtbot: QtBot, make_window, make_session: Callable[..., Path], settings
+) -> tuple[MainWindow, ReviewPage]:  # type: ignore[no-untyped-def]
+    path = make_session("long.h5", long_session, samples=SAMPLES)
+    settings.set_library(path.parent)
+    window = make_window(tab="sessions", diagnose=invented_diagnosis)
+    tab = window.tab("sessions")
+    assert isinstance(tab, SessionsTab)
+    qtbot.waitUntil(lambda: tab.page.model.total == 1, timeout=PATIENCE)
+    tab.page.table.selectRow(0)
+    click(window, "review")
+    page = tab.review_page
+    qtbot.waitUntil(lambda: page.session is not None and not page.data.busy, timeout=PATIENCE)
+    QTest.keyClick(window, Qt.Key.Key_Down, Qt.KeyboardModifier.AltModifier)
+    settle(qtbot, page)
+    return window, page
+
+
+def settle(qtbot: QtBot, page: ReviewPage) -> None:
+    qtbot.wait(60)
+    qtbot.waitUntil(lambda: not page.data.busy, timeout=PATIENCE)
+    qtbot.wait(30)
+
+
+def drawn(page: ReviewPage, name: str, number: int = 0):  # type: ignore[no-untyped-def]
+    pane = next(pane for pane in page.plots.panes if name in pane.spec.channels)
+    return pane.curves[number, name].series
+
+
+def test_the_whole_run_is_drawn_from_its_extremes_and_the_spike_is_there(
+    reviewing: tuple[MainWindow, ReviewPage], qtbot: QtBot
+) -> None:
+    window, page = reviewing
+    assert page.run is not None
+    assert page.run.name == "002"
+    x, y = drawn(page, "motor_torque")
+    assert y.max() == pytest.approx(9000.0)  # N m in the file, mN m on the screen
+    assert x[int(np.argmax(y))] == pytest.approx(12.345, abs=BASE / 1000.0)
+    assert page.plots.span == (0.0, pytest.approx(39.999))
+    assert window.windowTitle().startswith("long.h5")
+    notes = [item.label.toPlainText() for item in page.plots.panes[0].markers]
+    assert notes == ["light touch"]
+
+
+def test_zooming_in_by_keys_shows_every_sample_on_one_time_axis(
+    reviewing: tuple[MainWindow, ReviewPage], qtbot: QtBot
+) -> None:
+    _, page = reviewing
+    page.plots.setFocus()
+    for _ in range(10):
+        QTest.keyClick(page.plots, Qt.Key.Key_Plus)
+    settle(qtbot, page)
+    left, right = page.plots.top.viewRange()[0]
+    assert right - left == pytest.approx(39.999 / 1.5**10, rel=1e-6)
+    for pane in page.plots.panes:
+        assert pane.plot.viewRange()[0] == pytest.approx([left, right])
+    x, y = drawn(page, "motor_position")
+    inside = (x >= left) & (x <= right)
+    assert np.diff(x[inside]) == pytest.approx(0.001, abs=1e-9)
+    # 22 degrees plus 14.9 degrees times a sine of 1 Hz, from conftest.
+    assert y[inside] == pytest.approx(22 + 14.9 * np.sin(2 * np.pi * x[inside]), abs=1e-3)
+
+
+def test_cursors_tell_the_difference_of_the_samples_themselves(
+    reviewing: tuple[MainWindow, ReviewPage], qtbot: QtBot
+) -> None:
+    window, page = reviewing
+    click(window, "reviewCursors")
+    page.plots.move_cursor(0, 10.0)
+    page.plots.move_cursor(1, 12.345)
+    said = child(window, QLabel, "reviewValues")
+    qtbot.waitUntil(lambda: "+2.345 s" in said.text(), timeout=PATIENCE)
+    # The torque at 10 s is kt N 0.3 A = 38.958 mN m, at the spike 9 N m.
+    assert "motor torque +8961.04 mN m" in said.text()
+    assert "A 10.000 s (09:00:40.000), B 12.345 s (09:00:42.345)" in said.toolTip()
+
+
+def test_another_run_and_the_strokes_over_one_another(
+    reviewing: tuple[MainWindow, ReviewPage], qtbot: QtBot
+) -> None:
+    window, page = reviewing
+    page.over.setCurrentIndex(1)
+    settle(qtbot, page)
+    _, other = drawn(page, "motor_torque", 1)
+    assert np.nanmax(other) == pytest.approx(64.93, abs=0.01)
+    assert drawn(page, "motor_torque")[1].max() == pytest.approx(9000.0)
+    click(window, "strokes")
+    qtbot.waitUntil(lambda: page.plots.cycles is not None, timeout=PATIENCE)
+    assert "39 strokes of 1 s" in child(window, QLabel, "reviewState").text()
+    assert page.plots.top.viewRange()[0] == pytest.approx([0.0, 1.0])
+    click(window, "strokes")
+    assert page.plots.top.viewRange()[0] == pytest.approx([0.0, 39.999])
+
+
+def test_back_to_the_table_and_on_to_the_model_lab(
+    reviewing: tuple[MainWindow, ReviewPage], qtbot: QtBot
+) -> None:
+    window, page = reviewing
+    QTest.keyClick(window, Qt.Key.Key_Return, Qt.KeyboardModifier.ControlModifier)
+    qtbot.waitUntil(lambda: window.current == "model_lab" and not window.tasks.busy, timeout=PATIENCE)
+    assert [s.path.name for s in lab_of(window).controller.sessions] == ["long.h5"]
+    window.show_tab("sessions")
+    click(window, "reviewBack")
+    tab = window.tab("sessions")
+    assert isinstance(tab, SessionsTab)
+    assert tab.pages.currentWidget() is tab.page
+    assert page.session is None
+
+
+def test_clock_time_has_the_decimals_of_its_ticks() -> None:
+    began = datetime.fromisoformat("2026-11-01T23:59:59+01:00")
+    assert clock_text(began, 1.5, 1.0) == "00:00:01"
+    assert clock_text(began, 1.5, 0.1) == "00:00:00.5"
+    assert clock_text(began, 0.125, 0.005) == "23:59:59.125"

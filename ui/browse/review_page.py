@@ -1,0 +1,284 @@
+"""The review of one session: a run against time, another over it, its strokes, cursors with differences."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtWidgets import (
+    QComboBox,
+    QGridLayout,
+    QHBoxLayout,
+    QPushButton,
+    QSizePolicy,
+    QVBoxLayout,
+    QWidget,
+)
+
+from fingerlab.library.facts import started_at
+from fingerlab.library.reviewing import Cycles, markers_of, period_of
+from fingerlab.report.screen import with_minus
+from fingerlab.sessions.model import Run, Session
+from fingerlab.sessions.words import trajectory_words
+
+from ..widgets.labels import ElidedLabel, remark
+from .clock_axis import clock_text
+from .layer import Layer
+from .quantities import QUANTITIES
+from .review_data import ReviewData
+from .review_plots import ReviewPlots
+from .wording import PHASE_WORDS, duration
+
+CURSOR_MS = 60
+
+
+class ReviewPage(QWidget):
+    """Signals: back_asked; changed: another run, or cursors on or off."""
+
+    back_asked = Signal()
+    changed = Signal()
+
+    def __init__(self, data: ReviewData, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.data = data
+        self.session: Session | None = None
+        self.plots = ReviewPlots()
+        self.back = _button("reviewBack", "‹ &All sessions", "Back to the table (Alt+Left).")
+        self.runs = _choice("reviewRun", "Run shown", "Run shown (Alt+Up, Alt+Down for the next).")
+        self.over = _choice(
+            "reviewOver", "Run over it", "Another run over this one, dashed, from its own start."
+        )
+        self.strokes = _switch("strokes", "Stro&kes", "The strokes of a sine over one another.")
+        self.cursors = _switch("reviewCursors", "&Cursors", "Two cursors to drag, with differences (Ctrl+K).")
+        self.heights = _switch(
+            "heights", "Fit &heights", "Scale each plot to what is seen of it, not to the run."
+        )
+        self.values = ElidedLabel()
+        self.values.setObjectName("reviewValues")
+        self.values.setAccessibleName("At the cursors")
+        self.state = remark(wrap=False)
+        self.state.setObjectName("reviewState")
+        self._timer = QTimer(self)
+        self._timer.setSingleShot(True)
+        self._timer.setInterval(CURSOR_MS)
+        self._build()
+        self._connect()
+
+    def _build(self) -> None:
+        row = QHBoxLayout()
+        row.setSpacing(8)
+        row.addWidget(self.back)
+        row.addWidget(self.runs, 3)
+        row.addWidget(self.over, 2)
+        for button in (self.strokes, self.cursors, self.heights):
+            row.addWidget(button)
+        top = QGridLayout()
+        top.setContentsMargins(16, 8, 16, 0)
+        top.setSpacing(4)
+        top.addLayout(row, 0, 0, 1, 2)
+        top.addWidget(self.values, 1, 0)
+        top.addWidget(self.state, 1, 1, Qt.AlignmentFlag.AlignRight)
+        top.setColumnStretch(0, 1)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(4)
+        layout.addLayout(top)
+        layout.addWidget(self.plots, 1)
+
+    def _connect(self) -> None:
+        self.back.clicked.connect(self.back_asked)
+        self.runs.currentIndexChanged.connect(self._on_run)
+        self.over.currentIndexChanged.connect(self._show)
+        self.strokes.toggled.connect(self._on_strokes)
+        self.cursors.toggled.connect(self._on_cursors)
+        self.heights.toggled.connect(self._on_heights)
+        self.plots.samples_wanted.connect(self._on_samples_wanted)
+        self.plots.cursors_moved.connect(lambda *_: self._timer.start())
+        self._timer.timeout.connect(self._ask_values)
+        self.data.filled.connect(self._on_filled)
+        self.data.sampled.connect(self._on_sampled)
+        self.data.valued.connect(self._on_valued)
+        self.data.cycled.connect(self._on_cycled)
+
+    # what is shown
+
+    def show_session(self, session: Session | None) -> None:
+        """Review another session, from its first run; None lets go of it."""
+        self.data.stop()
+        self.session = session
+        for field in (self.runs, self.over):
+            field.blockSignals(True)
+            field.clear()
+        if session is not None:
+            self.over.addItem("Nothing over it", None)
+            for run in session.runs:
+                self.runs.addItem(run_words(run), run.name)
+                self.over.addItem(f"Over it: {run_words(run)}", run.name)
+            self.runs.setCurrentIndex(0)
+            self.over.setCurrentIndex(0)
+        for field in (self.runs, self.over):
+            field.blockSignals(False)
+        self._on_run()
+        self.plots.setFocus()
+
+    @property
+    def run(self) -> Run | None:
+        """The run shown."""
+        return self._run_of(self.runs)
+
+    @property
+    def began(self) -> datetime | None:
+        """When the run's time was 0, by the clock of the bench; None where nobody knows."""
+        run = self.run
+        return started_at(self.session, run) if self.session is not None and run is not None else None
+
+    def step_run(self, step: int) -> None:
+        """The next (1) or previous (-1) run."""
+        row = self.runs.currentIndex() + step
+        if 0 <= row < self.runs.count():
+            self.runs.setCurrentIndex(row)
+
+    def _run_of(self, field: QComboBox) -> Run | None:
+        name = field.currentData()
+        runs = self.session.runs if self.session is not None else ()
+        return next((run for run in runs if run.name == name), None)
+
+    def _on_run(self) -> None:
+        for button in (self.strokes, self.cursors):
+            button.setChecked(False)
+        run = self.run
+        self.strokes.setEnabled(run is not None and period_of(run) is not None)
+        self._show()
+        self.changed.emit()
+
+    def _show(self) -> None:
+        run, other, session = self.run, self._run_of(self.over), self.session
+        if run is None or session is None:
+            self.plots.show_layers([], None, ())
+            return
+        layers = [self.data.layer(0, session, run)]
+        if other is not None and other is not run:
+            over = self.data.layer(1, session, other)
+            over.shift = layers[0].pyramid.first_time - over.pyramid.first_time
+            layers.append(over)
+        self.plots.show_layers(layers, self.began, markers_of(run))
+        self._tell_state(1.0 if layers[0].pyramid.complete else 0.0)
+
+    def _tell_state(self, share: float) -> None:
+        run = self.run
+        if run is None:
+            return
+        clock = "" if self.began is not None else ", clock time not in the file"
+        reading = "" if share >= 1.0 else f", reading {100 * share:.0f} %"
+        self.state.setText(f"{duration(run.seconds)} at {run.sample_rate_hz:g} Hz{clock}{reading}")
+
+    # data
+
+    def _on_filled(self, number: int, share: float) -> None:
+        layers = self.plots.layers
+        if number >= len(layers):
+            return
+        if number == 0:
+            self._tell_state(share)
+        elif share >= 1.0:
+            layers[1].shift = layers[0].pyramid.first_time - layers[1].pyramid.first_time
+        self.plots.set_heights()
+        self.plots.feed()
+        if share >= 1.0 and self.plots.cycles is None:
+            self.plots.set_limits()
+
+    def _on_samples_wanted(self, number: int, left: float, right: float) -> None:
+        self.data.want_samples(number, self.plots.layers[number], left, right)
+
+    def _on_sampled(self, number: int, layer: Layer) -> None:
+        if any(layer is one for one in self.plots.layers):
+            self.plots.feed()
+
+    def _on_strokes(self, on: bool) -> None:
+        self.cursors.setChecked(False)
+        self.cursors.setEnabled(not on)
+        if on and self.plots.layers:
+            self.data.want_cycles(self.plots.layers[0])
+        else:
+            self.plots.show_cycles(None)
+            self._tell_state(1.0)
+
+    def _on_cycled(self, cycles: Cycles) -> None:
+        if self.strokes.isChecked():
+            self.plots.show_cycles(cycles)
+            many = f"{cycles.count} of {cycles.total}" if cycles.count < cycles.total else str(cycles.total)
+            self.state.setText(f"{many} strokes of {cycles.period:.4g} s over one another")
+
+    def _on_heights(self, on: bool) -> None:
+        self.plots.fits_heights = on
+        self.plots.set_heights()
+
+    # cursors
+
+    def _on_cursors(self, on: bool) -> None:
+        self.values.setText("")
+        self.plots.show_cursors(on)
+        self.changed.emit()
+
+    def _ask_values(self) -> None:
+        cursors = self.plots.cursors
+        if cursors is not None and self.plots.layers:
+            self.data.want_values(self.plots.layers[0], cursors)
+
+    def _on_valued(self, found: list[tuple[float, dict[str, float]]]) -> None:
+        if self.plots.cursors is None or len(found) != 2:
+            return
+        head, lines = cursor_texts(found[0], found[1], self.began)
+        self.values.setText(head)
+        self.values.setToolTip("\n".join(lines))
+
+
+def cursor_texts(
+    a: tuple[float, dict[str, float]], b: tuple[float, dict[str, float]], began: datetime | None
+) -> tuple[str, list[str]]:
+    """What the cursors say: differences in one line, and every value in lines of their own."""
+    (time_a, at_a), (time_b, at_b) = a, b
+    change = time_b - time_a
+    clock = [f" ({clock_text(began, t, 0.001)})" if began is not None else "" for t in (time_a, time_b)]
+    places = f"A {time_a:.3f} s{clock[0]}, B {time_b:.3f} s{clock[1]}"
+    rate = f" ({1 / abs(change):.3g} Hz)" if change else ""
+    differences, lines = [f"{change:+.3f} s{rate}"], [places]
+    for name, value in at_a.items():
+        shown = QUANTITIES[name]
+        if value == value and at_b[name] == at_b[name]:
+            sign = "+" if at_b[name] >= value else ""
+            differences.append(f"{shown.title} {sign}{shown.text(at_b[name] - value)}")
+            lines.append(f"{shown.title}: A {shown.text(value)}, B {shown.text(at_b[name])}")
+    return with_minus(f"B − A: {', '.join(differences)}"), [with_minus(text) for text in lines]
+
+
+def run_words(run: Run) -> str:
+    """``Run 002 · on air, extension, sine, 15°, 1 Hz``."""
+    cable = "" if run.cable == "none" else f", {run.cable}"
+    return (
+        f"Run {run.name} · {PHASE_WORDS.get(run.phase, run.phase)}{cable}, {trajectory_words(run.trajectory)}"
+    )
+
+
+def _button(name: str, text: str, help_text: str) -> QPushButton:
+    button = QPushButton(text)
+    button.setObjectName(name)
+    button.setToolTip(help_text)
+    return button
+
+
+def _switch(name: str, text: str, help_text: str) -> QPushButton:
+    button = _button(name, text, help_text)
+    button.setCheckable(True)
+    return button
+
+
+def _choice(name: str, title: str, help_text: str) -> QComboBox:
+    field = QComboBox()
+    field.setObjectName(name)
+    field.setAccessibleName(title)
+    field.setToolTip(help_text)
+    field.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+    field.setMinimumContentsLength(8)
+    field.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+    return field

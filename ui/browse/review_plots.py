@@ -1,0 +1,346 @@
+"""All quantities of a run stacked over one time axis, with cursors, markers and another run over it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from datetime import datetime
+from html import escape
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, Qt, QTimer, Signal
+from PySide6.QtGui import QKeyEvent
+from PySide6.QtWidgets import QWidget
+
+from fingerlab.library.reviewing import Cycles, Marker
+from fingerlab.sessions.model import Array
+
+from ..theme import Colours, colours_of
+from ..widgets.curve import DecimatedCurve
+from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot
+from .clock_axis import ClockAxis
+from .layer import Layer, limits_of
+from .quantities import PANES, QUANTITIES, PaneSpec
+
+AXIS_WIDTH = 64
+ZOOM_STEP, PAN_STEP = 1.5, 0.1
+SHORTEST_VIEW = 0.02
+"""Seconds: twenty samples at 1 kHz."""
+FEED_MS = 15
+
+
+class ReviewPane:
+    """One plot of the stack: its curves by layer and channel, its cursors, its markers."""
+
+    def __init__(self, spec: PaneSpec, plot: pg.PlotItem) -> None:
+        self.spec, self.plot = spec, plot
+        self.curves: dict[tuple[int, str], DecimatedCurve] = {}
+        self.strokes: dict[str, pg.PlotCurveItem] = {}
+        self.cursors = [pg.InfiniteLine(angle=90, movable=True) for _ in range(2)]
+        self.markers: list[pg.InfiniteLine] = []
+        self.legend = pg.TextItem(anchor=(0, 0))
+        self.legend.setParentItem(plot.getViewBox())
+        self.legend.setPos(4, 0)
+        self.legend.setZValue(30)
+        for cursor in self.cursors:
+            cursor.hide()
+            cursor.setZValue(20)
+            plot.addItem(cursor, ignoreBounds=True)
+        for name in spec.channels:
+            for number in range(2):
+                self.curves[number, name] = curve = DecimatedCurve()
+                curve.setZValue(number)
+                plot.addItem(curve, ignoreBounds=True)
+            self.strokes[name] = stroke = pg.PlotCurveItem(connect="finite", antialias=True)
+            plot.addItem(stroke, ignoreBounds=True)
+
+    def show_legend(self, present: Collection[str], over: bool, colours: Colours) -> None:
+        """Name the curves where there is more than one, each as it is drawn."""
+        names = [name for name in self.spec.channels if name in present]
+        parts = []
+        for name in names if len(names) > 1 else ():
+            title = escape(QUANTITIES[name].title)
+            title = f"<b>{title}</b>" if name in self.spec.wide else title
+            colour = getattr(colours, self.spec.channels[name])
+            parts.append(f'<span style="color:{colour}">{title}</span>')
+        if over:
+            parts.append(f'<span style="color:{colours.modelled}">- - the other run</span>')
+        self.legend.setHtml(" &nbsp; ".join(parts))
+        self.legend.setVisible(bool(parts))
+
+    def show_markers(self, markers: Sequence[Marker], with_text: bool, colour: str) -> None:
+        """A line for each marker; its note beside it in one pane only."""
+        for old in self.markers:
+            self.plot.removeItem(old)
+        self.markers = []
+        for marker in markers:
+            text = (
+                {"label": marker.note, "labelOpts": {"position": 0.92, "color": colour}} if with_text else {}
+            )
+            item = pg.InfiniteLine(marker.time, angle=90, pen=line(colour, 1.0, dashed=True), **text)
+            self.plot.addItem(item, ignoreBounds=True)
+            self.markers.append(item)
+
+
+class ReviewPlots(pg.GraphicsLayoutWidget):
+    """Keys: + and − zoom, ← and → move, Home shows the whole run.
+
+    Signals:
+        samples_wanted(number, left, right): of a layer, between two times of its run, s.
+        cursors_moved(a, b): on the screen's time axis, s.
+    """
+
+    samples_wanted = Signal(int, float, float)
+    cursors_moved = Signal(float, float)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("reviewPlots")
+        self.setAccessibleName("Channels of the run against time")
+        self.setAcceptDrops(False)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.ci.setContentsMargins(0, 4, 8, 0)
+        self.ci.setSpacing(4)
+        self.layers: list[Layer] = []
+        self.cycles: Cycles | None = None
+        self.clock = ClockAxis()
+        self.fits_heights = False
+        self._cursors: list[float] | None = None
+        self._shown_markers: tuple[Marker, ...] = ()
+        self.panes = [self._add_pane(row, spec) for row, spec in enumerate(PANES)]
+        self.top = self.panes[0].plot
+        for pane in self.panes[1:]:
+            pane.plot.setXLink(self.top)
+        self._timer = QTimer(self)
+        self._timer.setSingleShot(True)
+        self._timer.setInterval(FEED_MS)
+        self._timer.timeout.connect(self.feed)
+        self.top.getViewBox().sigXRangeChanged.connect(lambda *_: self._timer.start())
+        self.top.getViewBox().sigResized.connect(lambda *_: self._timer.start())
+        self._recolour()
+
+    def _add_pane(self, row: int, spec: PaneSpec) -> ReviewPane:
+        axes = {"top": self.clock} if row == 0 else {}
+        plot: pg.PlotItem = self.addPlot(row=row, col=0, enableMenu=False, axisItems=axes)
+        prepare_plot(plot)
+        plot.getAxis("left").setWidth(AXIS_WIDTH)
+        plot.setMouseEnabled(x=True, y=False)
+        self.ci.layout.setRowStretchFactor(row, spec.share)
+        if row == 0:
+            plot.showAxis("top")
+            self.clock.setStyle(tickFont=plot.getAxis("left").style["tickFont"], tickTextOffset=2)
+            self.clock.setTickDensity(0.7)
+        pane = ReviewPane(spec, plot)
+        for number, cursor in enumerate(pane.cursors):
+            cursor.sigDragged.connect(lambda item, k=number: self._on_cursor(k, float(item.value())))
+        plot.getViewBox().sigResized.connect(lambda *_: label_left(plot, spec.title, spec.unit))
+        return pane
+
+    # what is shown
+
+    def show_layers(self, layers: list[Layer], began: datetime | None, markers: Sequence[Marker]) -> None:
+        """Show a run, and perhaps another over it. The view stays where the first run stays the same."""
+        same = bool(self.layers and layers and self.layers[0].run is layers[0].run)
+        self.layers = layers
+        if self.cycles is not None and not same:
+            self.cycles = None
+        self.clock.set_began(began)
+        self._shown_markers = tuple(markers)
+        present = {name for layer in layers for name in layer.pyramid.channels}
+        last = None
+        for pane in self.panes:
+            shown = any(name in present for name in pane.spec.channels)
+            pane.plot.setVisible(shown)
+            self.ci.layout.setRowStretchFactor(self.panes.index(pane), pane.spec.share if shown else 0)
+            last = pane if shown else last
+        for pane in self.panes:
+            pane.plot.getAxis("bottom").setStyle(showValues=pane is last)
+            pane.plot.getAxis("bottom").setHeight(bottom_axis_height() if pane is last else 8)
+            pane.plot.setLabel("bottom", "Run time (s)" if pane is last else "")
+        self._show_markers()
+        self._show_legends()
+        if not same:
+            self.show_whole()
+        self.set_heights()
+        self.feed()
+
+    def show_cycles(self, cycles: Cycles | None) -> None:
+        """Strokes over one another in place of the run, or the run again."""
+        self.cycles = cycles
+        self.clock.setVisible(cycles is None)
+        for pane in self.panes:
+            for name, item in pane.strokes.items():
+                factor = QUANTITIES[name].unit.factor
+                x, y = cycles.series.get(name, _NOTHING) if cycles is not None else _NOTHING
+                item.setData(x, y * factor)
+            for curve in pane.curves.values():
+                curve.setVisible(cycles is None)
+            if pane.plot.getAxis("bottom").style["showValues"]:
+                pane.plot.setLabel("bottom", "Run time (s)" if cycles is None else "Time in the stroke (s)")
+        self._show_markers()
+        self._show_legends()
+        self.show_whole()
+        self.set_heights()
+
+    def show_whole(self) -> None:
+        """The whole run, or the whole stroke."""
+        self.set_limits()
+        self.top.setXRange(*self.span, padding=0)
+
+    def set_limits(self) -> None:
+        """Nothing to see beyond the ends; they are known for certain when the whole run has been read."""
+        start, stop = self.span
+        least = min(SHORTEST_VIEW, stop - start)
+        for pane in self.panes:
+            pane.plot.getViewBox().setLimits(xMin=start, xMax=stop, minXRange=least)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time that can be shown."""
+        if self.cycles is not None:
+            return 0.0, self.cycles.period
+        spans = [layer.span for layer in self.layers]
+        return (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else (0.0, 1.0)
+
+    def feed(self) -> None:
+        """Give every curve what the view needs; ask for samples where memory is too coarse."""
+        if self.cycles is not None:
+            return
+        (left, right), pixels = self.top.viewRange()[0], max(int(self.top.getViewBox().width()), 16)
+        for number in range(2):
+            layer = self.layers[number] if number < len(self.layers) else None
+            if layer is not None:
+                wanted = layer.wants_samples(left, right, pixels)
+                if wanted is not None and wanted != layer.asked:
+                    layer.asked = wanted
+                    self.samples_wanted.emit(number, *wanted)
+            for pane in self.panes:
+                for name in pane.spec.channels:
+                    curve = pane.curves[number, name]
+                    if layer is None or name not in layer.pyramid.channels:
+                        curve.set_series(*_NOTHING)
+                        continue
+                    time, values = layer.series(name, left, right, pixels)
+                    curve.set_series(time, values * QUANTITIES[name].unit.factor)
+        if self.fits_heights:
+            self.set_heights()
+
+    def set_heights(self) -> None:
+        """Scale the heights to the whole run, or to what is seen."""
+        left, right = self.top.viewRange()[0]
+        for pane in self.panes:
+            parts: list[Array] = []
+            for name in pane.spec.channels:
+                factor = QUANTITIES[name].unit.factor
+                if self.cycles is not None:
+                    parts.append(self.cycles.series.get(name, _NOTHING)[1] * factor)
+                elif self.fits_heights:
+                    for number in range(len(self.layers)):
+                        x, y = pane.curves[number, name].series
+                        parts.append(y[(x >= left) & (x <= right)])
+                else:
+                    for layer in self.layers:
+                        if name in layer.pyramid.channels:
+                            parts.append(np.array(layer.pyramid.extremes(name)) * factor)
+            pane.plot.setYRange(*limits_of(parts, pane.spec.least), padding=0)
+            label_left(pane.plot, pane.spec.title, pane.spec.unit)
+
+    # cursors and markers
+
+    @property
+    def cursors(self) -> tuple[float, float] | None:
+        """Where the two cursors stand, s; None where there are none."""
+        return None if self._cursors is None else (self._cursors[0], self._cursors[1])
+
+    def show_cursors(self, on: bool) -> None:
+        """Two cursors at a third and two thirds of what is shown, or none."""
+        self._cursors = None
+        if on:
+            left, right = self.top.viewRange()[0]
+            self._cursors = [left + (right - left) / 3, left + 2 * (right - left) / 3]
+        self._place_cursors()
+
+    def move_cursor(self, number: int, time: float) -> None:
+        """Put a cursor somewhere."""
+        if self._cursors is not None:
+            self._cursors[number] = time
+            self._place_cursors()
+
+    def _on_cursor(self, number: int, time: float) -> None:
+        self.move_cursor(number, time)
+
+    def _place_cursors(self) -> None:
+        for pane in self.panes:
+            for number, cursor in enumerate(pane.cursors):
+                cursor.setVisible(self._cursors is not None)
+                if self._cursors is not None:
+                    cursor.setValue(self._cursors[number])
+        if self._cursors is not None:
+            self.cursors_moved.emit(*self._cursors)
+
+    def _show_legends(self) -> None:
+        present = {name for layer in self.layers for name in layer.pyramid.channels}
+        over = len(self.layers) > 1 and self.cycles is None
+        for pane in self.panes:
+            pane.show_legend(present, over, colours_of(self))
+
+    def _show_markers(self) -> None:
+        colour = colours_of(self).muted
+        first = next((p for p in self.panes if p.plot.isVisible()), self.panes[0])
+        for pane in self.panes:
+            pane.show_markers(self._shown_markers if self.cycles is None else (), pane is first, colour)
+
+    # how it looks
+
+    def event(self, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.DevicePixelRatioChange:
+            self._recolour()
+        return bool(super().event(event))
+
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "panes"):
+            self._recolour()
+            self._show_markers()
+            self._show_legends()
+
+    def _recolour(self) -> None:
+        colours, width = colours_of(self), self.devicePixelRatioF()
+        self.setBackground(colours.surface)
+        self.clock.setPen(colours.muted)
+        self.clock.setTextPen(colours.text)
+        for pane in self.panes:
+            colour_plot(pane.plot, colours)
+            for name, role in pane.spec.channels.items():
+                colour = getattr(colours, role)
+                # Of two curves in a plot one is wide; another run is dashed: colour never tells alone.
+                wide = width * (1.6 if name in pane.spec.wide else 1.0)
+                pane.curves[0, name].setPen(line(colour, wide))
+                pane.curves[1, name].setPen(line(colours.modelled, wide, dashed=True))
+                pane.strokes[name].setPen(line(colour, width))
+            for cursor, colour in zip(pane.cursors, (colours.accent, colours.residual), strict=True):
+                cursor.setPen(line(colour, 1.5 * width))
+                cursor.setHoverPen(line(colour, 3.0 * width))
+
+    # hand
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        left, right = self.top.viewRange()[0]
+        middle, half = (left + right) / 2, (right - left) / 2
+        key = event.key()
+        if key in (Qt.Key.Key_Plus, Qt.Key.Key_Equal):
+            half /= ZOOM_STEP
+        elif key == Qt.Key.Key_Minus:
+            half *= ZOOM_STEP
+        elif key in (Qt.Key.Key_Left, Qt.Key.Key_Right):
+            middle += (1 if key == Qt.Key.Key_Right else -1) * 2 * half * PAN_STEP
+        elif key == Qt.Key.Key_Home:
+            self.show_whole()
+            return
+        else:
+            super().keyPressEvent(event)
+            return
+        self.top.setXRange(middle - half, middle + half, padding=0)
+
+
+_NOTHING: tuple[Array, Array] = (np.empty(0), np.empty(0))
