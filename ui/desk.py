@@ -16,6 +16,8 @@ from .tasks import IsCancelled, Progress, TaskRunner
 if TYPE_CHECKING:
     from fingerlab.sessions.model import Session
 
+    from .acquire.opening import OpenBench
+
 Light = Literal["off", "ready", "live", "fault"]
 OpenCall = Callable[[Path], "Session"]
 
@@ -64,6 +66,7 @@ class Desk(QObject):
         protocol_handed(steps): for Acquire: sequence of ``fingerlab.acquisition.protocol.Step``.
         trajectory_handed(dict): for Acquire: one run's trajectory, as in the session format.
         rig_changed(RigLine): the state of the rig, as shown in header and status bar.
+        bench_changed: another bench is connected (:attr:`Desk.bench`), or none.
         stop_asked: STOP or Escape; whoever drives a motor stops it now.
         tab_asked(key): a tab is wanted at the front. open_asked: the dialog that opens a session is wanted.
         commands_changed: what can be done has changed; menus look again.
@@ -75,6 +78,7 @@ class Desk(QObject):
     protocol_handed = Signal(object, str)
     trajectory_handed = Signal(object, str)
     rig_changed = Signal(object)
+    bench_changed = Signal()
     stop_asked = Signal()
     tab_asked = Signal(str)
     open_asked = Signal()
@@ -94,6 +98,7 @@ class Desk(QObject):
         self.tasks = tasks
         self.sessions: tuple[Session, ...] = ()
         self.rig_line = RigLine()
+        self.bench: OpenBench | None = None
         self.log: list[str] = []
         self._read = read
 
@@ -152,6 +157,12 @@ class Desk(QObject):
         if line != self.rig_line:
             self.rig_line = line
             self.rig_changed.emit(line)
+
+    def show_bench(self, bench: OpenBench | None) -> None:
+        """Say which bench is connected; for tabs that only read it."""
+        if bench is not self.bench:
+            self.bench = bench
+            self.bench_changed.emit()
 
     def stop(self) -> None:
         """Stop the motor, whatever it does."""

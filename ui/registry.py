@@ -50,6 +50,13 @@ TABS: tuple[Entry, ...] = (
         _later(".acquire.tab", "AcquireTab"),
     ),
     Entry(
+        2,
+        "calibrate",
+        "Calibrate",
+        "Load cell and angle sensors, step by step: volts to units.",
+        _later(".calibrate.tab", "CalibrateTab"),
+    ),
+    Entry(
         3,
         "sessions",
         "Sessions",

@@ -32,11 +32,20 @@ class Wanted:
 
 @dataclass(frozen=True)
 class OpenBench:
-    """A bench that runs: its rig, and what a simulated one says of itself for the session file."""
+    """A bench that runs.
+
+    Attributes:
+        rig: its own, with the calibrations of its folder in the wiring.
+        attributes: for the session file: what a simulated bench says of itself, calibrations.
+        calibrations: the rig folder; None where it has none, as a replay.
+        simulated: whether nothing can be placed on it.
+    """
 
     bench: Bench
     rig: Rig
     attributes: Mapping[str, Any] = field(default_factory=dict)
+    calibrations: Path | None = None
+    simulated: bool = False
 
 
 OpenCall = Callable[[Wanted], OpenBench]
@@ -46,13 +55,14 @@ def open_bench(wanted: Wanted) -> OpenBench:
     """Build the device in processes of its own.
 
     Raises:
-        UserError: there is no such device, or it does not answer.
+        UserError: there is no such device, it does not answer, or a stored calibration is damaged.
     """
     from fingerlab.acquisition.process_bench import ProcessBench
     from fingerlab.acquisition.requests import LoopSettings
     from fingerlab.acquisition.safety import Limits
     from fingerlab.acquisition.units import BenchUnits
-    from fingerlab.devices.choosing import CARD, choose_device
+    from fingerlab.calibration.applying import default_folder, rig_and_attributes
+    from fingerlab.devices.choosing import CARD, REPLAY, choose_device
     from fingerlab.devices.simulated import Simulation
     from fingerlab.rig_file import load_rig
     from fingerlab.twin.effects import parse_effects
@@ -72,8 +82,14 @@ def open_bench(wanted: Wanted) -> OpenBench:
         known = device.rig  # type: ignore[attr-defined]
         rate = device.rate_hz
         attributes = dict(getattr(device, "session_attributes", {}))
+    folder = None
+    if choice.kind != REPLAY:  # what was recorded has the calibration of its time
+        folder = default_folder(wanted.rig_file, "default" if choice.kind == CARD else "simulated")
+        known, told = rig_and_attributes(known, folder)
+        attributes |= told
     settings = LoopSettings(BenchUnits.from_rig(known), Limits.from_rig(known))
-    return OpenBench(ProcessBench(choice, settings, rescue_folder(), rate), known, attributes)
+    bench = ProcessBench(choice, settings, rescue_folder(), rate)
+    return OpenBench(bench, known, attributes, folder, choice.kind != CARD)
 
 
 def rescue_folder() -> Path:

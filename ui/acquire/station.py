@@ -113,6 +113,7 @@ class Station(QObject):
         self.set_up = SetUp()
         self.model = None
         self._timer.start()
+        self.desk.show_bench(opened)
         self.desk.say(f"{self.status.device} is open")
         self._show()
         self.changed.emit()
@@ -121,6 +122,7 @@ class Station(QObject):
         self._timer.stop()
         self.opened = self.status = self._seen = self._reader = self.model = None
         self.doing = ""
+        self.desk.show_bench(None)
         self.desk.show_rig(RigLine())
 
     # what can be asked

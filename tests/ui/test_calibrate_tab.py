@@ -1,0 +1,255 @@
+"""Calibrate, as a person works it: the real window, a simulated operator at a sensor that gives volts."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QFileDialog, QLabel, QLineEdit, QPushButton, QTableWidget
+from pytestqt.qtbot import QtBot
+
+from fingerlab.acquisition.columns import COLUMN, COLUMNS
+from fingerlab.acquisition.ring import Ring
+from fingerlab.calibration import StepTiming
+from fingerlab.calibration.wizard import Phase
+from fingerlab.rig_file import default_rig
+from fingerlab.ui.acquire.opening import OpenBench
+from fingerlab.ui.calibrate import tab as calibrate_tab
+from fingerlab.ui.calibrate.source import AMPLIFIER_ON
+from fingerlab.ui.calibrate.tab import CalibrateTab
+from fingerlab.ui.desk import RigLine
+from fingerlab.ui.registry import TABS
+from fingerlab.ui.window import MainWindow
+
+from .hands import LEFT, child
+
+RATE = 20.0
+CONTROL = Qt.KeyboardModifier.ControlModifier
+
+
+class Bench:
+    """A bench of which only the ring is looked at: volts of a load cell, as its operator places weights."""
+
+    def __init__(self, window: MainWindow, folder: Path, wrong: Mapping[int, float] | None = None) -> None:
+        self.window = window
+        tab = window.tab("calibrate")
+        assert isinstance(tab, CalibrateTab)
+        self.tab = tab
+        self.wrong = dict(wrong or {})
+        self.ring = Ring.make(4096, len(COLUMNS), shared=False)
+        self.index = 0
+        self._mark = 0.0
+        self._random = np.random.default_rng(3)
+        bench: Any = SimpleNamespace(ring=self.ring, rate_hz=RATE)
+        window.desk.show_bench(OpenBench(bench, default_rig(), {}, folder))
+
+    def run(self, seconds: float) -> None:
+        """Time passes; the operator places what is asked for, half a second after it is asked."""
+        wizard = self.tab.wizard
+        asked, since = -1, 0
+        for _ in range(round(seconds * RATE)):
+            if wizard is not None and wizard.move is not None:
+                since = since + 1 if asked == wizard.number else 0
+                asked = wizard.number
+                if since > 10:
+                    self._mark = self.wrong.get(asked, wizard.move.mark)
+            row = [0.0] * len(COLUMNS)
+            row[COLUMN["index"]] = self.index
+            volts = (9.81 * self._mark + 5.317) / 11.194  # thesis (2.1) the other way round
+            row[COLUMN["raw/force_volts"]] = volts + self._random.normal(0, 0.0005)
+            self.ring.write(tuple(row))
+            self.index += 1
+            if self.index % 10 == 0:
+                self.tab.source.tick()
+        self.tab.source.tick()
+
+    def work(self, steps: int = 21) -> None:
+        """The operator goes on until so many steps are captured."""
+        wizard = self.tab.wizard
+        assert wizard is not None
+        for _ in range(400):
+            if wizard.number >= steps or wizard.phase is Phase.DONE:
+                return
+            self.run(1.0)
+        raise AssertionError(f"stuck at step {wizard.number + 1}: {wizard.phase}")
+
+    def click(self, name: str) -> None:
+        button = child(self.window, QPushButton, name)
+        assert button.isVisible(), name
+        assert button.isEnabled(), f"{name}: {button.toolTip()}"
+        QTest.mouseClick(button, LEFT)
+
+    def label(self, name: str) -> str:
+        text: str = child(self.tab.widget, QLabel, name).text()
+        return text
+
+    def files(self) -> list[Path]:
+        return sorted(self.tab.store().folder.glob("*.json"))
+
+
+@pytest.fixture(autouse=True)
+def agree(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(calibrate_tab, "ask_to_leave", lambda *_: True)
+
+
+@pytest.fixture
+def window(make_window: Callable[..., MainWindow], tmp_path: Path) -> MainWindow:
+    def make(desk: Any) -> CalibrateTab:
+        return CalibrateTab(desk, StepTiming(3.0, 1.0), tmp_path / "default-rig")
+
+    tabs = tuple(replace(entry, make=make) if entry.key == "calibrate" else entry for entry in TABS)
+    return make_window(tab="calibrate", tabs=tabs)
+
+
+@pytest.fixture
+def bench(window: MainWindow, tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(window, tmp_path / "rig")
+    yield made
+    window.desk.show_bench(None)
+
+
+def told(window: MainWindow) -> str:
+    return window.desk.log[-1]
+
+
+def test_without_a_rig_the_way_to_one_is_offered(window: MainWindow) -> None:
+    tab = window.tab("calibrate")
+    assert "No rig is connected" in child(tab.widget, QLabel, "calibrateRig").text()
+    start = child(window, QPushButton, "start-load-cell")
+    assert not start.isEnabled()
+    assert "No rig" in start.toolTip()
+    assert child(window, QPushButton, "file-load-cell").isEnabled()
+    assert not child(window, QPushButton, "applyAgain").isEnabled()  # there is no calibration yet
+    QTest.mouseClick(child(window, QPushButton, "calibrateConnect"), LEFT)
+    assert window.current == "acquire"
+
+
+def test_the_load_cell_from_start_to_stored(bench: Bench) -> None:
+    bench.click("start-load-cell")
+    assert "Take every weight off" in bench.label("calibrationWords")
+    assert bench.label("calibrationStep") == "Step 1 of 21 – loading"
+    bench.run(3.5)
+    assert bench.label("stability") == "stable"
+    assert "central 1 s are captured" in bench.label("calibrationState")
+    assert bench.label("calibrationVolts") == f"{bench.tab.wizard.reading:.4f} V"  # type: ignore[union-attr]
+    bench.work(1)
+    assert "Add a 100 g weight" in bench.label("calibrationWords")
+    table = child(bench.window, QTableWidget, "calibrationSteps")
+    assert float(table.item(0, 2).text()) == pytest.approx(0.475, abs=0.001)  # 5.317 / 11.194
+    bench.work()
+    assert "nothing speaks against it" in bench.label("calibrationVerdict")
+    assert bench.label("number-Gain").startswith("11.19")
+    assert bench.label("number-Before") == "no earlier one"
+    assert "inside" in bench.label("number-Data sheet")
+    bench.click("acceptCalibration")
+    (path,) = bench.files()
+    data = json.loads(path.read_text(encoding="utf-8"))
+    assert data["verdict"] == "accepted"
+    assert data["gain"]["value"] == pytest.approx(11.194, rel=1e-3)
+    assert "version 1" in bench.label("current-load-cell")
+
+
+def test_a_wrong_weight_is_said_and_undone_by_key(bench: Bench) -> None:
+    bench.wrong = {4: 0.5}
+    bench.click("start-load-cell")
+    bench.work(5)
+    doubt = bench.label("calibrationDoubt")
+    assert "Step 5 (loading, 400 g)" in doubt
+    assert "like 500 g" in doubt
+    bench.wrong = {}
+    QTest.keyClick(bench.window, Qt.Key.Key_Z, CONTROL)
+    assert bench.label("calibrationStep") == "Step 5 of 21 – loading"
+    assert not child(bench.window, QLabel, "calibrationDoubt").isVisible()
+    bench.work(6)
+    assert not child(bench.window, QLabel, "calibrationDoubt").isVisible()
+
+
+def test_a_wrong_weight_needs_a_reason_to_be_accepted(bench: Bench) -> None:
+    bench.wrong = {16: 0.2}  # 400 g wanted
+    bench.click("start-load-cell")
+    bench.work()
+    assert "like 200 g" in bench.label("calibrationObjections")
+    accept = child(bench.window, QPushButton, "acceptCalibration")
+    assert not accept.isEnabled()
+    assert not child(bench.window, QPushButton, "acceptWithReason").isEnabled()
+    field = child(bench.window, QLineEdit, "calibrationReason")
+    QTest.keyClicks(field, "two weights fell")
+    bench.click("acceptWithReason")
+    (path,) = bench.files()
+    data = json.loads(path.read_text(encoding="utf-8"))
+    assert data["verdict"] == "accepted with a reason"
+    assert data["reason"] == "two weights fell"
+    assert any("like 200 g" in text for text in data["objections"])
+
+
+def test_a_step_that_was_forgotten_is_waited_for(bench: Bench) -> None:
+    bench.wrong = {1: 0.0}
+    bench.click("start-load-cell")
+    bench.work(1)
+    bench.run(12.0)
+    assert bench.label("calibrationStep") == "Step 2 of 21 – loading"
+    assert "still that of the last step" in bench.label("calibrationState")
+    bench.click("takeStep")  # the operator insists
+    bench.work(2)
+
+
+def test_rejecting_and_going_back(bench: Bench) -> None:
+    bench.click("start-load-cell")
+    bench.work()
+    bench.click("backToSteps")
+    assert bench.label("calibrationStep") == "Step 21 of 21 – unloading"
+    bench.click("redoStep")
+    bench.click("rejectCalibration")
+    assert "not calibrated on this rig yet" in bench.label("current-load-cell")
+    assert len(bench.files()) == 1  # kept, as rejected
+
+
+def test_the_amplifier_must_be_off_and_the_rig_there(bench: Bench) -> None:
+    desk = bench.window.desk
+    desk.show_rig(RigLine(light="live", device="rig", live=True))
+    assert child(bench.window, QPushButton, "start-load-cell").toolTip() == AMPLIFIER_ON
+    desk.show_rig(RigLine(light="ready", device="rig"))
+    bench.click("start-load-cell")
+    bench.run(3.5)
+    desk.show_rig(RigLine(light="live", device="rig", live=True))
+    bench.run(6.0)
+    assert bench.tab.wizard is not None
+    assert bench.tab.wizard.number == 0  # no hand is at the rig now
+    assert bench.label("calibrationState") == AMPLIFIER_ON
+    desk.show_bench(None)
+    bench.tab.source.tick()
+    assert bench.label("calibrationState") == "No rig is connected."
+    bench.click("leaveCalibration")
+    assert child(bench.window, QPushButton, "calibrateConnect").isVisible()
+
+
+def test_from_a_recording_without_a_rig(
+    window: MainWindow, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    time = np.arange(11 * 60) / RATE  # 3 s a step
+    volts = (9.81 * np.minimum(np.floor(time / 3.0), 10) / 10 + 5.317) / 11.194
+    path = tmp_path / "load cell.txt"
+    np.savetxt(path, np.c_[5 * time, volts], header="time (s)\tload cell (V)", comments="", delimiter="\t")
+    monkeypatch.setattr(QFileDialog, "getOpenFileNames", staticmethod(lambda *_: ([str(path)], "")))
+    QTest.mouseClick(child(window, QPushButton, "file-load-cell"), LEFT)
+    tab = window.tab("calibrate")
+    assert isinstance(tab, CalibrateTab)
+    qtbot.waitUntil(lambda: tab.outcome is not None)
+    assert child(tab.widget, QLabel, "number-Repeatability").text() == "one pass only"
+    QTest.mouseClick(child(window, QPushButton, "acceptCalibration"), LEFT)
+    (stored,) = (tmp_path / "default-rig").glob("*.json")
+    assert json.loads(stored.read_text(encoding="utf-8"))["source"] == str(path)
+    assert child(window, QPushButton, "applyAgain").isEnabled()
+    monkeypatch.setattr(QFileDialog, "getOpenFileNames", staticmethod(lambda *_: ([str(stored)], "")))
+    QTest.mouseClick(child(window, QPushButton, "file-load-cell"), LEFT)
+    qtbot.waitUntil(lambda: not window.tasks.busy)
+    assert tab.outcome is None
+    assert str(stored) in told(window)  # a file that is no recording is a sentence

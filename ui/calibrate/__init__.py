@@ -1,0 +1,1 @@
+"""The Calibrate tab: load cell and angle sensors, step by step."""

@@ -1,0 +1,126 @@
+"""Before a calibration: which sensor, what counts now, whether a rig is there, and the way without one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from fingerlab.calibration import SENSORS
+from fingerlab.calibration.store import Record
+
+from ..acquire.fields import ActionButton
+from ..widgets.labels import heading, remark
+from .wording import SENSOR_NAMES, record_words
+
+COLUMN_WIDTH = 680
+HELP = {
+    "load-cell": "0 to 1 kg in steps of 100 g, and back; about eight minutes.",
+    "mcp": "Marks from 0° to 90°, twice; about five minutes.",
+    "pip": "Marks from 0° to 90°, twice; about five minutes.",
+}
+
+
+class StartPage(QWidget):
+    """Signals: start_asked(sensor), file_asked(sensor), connect_asked, again_asked."""
+
+    start_asked = Signal(str)
+    file_asked = Signal(str)
+    connect_asked = Signal()
+    again_asked = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.rig = QLabel()
+        self.rig.setObjectName("calibrateRig")
+        self.rig.setWordWrap(True)
+        self.connect_rig = QPushButton("&Connect a rig on Acquire")
+        self.connect_rig.setObjectName("calibrateConnect")
+        self.connect_rig.setProperty("primary", "true")
+        self.connect_rig.clicked.connect(self.connect_asked)
+        self.starts: dict[str, ActionButton] = {}
+        self.files: dict[str, QPushButton] = {}
+        self.current: dict[str, QLabel] = {}
+        self.again = QPushButton("Apply to an old &session…")
+        self.again.setObjectName("applyAgain")
+        self.again.setToolTip(
+            "Writes a copy of a session whose forces and angles are calculated anew from its raw volts."
+        )
+        self.again.clicked.connect(self.again_asked)
+        self.folder = remark()
+        self._build()
+
+    def _build(self) -> None:
+        column = QWidget()
+        column.setMaximumWidth(COLUMN_WIDTH)
+        inner = QVBoxLayout(column)
+        inner.setSpacing(16)
+        inner.addWidget(heading("Calibrate a sensor", large=True))
+        inner.addWidget(
+            remark(
+                "Step by step: you place a weight or turn a joint, the reading is captured by itself once it "
+                "stands still. The result is compared with the data sheet and the calibration before."
+            )
+        )
+        across = QHBoxLayout()
+        across.setSpacing(16)
+        across.addWidget(self.rig, 1)
+        across.addWidget(self.connect_rig)
+        inner.addLayout(across)
+        inner.addLayout(self._sensors())
+        inner.addWidget(self.folder)
+        across = QHBoxLayout()
+        across.setSpacing(16)
+        across.addWidget(self.again)
+        across.addWidget(remark("With the calibrations that count now, from the volts as read."), 1)
+        inner.addLayout(across)
+        middle = QHBoxLayout()
+        middle.addStretch(1)
+        middle.addWidget(column, 100)
+        middle.addStretch(1)
+        layout = QVBoxLayout(self)
+        layout.addStretch(2)
+        layout.addLayout(middle)
+        layout.addStretch(3)
+
+    def _sensors(self) -> QGridLayout:
+        grid = QGridLayout()
+        grid.setHorizontalSpacing(16)
+        grid.setVerticalSpacing(16)
+        grid.setColumnStretch(0, 1)
+        for row, name in enumerate(SENSORS):
+            words = QVBoxLayout()
+            words.setSpacing(0)
+            words.addWidget(heading(SENSOR_NAMES[name]))
+            self.current[name] = remark()
+            self.current[name].setObjectName(f"current-{name}")
+            words.addWidget(self.current[name])
+            words.addWidget(remark(HELP[name]))
+            start = ActionButton("Start", f"start-{name}", HELP[name], partial(self.start_asked.emit, name))
+            start.setAccessibleName(f"Calibrate the {SENSOR_NAMES[name]}")
+            read = QPushButton("From a recording…")
+            read.setObjectName(f"file-{name}")
+            read.setToolTip("One or two recordings, 15 s a step: text of time and volts, or sessions.")
+            read.setAccessibleName(f"{SENSOR_NAMES[name]} from a recording")
+            read.clicked.connect(lambda _checked=False, n=name: self.file_asked.emit(n))
+            self.starts[name], self.files[name] = start, read
+            grid.addLayout(words, row, 0)
+            grid.addWidget(start, row, 1)
+            grid.addWidget(read, row, 2)
+        return grid
+
+    def show_rig(self, sentence: str, refusal: str, connected: bool) -> None:
+        """Say which rig it is, or why nothing can be measured now."""
+        self.rig.setText(sentence)
+        self.connect_rig.setVisible(not connected)
+        for button in self.starts.values():
+            button.refuse(refusal)
+
+    def show_current(self, records: Mapping[str, Record], folder: str) -> None:
+        """What counts now, and where it is kept."""
+        for name, label in self.current.items():
+            label.setText(f"Now: {record_words(SENSORS[name], records.get(name))}")
+        self.folder.setText(f"Calibrations are kept in {folder}")
+        self.again.setEnabled(bool(records))
