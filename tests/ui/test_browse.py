@@ -8,11 +8,13 @@ from pathlib import Path
 import h5py
 import pytest
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QAction
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QFileDialog, QLabel, QLineEdit, QPlainTextEdit
 from pytestqt.qtbot import QtBot
 
 from fingerlab.library.notes import FILE_NAME
+from fingerlab.sessions import open_session
 from fingerlab.ui.browse.tab import SessionsTab
 from fingerlab.ui.browse.table_model import NAME, QUALITY, RECORDED, TAGS
 from fingerlab.ui.window import MainWindow
@@ -135,3 +137,48 @@ def test_a_recorded_session_appears_and_a_dropped_folder_is_browsed(
     qtbot.waitUntil(lambda: [p.name for p in tab.page.paths()] == ["new.h5"], timeout=PATIENCE)
     drop(window, folder / "may")
     qtbot.waitUntil(lambda: texts(tab, NAME) == ["index.h5\nIndex finger"], timeout=PATIENCE)
+
+
+def entry(window: MainWindow, start: str) -> QAction:
+    """An entry of the tab's menu by the beginning of its words."""
+    found = [a for a in window.menus.tab_menu.actions() if a.text().replace("&", "").startswith(start)]
+    assert len(found) == 1, start
+    return found[0]
+
+
+def test_merge_two_sessions_from_the_menu(
+    browsing: Opened, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, folder: Path
+) -> None:
+    window, tab = browsing
+    choose(tab, "ring.h5")
+    assert not entry(window, "Merge").isEnabled()
+    place = tab.page.table.visualRect(tab.page.model.index(row_of(tab, "may/"), NAME)).center()
+    QTest.mouseClick(tab.page.table.viewport(), LEFT, Qt.KeyboardModifier.ControlModifier, place)
+    target = folder / "both"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", staticmethod(lambda *_, **__: (str(target), "")))
+    entry(window, "Merge").trigger()
+    qtbot.waitUntil(lambda: [p.name for p in tab.page.paths()] == ["both.h5"], timeout=PATIENCE)
+    assert len(open_session(folder / "both.h5").runs) == 5
+
+
+def test_export_and_copy_with_tags_from_the_menu(
+    browsing: Opened, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, folder: Path, tmp_path: Path
+) -> None:
+    window, tab = browsing
+    choose(tab, "ring.h5")
+    out = tmp_path / "out"
+    out.mkdir()
+    monkeypatch.setattr(QFileDialog, "getExistingDirectory", staticmethod(lambda *_: str(out)))
+    entry(window, "Export as CSV").trigger()
+    qtbot.waitUntil(lambda: window.desk.log[-1:] != [] and "Written" in window.desk.log[-1], timeout=PATIENCE)
+    assert sorted(p.name for p in out.iterdir()) == [
+        "ring-001.csv", "ring-002.csv", "ring-003.csv", "ring.json",
+    ]  # fmt: skip
+    QTest.keyClicks(child(window, QLineEdit, "tags"), "good")  # not kept yet: it goes along all the same
+    target = folder / "tagged.h5"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", staticmethod(lambda *_, **__: (str(target), "")))
+    entry(window, "Copy with tags").trigger()
+    qtbot.waitUntil(lambda: [p.name for p in tab.page.paths()] == ["tagged.h5"], timeout=PATIENCE)
+    facts = tab.page.model.facts(target)
+    assert facts is not None
+    assert facts.tags == ("good",)

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QLabel
+from PySide6.QtWidgets import QFileDialog, QLabel
 from pytestqt.qtbot import QtBot
 
 from fingerlab.library.pyramid import BASE
+from fingerlab.sessions import open_session
 from fingerlab.ui.browse.clock_axis import clock_text
 from fingerlab.ui.browse.review_page import ReviewPage
 from fingerlab.ui.browse.tab import SessionsTab
@@ -149,3 +150,27 @@ def test_clock_time_has_the_decimals_of_its_ticks() -> None:
     assert clock_text(began, 1.5, 1.0) == "00:00:01"
     assert clock_text(began, 1.5, 0.1) == "00:00:00.5"
     assert clock_text(began, 0.125, 0.005) == "23:59:59.125"
+
+
+def test_cut_between_the_cursors_and_find_the_new_session_in_the_table(
+    reviewing: tuple[MainWindow, ReviewPage], qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    window, page = reviewing
+    assert not page.cut.isEnabled()
+    click(window, "reviewCursors")
+    page.plots.move_cursor(0, 12.0)  # the cursors may stand in any order
+    page.plots.move_cursor(1, 4.5)
+    target = tmp_path / "cut.h5"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", staticmethod(lambda *_, **__: (str(target), "")))
+    click(window, "cut")
+    tab = window.tab("sessions")
+    assert isinstance(tab, SessionsTab)
+    qtbot.waitUntil(lambda: tab.page.paths() == [target], timeout=PATIENCE)
+    [run] = open_session(target).runs
+    assert run.channel("time")[[0, -1]] == pytest.approx([0.0, 7.5])
+    assert run.attributes["started"] == "2026-11-01T09:00:34.500000+01:00"
+    # The same place again: refused with a sentence, and what is there stays.
+    before = target.read_bytes()
+    click(window, "cut")
+    qtbot.waitUntil(lambda: "not overwritten" in window.desk.log[-1], timeout=PATIENCE)
+    assert target.read_bytes() == before

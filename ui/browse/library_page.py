@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, QItemSelection, QModelIndex, QObject, Qt, Signal
+from PySide6.QtCore import QEvent, QItemSelection, QItemSelectionModel, QModelIndex, QObject, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -157,8 +157,10 @@ class LibraryPage(QWidget):
         """Mark a session, if it is shown."""
         row = self.model.row(path)
         if row >= 0:
-            self.table.selectRow(row)
-            self.table.scrollTo(self.model.index(row, NAME))
+            index, flags = self.model.index(row, NAME), QItemSelectionModel.SelectionFlag
+            # Not selectRow, which looks at the keys that happen to be held down.
+            self.table.selectionModel().setCurrentIndex(index, flags.ClearAndSelect | flags.Rows)
+            self.table.scrollTo(index)
 
     def refresh_details(self) -> None:
         """Show the chosen session beside the table."""

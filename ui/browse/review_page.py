@@ -33,9 +33,10 @@ CURSOR_MS = 60
 
 
 class ReviewPage(QWidget):
-    """Signals: back_asked; changed: another run, or cursors on or off."""
+    """Signals: back_asked; cut_asked: between the cursors; changed: another run, or cursors on or off."""
 
     back_asked = Signal()
+    cut_asked = Signal()
     changed = Signal()
 
     def __init__(self, data: ReviewData, parent: QWidget | None = None) -> None:
@@ -53,6 +54,7 @@ class ReviewPage(QWidget):
         self.heights = _switch(
             "heights", "Fit &heights", "Scale each plot to what is seen of it, not to the run."
         )
+        self.cut = _button("cut", "Cu&t…", "What lies between the cursors as a session of its own.")
         self.values = ElidedLabel()
         self.values.setObjectName("reviewValues")
         self.values.setAccessibleName("At the cursors")
@@ -61,6 +63,7 @@ class ReviewPage(QWidget):
         self._timer = QTimer(self)
         self._timer.setSingleShot(True)
         self._timer.setInterval(CURSOR_MS)
+        self.cut.setEnabled(False)
         self._build()
         self._connect()
 
@@ -70,7 +73,7 @@ class ReviewPage(QWidget):
         row.addWidget(self.back)
         row.addWidget(self.runs, 3)
         row.addWidget(self.over, 2)
-        for button in (self.strokes, self.cursors, self.heights):
+        for button in (self.strokes, self.heights, self.cursors, self.cut):
             row.addWidget(button)
         top = QGridLayout()
         top.setContentsMargins(16, 8, 16, 0)
@@ -87,6 +90,7 @@ class ReviewPage(QWidget):
 
     def _connect(self) -> None:
         self.back.clicked.connect(self.back_asked)
+        self.cut.clicked.connect(self.cut_asked)
         self.runs.currentIndexChanged.connect(self._on_run)
         self.over.currentIndexChanged.connect(self._show)
         self.strokes.toggled.connect(self._on_strokes)
@@ -217,6 +221,7 @@ class ReviewPage(QWidget):
 
     def _on_cursors(self, on: bool) -> None:
         self.values.setText("")
+        self.cut.setEnabled(on)
         self.plots.show_cursors(on)
         self.changed.emit()
 

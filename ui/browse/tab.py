@@ -22,6 +22,7 @@ from .library_page import LibraryPage
 from .review_data import ReviewData
 from .review_page import ReviewPage
 from .thumbnails import Thumbnails
+from .writer import FORMATS, Writer
 
 SCAN = "scan"
 
@@ -66,6 +67,7 @@ class SessionsTab(Tab):
         self.pages.addWidget(self.page)
         self.pages.addWidget(self.review_page)
         self.widget = self.pages
+        self.writer = Writer(desk, self.widget, self)
         self.notebook = Notebook(self.folder)
         self._scanner = Background(self)
         self._looked = False
@@ -85,6 +87,8 @@ class SessionsTab(Tab):
         page.details.noted.connect(self._keep_note)
         self.review_page.back_asked.connect(self.show_table)
         self.review_page.changed.connect(self.desk.commands_changed)
+        self.review_page.cut_asked.connect(self.cut)
+        self.writer.written.connect(self._on_written)
         self.data.opened.connect(self._on_opened)
         self.data.failed.connect(self.desk.tell)
         self._scanner.told.connect(self._on_told)
@@ -106,10 +110,18 @@ class SessionsTab(Tab):
                 lambda: bool(self.chosen()),
             ),
             SEPARATOR,
+            Command("M&erge the chosen sessions…", self.merge, "Ctrl+M", lambda: len(page.paths()) > 1),
+            *(
+                Command(f"Export as {title}…", lambda k=kind: self.export(k), None, self._one)  # type: ignore[misc]
+                for kind, title in FORMATS.items()
+            ),
+            Command("Cop&y with tags and notes in the file…", self.copy_with_note, None, self._one),
+            SEPARATOR,
             Command("&All sessions", self.show_table, "Alt+Left", self._reviewing),
             Command("Next run", lambda: review.step_run(1), "Alt+Down", self._reviewing),
             Command("Previous run", lambda: review.step_run(-1), "Alt+Up", self._reviewing),
             Command("Whole run", review.plots.show_whole, "Alt+Home", self._reviewing),
+            Command("Cu&t between the cursors…", self.cut, "Ctrl+T", review.cut.isEnabled),
             Command("&Cursors", review.cursors.toggle, "Ctrl+K", self._reviewing, review.cursors.isChecked),
         )
 
@@ -234,6 +246,39 @@ class SessionsTab(Tab):
         if paths:
             self.desk.hush()
             self.desk.open_paths(list(paths), "model_lab")
+
+    def _one(self) -> bool:
+        return len(self.chosen()) == 1
+
+    # new files
+
+    def cut(self) -> None:
+        """Write what lies between the cursors as a session of its own."""
+        review = self.review_page
+        cursors, session, run = review.plots.cursors, review.session, review.run
+        if cursors is not None and session is not None and run is not None:
+            self.writer.cut(session, run, *cursors)
+
+    def merge(self) -> None:
+        """Write the runs of the marked sessions as one session."""
+        if len(self.page.paths()) > 1:
+            self.writer.merge(self.page.paths())
+
+    def export(self, kind: str) -> None:
+        """Write the chosen session for other tools."""
+        if self._one():
+            self.writer.export(self.chosen()[0], kind)
+
+    def copy_with_note(self) -> None:
+        """Copy the chosen session with its tags and notes written into the copy."""
+        self.page.details.flush()
+        facts = self.page.model.facts(self.chosen()[0]) if self._one() else None
+        if facts is not None:
+            self.writer.copy_with_note(facts, self.page.model.note(facts.path))
+
+    def _on_written(self, path: Path) -> None:
+        if path.is_file() and path.resolve().is_relative_to(self.folder.resolve()):
+            self.read_again(path)
 
     def _keep_note(self, facts: SessionFacts, note: Note) -> None:
         try:
