@@ -13,7 +13,7 @@ from fingerlab.physics.effects.cable import (
     pull_terms,
     winding_state,
 )
-from fingerlab.physics.effects.hysteresis import dahl_state
+from fingerlab.physics.effects.hysteresis import dahl_state, rubbing_force, slip_state
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -69,8 +69,16 @@ def _asymmetric(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _load_dependent(motion: Motion, shape: Shape) -> list[Term]:
-    load = motion.torque if motion.load is None else motion.load
-    return drive_terms(motion, "share", np.abs(load) * winding_state(motion, shape["travel_deg"]))
+    """Spring-sliders whose limit is a share of the load: what sticks is not let go when the load rises."""
+    inertia = motion.motor.inertia or 0.0
+    load = np.abs(motion.torque - inertia * motion.acceleration if motion.load is None else motion.load)
+    usual = float(load.mean())
+
+    def stop(position: Array, travel: float) -> Array:
+        return rubbing_force(position, load, usual / travel)
+
+    lost = slip_state(motion.position, float(np.radians(shape["travel_deg"])), stop)
+    return drive_terms(motion, "share", lost)
 
 
 def _spring(motion: Motion, shape: Shape) -> list[Term]:
