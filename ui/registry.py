@@ -64,6 +64,13 @@ TABS: tuple[Entry, ...] = (
         _later(".browse.tab", "SessionsTab"),
     ),
     Entry(
+        4,
+        "fit",
+        "Fit",
+        "Moment arms, friction losses and delays of the runs on air.",
+        _later(".fitting.tab", "FitTab"),
+    ),
+    Entry(
         6,
         "model_lab",
         "Model lab",

@@ -88,7 +88,10 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Line:
-    """``y = slope x + intercept`` by least squares, with standard errors and R2 (4.1)."""
+    """``y = slope x + intercept`` by least squares, with standard errors and R2 (4.1).
+
+    ``covariance`` is that of slope and intercept, from which follows how sure the line is at each x.
+    """
 
     slope: float
     intercept: float
@@ -98,6 +101,14 @@ class Line:
     freedom: int
     samples: int
     blocks: int
+    covariance: float
+
+    def half_width(self, x: Array) -> Array:
+        """Half the 90 % interval of the line at each x, same shape, unit of y; NaN for a single block."""
+        if self.freedom < 1:
+            return np.full_like(x, np.nan)
+        variance = self.intercept_error**2 + 2.0 * x * self.covariance + x**2 * self.slope_error**2
+        return _quantile(self.freedom) * np.sqrt(np.maximum(variance, 0.0))
 
     def slope_estimate(self, unit: str, sign: float = 1.0) -> ParameterEstimate:
         """``sign`` times the slope with its 90 % interval."""
@@ -108,8 +119,12 @@ class Line:
         return self._estimate(self.intercept, self.intercept_error, unit)
 
     def _estimate(self, value: float, error: float, unit: str) -> ParameterEstimate:
-        half = error * float(student.ppf(0.5 + CONFIDENCE / 2, self.freedom)) if self.freedom > 0 else np.nan
+        half = error * _quantile(self.freedom) if self.freedom > 0 else np.nan
         return ParameterEstimate(value, unit, value - half, value + half)
+
+
+def _quantile(freedom: int) -> float:
+    return float(student.ppf(0.5 + CONFIDENCE / 2, freedom))
 
 
 def fit_line(blocks: Sums, misfit: Misfit | None = None) -> Line | None:
@@ -147,6 +162,7 @@ def fit_line(blocks: Sums, misfit: Misfit | None = None) -> Line | None:
         freedom=g - 1,
         samples=int(n),
         blocks=g,
+        covariance=float(cross - mx * slope_variance),
     )
 
 

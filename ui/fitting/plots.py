@@ -1,0 +1,244 @@
+"""Plots of the Fit tab: joint speeds with their regions, the tension-torque plane, bars by run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent
+from PySide6.QtWidgets import QWidget
+
+from fingerlab.identify.thesis.inspection import Plane, RunView
+from fingerlab.identify.thesis.specs import JOINT_TITLES, Joint
+from fingerlab.report.screen import DEGREES, ScreenUnit, r2_text
+from fingerlab.signals.regions import REGION_TITLES
+
+from ..theme import Colours, colours_of, small_font
+from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
+
+AXIS_WIDTH = 60
+MARGIN = 0.08
+REGION_COLOURS = {
+    "flexion": "candidate",
+    "static_1": "floor",
+    "extension": "modelled",
+    "static_2": "residual",
+    "whole": "modelled",
+}
+"""Names in ``Colours``; the regions' names stand in the plots, too."""
+
+
+class QuietPlot(pg.PlotWidget):
+    """One plot that keeps quantity and unit on its axes and follows light and dark."""
+
+    def __init__(self, name: str, accessible: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent, enableMenu=False)
+        self.setObjectName(name)
+        self.setAccessibleName(accessible)
+        self.setAcceptDrops(False)  # a file dropped here is for the window
+        self._left: tuple[str, ScreenUnit] | None = None
+        plot = self.getPlotItem()
+        prepare_plot(plot)
+        plot.setMouseEnabled(x=False, y=False)
+        plot.setContentsMargins(0, 4, 8, 0)
+        plot.getAxis("left").setWidth(AXIS_WIDTH)
+        plot.getAxis("bottom").setHeight(bottom_axis_height())
+        plot.getViewBox().sigResized.connect(self._label)
+        self._recolour_frame()
+
+    def name_axes(self, left: str, unit: ScreenUnit, bottom: str) -> None:
+        """Quantity and unit of both axes."""
+        self._left = (left, unit)
+        self.getPlotItem().setLabel("bottom", bottom)
+        self._label()
+
+    def redraw(self) -> None:
+        """Draw again with the colours of now."""
+
+    def _label(self) -> None:
+        if self._left is not None:
+            label_left(self.getPlotItem(), *self._left)
+
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_left"):
+            self._recolour_frame()
+            self.redraw()
+
+    def _recolour_frame(self) -> None:
+        colours = colours_of(self)
+        self.setBackground(colours.surface)
+        colour_plot(self.getPlotItem(), colours)
+
+    def pen(self, colour: str, width: float = 1.5, dashed: bool = False) -> Any:
+        """A pen in one of the window's colours, by name."""
+        value = getattr(colours_of(self), colour)
+        return line(value, width * self.devicePixelRatioF(), dashed)
+
+    def write(self, text: str, x: float, y: float, anchor: tuple[float, float] = (0.5, 0.0)) -> None:
+        """Words inside the plot."""
+        item = pg.TextItem(text, color=colours_of(self).text, anchor=anchor)
+        item.setFont(small_font())
+        self.getPlotItem().addItem(item, ignoreBounds=True)
+        item.setPos(x, y)
+
+
+def span_of(values: np.ndarray[Any, Any]) -> tuple[float, float]:
+    """Limits with a margin around the finite values."""
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return -1.0, 1.0
+    low, high = float(finite.min()), float(finite.max())
+    margin = MARGIN * (high - low) or abs(high) or 1.0
+    return low - margin, high + margin
+
+
+class SpeedPlot(QuietPlot):
+    """Speed of one joint over the average period, tinted by region, with its thresholds."""
+
+    def __init__(self, joint: Joint) -> None:
+        super().__init__(
+            f"speed_{joint}", f"{JOINT_TITLES[joint]} speed over the average period, with regions"
+        )
+        self.joint = joint
+        self.view: RunView | None = None
+        self.name_axes(f"{JOINT_TITLES[joint]} speed", ScreenUnit("°/s", DEGREES), "Time in the period (s)")
+
+    def show_view(self, view: RunView | None) -> None:
+        """Another run, or none."""
+        self.view = view
+        self.redraw()
+
+    def redraw(self) -> None:
+        plot = self.getPlotItem()
+        plot.clear()
+        view = self.view
+        if view is None:
+            return
+        if not len(view.time):
+            plot.setRange(xRange=(0, 1), yRange=(-1, 1), padding=0)
+            self.write("This run does not repeat: it has no regions.", 0.5, 0.0)
+            return
+        speed = DEGREES * view.speed[self.joint]
+        low, high = span_of(speed)
+        high += 0.15 * (high - low)  # room for the regions' names
+        colours = colours_of(self)
+        duration = float(view.time[-1] + view.time[1])
+        for region, start, stop in view.spans[self.joint]:
+            self._tint(colours, region, start, stop)
+            if stop - start > 0.12 * duration:
+                self.write(REGION_TITLES[region], (start + stop) / 2, high)
+        for sign in (1, -1):
+            level = sign * DEGREES * view.thresholds[self.joint]
+            plot.addItem(
+                pg.InfiniteLine(pos=level, angle=0, movable=False, pen=self.pen("residual", 1.0, True)),
+                ignoreBounds=True,
+            )
+        plot.addItem(pg.PlotCurveItem(view.time, speed, pen=self.pen("measured"), antialias=True))
+        plot.setRange(xRange=(0, duration), yRange=(low, high), padding=0)
+
+    def _tint(self, colours: Colours, region: str, start: float, stop: float) -> None:
+        brush = tint(getattr(colours, REGION_COLOURS[region]), 0.18)
+        band = pg.LinearRegionItem((start, stop), movable=False, brush=brush, pen=pg.mkPen(None))
+        band.setZValue(-10)
+        self.getPlotItem().addItem(band, ignoreBounds=True)
+
+
+class PlanePlot(QuietPlot):
+    """Joint torque on cable tension: samples, the run's line with its 90 % interval, the line of all runs."""
+
+    def __init__(self) -> None:
+        super().__init__("plane", "Joint torque against cable tension with the regression line")
+        self.joint: Joint = "pip"
+        self.region = ""
+        self.plane: Plane | None = None
+
+    def show_plane(self, joint: Joint, region: str, plane: Plane | None) -> None:
+        """One joint and region of a run; None where the run does not show it."""
+        self.joint, self.region, self.plane = joint, region, plane
+        self.redraw()
+
+    def redraw(self) -> None:
+        plot, shown = self.getPlotItem(), self.plane
+        plot.clear()
+        self.name_axes(f"{JOINT_TITLES[self.joint]} torque", ScreenUnit("mN m", 1e3), "Cable tension (N)")
+        if shown is None:
+            plot.setRange(xRange=(-1, 1), yRange=(-1, 1), padding=0)
+            if self.region:
+                self.write(f"No {REGION_TITLES[self.region]} in this run.", 0.0, 0.0)
+            return
+        lhs, on_line, half = 1e3 * shown.lhs, 1e3 * shown.line, 1e3 * shown.half
+        colours = colours_of(self)
+        points = pg.ScatterPlotItem(
+            shown.tension, lhs, size=3, pen=pg.mkPen(None), brush=tint(colours.measured, 0.35)
+        )
+        plot.addItem(points)
+        if np.isfinite(half).all():
+            edges = [pg.PlotCurveItem(shown.x, on_line + sign * half, pen=pg.mkPen(None)) for sign in (1, -1)]
+            for edge in edges:
+                plot.addItem(edge)
+            plot.addItem(pg.FillBetweenItem(*edges, brush=tint(colours.modelled, 0.3)))
+        plot.addItem(pg.PlotCurveItem(shown.x, on_line, pen=self.pen("modelled", 2.0), antialias=True))
+        if shown.pooled is not None:
+            plot.addItem(
+                pg.PlotCurveItem(
+                    shown.x, 1e3 * shown.pooled, pen=self.pen("candidate", 2.0, True), antialias=True
+                )
+            )
+        (left, right), (low, high) = span_of(shown.x), span_of(np.concatenate([lhs, on_line]))
+        high += 0.12 * (high - low)
+        plot.setRange(xRange=(left, right), yRange=(low, high), padding=0)
+        words = f"{JOINT_TITLES[self.joint]}, {REGION_TITLES[self.region]}: R² = {r2_text(shown.r2)}"
+        self.write(words, (left + right) / 2, high)
+        self.setAccessibleDescription(words)
+
+
+class RunBars(QuietPlot):
+    """Bars side by side for each run; a missing value leaves its place empty."""
+
+    def __init__(self, name: str, quantity: str, unit: ScreenUnit, top: float | None = None) -> None:
+        super().__init__(name, f"{quantity} of each run")
+        self.quantity, self.unit, self.top = quantity, unit, top
+        self.names: tuple[str, ...] = ()
+        self.series: Mapping[str, tuple[float, ...]] = {}
+        self.name_axes(quantity, unit, "Run")
+
+    def show_bars(self, names: Sequence[str], series: Mapping[str, tuple[float, ...]]) -> None:
+        """Values in SI, one a run, by the name of the region."""
+        self.names, self.series = tuple(names), series
+        self.redraw()
+
+    def redraw(self) -> None:
+        plot = self.getPlotItem()
+        plot.clear()
+        if not self.names:
+            return
+        width = 0.8 / max(len(self.series), 1)
+        at = np.arange(len(self.names), dtype=float)
+        colours, everything = colours_of(self), [np.zeros(1)]
+        for number, (region, values) in enumerate(self.series.items()):
+            heights = self.unit.factor * np.array(values)
+            good = np.isfinite(heights)
+            everything.append(heights[good])
+            place = at + (number - (len(self.series) - 1) / 2) * width
+            brush = getattr(colours, REGION_COLOURS[region])
+            plot.addItem(
+                pg.BarGraphItem(
+                    x=place[good], height=heights[good], width=0.9 * width, brush=brush, pen=pg.mkPen(None)
+                )
+            )
+        together = np.concatenate(everything)
+        low, high = span_of(together)
+        if not together.any() and self.top is None:
+            low, high = -1.0, 1.0
+            found = any(len(part) for part in everything[1:])
+            words = f"0 {self.unit.symbol} in every run" if found else "None found."
+            self.write(words, (len(self.names) - 1) / 2, 0.0, (0.5, 1.2))
+        if self.top is not None:
+            low, high = 0.0, self.top
+        step = max(len(self.names) // 8, 1)
+        ticks = [(float(i), self.names[i].lstrip("0") or "0") for i in range(0, len(self.names), step)]
+        plot.getAxis("bottom").setTicks([ticks])
+        plot.setRange(xRange=(-0.6, len(self.names) - 0.4), yRange=(low, high), padding=0)

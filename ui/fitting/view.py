@@ -1,0 +1,135 @@
+"""Work area of the Fit tab: speeds above, plane and bars in the middle, the table of parameters below."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QSplitter, QVBoxLayout, QWidget
+
+from fingerlab.identify.thesis.inspection import Inspection
+from fingerlab.identify.thesis.specs import JOINT_TITLES, JOINTS
+from fingerlab.report.screen import ScreenUnit
+from fingerlab.signals.regions import REGION_TITLES
+
+from ..theme import colours_of, small_font
+from .plots import REGION_COLOURS, PlanePlot, RunBars, SpeedPlot
+from .table import ParameterTable, RowKey
+
+
+class FitView(QWidget):
+    """Shows one fit; the table's row says which joint and region, the panel which run.
+
+    Signal ``run_wanted(name)``: a row of another cable was chosen, so another run has to be shown.
+    """
+
+    run_wanted = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.found: Inspection | None = None
+        self.run = ""
+        self.speeds = {joint: SpeedPlot(joint) for joint in JOINTS}
+        self.plane = PlanePlot()
+        self.r2 = RunBars("r2Bars", "R²", ScreenUnit("", 1.0), top=1.02)
+        self.delays = RunBars("delayBars", "Delay of torque after tension", ScreenUnit("ms", 1e3))
+        self.table = ParameterTable()
+        self.plane_words, self.r2_words, self.delay_words = _words(), _words(), _words()
+        self._build()
+        self.table.chosen.connect(self._on_row)
+
+    def _build(self) -> None:
+        above = QWidget()
+        speeds = QHBoxLayout(above)
+        speeds.setContentsMargins(0, 0, 0, 0)
+        for plot in self.speeds.values():
+            speeds.addWidget(plot)
+        middle = QWidget()
+        grid = QGridLayout(middle)
+        grid.setContentsMargins(0, 4, 0, 0)
+        grid.setVerticalSpacing(0)
+        columns = (
+            (self.plane_words, self.plane, 4),
+            (self.r2_words, self.r2, 4),
+            (self.delay_words, self.delays, 3),
+        )
+        for column, (words, plot, share) in enumerate(columns):
+            grid.addWidget(words, 0, column)
+            grid.addWidget(plot, 1, column)
+            grid.setColumnStretch(column, share)
+        splitter = QSplitter(Qt.Orientation.Vertical)
+        splitter.setChildrenCollapsible(False)
+        for widget, share in ((above, 5), (middle, 6), (self.table, 5)):
+            splitter.addWidget(widget)
+            splitter.setStretchFactor(splitter.count() - 1, share)
+        splitter.setSizes([200, 260, 220])
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(splitter)
+
+    def show_inspection(self, found: Inspection) -> None:
+        """Another fit."""
+        self.found = found
+        self.table.show_inspection(found)
+
+    def show_run(self, name: str) -> None:
+        """Another run of the fit, by name."""
+        self.run = name
+        found = self.found
+        if found is None or name not in found.views:
+            return
+        view = found.views[name]
+        for plot in self.speeds.values():
+            plot.show_view(view)
+        key = self.table.key()
+        if key is not None and key[0] != view.cable:
+            self.table.choose((view.cable, key[1], key[2]))
+        else:
+            self._show_choice()
+
+    def _on_row(self, key: RowKey | None) -> None:
+        found = self.found
+        if found is None or key is None:
+            return
+        if self.run in found.views and found.views[self.run].cable != key[0]:
+            self.run_wanted.emit(found.fit.used[key[0]][0])
+        self._show_choice()
+
+    def _show_choice(self) -> None:
+        found, key = self.found, self.table.key()
+        if found is None or key is None:
+            return
+        cable, joint, region = key
+        view = found.views.get(self.run)
+        title = JOINT_TITLES[joint]
+        self.plane.show_plane(joint, region, None if view is None else view.planes.get((joint, region)))
+        colours = colours_of(self)
+        self.plane_words.setText(
+            f"Run {self.run}: <span style='color:{colours.modelled}'><b>—</b></span> this run, "
+            "90 % interval; "
+            f"<span style='color:{colours.candidate}'><b>- -</b></span> all runs"
+        )
+        results = found.fit.cables[cable]
+        names = found.fit.used[cable]
+        regions = found.fit.spec.regions
+        self.r2.show_bars(names, {r: results[joint, r].r2.values for r in regions})
+        self.r2_words.setText(f"{title}: {self._legend(regions)}")
+        places = [list(found.views).index(name) for name in names]
+        delays = {r: tuple(v[i] for i in places) for r, v in found.delays_s[joint].items()}
+        self.delays.show_bars(names, delays)
+        used = "used in the fit" if found.fit.spec.delay in ("xcorr", "findsignal") else "not used in the fit"
+        how = self._legend(tuple(delays)) if "whole" not in delays else "by cross-correlation"
+        self.delay_words.setText(f"{title}: {how}; {used}")
+
+    def _legend(self, regions: tuple[str, ...]) -> str:
+        colours = colours_of(self)
+        return " ".join(
+            f"<span style='color:{getattr(colours, REGION_COLOURS[r])}'>■</span>&nbsp;{REGION_TITLES[r]}"
+            for r in regions
+        )
+
+
+def _words() -> QLabel:
+    label = QLabel()
+    label.setFont(small_font())
+    label.setTextFormat(Qt.TextFormat.RichText)
+    label.setMinimumWidth(10)
+    return label
