@@ -24,6 +24,9 @@ from fingerlab.physics.effects import CATALOGUE, Effect, Gain, cable, drive, ela
 from fingerlab.rig_file import default_rig
 
 DOCS = Path(__file__).resolve().parent
+sys.path.insert(0, str(DOCS))
+from fingerprints import picture  # noqa: E402  (stands beside this file, in no package)
+
 FAMILIES = {
     "Joint friction": friction,
     "Springs of the joints": elastic,
@@ -103,7 +106,7 @@ def _effect_page(effect: Effect, note: Mapping[str, Any]) -> str:
     if effect.special:
         parts.append(SPECIAL[effect.special])
     parts += ["## Unknowns", *_unknowns(effect)]
-    parts += ["## How it shows", _fingerprint(effect)]
+    parts += ["## How it shows", *_fingerprint(effect)]
     parts += ["## How to tell", f"What reveals it: {effect.reveal}."]
     parts += _look_alikes(note["alike"])
     parts += _behaviour(effect)
@@ -141,11 +144,19 @@ def gain_table(gains: Mapping[str, Gain]) -> str:
     return "\n".join([head, *rows])
 
 
-def _fingerprint(effect: Effect) -> str:
-    return (
+def _fingerprint(effect: Effect) -> list[str]:
+    said = (
         f"Its fingerprint is drawn in {EQUATIONS[effect.equation.name]}: the residual against "
         f"{effect.coordinate}, with the effect's own curve over it."
     )
+    drawn = picture(effect)
+    if not drawn:
+        return [said]
+    made_up = (
+        "The effect's own course at a typical strength in a made-up run (`docs/fingerprints.py`): the "
+        "motor turns by two sines against a load like a spring, with the extension cable."
+    )
+    return [said, f'<div class="fingerprint">{drawn}</div>', made_up]
 
 
 def _look_alikes(ids: list[str]) -> list[str]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 import click
+import numpy as np
 import pytest
 
 from fingerlab.cli.main import COMMANDS, cli
@@ -192,6 +193,25 @@ def test_every_effect_has_an_equation_and_look_alikes_that_exist(generate: Modul
         assert note["symbols"], name
         assert name not in note["alike"]
         assert set(note["alike"]) <= set(CATALOGUE), name
+
+
+def test_fingerprints_show_the_course_of_the_effect(pages: dict[str, str]) -> None:
+    """Every effect that is a column is drawn; a stiffness is a straight line, Coulomb friction two levels."""
+    drawn = {name for name in CATALOGUE if "<svg" in pages[f"catalogue/{name}.md"]}
+    assert set(CATALOGUE) - drawn == {"cable_slack", "cable_stretch", "transport_delay", "contact_angle"}
+
+    def course(name: str) -> np.ndarray:
+        points = re.search(r'class="course" d="([^"]+)"', pages[f"catalogue/{name}.md"])
+        assert points is not None
+        return np.array([[float(v) for v in point[1:].split(",")] for point in points[1].split()])
+
+    x, y = course("stiffness_error").T
+    assert np.ptp(y - np.polyval(np.polyfit(x, y, 1), x)) < 0.5  # points are rounded to a tenth
+    height = course("coulomb_friction")[:, 1]
+    at_an_end = np.minimum(np.abs(height - height.min()), np.abs(height - height.max())) < 0.05 * np.ptp(
+        height
+    )
+    assert np.mean(at_an_end) > 0.9
 
 
 def test_the_page_of_commands_has_all_of_them(pages: dict[str, str]) -> None:

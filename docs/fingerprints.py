@@ -1,0 +1,147 @@
+"""The course of an effect over its own coordinate, drawn from the effect object as a small inline SVG.
+
+The run is made up: a motor that turns by two sines, joints that follow it, a load like a spring. Nothing of
+it is a measurement; it shows what shape to look for. The first unknown of an equation has its typical
+strength, further ones have half of it, so that two of a kind neither cancel nor look like one.
+"""
+
+from __future__ import annotations
+
+import html
+
+import numpy as np
+
+from fingerlab.physics.effects import Effect, Motion, Row, Term
+from fingerlab.physics.nominal import JointMotion
+from fingerlab.rig_file import default_rig
+from fingerlab.sessions.model import Array
+
+RATE_HZ, SECONDS = 250.0, 10.0
+SINES = ((14.0, 1.0), (7.0, 0.3))
+"""Amplitude (degrees) and frequency (Hz) of the motor's two sines, about 22 degrees."""
+ARM_M = 0.01
+"""Moment arm, m, by which an angle becomes a length, negative with the extension cable; assumed."""
+COMPLIANCE = 1e-4
+"""m/N, by which a tension that the cable never sees becomes a length; assumed."""
+DEGREE = 180.0 / np.pi
+SETTLING = round(2.0 * RATE_HZ)
+"""Samples that are left out at the start, where what has a memory begins at zero."""
+JUMP = 0.1
+"""A step of this share of the width, from one sample to the next, is not drawn: the coordinate has leapt."""
+WIDTH, HEIGHT, LEFT, BOTTOM, TOP, RIGHT = 560, 280, 78, 46, 12, 12
+
+
+def picture(effect: Effect) -> str:
+    """The drawing as an ``<svg>`` element; empty where the effect is no column of its equation."""
+    if effect.relaxes:
+        return ""  # most of it is a term that every model has
+    motion = _motion("contact" if effect.phases == ("contact",) else "on_air")
+    shape = effect.shapes[len(effect.shapes) // 2]
+    terms = [t for t in effect.columns(motion, shape) if t.row == effect.equation]
+    if not terms:
+        return ""
+    y, y_label = _missing(effect, terms)
+    x, x_label = _coordinate(effect, motion)
+    return _svg(x[SETTLING:], y[SETTLING:], x_label, y_label, f"{effect.title}: {y_label} against {x_label}")
+
+
+def _motion(phase: str) -> Motion:
+    rig = default_rig()
+    time = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
+    wide = np.array([[amplitude / DEGREE] for amplitude, _ in SINES])
+    rate = np.array([[2.0 * np.pi * frequency] for _, frequency in SINES])
+    swing = np.sum(wide * np.sin(rate * time), axis=0)
+    speed = np.sum(wide * rate * np.cos(rate * time), axis=0)
+    bend = np.sum(-wide * rate**2 * np.sin(rate * time), axis=0)
+    mcp, pip = -0.6, -0.9  # with arms of 10 mm and a pulley of 15 mm the joints take what the pulley winds
+    joints = JointMotion(
+        *(0.17 + mcp * swing, 0.26 + pip * swing), *(mcp * speed, pip * speed), *(mcp * bend, pip * bend)
+    )
+    return Motion(
+        phase=phase, cable_sign=-1, sample_rate_hz=RATE_HZ, time=time,
+        position=22.0 / DEGREE + swing, velocity=speed, acceleration=bend, torque=0.05 + 0.06 * swing,
+        motor=rig.motor, finger=rig.finger, joints=joints,
+        force=0.8 + 1.5 * swing if phase == "contact" else None,
+    )  # fmt: skip
+
+
+def _missing(effect: Effect, terms: list[Term]) -> tuple[Array, str]:
+    """What the terms add to their equation, on screen units, and its name."""
+    factor = {"joint": 1e3, "direct": 1.0, "arm_mcp": -ARM_M, "arm_pip": -ARM_M, "compliance": COMPLIANCE}
+    gains = {**effect.gains, **effect.relaxes}
+    total = np.zeros_like(terms[0].values)
+    for term in terms:
+        share = 1.0 if term.gain == terms[0].gain else 0.5
+        strength = term.constant + (share * gains[term.gain].typical if term.gain else 0.0)
+        total = total + strength * factor[term.scale] * term.values
+    if effect.equation == Row.CABLE:
+        return 1e3 * total, "missing length, mm"
+    if terms[0].scale == "joint":
+        return total, f"missing torque at the {effect.equation.name}, mN m"
+    return total, "missing tension, N"
+
+
+def _coordinate(effect: Effect, motion: Motion) -> tuple[Array, str]:
+    """The effect's coordinate on screen units, and its name."""
+    assert motion.joints is not None
+    joints, mcp = motion.joints, effect.equation == Row.MCP
+    tension = motion.tension
+    known: dict[str, tuple[Array, str]] = {
+        "time": (motion.time, "s"),
+        "joint speed": (DEGREE * (joints.mcp_velocity if mcp else joints.pip_velocity), "°/s"),
+        "joint angle": (DEGREE * (joints.mcp if mcp else joints.pip), "°"),
+        "joint acceleration": (joints.mcp_acceleration if mcp else joints.pip_acceleration, "rad/s²"),
+        "difference of joint angles": (DEGREE * (joints.mcp - joints.pip), "°"),
+        "motor speed": (DEGREE * motion.velocity, "°/s"),
+        "motor angle": (DEGREE * motion.position, "°"),
+        "motor acceleration": (motion.acceleration, "rad/s²"),
+        "tension": (tension, "N"),
+        "tension times direction of travel": (tension * np.sign(motion.velocity), "N"),
+        "force": (np.zeros_like(tension) if motion.force is None else motion.force, "N"),
+    }
+    values, unit = known[effect.coordinate]
+    return values, f"{effect.coordinate}, {unit}"
+
+
+def _svg(x: Array, y: Array, x_label: str, y_label: str, description: str) -> str:
+    """A line with axes through its extremes; colours follow the page."""
+    (low_x, high_x), (low_y, high_y) = _span(x), _span(y)
+    across = LEFT + (x - low_x) / (high_x - low_x) * (WIDTH - LEFT - RIGHT)
+    down = HEIGHT - BOTTOM - (y - low_y) / (high_y - low_y) * (HEIGHT - BOTTOM - TOP)
+    leaps = np.abs(np.diff(across, prepend=across[0])) > JUMP * WIDTH
+    leaps[0] = True
+    course = " ".join(
+        f"{'M' if m else 'L'}{a:.1f},{d:.1f}" for a, d, m in zip(across, down, leaps, strict=True)
+    )
+    floor, middle = HEIGHT - BOTTOM, TOP + (HEIGHT - BOTTOM - TOP) / 2
+    texts = [
+        _text(LEFT, floor + 16, "start", _number(low_x, high_x - low_x)),
+        _text(WIDTH - RIGHT, floor + 16, "end", _number(high_x, high_x - low_x)),
+        _text((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 8, "middle", x_label),
+        _text(LEFT - 6, floor, "end", _number(low_y, high_y - low_y)),
+        _text(LEFT - 6, TOP + 10, "end", _number(high_y, high_y - low_y)),
+        _text(16, middle, "middle", y_label, f' transform="rotate(-90 16 {middle:g})"'),
+    ]
+    frame = f'<path d="M{LEFT} {TOP}V{floor}H{WIDTH - RIGHT}" fill="none" stroke="currentColor"/>'
+    drawn = f'<path class="course" d="{course}" fill="none" stroke="#009E73" stroke-width="1.5"/>'
+    return (
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" style="max-width:{WIDTH}px" role="img" '
+        f'aria-label="{html.escape(description, quote=True)}">{frame}{drawn}{"".join(texts)}</svg>'
+    )
+
+
+def _span(values: Array) -> tuple[float, float]:
+    low, high = float(values.min()), float(values.max())
+    return (low, high) if high > low else (low - 1.0, high + 1.0)
+
+
+def _number(value: float, span: float) -> str:
+    return f"{value if abs(value) > 1e-4 * span else 0.0:.3g}"
+
+
+def _text(x: float, y: float, anchor: str, words: str, more: str = "") -> str:
+    shown = html.escape(words)
+    return (
+        f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" font-size="12" fill="currentColor"{more}>'
+        f"{shown}</text>"
+    )
