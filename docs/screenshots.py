@@ -16,6 +16,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
@@ -27,6 +28,7 @@ from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
+from fingerlab.calibration import StepTiming
 from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
@@ -35,6 +37,8 @@ from fingerlab.twin.session import write_session
 from fingerlab.ui import application
 from fingerlab.ui.acquire import tab as acquire
 from fingerlab.ui.acquire.opening import OpenBench, Wanted
+from fingerlab.ui.calibrate.tab import CalibrateTab
+from fingerlab.ui.desk import RigLine
 from fingerlab.ui.settings import Settings
 from fingerlab.ui.theme import apply_appearance
 from fingerlab.ui.window import MainWindow
@@ -130,6 +134,47 @@ def acquire_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tab.station.stop()
 
 
+def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
+    """Without a rig; a step of the load cell, a wrong weight, the result; a hand at the simulated rig."""
+    tab = window.tab("calibrate")
+    assert isinstance(tab, CalibrateTab)
+    tab._folder = Path("calibrations")
+    tab.on_shown()
+    yield "start"
+    opened = replace(on_virtual_clock(Wanted("simulated"), folder), calibrations=folder / "calibrations")
+    bench, wrong = opened.bench, {5: 0.7}
+    assert isinstance(bench, InlineBench)
+    window.desk.show_bench(opened)
+    window.desk.show_rig(RigLine(light="ready", state="initialised", device="simulated rig"))
+    tab.start("load-cell")
+    wizard = tab.wizard
+    assert wizard is not None
+
+    def work(steps: int, seconds: float = 0.0) -> None:
+        end = None
+        while end is None or bench.status().index < end:
+            if wizard.move is not None:
+                mass = wrong.get(wizard.number, wizard.move.mark)
+                bench.device.bench.move_by_hand("load_cell", 9.81 * mass)  # type: ignore[attr-defined]
+            bench.step(100)
+            tab.source.tick()
+            if end is None and wizard.number >= steps:
+                end = bench.status().index + round(1000 * seconds)
+
+    work(3, 9.0)
+    yield "hold"
+    wizard.timing = StepTiming(3.0, 1.0)
+    work(6, 0.5)
+    yield "doubt"
+    wrong.clear()
+    tab.undo()
+    work(len(wizard.plan.moves))
+    yield "result"
+    tab._end()
+    window.desk.show_bench(None)
+    bench.close()
+
+
 def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
     """Nothing open; then a session with one effect."""
     yield "empty"
@@ -140,12 +185,17 @@ def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
     yield ""
 
 
-TABS: dict[str, States] = {"acquire": acquire_states, "model_lab": lab_states}
+TABS: dict[str, States] = {
+    "acquire": acquire_states,
+    "calibrate": calibrate_states,
+    "model_lab": lab_states,
+}
 
 
 def on_virtual_clock(wanted: Wanted, folder: Path) -> OpenBench:
     """The simulated rig, turned by hand."""
-    device = SimulatedRig(simulation=Simulation(seed=wanted.seed, effects=parse_effects((wanted.effect,))))
+    effects = parse_effects((wanted.effect,) if wanted.effect else ())
+    device = SimulatedRig(simulation=Simulation(seed=wanted.seed, effects=effects))
     settings = LoopSettings(BenchUnits.from_rig(device.rig), Limits.from_rig(device.rig))
     bench = InlineBench(device, settings, folder / "rescued")
     return OpenBench(bench, device.rig, dict(device.session_attributes))

@@ -134,9 +134,11 @@ def compare(new: Calibration, gain: dict[str, Any], offset: dict[str, Any]) -> C
 
 
 def amount_text(sensor: Sensor, value: float) -> str:
-    """A quantity with its unit as a person reads it: N, or degrees for an angle in rad."""
+    """A quantity with its unit as a person reads it: N, mN where it is small, degrees for an angle in rad."""
     if sensor.unit == "rad":
         return f"{math.degrees(value):.2f}°"
+    if abs(value) < 0.1:
+        return f"{1e3 * value:.1f} m{sensor.unit}"
     return f"{value:.3f} {sensor.unit}"
 
 

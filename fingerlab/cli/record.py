@@ -130,17 +130,24 @@ def _keep(bench: Bench, error: BaseException, out: Path) -> None:
 def _open(
     choice: DeviceChoice, options: Mapping[str, Any], simulated: bool
 ) -> tuple[Bench, Rig, dict[str, Any]]:
-    """The bench, its rig, and what a simulated one says of itself."""
+    """The bench, its rig with the calibrations of its folder, and what sessions are to say of both.
+
+    A simulated rig is taken as it is: what it records must depend on its seed alone.
+    """
     from platformdirs import user_data_path
 
     from fingerlab.acquisition.requests import LoopSettings
     from fingerlab.acquisition.safety import Limits
     from fingerlab.acquisition.units import BenchUnits
+    from fingerlab.calibration.applying import default_folder, rig_and_attributes
 
     rescue = user_data_path("FingerLab") / "rescued"
     device = choice.build() if simulated else None
     rig: Rig = device.rig if device is not None else choice.rig  # type: ignore[attr-defined, assignment]
     attributes = dict(getattr(device, "session_attributes", {}))
+    if device is None:
+        rig, told = rig_and_attributes(rig, default_folder(options["rig_file"]))
+        attributes |= told
     settings = LoopSettings(BenchUnits.from_rig(rig), Limits.from_rig(rig))
     if device is not None and not options["real_time"]:
         from fingerlab.acquisition.inline import InlineBench

@@ -21,14 +21,16 @@ from fingerlab.acquisition.ring import Ring
 from fingerlab.calibration import StepTiming
 from fingerlab.calibration.wizard import Phase
 from fingerlab.rig_file import default_rig
-from fingerlab.ui.acquire.opening import OpenBench
+from fingerlab.ui.acquire.opening import OpenBench, Wanted, open_bench
 from fingerlab.ui.calibrate import tab as calibrate_tab
 from fingerlab.ui.calibrate.source import AMPLIFIER_ON
 from fingerlab.ui.calibrate.tab import CalibrateTab
 from fingerlab.ui.desk import RigLine
 from fingerlab.ui.registry import TABS
+from fingerlab.ui.settings import Settings
 from fingerlab.ui.window import MainWindow
 
+from .bench_hands import Rig, opener, tabs_with
 from .hands import LEFT, child
 
 RATE = 20.0
@@ -253,3 +255,57 @@ def test_from_a_recording_without_a_rig(
     qtbot.waitUntil(lambda: not window.tasks.busy)
     assert tab.outcome is None
     assert str(stored) in told(window)  # a file that is no recording is a sentence
+
+
+def test_live_volts_of_the_rig_that_acquire_connects(
+    make_window: Callable[..., MainWindow], settings: Settings, tmp_path: Path, qtbot: QtBot
+) -> None:
+    """A hand puts 500 g on the simulated rig's cell: by thesis (2.1) 0.438 V more."""
+    plain = opener(tmp_path / "rescue")
+
+    def connect(wanted: Wanted) -> OpenBench:
+        return replace(plain(wanted), calibrations=tmp_path / "rig", simulated=True)
+
+    settings.set_recordings(tmp_path / "recordings")
+    window = make_window(tab="acquire", tabs=tabs_with(connect))
+    rig = Rig(window, qtbot)
+    window.show_tab("calibrate")
+    tab = window.tab("calibrate")
+    assert isinstance(tab, CalibrateTab)
+    assert "no weight can be placed" in child(tab.widget, QLabel, "calibrateRig").text()
+    rig.click("start-load-cell")
+    assert tab.wizard is not None
+    levels = []
+    for mass in (0.0, 0.5):
+        rig.bench.device.bench.move_by_hand("load_cell", 9.81 * mass)  # type: ignore[attr-defined]
+        rig.run(3.0)
+        tab.source.tick()
+        assert tab.wizard.light == "stable"
+        levels.append(tab.wizard.reading)
+    assert levels[1] - levels[0] == pytest.approx(9.81 * 0.5 / 11.194, abs=0.005)
+    rig.tab.disconnect_rig()
+    qtbot.waitUntil(lambda: not rig.station.caller.busy)
+    assert rig.label("calibrationState") == "No rig is connected."
+    tab.leave()
+
+
+def test_what_was_accepted_counts_at_the_next_connection(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The loop gets the stored line; the rig and the attribute of sessions to come say which it was."""
+    bench.click("start-load-cell")
+    bench.work()
+    bench.click("acceptCalibration")
+    made: list[Any] = []
+    monkeypatch.setattr("fingerlab.calibration.applying.default_folder", lambda *_: tmp_path / "rig")
+    monkeypatch.setattr(
+        "fingerlab.acquisition.process_bench.ProcessBench", lambda *given: made.append(given) or object()
+    )
+    opened = open_bench(Wanted("simulated"))
+    (record,) = (json.loads(path.read_text(encoding="utf-8")) for path in bench.files())
+    settings = made[0][1]
+    assert settings.units.force.gain == record["gain"]["value"]
+    assert settings.units.force.offset == record["offset"]["value"]
+    assert opened.rig.daq.load_cell.gain == record["gain"]["value"]
+    assert json.loads(opened.attributes["calibration"])["load-cell"] == record
+    assert opened.calibrations == tmp_path / "rig"
