@@ -75,7 +75,7 @@ def _load_dependent(motion: Motion, shape: Shape) -> list[Term]:
     usual = float(load.mean())
 
     def stop(position: Array, travel: float) -> Array:
-        return rubbing_force(position, load, usual / travel)
+        return motion.remember(("loaded stop", travel), lambda: rubbing_force(position, load, usual / travel))
 
     lost = slip_state(motion.position, float(np.radians(shape["travel_deg"])), stop)
     return drive_terms(motion, "share", lost)
@@ -204,7 +204,7 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="The missing tension opposes the travel and grows with the torque transmitted.",
         reveal="a motor bench with two known loads",
-        shapes=STICKING_TRAVELS,
+        shapes=STICKING_TRAVELS[::2],
         shape_units={"travel_deg": "deg"},
         bench=True,
         wanders=True,
