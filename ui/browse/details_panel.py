@@ -3,7 +3,16 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QLabel, QLineEdit, QPlainTextEdit, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QMenu,
+    QPlainTextEdit,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
 
 from fingerlab.library.facts import SessionFacts, text_list
 from fingerlab.library.notes import FILE_NAME, Note
@@ -16,13 +25,14 @@ WIDTH = 272
 
 
 class DetailsPanel(QWidget):
-    """Signals: review_asked, lab_asked; noted(facts, Note): tags or notes are to be kept.
+    """Signals: review_asked, lab_asked, merge_asked; noted(facts, Note): tags or notes are to be kept.
 
     What was typed is also kept when another session is chosen: nothing that was written is lost.
     """
 
     review_asked = Signal()
     lab_asked = Signal()
+    merge_asked = Signal()
     noted = Signal(object, object)
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -40,6 +50,14 @@ class DetailsPanel(QWidget):
         self.lab = QPushButton("Open in &Model lab")
         self.lab.setObjectName("openInLab")
         self.lab.setToolTip("Open the chosen sessions together in the Model lab (double click).")
+        self.export = QPushButton("E&xport")
+        self.export.setObjectName("export")
+        self.export.setToolTip("For other tools, or as a copy that has tags and notes in it.")
+        self.exports = QMenu(self.export)
+        self.export.setMenu(self.exports)
+        self.merge = QPushButton("Mer&ge…")
+        self.merge.setObjectName("merge")
+        self.merge.setToolTip("The runs of the chosen sessions as one session; mark two or more rows.")
         self.tags = QLineEdit()
         self.tags.setObjectName("tags")
         self.tags.setPlaceholderText("good, new cable")
@@ -58,6 +76,7 @@ class DetailsPanel(QWidget):
         self._build()
         self.review.clicked.connect(self.review_asked)
         self.lab.clicked.connect(self.lab_asked)
+        self.merge.clicked.connect(self.merge_asked)
         self.keep.clicked.connect(self.flush)
         self.tags.returnPressed.connect(self.flush)
         self.tags.textChanged.connect(self._refresh)
@@ -70,6 +89,11 @@ class DetailsPanel(QWidget):
         layout.setSpacing(8)
         for widget in (self.title, self.file, self.about, self.review, self.lab):
             layout.addWidget(widget)
+        row = QHBoxLayout()
+        row.setSpacing(8)
+        row.addWidget(self.export)
+        row.addWidget(self.merge)
+        layout.addLayout(row)
         layout.addSpacing(8)
         for text, field in (("&Tags", self.tags), ("&Notes", self.notes)):
             label = QLabel(text)
@@ -113,6 +137,8 @@ class DetailsPanel(QWidget):
             field.setEnabled(one and good)
         self.review.setEnabled(one)
         self.lab.setEnabled(chosen > 0)
+        self.export.setEnabled(one and good)
+        self.merge.setEnabled(chosen > 1)
         self._refresh()
 
     def kept(self, note: Note) -> None:

@@ -30,6 +30,8 @@ from .review_plots import ReviewPlots
 from .wording import PHASE_WORDS, duration
 
 CURSOR_MS = 60
+FILL_MS = 300
+"""While a long run is read, its picture grows this often."""
 
 
 class ReviewPage(QWidget):
@@ -64,6 +66,9 @@ class ReviewPage(QWidget):
         self._timer.setSingleShot(True)
         self._timer.setInterval(CURSOR_MS)
         self.cut.setEnabled(False)
+        self._growing = QTimer(self)
+        self._growing.setSingleShot(True)
+        self._growing.setInterval(FILL_MS)
         self._build()
         self._connect()
 
@@ -99,6 +104,7 @@ class ReviewPage(QWidget):
         self.plots.samples_wanted.connect(self._on_samples_wanted)
         self.plots.cursors_moved.connect(lambda *_: self._timer.start())
         self._timer.timeout.connect(self._ask_values)
+        self._growing.timeout.connect(self._grow)
         self.data.filled.connect(self._on_filled)
         self.data.sampled.connect(self._on_sampled)
         self.data.valued.connect(self._on_valued)
@@ -186,9 +192,16 @@ class ReviewPage(QWidget):
             self._tell_state(share)
         elif share >= 1.0:
             layers[1].shift = layers[0].pyramid.first_time - layers[1].pyramid.first_time
+        if share >= 1.0:
+            self._grow()
+        elif not self._growing.isActive():
+            self._growing.start()
+
+    def _grow(self) -> None:
+        self._growing.stop()
         self.plots.set_heights()
         self.plots.feed()
-        if share >= 1.0 and self.plots.cycles is None:
+        if self.plots.cycles is None:
             self.plots.set_limits()
 
     def _on_samples_wanted(self, number: int, left: float, right: float) -> None:

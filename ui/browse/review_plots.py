@@ -17,7 +17,7 @@ from fingerlab.sessions.model import Array
 
 from ..theme import Colours, colours_of
 from ..widgets.curve import DecimatedCurve
-from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot
+from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
 from .clock_axis import ClockAxis
 from .layer import Layer, limits_of
 from .quantities import PANES, QUANTITIES, PaneSpec
@@ -27,6 +27,9 @@ ZOOM_STEP, PAN_STEP = 1.5, 0.1
 SHORTEST_VIEW = 0.02
 """Seconds: twenty samples at 1 kHz."""
 FEED_MS = 15
+DENSE = 8
+"""Samples a pixel from which curves are drawn thin and not smoothed (10 s at 1 kHz on a small window): wide
+smoothed lines up and down the whole plot cost several times more time a frame."""
 
 
 class ReviewPane:
@@ -36,7 +39,11 @@ class ReviewPane:
         self.spec, self.plot = spec, plot
         self.curves: dict[tuple[int, str], DecimatedCurve] = {}
         self.strokes: dict[str, pg.PlotCurveItem] = {}
-        self.cursors = [pg.InfiniteLine(angle=90, movable=True) for _ in range(2)]
+        names = (
+            {"label": "A", "labelOpts": {"position": 0.06}},
+            {"label": "B", "labelOpts": {"position": 0.06}},
+        )
+        self.cursors = [pg.InfiniteLine(angle=90, movable=True, **name) for name in names]
         self.markers: list[pg.InfiniteLine] = []
         self.legend = pg.TextItem(anchor=(0, 0))
         self.legend.setParentItem(plot.getViewBox())
@@ -66,6 +73,7 @@ class ReviewPane:
         if over:
             parts.append(f'<span style="color:{colours.modelled}">- - the other run</span>')
         self.legend.setHtml(" &nbsp; ".join(parts))
+        self.legend.fill = pg.mkBrush(tint(colours.surface, 0.75))
         self.legend.setVisible(bool(parts))
 
     def show_markers(self, markers: Sequence[Marker], with_text: bool, colour: str) -> None:
@@ -75,7 +83,7 @@ class ReviewPane:
         self.markers = []
         for marker in markers:
             text = (
-                {"label": marker.note, "labelOpts": {"position": 0.92, "color": colour}} if with_text else {}
+                {"label": marker.note, "labelOpts": {"position": 0.18, "color": colour}} if with_text else {}
             )
             item = pg.InfiniteLine(marker.time, angle=90, pen=line(colour, 1.0, dashed=True), **text)
             self.plot.addItem(item, ignoreBounds=True)
@@ -105,6 +113,7 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         self.cycles: Cycles | None = None
         self.clock = ClockAxis()
         self.fits_heights = False
+        self._dense: bool | None = None
         self._cursors: list[float] | None = None
         self._shown_markers: tuple[Marker, ...] = ()
         self.panes = [self._add_pane(row, spec) for row, spec in enumerate(PANES)]
@@ -207,6 +216,8 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         if self.cycles is not None:
             return
         (left, right), pixels = self.top.viewRange()[0], max(int(self.top.getViewBox().width()), 16)
+        rate = self.layers[0].run.sample_rate_hz if self.layers else 1.0
+        self._set_pens(dense=(right - left) * rate > DENSE * pixels)
         for number in range(2):
             layer = self.layers[number] if number < len(self.layers) else None
             if layer is not None:
@@ -304,7 +315,22 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
             self._show_markers()
             self._show_legends()
 
+    def _set_pens(self, dense: bool) -> None:
+        if dense == self._dense:
+            return
+        self._dense = dense
+        colours, width = colours_of(self), self.devicePixelRatioF()
+        for pane in self.panes:
+            for (number, name), curve in pane.curves.items():
+                # Of two curves in a plot one is wide; another run is dashed: colour never tells alone.
+                wide = 1.6 * width if name in pane.spec.wide and not dense else width
+                role = pane.spec.channels[name] if number == 0 else "modelled"
+                curve.opts["antialias"] = not dense
+                curve.setPen(line(getattr(colours, role), wide, dashed=number > 0 and not dense))
+
     def _recolour(self) -> None:
+        dense, self._dense = bool(self._dense), None
+        self._set_pens(dense)
         colours, width = colours_of(self), self.devicePixelRatioF()
         self.setBackground(colours.surface)
         self.clock.setPen(colours.muted)
@@ -313,13 +339,10 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
             colour_plot(pane.plot, colours)
             for name, role in pane.spec.channels.items():
                 colour = getattr(colours, role)
-                # Of two curves in a plot one is wide; another run is dashed: colour never tells alone.
-                wide = width * (1.6 if name in pane.spec.wide else 1.0)
-                pane.curves[0, name].setPen(line(colour, wide))
-                pane.curves[1, name].setPen(line(colours.modelled, wide, dashed=True))
                 pane.strokes[name].setPen(line(colour, width))
             for cursor, colour in zip(pane.cursors, (colours.accent, colours.residual), strict=True):
                 cursor.setPen(line(colour, 1.5 * width))
+                cursor.label.setColor(colour)
                 cursor.setHoverPen(line(colour, 3.0 * width))
 
     # hand

@@ -85,6 +85,11 @@ class SessionsTab(Tab):
         page.review_asked.connect(self.review)
         page.chosen.connect(self.desk.commands_changed)
         page.details.noted.connect(self._keep_note)
+        page.details.merge_asked.connect(self.merge)
+        for kind, title in FORMATS.items():
+            action = page.details.exports.addAction(f"{title}…")
+            action.triggered.connect(lambda _checked=False, k=kind: self.export(k))
+        page.details.exports.addAction("Copy with tags and notes…").triggered.connect(self.copy_with_note)
         self.review_page.back_asked.connect(self.show_table)
         self.review_page.changed.connect(self.desk.commands_changed)
         self.review_page.cut_asked.connect(self.cut)
