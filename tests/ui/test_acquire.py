@@ -154,7 +154,7 @@ def test_stop_in_every_state(rig: Rig, state: str, qtbot: QtBot) -> None:
         qtbot.waitUntil(lambda: rig.bench.status().recording == 0, timeout=PATIENCE)
         rig.run(0.1)
         rig.click("write")
-        qtbot.waitUntil(lambda: bool(rig.files()), timeout=PATIENCE)
+        qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
         assert open_session(rig.files()[0]).runs[0].length > 400
     rig.settle()
     rig.click("initialise")
@@ -263,7 +263,7 @@ def test_pre_trigger_records_what_was_before_the_key(rig: Rig, qtbot: QtBot) -> 
     rig.click("record")
     rig.run(0.2)
     rig.click("write")
-    qtbot.waitUntil(lambda: bool(rig.files()), timeout=PATIENCE)
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
     (run,) = open_session(rig.files()[0]).runs
     stop = rig.bench.status().index
     assert 2400 < run.length <= stop - (at - 2000) + 1
@@ -292,7 +292,7 @@ def test_marker_takes_the_moment_of_the_key_and_its_note(rig: Rig, qtbot: QtBot)
     rig.click("record")
     rig.run(0.2)
     rig.click("write")
-    qtbot.waitUntil(lambda: bool(rig.files()), timeout=PATIENCE)
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
     (run,) = open_session(rig.files()[0]).runs
     (marker,) = json.loads(markers) if isinstance(markers := run.attributes["markers"], str) else markers
     assert marker["note"] == "a light touch"
@@ -312,7 +312,7 @@ def test_a_pause_is_a_gap(rig: Rig, qtbot: QtBot) -> None:
     rig.click("record")
     rig.run(0.2)
     rig.click("write")
-    qtbot.waitUntil(lambda: bool(rig.files()), timeout=PATIENCE)
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
     (run,) = open_session(rig.files()[0]).runs
     steps = np.diff(run.load(["time"])["time"])
     assert steps.max() == pytest.approx(0.5, abs=0.1)
@@ -327,7 +327,7 @@ def test_several_runs_in_one_file(rig: Rig, qtbot: QtBot) -> None:
         rig.run(0.2)
     assert rig.label("recordedText") == "2 runs, not yet written"
     rig.key(Qt.Key.Key_S, CONTROL)
-    qtbot.waitUntil(lambda: bool(rig.files()), timeout=PATIENCE)
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
     assert len(open_session(rig.files()[0]).runs) == 2
 
 
