@@ -71,6 +71,13 @@ TABS: tuple[Entry, ...] = (
         _later(".fitting.tab", "FitTab"),
     ),
     Entry(
+        5,
+        "predict",
+        "Predict",
+        "The endpoint force that models foretell, beside the load cell.",
+        _later(".predicting.tab", "PredictTab"),
+    ),
+    Entry(
         6,
         "model_lab",
         "Model lab",

@@ -1,0 +1,183 @@
+"""Plots of the Predict tab: force over the run, the same over one period and normalised, contact angles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor, QIcon, QPainter, QPen, QPixmap
+from PySide6.QtWidgets import QWidget
+
+from fingerlab.identify.prediction.beside import RunForce
+from fingerlab.report.screen import ScreenUnit, fixed, r2_text
+from fingerlab.sessions.model import Array
+
+from ..theme import Colours, colours_of
+from ..widgets.plot_style import tint
+from ..widgets.quiet_plot import QuietPlot, span_of
+
+NEWTON = ScreenUnit("N", 1.0)
+PATTERNS = (
+    ("modelled", Qt.PenStyle.DashLine, "dashed"),
+    ("candidate", Qt.PenStyle.DashDotLine, "dash-dotted"),
+    ("residual", Qt.PenStyle.DotLine, "dotted"),
+    ("muted", Qt.PenStyle.DashDotDotLine, "dash-dot-dotted"),
+    ("floor", Qt.PenStyle.SolidLine, "solid"),
+)
+"""Colour and line style by turns; the measured force is the solid near-black line."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How one model is drawn. ``words`` say it without colour."""
+
+    colour: str
+    style: Qt.PenStyle
+    words: str
+
+    def pen(self, colours: Colours, width: float) -> QPen:
+        """A pen whose width does not change with zoom."""
+        pen: QPen = pg.mkPen(getattr(colours, self.colour), width=width, style=self.style)
+        return pen
+
+
+def look(number: int) -> Look:
+    """The look of the model with that number; after five they begin again."""
+    return Look(*PATTERNS[number % len(PATTERNS)])
+
+
+def sample(one: Look, colours: Colours) -> QIcon:
+    """A piece of the line, for lists and tables."""
+    picture = QPixmap(24, 12)
+    picture.fill(QColor(0, 0, 0, 0))
+    painter = QPainter(picture)
+    painter.setPen(one.pen(colours, 2.0))
+    painter.drawLine(0, 6, 24, 6)
+    painter.end()
+    return QIcon(picture)
+
+
+Shown = Mapping[str, tuple[Look, RunForce]]
+"""What is ticked, by predictor, for the run shown."""
+
+
+class ForcePlot(QuietPlot):
+    """Measured and modelled force over the run, with the 90 % interval where a model has one."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__("forcePlot", "Measured and modelled endpoint force over the run", parent)
+        self.shown: Shown = {}
+        self.getPlotItem().setMouseEnabled(x=True, y=False)
+        self.name_axes("Endpoint force", NEWTON, "Time in the run (s)")
+
+    def show_forces(self, shown: Shown) -> None:
+        """Other models or another run."""
+        self.shown = shown
+        self.redraw()
+
+    def redraw(self) -> None:
+        plot, colours = self.getPlotItem(), colours_of(self)
+        plot.clear()
+        if not self.shown:
+            return
+        everything, width = [], 1.5 * self.devicePixelRatioF()
+        first = next(iter(self.shown.values()))[1]
+        for one, force in self.shown.values():
+            self._band(force, tint(getattr(colours, one.colour), 0.2))
+            everything += [force.measured, force.modelled]
+        plot.addItem(_curve(first.time, first.measured, self.pen("measured")))
+        for one, force in self.shown.values():
+            plot.addItem(_curve(force.time, force.modelled, one.pen(colours, width)))
+        ends = float(first.time[0]), float(first.time[-1])
+        plot.setLimits(xMin=ends[0], xMax=ends[1])
+        plot.setRange(xRange=ends, yRange=span_of(np.concatenate(everything)), padding=0)
+
+    def show_whole(self) -> None:
+        """The whole run after a zoom."""
+        self.redraw()
+
+    def _band(self, force: RunForce, brush: object) -> None:
+        known = np.isfinite(force.half_width) & np.isfinite(force.modelled)
+        if not known.any():
+            return
+        time, middle, half = force.time[known], force.modelled[known], force.half_width[known]
+        edges = [pg.PlotCurveItem(time, middle + s * half, pen=pg.mkPen(None)) for s in (1, -1)]
+        for edge in edges:
+            self.getPlotItem().addItem(edge)
+        self.getPlotItem().addItem(pg.FillBetweenItem(*edges, brush=brush))
+
+
+class PeriodPlot(QuietPlot):
+    """The average period, each force scaled to run from 0 to 1: the shape, whatever the size."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__("periodPlot", "Normalised force over the average period", parent)
+        self.shown: Shown = {}
+        self.name_axes("Normalised force", ScreenUnit("", 1.0), "Share of the period")
+
+    def show_forces(self, shown: Shown) -> None:
+        """Other models or another run."""
+        self.shown = shown
+        self.redraw()
+
+    def redraw(self) -> None:
+        plot, colours = self.getPlotItem(), colours_of(self)
+        plot.clear()
+        plot.setRange(xRange=(0, 1), yRange=(-0.06, 1.06), padding=0)
+        periodic = {name: pair for name, pair in self.shown.items() if len(pair[1].phase)}
+        if self.shown and not periodic:
+            self.write("This run does not repeat: it has no period.", 0.5, 0.5, (0.5, 0.5))
+        for number, (one, force) in enumerate(periodic.values()):
+            if number == 0:
+                plot.addItem(_curve(force.phase, force.measured_period, self.pen("measured")))
+            pen = one.pen(colours, 1.5 * self.devicePixelRatioF())
+            plot.addItem(_curve(force.phase, force.modelled_period, pen))
+
+
+class SweepPlot(QuietPlot):
+    """Peak of the modelled force as the contact force leans, with R² at each angle (thesis figure 5.2)."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__("sweepPlot", "Peak of the modelled force against the contact angle", parent)
+        self.shown: Shown = {}
+        self.name_axes("Peak force", NEWTON, "Contact force leaning towards the base (°)")
+
+    def show_forces(self, shown: Shown) -> None:
+        """Other models or another run."""
+        self.shown = shown
+        self.redraw()
+
+    def redraw(self) -> None:
+        plot, colours = self.getPlotItem(), colours_of(self)
+        plot.clear()
+        swept = [(one, force) for one, force in self.shown.values() if force.sweep]
+        if not swept:
+            plot.setRange(xRange=(0, 60), yRange=(0, 1), padding=0)
+            if self.shown:
+                self.write("Swept for PIP parameters of one region,", 30, 0.5, (0.5, 1.0))
+                self.write("of a model that the Fit tab saved.", 30, 0.5)
+            return
+        measured = swept[0][1].numbers.prediction.peak_measured
+        peaks = [measured]
+        for one, force in swept:
+            angles = np.array([step.angle_deg for step in force.sweep])
+            heights = np.array([step.peak for step in force.sweep])
+            peaks += heights[heights < 4 * max(measured, heights[0])].tolist()
+            plot.addItem(_curve(angles, heights, one.pen(colours, 1.5 * self.devicePixelRatioF())))
+        low, high = span_of(np.array(peaks))
+        plot.addItem(
+            pg.InfiniteLine(pos=measured, angle=0, movable=False, pen=self.pen("measured")), ignoreBounds=True
+        )
+        plot.setRange(xRange=(-2, 62), yRange=(min(low, 0.0), 1.1 * high), padding=0)
+        for step in swept[0][1].sweep:
+            if step.peak < high:
+                words = f"{fixed(step.peak, 2)} N, R² {r2_text(step.r2)}"
+                anchor = (0.0, 1.0) if step.angle_deg < 45 else (1.0, 1.0)
+                self.write(words, step.angle_deg, step.peak, anchor)
+
+
+def _curve(x: Array, y: Array, pen: QPen) -> pg.PlotCurveItem:
+    return pg.PlotCurveItem(x, y, pen=pen, connect="finite", antialias=True)

@@ -1,0 +1,214 @@
+"""The Predict tab: forces of any number of models beside the load cell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import (
+    QFileDialog,
+    QHBoxLayout,
+    QPushButton,
+    QSplitter,
+    QStackedWidget,
+    QVBoxLayout,
+    QWidget,
+)
+
+from fingerlab.errors import UserError
+from fingerlab.identify.model_file import Model, load_model
+
+from ..desk import Desk
+from ..tab import Command, Tab
+from ..tasks import IsCancelled, Progress
+from ..widgets.labels import ElidedLabel, heading, remark
+from .panel import PredictPanel
+from .plots import ForcePlot, PeriodPlot, SweepPlot
+from .table import NumbersTable
+
+if TYPE_CHECKING:
+    from fingerlab.identify.prediction.beside import Beside
+    from fingerlab.sessions.model import Session
+
+MODEL_FILTER = "Model files (*.json)"
+OWNER = "predict"
+NO_SESSION = (
+    "Open a session with contact runs and add model files. Measured and modelled endpoint force will stand "
+    "here, raw and normalised, with peaks, delay, R² and error by phase, for any number of models."
+)
+NO_MODEL = (
+    "Add a model file: one that the Fit tab saved predicts by the thesis' equation; one that "
+    "'fingerlab diagnose --save' wrote predicts with its effects and a 90 % interval."
+)
+WAITS = "A session with contact runs is needed to predict with {files}."
+
+
+class PredictTab(Tab):
+    """Asks :func:`predict_beside` and shows what comes back."""
+
+    def __init__(self, desk: Desk) -> None:
+        super().__init__(desk)
+        self.sessions: tuple[Session, ...] = ()
+        self.models: dict[str, Model] = {}
+        self.found: Beside | None = None
+        self._due = self._shown = False
+        self.panel = PredictPanel()
+        self.force, self.period, self.sweep = ForcePlot(), PeriodPlot(), SweepPlot()
+        self.numbers = NumbersTable()
+        self.name = ElidedLabel()
+        self.header = self.name
+        self.widget, self.empty, self.pages = QWidget(), QWidget(), QStackedWidget()
+        self._build()
+        self.panel.add_asked.connect(self.ask_and_add)
+        self.panel.remove_asked.connect(self.remove)
+        self.panel.changed.connect(self._show_choice)
+        self.commands = (
+            Command("&Add model files…", self.ask_and_add, "Ctrl+M"),
+            Command("Next run", lambda: self._step(1), "Alt+Down", lambda: self.found is not None),
+            Command("Previous run", lambda: self._step(-1), "Alt+Up", lambda: self.found is not None),
+            Command("Whole run", self.force.show_whole, "Alt+Home", lambda: self.found is not None),
+        )
+        self._refresh()
+
+    def _build(self) -> None:
+        self.empty_title, self.empty_text = heading(large=True), remark()
+        self.empty_title.setObjectName("predictEmpty")
+        self.empty_open = QPushButton("&Open a session…")
+        self.empty_open.clicked.connect(self.desk.open_asked)
+        column = QVBoxLayout(self.empty)
+        column.setContentsMargins(80, 0, 80, 0)
+        column.setSpacing(16)
+        column.addStretch(2)
+        column.addWidget(self.empty_title)
+        column.addWidget(self.empty_text)
+        column.addWidget(self.empty_open, 0, Qt.AlignmentFlag.AlignLeft)
+        column.addStretch(3)
+        middle = QWidget()
+        row = QHBoxLayout(middle)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.addWidget(self.period)
+        row.addWidget(self.sweep)
+        splitter = QSplitter(Qt.Orientation.Vertical)
+        splitter.setChildrenCollapsible(False)
+        for widget, share in ((self.force, 6), (middle, 5), (self.numbers, 3)):
+            splitter.addWidget(widget)
+            splitter.setStretchFactor(splitter.count() - 1, share)
+        splitter.setSizes([290, 250, 150])
+        for page in (self.empty, splitter):
+            self.pages.addWidget(page)
+        across = QHBoxLayout(self.widget)
+        across.setContentsMargins(8, 8, 8, 8)
+        across.addWidget(self.pages, 1)
+        across.addWidget(self.panel)
+
+    # what the frame asks
+
+    def window_title(self) -> str:
+        return self.sessions[0].path.name if self.sessions else ""
+
+    def on_shown(self) -> None:
+        self._shown = True
+        if self._due:
+            self._predict(self.models)
+
+    def on_hidden(self) -> None:
+        self._shown = False
+
+    def on_session_opened(self, sessions: tuple[Session, ...]) -> None:
+        self.sessions, self.found = sessions, None
+        self._due = bool(sessions and self.models)
+        self._refresh()
+        if self._due and self._shown:
+            self._predict(self.models)
+
+    def accept_files(self, paths: Sequence[Path]) -> bool:
+        if not all(path.suffix.lower() == ".json" for path in paths):
+            return False
+        self.add_files(paths)
+        return True
+
+    # models
+
+    def ask_and_add(self) -> None:
+        """Add model files chosen in a dialog."""
+        folder = self.desk.settings.folder()
+        names, _ = QFileDialog.getOpenFileNames(self.widget, "Add model files", folder, MODEL_FILTER)
+        if names:
+            self.add_files([Path(name) for name in names])
+
+    def add_files(self, paths: Sequence[Path]) -> None:
+        """Read model files and predict with them; one of the same name takes the other's place."""
+        self.desk.hush()
+        try:
+            added = {path.name: load_model(path) for path in paths}
+        except UserError as error:
+            self.desk.tell(str(error))
+            return
+        self._predict({**self.models, **added})
+
+    def remove(self, file: str) -> None:
+        """Take a model off the list; what the others predict is kept."""
+        self.models.pop(file, None)
+        if self.found is not None:
+            kept = {n: f for n, f in self.found.forces.items() if n.partition(": ")[0] in self.models}
+            self.found = replace(self.found, forces=kept) if kept else None
+        self._refresh()
+
+    def _predict(self, models: Mapping[str, Model]) -> None:
+        if not self.sessions:
+            self.models = dict(models)
+            self._refresh()
+            return
+        opened, given = self.sessions, dict(models)
+        self._due = False
+
+        def work(progress: Progress, cancelled: IsCancelled) -> Beside:
+            from fingerlab.identify.prediction.beside import predict_beside
+
+            return predict_beside(opened[0], given, progress)
+
+        def done(found: Beside) -> None:
+            if self.sessions is opened:
+                self.models, self.found = given, found
+                self._refresh()
+
+        self.desk.tasks.start(f"Predicting the force in {opened[0].path.name}", work, done, OWNER)
+
+    # what is shown
+
+    def _step(self, by: int) -> None:
+        box = self.panel.run
+        box.setCurrentIndex(min(max(box.currentIndex() + by, 0), box.count() - 1))
+
+    def _refresh(self) -> None:
+        found, opened = self.found, bool(self.sessions)
+        self.name.setText(self.sessions[0].path.name if opened else "")
+        if found is None:
+            waits = bool(self.models)
+            no_force = "No force predicted" if waits else "No model yet"
+            self.empty_title.setText(no_force if opened else "No session open")
+            text = WAITS.format(files=", ".join(self.models)) if waits else NO_MODEL
+            self.empty_text.setText(text if opened or waits else NO_SESSION)
+            self.empty_open.setVisible(not opened)
+            self.panel.show_models((), (), ())
+            self.pages.setCurrentIndex(0)
+        else:
+            self.panel.show_models(tuple(found.forces), found.preferred, found.runs)
+            self.pages.setCurrentIndex(1)
+        self._show_choice()
+        self.desk.commands_changed.emit()
+
+    def _show_choice(self) -> None:
+        found, run = self.found, self.panel.run.currentText()
+        shown = {}
+        if found is not None:
+            shown = {
+                name: (one, found.forces[name][run])
+                for name, one in self.panel.ticked().items()
+                if run in found.forces[name]
+            }
+        for part in (self.force, self.period, self.sweep, self.numbers):
+            part.show_forces(shown)
