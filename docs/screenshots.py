@@ -37,6 +37,7 @@ from fingerlab.twin.session import write_session
 from fingerlab.ui import application
 from fingerlab.ui.acquire import tab as acquire
 from fingerlab.ui.acquire.opening import OpenBench, Wanted
+from fingerlab.ui.browse.tab import SessionsTab
 from fingerlab.ui.calibrate.tab import CalibrateTab
 from fingerlab.ui.desk import RigLine
 from fingerlab.ui.settings import Settings
@@ -185,9 +186,35 @@ def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
     yield ""
 
 
+def sessions_states(window: MainWindow, folder: Path) -> Iterator[str]:
+    """A folder with a session; one of its runs with cursors and another run over it; its strokes."""
+    library = folder / "library"
+    library.mkdir()
+    record(library / "finger-rig.h5")
+    tab = window.tab("sessions")
+    assert isinstance(tab, SessionsTab)
+    tab.browse(library)
+    wait_until(lambda: tab.page.model.total > 0)
+    tab.page.choose_path(library / "finger-rig.h5")
+    pause(500)
+    yield ""
+    tab.page.details.review.click()
+    wait_until(lambda: tab.review_page.session is not None and not tab.data.busy)
+    tab.review_page.over.setCurrentIndex(2)
+    tab.review_page.cursors.click()
+    pause(500)
+    wait_until(lambda: not tab.data.busy)
+    yield "review"
+    tab.review_page.strokes.click()
+    wait_until(lambda: tab.review_page.plots.cycles is not None)
+    yield "strokes"
+    tab.show_table()
+
+
 TABS: dict[str, States] = {
     "acquire": acquire_states,
     "calibrate": calibrate_states,
+    "sessions": sessions_states,
     "model_lab": lab_states,
 }
 

@@ -17,13 +17,16 @@ MARGIN = 1.0
 
 @dataclass
 class Layer:
-    """Attributes: shift: s, added to the run's time on the screen. samples: read last, with ``time``."""
+    """Attributes: shift: s, added to the run's time on the screen. samples: read last, with ``time``;
+    version: counts how often there were others.
+    """
 
     run: Run
     pyramid: Pyramid
     shift: float = 0.0
     samples: Mapping[str, Array] = field(default_factory=dict)
     asked: tuple[float, float] | None = None
+    version: int = 0
     _broken: dict[str, tuple[Array, Array]] = field(default_factory=dict)
 
     @property
@@ -34,6 +37,7 @@ class Layer:
     def take(self, samples: Mapping[str, Array]) -> None:
         """Samples that were asked for are there."""
         self.samples = samples
+        self.version += 1
         self._broken = {}
 
     def has_samples(self, left: float, right: float) -> bool:

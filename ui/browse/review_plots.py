@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from datetime import datetime
 from html import escape
+from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
@@ -19,7 +20,7 @@ from ..theme import Colours, colours_of
 from ..widgets.curve import DecimatedCurve
 from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
 from .clock_axis import ClockAxis
-from .layer import Layer, limits_of
+from .layer import MARGIN, Layer, limits_of
 from .quantities import PANES, QUANTITIES, PaneSpec
 
 AXIS_WIDTH = 64
@@ -114,6 +115,8 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         self.clock = ClockAxis()
         self.fits_heights = False
         self._dense: bool | None = None
+        self._fed = (0.0, 0.0, 0.0)
+        self._fed_state: tuple[Any, ...] = ()
         self._cursors: list[float] | None = None
         self._shown_markers: tuple[Marker, ...] = ()
         self.panes = [self._add_pane(row, spec) for row, spec in enumerate(PANES)]
@@ -151,6 +154,7 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         """Show a run, and perhaps another over it. The view stays where the first run stays the same."""
         same = bool(self.layers and layers and self.layers[0].run is layers[0].run)
         self.layers = layers
+        self._fed_state = ()
         if self.cycles is not None and not same:
             self.cycles = None
         self.clock.set_began(began)
@@ -218,13 +222,34 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         (left, right), pixels = self.top.viewRange()[0], max(int(self.top.getViewBox().width()), 16)
         rate = self.layers[0].run.sample_rate_hz if self.layers else 1.0
         self._set_pens(dense=(right - left) * rate > DENSE * pixels)
+        for number, layer in enumerate(self.layers):
+            wanted = layer.wants_samples(left, right, pixels)
+            if wanted is not None and wanted != layer.asked:
+                layer.asked = wanted
+                self.samples_wanted.emit(number, *wanted)
+        if not self._is_fed(left, right, pixels):
+            self._feed_curves(left, right, pixels)
+        if self.fits_heights:
+            self.set_heights()
+
+    def _is_fed(self, left: float, right: float, pixels: int) -> bool:
+        """Whether the curves hold all that lies in view, so that moving costs nothing but painting."""
+        state = (
+            pixels,
+            *((one.shift, one.pyramid.filled, one.version) for one in self.layers),
+            *(one.has_samples(left, right) for one in self.layers),
+        )
+        low, high, width = self._fed
+        covers = low <= left and right <= high and abs(right - left - width) < 1e-6 * width
+        if covers and state == self._fed_state:
+            return True
+        wide = MARGIN * (right - left)
+        self._fed, self._fed_state = (left - wide, right + wide, right - left), state
+        return False
+
+    def _feed_curves(self, left: float, right: float, pixels: int) -> None:
         for number in range(2):
             layer = self.layers[number] if number < len(self.layers) else None
-            if layer is not None:
-                wanted = layer.wants_samples(left, right, pixels)
-                if wanted is not None and wanted != layer.asked:
-                    layer.asked = wanted
-                    self.samples_wanted.emit(number, *wanted)
             for pane in self.panes:
                 for name in pane.spec.channels:
                     curve = pane.curves[number, name]
@@ -233,8 +258,6 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
                         continue
                     time, values = layer.series(name, left, right, pixels)
                     curve.set_series(time, values * QUANTITIES[name].unit.factor)
-        if self.fits_heights:
-            self.set_heights()
 
     def set_heights(self) -> None:
         """Scale the heights to the whole run, or to what is seen."""
