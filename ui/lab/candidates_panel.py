@@ -48,6 +48,8 @@ class CandidatesPanel(QWidget):
         self.view.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.view.setVerticalScrollMode(QListView.ScrollMode.ScrollPerPixel)
         self.view.setUniformItemSizes(True)
+        # Where room is short the list gives way and scrolls, not the words above it.
+        self.view.setMinimumHeight(24)
         self.add_button = QPushButton("Add &to model")
         self.add_button.setObjectName("addToModel")
         self.add_button.setProperty("primary", "true")

@@ -36,7 +36,7 @@ class ComparisonBar(QWidget):
         self.runs.setAccessibleName("Run shown")
         self.runs.setToolTip("Run shown (Alt+Up, Alt+Down for the next).")
         self.runs.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
-        self.runs.setMinimumContentsLength(5)
+        self.runs.setMinimumContentsLength(4)
         self.runs.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.runs.currentIndexChanged.connect(self._on_run)
         self.error = QLabel()
