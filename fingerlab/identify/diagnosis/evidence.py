@@ -143,6 +143,11 @@ def least_share(base: Trial) -> float:
     return NEXT_SHARE if base.model.choices else LEAST_SHARE
 
 
+def least_fall(base: Trial) -> float:
+    """By how much the misfit must fall for an effect beyond ``base`` to be worth a step."""
+    return max(least_share(base) * max(base.misfit, 0.0), LEAST_FALL * base.count)
+
+
 def justified(base: Trial, trial: Trial) -> bool:
     """Whether adding the trial's last effect to ``base`` is a step that the held-out runs bear out."""
     fall = base.misfit - trial.misfit

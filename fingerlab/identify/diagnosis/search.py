@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.errors import Cancelled
-from fingerlab.identify.diagnosis.evidence import Evidence, judge, justified
+from fingerlab.identify.diagnosis.evidence import Evidence, judge, justified, least_fall
 from fingerlab.identify.diagnosis.fitting import Weights
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.reduction import Progress
@@ -22,6 +22,8 @@ FRONT = 8
 """This many are looked at more closely when the weights have changed."""
 HOPEFUL_SHARE = 0.1
 """An effect whose first step lowers the cost by less than this share of the best's is fitted no further."""
+STEP_PROMISE = 0.25
+"""An effect that promises less than this share of what a further step must reach is no candidate for it."""
 SAME_SHARE = 1e-3
 """Effects whose costs differ by less than this share leave the same noise, and set the same weights."""
 LONGEST_PATH = 4
@@ -48,10 +50,13 @@ class Watch:
             self.progress(share, what)
 
 
-def screen(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch) -> list[Trial]:
+def screen(
+    study: Study, base: Trial, effects: Sequence[Effect], watch: Watch, least: float = 0.0
+) -> list[Trial]:
     """The base model with each effect that it does not hold yet, after a few steps; best first.
 
-    Each effect stands at the grid point that promises most.
+    Each effect stands at the grid point that promises most; one that promises a fall of the cost by less than
+    ``least`` is left out.
     """
     given = base.model.choices
     held = {c.effect.id for c in given}
@@ -59,6 +64,7 @@ def screen(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch) -
     trials = []
     sketch = Sketch(study, base)
     promises = {e.id: sketch.promise(e) for e in rest}
+    rest = [e for e in rest if promises[e.id].fall >= least]
     hopeful = HOPEFUL_SHARE * max((p.fall for p in promises.values() if p.fall < np.inf), default=0.0)
     for number, effect in enumerate(rest):
         watch.tell(number / len(rest), f"trying {effect.title.lower()}")
@@ -88,13 +94,13 @@ def refine(study: Study, trial: Trial) -> Trial:
         best = found
 
 
-def weigh(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch) -> Evidence:
-    """Judge all effects beside ``base`` under the weights of the best of them.
+def weigh(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch, least: float = 0.0) -> Evidence:
+    """Judge all effects beside ``base`` that promise ``least``, under the weights of the best of them.
 
     The repeatability of the equations depends on the model that they are seen through, so the best effect
     sets the weights, and all are judged again until the best stays the best.
     """
-    trials = screen(study, base, effects, watch)
+    trials = screen(study, base, effects, watch, least)
     leaders: set[str] = set()
     for _ in range(3):
         front = sorted((refine(study, t) for t in trials[:HELD_OUT_TRIALS]), key=lambda t: t.fit.cost)
@@ -174,7 +180,7 @@ def forward(study: Study, first: Evidence, effects: Sequence[Effect], keep: int,
         steps.append(chosen)
         weights.append(study.weights)
         watch.tell(0.5, f"looking beyond {best.model.choices[-1].effect.title.lower()}")
-        evidence = weigh(study, chosen, effects, watch)
+        evidence = weigh(study, chosen, effects, watch, STEP_PROMISE * least_fall(chosen))
     return _borne_out(study, steps, weights)
 
 
