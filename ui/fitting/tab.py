@@ -44,6 +44,7 @@ class FitTab(Tab):
         self.panel = FitPanel()
         self.view = FitView()
         self.name = ElidedLabel()
+        self.name.setContentsMargins(16, 0, 8, 0)
         self.header = self.name
         self.name.setObjectName("fitSession")
         self.empty = QWidget()

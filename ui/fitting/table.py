@@ -24,7 +24,7 @@ COLUMNS = (
         "a or b: s times the slope of joint torque on cable tension, with its 90 % interval.",
     ),
     (
-        "from the cable\n(mm)",
+        "kinematic\n(mm)",
         "Kinematic moment arm: a, b of x_m = x0 + s (a θ1 + b θ2), with its 90 % interval.",
     ),
     ("Friction loss\n(mN m)", "L: the line's torque at no tension, with its 90 % interval. Nominal: 0."),

@@ -175,7 +175,7 @@ class SweepPlot(QuietPlot):
         for step in swept[0][1].sweep:
             if step.peak < high:
                 words = f"{fixed(step.peak, 2)} N, R² {r2_text(step.r2)}"
-                anchor = (0.0, 1.0) if step.angle_deg < 45 else (1.0, 1.0)
+                anchor = (1.0, 1.0) if step.angle_deg > 0 else (0.0, 0.0)
                 self.write(words, step.angle_deg, step.peak, anchor)
 
 

@@ -59,6 +59,7 @@ class PredictTab(Tab):
         self.force, self.period, self.sweep = ForcePlot(), PeriodPlot(), SweepPlot()
         self.numbers = NumbersTable()
         self.name = ElidedLabel()
+        self.name.setContentsMargins(16, 0, 8, 0)
         self.header = self.name
         self.widget, self.empty, self.pages = QWidget(), QWidget(), QStackedWidget()
         self._build()
