@@ -135,7 +135,8 @@ class LibraryPage(QWidget):
     def show_count(self, reading: str = "") -> None:
         """How many sessions there are and how many of them are shown."""
         shown, total = self.model.rowCount(), self.model.total
-        words = f"{total} sessions" if shown == total else f"{shown} of {total} sessions"
+        many = "1 session" if total == 1 else f"{total} sessions"
+        words = many if shown == total else f"{shown} of {many}"
         self.count.setText(reading or words)
         text = ""
         if not reading and total == 0:

@@ -28,9 +28,9 @@ ZOOM_STEP, PAN_STEP = 1.5, 0.1
 SHORTEST_VIEW = 0.02
 """Seconds: twenty samples at 1 kHz."""
 FEED_MS = 15
-DENSE = 8
-"""Samples a pixel from which curves are drawn thin and not smoothed (10 s at 1 kHz on a small window): wide
-smoothed lines up and down the whole plot cost several times more time a frame."""
+DENSE = 32
+"""Samples a pixel from which curves are drawn thin and not smoothed (half a minute at 1 kHz on a small
+window): wide smoothed lines up and down the whole plot cost many times more time a frame."""
 
 
 class ReviewPane:
@@ -72,7 +72,7 @@ class ReviewPane:
             colour = getattr(colours, self.spec.channels[name])
             parts.append(f'<span style="color:{colour}">{title}</span>')
         if over:
-            parts.append(f'<span style="color:{colours.modelled}">- - the other run</span>')
+            parts.append(f'<span style="color:{colours.modelled}">the other run</span>')
         self.legend.setHtml(" &nbsp; ".join(parts))
         self.legend.fill = pg.mkBrush(tint(colours.surface, 0.75))
         self.legend.setVisible(bool(parts))
