@@ -51,7 +51,7 @@ class Watch:
 
 
 def screen(
-    study: Study, base: Trial, effects: Sequence[Effect], watch: Watch, least: float = 0.0
+    study: Study, base: Trial, effects: Sequence[Effect], watch: Watch, least: float = -np.inf
 ) -> list[Trial]:
     """The base model with each effect that it does not hold yet, after a few steps; best first.
 
@@ -94,7 +94,7 @@ def refine(study: Study, trial: Trial) -> Trial:
         best = found
 
 
-def weigh(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch, least: float = 0.0) -> Evidence:
+def weigh(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch, least: float = -np.inf) -> Evidence:
     """Judge all effects beside ``base`` that promise ``least``, under the weights of the best of them.
 
     The repeatability of the equations depends on the model that they are seen through, so the best effect
