@@ -94,7 +94,9 @@ def refine(study: Study, trial: Trial) -> Trial:
         best = found
 
 
-def weigh(study: Study, base: Trial, effects: Sequence[Effect], watch: Watch, least: float = -np.inf) -> Evidence:
+def weigh(
+    study: Study, base: Trial, effects: Sequence[Effect], watch: Watch, least: float = -np.inf
+) -> Evidence:
     """Judge all effects beside ``base`` that promise ``least``, under the weights of the best of them.
 
     The repeatability of the equations depends on the model that they are seen through, so the best effect
