@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
 from collections.abc import Callable, Mapping
 from datetime import datetime
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
+from fingerlab.cli.interrupts import Interrupts
 from fingerlab.cli.simulate import PROTOCOL_NAMES
 from fingerlab.errors import UserError
 
@@ -99,19 +99,15 @@ def _run(
     title = options["title"] or f"{told['protocol']} protocol on {told['device']}"
     now = datetime.now().astimezone().isoformat(timespec="seconds")
     driver = ProtocolDriver(bench, ask, report)
-    terminated = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    # A program started in the background may find Ctrl-C switched off; it must stop the motor all the same.
-    interrupted = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        bench.recorder.open(SessionInfo(out, rig.to_json(), title, now, {**attributes, **told}))
-        driver.take(steps)
-    except BaseException as error:
-        bench.stop()  # before anything else
-        _keep(bench, error, out)
-        raise
-    finally:
-        signal.signal(signal.SIGTERM, terminated)
-        signal.signal(signal.SIGINT, interrupted)
+    with Interrupts(bench.stop) as interrupts:
+        try:
+            bench.recorder.open(SessionInfo(out, rig.to_json(), title, now, {**attributes, **told}))
+            driver.take(steps)
+        except BaseException as error:
+            bench.stop()  # before anything else
+            why = KeyboardInterrupt() if interrupts.asked else error
+            _keep(bench, why, out)
+            raise why from None
     report(1.0, "writing and verifying")
     return bench.recorder.close(), driver.samples
 

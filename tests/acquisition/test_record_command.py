@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import signal
 import subprocess
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.cli.record import record
 from fingerlab.errors import UserError
@@ -103,3 +105,27 @@ def test_ctrl_c_stops_and_keeps_what_was_recorded(tmp_path: Path) -> None:
     assert session.runs[0].attributes["complete"] == 0
     assert not check_session(session).errors
     assert session.runs[0].length >= 100
+
+
+@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_that_python_loses_stops_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, which: signal.Signals
+) -> None:
+    """What is raised while Python clears an object away is dropped: the motor must stop, the command end."""
+    out = tmp_path / "lost.h5"
+    count, idle = iter(range(1_000_000)), InlineBench.idle
+
+    def unlucky(bench: InlineBench) -> None:
+        idle(bench)
+        if next(count) == 300:
+            with contextlib.suppress(KeyboardInterrupt):
+                signal.raise_signal(which)
+
+    monkeypatch.setattr(InlineBench, "idle", unlucky)
+    long = json.dumps({**RUN, "duration_s": 3000.0})
+    result = call("--trajectory", long, "--phase", "on_air", "--device", "simulated", "--out", str(out))
+    assert isinstance(result.exception, KeyboardInterrupt) or result.exit_code != 0
+    session = open_session(out)
+    assert session.attributes["ended"] == "truncated"
+    assert session.runs[0].attributes["complete"] == 0
+    assert 100 <= session.runs[0].length < 60_000
