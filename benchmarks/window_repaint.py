@@ -3,8 +3,8 @@
     python benchmarks/window_repaint.py
 
 The Acquire tab is shown off screen at 1280 x 800 with six plots (model beside the measurement), 60 s of
-samples at 1 kHz in each. First each repaint is timed by itself, on a virtual clock; then the simulated rig runs in
-processes of its own in real time and the window follows it at 30 repaints a second. Writes
+samples at 1 kHz in each. First each repaint is timed by itself, on a virtual clock; then the simulated rig
+runs in processes of its own in real time and the window follows it at 30 repaints a second. Writes
 docs/benchmarks-window.md.
 """
 
