@@ -19,12 +19,12 @@ from fingerlab.sessions.model import Array
 from ..theme import Colours, colours_of
 from ..widgets.curve import DecimatedCurve
 from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
+from ..widgets.time_keys import move_by_key
 from .clock_axis import ClockAxis
 from .layer import MARGIN, Layer, limits_of
 from .quantities import PANES, QUANTITIES, PaneSpec
 
 AXIS_WIDTH = 64
-ZOOM_STEP, PAN_STEP = 1.5, 0.1
 SHORTEST_VIEW = 0.02
 """Seconds: twenty samples at 1 kHz."""
 FEED_MS = 15
@@ -371,22 +371,10 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
     # hand
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        left, right = self.top.viewRange()[0]
-        middle, half = (left + right) / 2, (right - left) / 2
-        key = event.key()
-        if key in (Qt.Key.Key_Plus, Qt.Key.Key_Equal):
-            half /= ZOOM_STEP
-        elif key == Qt.Key.Key_Minus:
-            half *= ZOOM_STEP
-        elif key in (Qt.Key.Key_Left, Qt.Key.Key_Right):
-            middle += (1 if key == Qt.Key.Key_Right else -1) * 2 * half * PAN_STEP
-        elif key == Qt.Key.Key_Home:
+        if event.key() == Qt.Key.Key_Home:
             self.show_whole()
-            return
-        else:
+        elif not move_by_key(self.top, event):
             super().keyPressEvent(event)
-            return
-        self.top.setXRange(middle - half, middle + half, padding=0)
 
 
 _NOTHING: tuple[Array, Array] = (np.empty(0), np.empty(0))

@@ -109,11 +109,11 @@ class LivePlot(_Plot):
             self.getPlotItem().setRange(xRange=(-SHOWN_S, 0), yRange=self._range, padding=0)
 
 
-class FitPlot(_Plot):
-    """Steps and line: reading on the one axis, known value on the other; each pass has its symbol."""
+class _OutcomePlot(_Plot):
+    """Draws a calibration, anew in other colours."""
 
-    def __init__(self) -> None:
-        super().__init__("calibrationFit", "Known value against reading, with the fitted line")
+    def __init__(self, name: str, accessible: str) -> None:
+        super().__init__(name, accessible)
         self._outcome: Outcome | None = None
         self.recolour()
 
@@ -122,13 +122,24 @@ class FitPlot(_Plot):
         self.show_outcome(self._outcome)
 
     def show_outcome(self, outcome: Outcome | None) -> None:
-        """Draw a calibration."""
+        """Draw a calibration; None clears the plot."""
         self._outcome = outcome
-        plot = self.getPlotItem()
-        plot.clear()
-        if outcome is None:
-            return
-        colours = colours_of(self)
+        self.getPlotItem().clear()
+        if outcome is not None:
+            self._draw(outcome)
+
+    def _draw(self, outcome: Outcome) -> None:
+        raise NotImplementedError
+
+
+class FitPlot(_OutcomePlot):
+    """Steps and line: reading on the one axis, known value on the other; each pass has its symbol."""
+
+    def __init__(self) -> None:
+        super().__init__("calibrationFit", "Known value against reading, with the fitted line")
+
+    def _draw(self, outcome: Outcome) -> None:
+        plot, colours = self.getPlotItem(), colours_of(self)
         factor, unit = _screen(outcome)
         calibration = outcome.calibration
         volts = np.array([step.volts for step in calibration.steps])
@@ -140,26 +151,14 @@ class FitPlot(_Plot):
         plot.getViewBox().autoRange(padding=0.06)
 
 
-class ResidualPlot(_Plot):
+class ResidualPlot(_OutcomePlot):
     """Known value less line, against the known value; the grey band is what the data sheet allows."""
 
     def __init__(self) -> None:
         super().__init__("calibrationResiduals", "Known value less line, against the known value")
-        self._outcome: Outcome | None = None
-        self.recolour()
 
-    def recolour(self) -> None:
-        super().recolour()
-        self.show_outcome(self._outcome)
-
-    def show_outcome(self, outcome: Outcome | None) -> None:
-        """Draw a calibration's residuals."""
-        self._outcome = outcome
-        plot = self.getPlotItem()
-        plot.clear()
-        if outcome is None:
-            return
-        colours = colours_of(self)
+    def _draw(self, outcome: Outcome) -> None:
+        plot, colours = self.getPlotItem(), colours_of(self)
         factor, unit = _screen(outcome)
         limit = factor * outcome.sensor.accuracy.high
         band = pg.LinearRegionItem(

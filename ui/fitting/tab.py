@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QPushButton, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QPushButton, QStackedWidget, QWidget
 
 from fingerlab.identify.model_file import save_model
 from fingerlab.identify.thesis.inspection import Inspection, inspect_session
@@ -15,6 +14,7 @@ from fingerlab.identify.thesis.models import model_of_fit
 from ..desk import Desk
 from ..tab import Command, Tab
 from ..tasks import IsCancelled, Progress
+from ..widgets.invitation import lay_out_invitation
 from ..widgets.labels import ElidedLabel, heading, remark
 from .panel import FitPanel
 from .view import FitView
@@ -71,14 +71,7 @@ class FitTab(Tab):
         self.empty_open = QPushButton("&Open a session…")
         self.empty_open.setProperty("primary", "true")
         self.empty_open.clicked.connect(self.desk.open_asked)
-        column = QVBoxLayout(self.empty)
-        column.setContentsMargins(80, 0, 80, 0)
-        column.setSpacing(16)
-        column.addStretch(2)
-        column.addWidget(self.empty_title)
-        column.addWidget(self.empty_text)
-        column.addWidget(self.empty_open, 0, Qt.AlignmentFlag.AlignLeft)
-        column.addStretch(3)
+        lay_out_invitation(self.empty, self.empty_title, self.empty_text, self.empty_open)
         across = QHBoxLayout(self.widget)
         across.setContentsMargins(8, 8, 8, 8)
         across.addWidget(self.pages, 1)

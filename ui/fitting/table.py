@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem, QWidget
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidgetItem, QWidget
 
 from fingerlab.identify.thesis.inspection import Inspection
 from fingerlab.identify.thesis.models import delay_estimate
@@ -13,7 +13,7 @@ from fingerlab.report.estimates import in_words
 from fingerlab.report.screen import r2_text, with_minus
 from fingerlab.signals.regions import REGION_TITLES
 
-from ..theme import small_font
+from ..widgets.number_table import NumberTable
 
 COLUMNS = (
     ("Cable", "The cable with which the runs on air were moved."),
@@ -35,30 +35,16 @@ COLUMNS = (
 RowKey = tuple[str, Joint, str]
 
 
-class ParameterTable(QTableWidget):
+class ParameterTable(NumberTable):
     """One row a cable, joint and region. Signal ``chosen`` (cable, joint, region): another row is current."""
 
     chosen = Signal(object)
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(0, len(COLUMNS), parent)
-        self.setObjectName("parameters")
-        self.setAccessibleName("Fitted parameters with 90 % intervals")
-        self.setHorizontalHeaderLabels([title for title, _ in COLUMNS])
-        for column, (_, words) in enumerate(COLUMNS):
-            item = self.horizontalHeaderItem(column)
-            assert item is not None
-            item.setToolTip(words)
-        self.setFont(small_font())
-        self.horizontalHeader().setFont(small_font())
+        super().__init__("parameters", "Fitted parameters with 90 % intervals", COLUMNS, parent)
         self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
-        self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(round(1.7 * self.fontMetrics().height()))
-        self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        self.setTabKeyNavigation(False)  # Tab leaves the table; the arrows move in it
-        self.setShowGrid(False)
         self.keys: list[RowKey] = []
         self.currentCellChanged.connect(self._on_row)
 

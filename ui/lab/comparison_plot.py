@@ -13,13 +13,12 @@ from fingerlab.identify.results import Comparison, Failure
 from ..theme import colours_of
 from ..widgets.curve import DecimatedCurve
 from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
+from ..widgets.time_keys import move_by_key
 from .equations import equation_text
 from .scaled import MARGIN, Shown, describe, largest, limits, scale, values_at
 from .wording import failure_words
 
 AXIS_WIDTH = 72
-ZOOM_STEP = 1.5
-PAN_STEP = 0.1
 SHORTEST_VIEW = 0.05
 """Seconds; closer than a few samples there is nothing to see."""
 
@@ -201,22 +200,10 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
     # hand
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        left, right = self.top.viewRange()[0]
-        middle, half = (left + right) / 2, (right - left) / 2
-        key = event.key()
-        if key in (Qt.Key.Key_Plus, Qt.Key.Key_Equal):
-            half /= ZOOM_STEP
-        elif key == Qt.Key.Key_Minus:
-            half *= ZOOM_STEP
-        elif key in (Qt.Key.Key_Left, Qt.Key.Key_Right):
-            middle += (1 if key == Qt.Key.Key_Right else -1) * 2 * half * PAN_STEP
-        elif key == Qt.Key.Key_Home:
+        if event.key() == Qt.Key.Key_Home:
             self.show_whole()
-            return
-        else:
+        elif not move_by_key(self.top, event):
             super().keyPressEvent(event)
-            return
-        self.top.setXRange(middle - half, middle + half, padding=0)
 
     def leaveEvent(self, event: QEvent) -> None:
         super().leaveEvent(event)

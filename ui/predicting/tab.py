@@ -14,7 +14,6 @@ from PySide6.QtWidgets import (
     QPushButton,
     QSplitter,
     QStackedWidget,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -24,6 +23,7 @@ from fingerlab.identify.model_file import Model, load_model
 from ..desk import Desk
 from ..tab import Command, Tab
 from ..tasks import IsCancelled, Progress
+from ..widgets.invitation import lay_out_invitation
 from ..widgets.labels import ElidedLabel, heading, remark
 from .panel import PredictPanel
 from .plots import ForcePlot, PeriodPlot, SweepPlot
@@ -79,14 +79,7 @@ class PredictTab(Tab):
         self.empty_title.setObjectName("predictEmpty")
         self.empty_open = QPushButton("&Open a session…")
         self.empty_open.clicked.connect(self.desk.open_asked)
-        column = QVBoxLayout(self.empty)
-        column.setContentsMargins(80, 0, 80, 0)
-        column.setSpacing(16)
-        column.addStretch(2)
-        column.addWidget(self.empty_title)
-        column.addWidget(self.empty_text)
-        column.addWidget(self.empty_open, 0, Qt.AlignmentFlag.AlignLeft)
-        column.addStretch(3)
+        lay_out_invitation(self.empty, self.empty_title, self.empty_text, self.empty_open)
         middle = QWidget()
         row = QHBoxLayout(middle)
         row.setContentsMargins(0, 0, 0, 0)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem, QWidget
+from PySide6.QtWidgets import QHeaderView, QTableWidgetItem, QWidget
 
 from fingerlab.identify.prediction.beside import RunForce
 from fingerlab.identify.thesis.prediction import FORCE_PHASES
 from fingerlab.report.screen import fixed, r2_text
 
-from ..theme import colours_of, small_font
+from ..theme import colours_of
+from ..widgets.number_table import NumberTable
 from .plots import Shown, sample
 
 COLUMNS = (
@@ -29,29 +30,15 @@ SEEN = {
 }
 
 
-class NumbersTable(QTableWidget):
+class NumbersTable(NumberTable):
     """One row a ticked model."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(0, len(COLUMNS), parent)
-        self.setObjectName("predictionNumbers")
-        self.setAccessibleName("Numbers of each model on the run shown")
-        self.setHorizontalHeaderLabels([title for title, _ in COLUMNS])
-        for column, (_, words) in enumerate(COLUMNS):
-            item = self.horizontalHeaderItem(column)
-            assert item is not None
-            item.setToolTip(words)
-        self.setFont(small_font())
-        self.horizontalHeader().setFont(small_font())
+        super().__init__("predictionNumbers", "Numbers of each model on the run shown", COLUMNS, parent)
         self.horizontalHeader().setMinimumSectionSize(40)
         self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         self.horizontalHeader().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
-        self.verticalHeader().hide()
         self.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        self.setTabKeyNavigation(False)  # Tab leaves the table; the arrows move in it
-        self.setShowGrid(False)
 
     def show_forces(self, shown: Shown) -> None:
         """Other models or another run."""

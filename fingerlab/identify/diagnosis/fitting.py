@@ -184,6 +184,7 @@ class Fitter:
         self.data = data
         self.weights = weights
         self.sums: list[Weighted] = []
+        self._parts: dict[tuple[int, int | None], Weighted] = {}
         self._whole: tuple[Array, list[tuple[Array, Array]], tuple[Array, Array]] | None = None
         self.sticks = bool(model.sticking) and any(g.whole.rest is not None for g in data.groups)
         self.widening = 0.0  # see Data.held, all groups together
@@ -195,13 +196,16 @@ class Fitter:
         self._low, self._high = model.low, model.high
 
     def _weigh(self) -> None:
+        self._parts.clear()
         self.sums = [self.part(i, None) for i in range(len(self.data.groups))]
         self._whole = None
 
     def part(self, i: int, k: int | None) -> Weighted:
         """Weighted products over group ``i``, or over its fold ``k``."""
-        weights = self.weights[self.data.groups[i].key]
-        return self.data.weighted(i, k, self.model, weights, self.standing(i))
+        if (i, k) not in self._parts:
+            weights = self.weights[self.data.groups[i].key]
+            self._parts[i, k] = self.data.weighted(i, k, self.model, weights, self.standing(i))
+        return self._parts[i, k]
 
     def standing(self, i: int) -> Array:
         """How the weights of group ``i`` change where the motor stands, (5, 5)."""

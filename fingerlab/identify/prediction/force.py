@@ -1,9 +1,10 @@
 """Endpoint force of a contact run from the motor's channels and the joints, without the load cell.
 
 The equations' residual is a function of the force that is assumed at the fingertip: r(F) = 0 gives the
-modelled force. The residual is evaluated at a few levels of force, the same all through the run, and is a
-straight line between them: all built-in terms are proportional to the force, or to whether the tip is held.
-What the load cell read takes no part.
+modelled force. The residual is evaluated at a few levels of force, the same all through the run, and is taken
+for a straight line between them: all built-in terms are proportional to the force, or to whether the tip is
+held, but for the few tens of micrometres over which a rubbing tip turns round. What the load cell read takes
+no part, so that a tip is taken as held by the force alone, not by its height.
 """
 
 from __future__ import annotations
@@ -14,14 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.errors import UserError
-from fingerlab.identify.diagnosis.bandwidth import WIDE_RATE_HZ, narrow
+from fingerlab.identify.diagnosis.bandwidth import narrow
 from fingerlab.identify.diagnosis.features import (
-    SHIFTS_S,
     TOUCHING_FORCE_N,
     Feature,
     base_columns,
     shifted_columns,
 )
+from fingerlab.identify.diagnosis.model import CABLE_NAMES
+from fingerlab.identify.diagnosis.reduction import counted
 from fingerlab.identify.diagnosis.stretches import stretches
 from fingerlab.physics.effects.base import Effect, Row
 from fingerlab.physics.effects.motion import Motion
@@ -31,8 +33,6 @@ from fingerlab.signals.periods import MAXIMUM_UNREPEATED, MINIMUM_PERIODS, Perio
 LEVELS_N = (-1.0, 0.0, TOUCHING_FORCE_N, 1.0)
 """Forces at which the residual is evaluated, N: below, between and above the bends of the built-in terms."""
 JOINT_ROWS = {"pip": Row.PIP, "mcp": Row.MCP}
-MARGIN = round(max(abs(s) for s in SHIFTS_S) * WIDE_RATE_HZ)
-"""Samples at the wide rate that the longest delay may use up at either end."""
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,11 @@ def contact_stretches(session: Session, run: Run) -> Iterator[Stretch]:
         raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
     cell = run.has("endpoint_force") and bool(np.all(np.isfinite(run.channel("endpoint_force"))))
     measured = (
-        [_narrowed(m.force) for m in stretches(run, session.rig) if m.force is not None] if cell else []
+        [_narrowed(m, m.force) for m in stretches(run, session.rig) if m.force is not None] if cell else []
     )
     # Read as free motion, so that what the load cell says cannot enter the prediction.
     for number, motion in enumerate(stretches(replace(run, phase="on_air"), session.rig)):
-        time = _narrowed(motion.time)
+        time = _narrowed(motion, motion.time)
         read = measured[number] if measured else np.full(len(time), np.nan)
         yield Stretch(run.name, time, read, motion, _cycle_hz(run, motion))
 
@@ -85,19 +85,21 @@ def _cycle_hz(run: Run, motion: Motion) -> float:
     if not 0 < frequency < motion.sample_rate_hz / 4:
         return 0.0
     period = motion.sample_rate_hz / frequency
-    grid = PeriodGrid(0.0, period, int((len(motion.time) - 1) // period))
+    position = motion.position[motion.lead :]
+    grid = PeriodGrid(0.0, period, int((len(position) - 1) // period))
     if grid.count < MINIMUM_PERIODS:
         return 0.0
     # In contact the motor settles for a few seconds, about a mean that moves: the later half tells.
-    cycles = grid.fold(motion.position)[grid.count // 2 :]
+    cycles = grid.fold(position)[grid.count // 2 :]
     cycles = cycles - cycles.mean(axis=1, keepdims=True)
     spread = float(np.var(cycles))
     alike = float(np.mean(np.var(cycles, axis=0))) <= MAXIMUM_UNREPEATED * spread
     return float(frequency) if spread > 0 and alike else 0.0
 
 
-def _narrowed(values: Array) -> Array:
-    return narrow(values[MARGIN : len(values) - MARGIN])
+def _narrowed(motion: Motion, values: Array) -> Array:
+    """What a fit would judge of a stretch: behind its lead, low-passed and decimated, (n,)."""
+    return narrow(values[counted(motion)])
 
 
 def solved_forces(
@@ -129,7 +131,7 @@ def _residuals(
             strength = feature.constant + _strength(feature, motion, values, where)
             if strength != 0.0:
                 sums[feature.row] -= strength * _scale(feature, motion, values, where) * column
-    return {row: _narrowed(total) for row, total in sums.items()}
+    return {row: _narrowed(motion, total) for row, total in sums.items()}
 
 
 def _features(motion: Motion, effects: Sequence[Effect], delay: float) -> Iterator[tuple[Feature, Array]]:
@@ -148,9 +150,6 @@ def _later(values: Array, delay: float, rate: float) -> Array:
     whole = round(delay * rate)
     rest = delay - whole / rate
     return np.roll(values - rest * np.gradient(values, 1.0 / rate), whole)
-
-
-CABLE_NAMES = {1: "flexion", -1: "extension"}
 
 
 def _strength(feature: Feature, motion: Motion, values: Mapping[str, float], where: str) -> float:

@@ -119,3 +119,22 @@ def test_a_cable_that_the_model_has_not_seen() -> None:
     (stretch,) = contact_stretches(made, made.runs[0])
     with pytest.raises(UserError, match="not fitted with the flexion cable"):
         solved_forces(stretch, [], {"arm_pip@extension": 0.01}, "M.json")
+
+
+def test_the_stretches_of_a_long_run_neither_overlap_nor_hold_the_ramp_from_rest() -> None:
+    """Two stretches of 150 s: behind the first two seconds, time goes on from one to the next."""
+    time = np.arange(int(150 * RATE_HZ)) / RATE_HZ
+    still = np.ones_like(time)
+    channels = {
+        "time": time, "motor_position": 0.4 * still, "motor_torque": 0.05 * still, "mcp_angle": MCP * still,
+        "pip_angle": PIP * still, "endpoint_force": still,
+    }  # fmt: skip
+    run = Run.from_arrays(channels, phase="contact", cable="flexion", sample_rate_hz=RATE_HZ)
+    motor = Motor(torque_constant=0.0302, gear_ratio=4.3, pulley_radius=RADIUS, inertia=None)
+    long = Session(Path("by-hand.h5"), "", "", Rig(motor=motor, finger=FINGER), (run,))
+    parts = [stretch.time for stretch in contact_stretches(long, run)]
+    assert len(parts) > 1
+    assert parts[0][0] >= 2.0
+    assert np.diff(np.concatenate(parts)).min() > 0
+    for stretch in contact_stretches(long, run):
+        assert len(stretch.measured) == len(stretch.time)
