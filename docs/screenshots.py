@@ -21,6 +21,7 @@ from pathlib import Path
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
+from click.testing import CliRunner
 from PySide6.QtCore import QEventLoop, QSettings, QTimer
 from PySide6.QtWidgets import QApplication
 
@@ -29,6 +30,7 @@ from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.calibration import StepTiming
+from fingerlab.cli.main import cli
 from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
@@ -40,6 +42,8 @@ from fingerlab.ui.acquire.opening import OpenBench, Wanted
 from fingerlab.ui.browse.tab import SessionsTab
 from fingerlab.ui.calibrate.tab import CalibrateTab
 from fingerlab.ui.desk import RigLine
+from fingerlab.ui.fitting.tab import FitTab
+from fingerlab.ui.predicting.tab import PredictTab
 from fingerlab.ui.settings import Settings
 from fingerlab.ui.theme import apply_appearance
 from fingerlab.ui.window import MainWindow
@@ -211,10 +215,43 @@ def sessions_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tab.show_table()
 
 
+def fit_states(window: MainWindow, folder: Path) -> Iterator[str]:
+    """The runs on air of a session, fitted."""
+    yield "empty"
+    window.desk.open_paths([record(folder / "finger-rig.h5")], tab="fit")
+    tab = window.tab("fit")
+    assert isinstance(tab, FitTab)
+    wait_until(lambda: not window.tasks.busy and bool(tab.sessions))
+    tab.analyse()
+    wait_until(lambda: tab.found is not None)
+    pause(300)
+    yield ""
+
+
+def predict_states(window: MainWindow, folder: Path) -> Iterator[str]:
+    """The contact runs of a session, by the parameters fitted on air and by a model with the effect."""
+    yield "empty"
+    session = record(folder / "in-contact.h5")
+    models = [folder / "on-air.json", folder / "with-effect.json"]
+    for words in (["fit", str(session), "--model"], ["diagnose", str(session), "--add", EFFECT, "--save"]):
+        done = CliRunner().invoke(cli, [*words, str(models[len(words) > 3])])
+        assert done.exit_code == 0, done.output
+    window.desk.open_paths([session], tab="predict")
+    tab = window.tab("predict")
+    assert isinstance(tab, PredictTab)
+    wait_until(lambda: not window.tasks.busy and bool(tab.sessions))
+    tab.add_files(models)
+    wait_until(lambda: tab.found is not None)
+    pause(300)
+    yield ""
+
+
 TABS: dict[str, States] = {
     "acquire": acquire_states,
     "calibrate": calibrate_states,
     "sessions": sessions_states,
+    "fit": fit_states,
+    "predict": predict_states,
     "model_lab": lab_states,
 }
 
