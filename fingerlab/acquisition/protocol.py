@@ -136,10 +136,15 @@ def _steps(runs: Sequence[RunPlan], contact_force: float, rest_s: float) -> Iter
             yield Change(now, _prompt(now))
         elif number > 1:
             yield Rest(rest_s)
-        if run.phase == "contact" and "offset_deg" not in run.trajectory and now != before:
+        if run.phase == "contact" and _goes_about_contact(run.trajectory) and now != before:
             yield Find(contact_force)
         before = now
         yield Record(number, len(runs), run.phase, run.cable, run.trajectory, run.load_torque, run.attributes)
+
+
+def _goes_about_contact(trajectory: Mapping[str, Any]) -> bool:
+    """Whether a contact run's middle is where the fingertip presses: it names none, and is no torque."""
+    return "offset_deg" not in trajectory and trajectory.get("kind") != "torque"
 
 
 def _prompt(set_up: SetUp) -> str:
@@ -155,6 +160,13 @@ class ProtocolDriver:
     Args:
         ask_operator: shown a sentence, returns when the operator has done it.
         report: called with the share done (0 to 1) and what is being done.
+        initial: to which values the sensors are set after each change of the bench.
+        between: called again and again while the driver waits, in its own thread: for what else is to be
+            asked of the bench meanwhile.
+
+    Attributes:
+        samples: recorded so far. step_left_s: of the run or rest that goes on, s.
+        left_s: of the whole protocol as planned, s, without the operator and without finding the contact.
     """
 
     def __init__(
@@ -162,11 +174,21 @@ class ProtocolDriver:
         bench: Bench,
         ask_operator: Callable[[str], None],
         report: Callable[[float, str], None] | None = None,
+        initial: Initialise | None = None,
+        between: Callable[[], None] | None = None,
     ) -> None:
         self._bench, self._ask_operator = bench, ask_operator
         self._report = report or (lambda share, what: None)
+        self._initial = initial or Initialise()
+        self._between = between or (lambda: None)
         self._offset_deg: float | None = None
+        self._share = self._later_s = 0.0
         self.samples = 0
+        self.left_s = self.step_left_s = 0.0
+
+    def report_to(self, report: Callable[[float, str], None]) -> None:
+        """Report to another function from now on."""
+        self._report = report
 
     def take(self, steps: Sequence[Step]) -> None:
         """Take all steps, then switch the amplifier off.
@@ -175,7 +197,8 @@ class ProtocolDriver:
             UserError: the bench refused or stopped, or the recorder failed; the motor has no current then.
         """
         try:
-            for step in steps:
+            for number, step in enumerate(steps):
+                self._later_s = plan_seconds(steps[number + 1 :])
                 self._take(step)
             self._off()
         except BaseException:
@@ -190,7 +213,29 @@ class ProtocolDriver:
         elif isinstance(step, Record):
             self._record(step)
         else:
-            self._bench.wait(step.seconds)
+            self._wait(step.seconds, "rest")
+
+    def _until(self, condition: Callable[[], bool], seconds: float, what: str) -> None:
+        def looked() -> bool:
+            self._between()
+            return condition()
+
+        self._bench.wait_until(looked, seconds, what)
+
+    def _wait(self, seconds: float, words: str) -> None:
+        start, rate = self._bench.board[Slot.INDEX], self._bench.rate_hz
+
+        def over() -> bool:
+            left = seconds - (self._bench.board[Slot.INDEX] - start) / rate
+            self._tell(self._share, words, left)
+            return left <= 0.0
+
+        self._until(over, math.inf, "")
+
+    def _tell(self, share: float, words: str, step_left_s: float, after_s: float = 0.0) -> None:
+        self._share, self.step_left_s = share, max(step_left_s, 0.0)
+        self.left_s = self.step_left_s + after_s + self._later_s
+        self._report(share, words)
 
     def _off(self) -> None:
         if self._bench.status().enabled:
@@ -201,11 +246,11 @@ class ProtocolDriver:
         self._off()
         self._ask_operator(step.prompt)
         self._offset_deg = None
-        commands: list[Command] = [Initialise()]
+        commands: list[Command] = [self._initial]
         if step.set_up.phase == "contact":
             commands.append(Tare())
         bench.ask(step.set_up)
-        bench.wait(SETTLE_S)
+        self._wait(SETTLE_S, "settling")
         for command in [*commands, Enable()]:
             bench.ask(command)
 
@@ -213,7 +258,8 @@ class ProtocolDriver:
         bench = self._bench
         bench.ask(Approach(step.force, APPROACH_SPEED, APPROACH_LIMIT))
         seconds = APPROACH_LIMIT / APPROACH_SPEED + 5.0
-        bench.wait_until(lambda: bench.approached() is not None, seconds, "Finding the load cell")
+        self._tell(self._share, "finding the load cell", 0.0)
+        self._until(lambda: bench.approached() is not None, seconds, "Finding the load cell")
         reached = bench.approached()
         if reached is None or math.isnan(reached):
             raise UserError(
@@ -227,7 +273,7 @@ class ProtocolDriver:
     def _record(self, step: Record) -> None:
         bench = self._bench
         settings = dict(step.trajectory)
-        if "offset_deg" not in settings and self._offset_deg is not None:
+        if self._offset_deg is not None and _goes_about_contact(settings):
             settings["offset_deg"] = self._offset_deg
         trajectory = read_trajectory(settings)
         count = round(trajectory.duration * bench.rate_hz)
@@ -250,13 +296,14 @@ class ProtocolDriver:
 
         def recorded() -> bool:
             share = min(max(bench.board[Slot.INDEX] - start, 0) / count, 1.0)
-            self._report((step.number - 1 + share) / step.count, words)
+            left = (1.0 - share) * trajectory.duration
+            self._tell((step.number - 1 + share) / step.count, words, left, STOP_S)
             return bench.board[Slot.RECORDED_RUNS] > done
 
-        bench.wait_until(recorded, trajectory.duration + 30.0, f"Recording {words}")
+        self._until(recorded, trajectory.duration + 30.0, f"Recording {words}")
         self.samples += count
         self._wait_for_rest()
 
     def _wait_for_rest(self) -> None:
         bench = self._bench
-        bench.wait_until(lambda: bench.status().mode is Mode.ENABLED, STOP_S + 5.0, "Coming to rest")
+        self._until(lambda: bench.status().mode is Mode.ENABLED, STOP_S + 5.0, "Coming to rest")

@@ -22,7 +22,14 @@ import numpy as np
 
 from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.columns import COLUMN, RowFlag
-from fingerlab.acquisition.recording import RunInfo, SessionInfo, certain_columns, channel_units, channels_of
+from fingerlab.acquisition.recording import (
+    LEAST_FREE_BYTES,
+    RunInfo,
+    SessionInfo,
+    certain_columns,
+    channel_units,
+    channels_of,
+)
 from fingerlab.acquisition.ring import Array, Ring, RingReader
 from fingerlab.errors import UserError
 from fingerlab.sessions.part_file import CLEAN, LOSSY, TRUNCATED, PartHeader, PartWriter
@@ -34,9 +41,6 @@ FLUSH_S = 0.1
 
 LOOK_S = 0.25
 """How often the place is looked at."""
-
-LEAST_FREE_BYTES = 32 << 20
-"""With less room than this the recording ends by itself, while the end can still be written (assumed)."""
 
 
 @dataclass
@@ -137,12 +141,15 @@ class Recorder:
         """Put a marker with a note at a sample, the newest where none is given.
 
         Raises:
-            UserError: nothing is being recorded, or the note cannot be written.
+            UserError: nothing is being recorded, the sample came before the run, or the note cannot be
+                written.
         """
         run = self._run
         if run is None:
             raise UserError("Nothing is being recorded; a marker belongs to a run.")
         index = self._board[Slot.INDEX] if index is None else index
+        if index < run.info.start:
+            raise UserError("That moment was before the run began; a marker belongs to the run that goes on.")
         marker = {"time": (index - run.info.start) / run.info.sample_rate_hz, "note": note}
         try:
             with run.writer.path.with_suffix(MARKERS_SUFFIX).open("a", encoding="utf-8") as file:

@@ -18,6 +18,9 @@ ALWAYS = ("motor_command", "motor_position", "motor_current", "motor_torque")
 BESIDE = ("motor_speed", "current_command", "lateness", "cycle_time")
 RAW = tuple(name for name in COLUMN if name.startswith("raw/"))
 
+LEAST_FREE_BYTES = 32 << 20
+"""With less room than this the recording ends by itself, while the end can still be written (assumed)."""
+
 
 @dataclass(frozen=True)
 class SessionInfo:
@@ -60,6 +63,12 @@ def channel_units(phase: str) -> dict[str, str]:
     if phase == "motor_bench":
         units["load_torque"] = "N m"
     return units | {name: UNITS[name] for name in (*BESIDE, *RAW)}
+
+
+def seconds_of_room(free_bytes: int, rate_hz: float) -> float:
+    """How long a recording with all channels may go on, s: doubles, and once more for the whole file."""
+    a_second = 2 * 8 * len(channel_units("contact")) * rate_hz
+    return max(free_bytes - LEAST_FREE_BYTES, 0) / a_second
 
 
 def certain_columns(phase: str) -> list[str]:

@@ -67,7 +67,11 @@ class DeviceChoice:
 
 
 def choose_device(
-    name: str | None, rig: Rig | None = None, simulation: Simulation | None = None, real_time: bool = True
+    name: str | None,
+    rig: Rig | None = None,
+    simulation: Simulation | None = None,
+    real_time: bool = True,
+    faults: Faults | None = None,
 ) -> DeviceChoice:
     """The device that a name of the command line or of the window means.
 
@@ -75,6 +79,7 @@ def choose_device(
         name: ``simulated``; ``replay:FILE`` or ``replay:FILE#RUN``; the name of a card (``Dev1``, or
             ``host:port/Dev1`` behind a device server); None for the first one that is found.
         rig: names the card, its terminals and scaling; the default rig where it is None.
+        faults: of the simulated rig.
 
     Raises:
         UserError: the name means nothing.
@@ -85,7 +90,7 @@ def choose_device(
             raise UserError("No device can be used, not even the simulated rig; reinstall FingerLab.")
         name = found.name
     if name == SIMULATED:
-        return DeviceChoice(SIMULATED, rig, simulation, real_time=real_time)
+        return DeviceChoice(SIMULATED, rig, simulation, faults or Faults(), real_time=real_time)
     if name.startswith(f"{REPLAY}:"):
         path, _, run = name.removeprefix(f"{REPLAY}:").partition("#")
         if not path:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from fingerlab.devices.protocol import RAW_CHANNELS
+from fingerlab.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,59 @@ class Faults:
     lost: Mapping[int, int] = field(default_factory=dict)
     clock_steps: Mapping[int, float] = field(default_factory=dict)
     unsafe: int = 0
+
+
+SLOW_S, SKIPPED, CLOCK_S = 0.05, 5, -3600.0
+JUMP_COUNTS = 480.0
+"""Counts; 20 degrees of the bench's encoder."""
+
+
+@dataclass(frozen=True)
+class FaultKind:
+    """A fault that can be asked for by name: ``title`` in an operator's words, ``make`` from its cycle."""
+
+    title: str
+    make: Callable[[int], Faults]
+
+
+def _sensor(channel: str, stuck: bool) -> Callable[[int], Faults]:
+    return lambda cycle: Faults(sensors=(SensorFault(channel, cycle, stuck=stuck),))
+
+
+FAULT_KINDS: dict[str, FaultKind] = {
+    "unplugged": FaultKind("the device is unplugged", lambda cycle: Faults(unplug_at=cycle)),
+    "dead-load-cell": FaultKind("the load cell goes dead", _sensor("force_volts", False)),
+    "stuck-load-cell": FaultKind("the load cell sticks", _sensor("force_volts", True)),
+    "dead-mcp": FaultKind("the MCP sensor goes dead", _sensor("mcp_volts", False)),
+    "stuck-mcp": FaultKind("the MCP sensor sticks", _sensor("mcp_volts", True)),
+    "dead-pip": FaultKind("the PIP sensor goes dead", _sensor("pip_volts", False)),
+    "stuck-pip": FaultKind("the PIP sensor sticks", _sensor("pip_volts", True)),
+    "dead-current": FaultKind("the current monitor goes dead", _sensor("current_volts", False)),
+    "stuck-encoder": FaultKind("the encoder sticks", _sensor("encoder_counts", True)),
+    "encoder-jump": FaultKind(
+        "the encoder jumps by 20°", lambda cycle: Faults(encoder_jumps={cycle: JUMP_COUNTS})
+    ),
+    "late": FaultKind("a cycle comes 50 ms late", lambda cycle: Faults(late={cycle: SLOW_S})),
+    "lost": FaultKind("five cycles are lost", lambda cycle: Faults(lost={cycle: SKIPPED})),
+    "clock": FaultKind("the clock is set back an hour", lambda cycle: Faults(clock_steps={cycle: CLOCK_S})),
+}
+"""Faults for practice, by id."""
+
+
+def fault_after(kind: str, seconds: float, rate_hz: float) -> Faults:
+    """One of :data:`FAULT_KINDS`, so many seconds after the device starts (and after each new start).
+
+    Args:
+        kind: its id; empty for no fault.
+
+    Raises:
+        UserError: there is no such fault.
+    """
+    if not kind:
+        return Faults()
+    if kind not in FAULT_KINDS:
+        raise UserError(f"There is no fault {kind!r}; known are {', '.join(FAULT_KINDS)}.")
+    return FAULT_KINDS[kind].make(round(seconds * rate_hz))
 
 
 class FaultySensors:

@@ -7,53 +7,50 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import (
-    QComboBox,
-    QFileDialog,
-    QHBoxLayout,
-    QLabel,
-    QPushButton,
-    QSpinBox,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QSpinBox, QWidget
 
 from ..widgets.labels import heading, remark
-from .fields import choice
+from .fields import across, centred_column, choice, number
 from .opening import Wanted
 
 if TYPE_CHECKING:
     from fingerlab.devices.protocol import Found
 
-COLUMN_WIDTH = 560
+COLUMN_WIDTH = 640
+BUTTON_WIDTH = 168
 RIG_FILTER = "Rig files (*.toml);;All files (*)"
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
 
 
 class ConnectPage(QWidget):
-    """Signals: chosen(Wanted); rig_file_changed."""
+    """Signals: chosen(Wanted); look_asked: for devices, with the rig file of now; runs_asked(Path)."""
 
     chosen = Signal(object)
-    rig_file_changed = Signal()
+    look_asked = Signal()
+    runs_asked = Signal(object)
 
     def __init__(self, folder: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.rig_file: Path | None = None
         self._folder = folder
         self._card = ""
+        self._session: Path | None = None
         self.title = heading("No rig connected", large=True)
-        self.text = remark(
-            "Connect one to see it live, drive it and record it. The simulated rig works in the same way as "
-            "the real one."
-        )
-        self.found = QLabel("Looking for a data acquisition card …")
-        self.found.setObjectName("foundSentence")
-        self.found.setWordWrap(True)
-        self.card = QPushButton("Connect to the &card")
-        self.card.setObjectName("connectCard")
-        self.card.setEnabled(False)
-        self.simulated = QPushButton("&Simulated rig")
-        self.simulated.setObjectName("connectSimulated")
+        self._make_simulated()
+        self._make_card()
+        self._make_replay()
+        self._build()
+        self.card.clicked.connect(lambda: self.chosen.emit(Wanted(self._card, self.rig_file)))
+        self.again.clicked.connect(self.look_asked)
+        self.simulated.clicked.connect(self._on_simulated)
+        self.fault.currentIndexChanged.connect(self._on_fault)
+        self.replay.clicked.connect(self._on_replay)
+        self.replay_run.clicked.connect(self._on_replay_run)
+        self.rig.clicked.connect(self._on_rig)
+        self._on_fault()
+
+    def _make_simulated(self) -> None:
+        self.simulated = _button("&Simulated rig", "connectSimulated")
         self.simulated.setProperty("primary", "true")
         self.effect: QComboBox = choice(
             "simulatedEffect",
@@ -69,46 +66,70 @@ class ConnectPage(QWidget):
         self.seed.setToolTip(
             "Each number is another bench: other tolerances, other noise, another hidden effect."
         )
-        self.replay = QPushButton("&Replay a recording…")
-        self.replay.setObjectName("connectReplay")
-        self.rig = QPushButton("Rig &file…")
-        self.rig.setObjectName("rigFile")
-        self.rig_text = remark("Default rig: wiring and limits as in the thesis.")
-        self._build()
-        self.card.clicked.connect(lambda: self.chosen.emit(Wanted(self._card, self.rig_file)))
-        self.simulated.clicked.connect(self._on_simulated)
-        self.replay.clicked.connect(self._on_replay)
-        self.rig.clicked.connect(self._on_rig)
+        self.fault: QComboBox = choice(
+            "simulatedFault", {"": "nothing goes wrong"}, "Fault: what goes wrong with the simulated rig."
+        )
+        self.fault.setMinimumContentsLength(24)
+        self.fault_after = number(
+            "faultAfter",
+            20.0,
+            1.0,
+            3600.0,
+            1,
+            5.0,
+            "Seconds until the fault: counted from connecting, and again after each stop.",
+        )
+        self.fault_after.setPrefix("after ")
+        self.fault_after.setSuffix(" s")
+
+    def _make_card(self) -> None:
+        self.found = QLabel("Looking for a data acquisition card …")
+        self.found.setObjectName("foundSentence")
+        self.found.setWordWrap(True)
+        self.card = _button("Connect to the &card", "connectCard")
+        self.card.setEnabled(False)
+        self.again = _button("Look a&gain", "lookAgain")
+        self.again.setToolTip("A card was plugged in, or a device server started.")
+        self.rig = _button("Rig &file…", "rigFile")
+        self.rig_text = remark(
+            "Default rig: wiring and limits as in the thesis, a card in this machine. A rig file names "
+            "others, and the device server of a card in another machine."
+        )
+
+    def _make_replay(self) -> None:
+        self.replay = _button("&Replay a recording…", "connectReplay")
+        self.replay_text = remark("A recorded run as if it were measured now; nothing moves it.")
+        self.runs = choice("replayRun", {}, "Run that is replayed.")
+        self.replay_run = _button("Replay t&his run", "replayThis")
+        self.replay_run.setProperty("primary", "true")
+        for field in (self.runs, self.replay_run):
+            field.hide()
 
     def _build(self) -> None:
-        column = QWidget()
-        column.setMaximumWidth(COLUMN_WIDTH)
-        inner = QVBoxLayout(column)
-        inner.setSpacing(16)
+        inner = centred_column(self, COLUMN_WIDTH)
         inner.addWidget(self.title)
-        inner.addWidget(self.text)
+        inner.addWidget(
+            remark(
+                "Connect one to see it live, drive it and record it. The simulated rig works in the same way "
+                "as the real one."
+            )
+        )
+        room = QLabel("Fault, for practice")
         for entries in (
             (self.simulated, self.effect, self.seed),
-            (self.card, self.found),
-            (self.replay, remark("A recorded run as if it were measured now; nothing moves it.")),
+            (room, self.fault, self.fault_after),
+            (self.card, self.found, self.again),
+            (self.replay, self.replay_text, self.runs, self.replay_run),
             (self.rig, self.rig_text),
         ):
-            line = QHBoxLayout()
-            line.setSpacing(8)
-            for number, entry in enumerate(entries):
-                line.addWidget(entry, 0 if number == 0 or isinstance(entry, QSpinBox) else 1)
-            entries[0].setMinimumWidth(168)
-            inner.addLayout(line)
-        across = QHBoxLayout()
-        across.addStretch(1)
-        across.addWidget(column, 100)
-        across.addStretch(1)
-        layout = QVBoxLayout(self)
-        layout.addStretch(2)
-        layout.addLayout(across)
-        layout.addStretch(3)
+            entries[0].setMinimumWidth(BUTTON_WIDTH)
+            inner.addLayout(across(*entries))
 
     # what is shown
+
+    def show_looking(self) -> None:
+        """A card is looked for."""
+        self.found.setText("Looking for a data acquisition card …")
 
     def show_found(self, found: Sequence[Found]) -> None:
         """The card, and whether it can be used."""
@@ -122,15 +143,33 @@ class ConnectPage(QWidget):
             self.simulated.setEnabled(False)
             self.simulated.setToolTip(simulated.sentence)
 
-    def show_effects(self, effects: Sequence[tuple[str, str]]) -> None:
-        """Offer effects of the simulated rig."""
+    def show_choices(self, effects: Sequence[tuple[str, str]], faults: Sequence[tuple[str, str]]) -> None:
+        """Offer effects and faults of the simulated rig."""
         for key, title in effects:
             self.effect.addItem(f"with {title[:1].lower()}{title[1:]}", key)
+        for key, title in faults:
+            self.fault.addItem(title, key)
+
+    def show_runs(self, session: Path, runs: Sequence[tuple[str, str]]) -> None:
+        """Offer the runs of a session; the only one is taken at once."""
+        self._session = session
+        self.runs.clear()
+        for name, words in runs:
+            self.runs.addItem(words, name)
+        many = len(runs) > 1
+        self.replay_text.setVisible(not many)
+        self.runs.setVisible(many)
+        self.runs.setToolTip(f"Run of {session.name} that is replayed.")
+        self.replay_run.setVisible(many)
+        if many:
+            self.runs.setFocus()
+        else:  # a session without runs is refused with a sentence by the replay itself
+            self.chosen.emit(Wanted(f"replay:{session}"))
 
     def show_busy(self, what: str) -> None:
         """While something is being connected, say so."""
         self.title.setText(f"{what} …" if what else "No rig connected")
-        for button in (self.simulated, self.replay, self.rig):
+        for button in (self.simulated, self.replay, self.replay_run, self.rig, self.again):
             button.setEnabled(not what)
         self.card.setEnabled(not what and bool(self._card) and not self.card.toolTip())
 
@@ -138,17 +177,36 @@ class ConnectPage(QWidget):
 
     def _on_simulated(self) -> None:
         self.chosen.emit(
-            Wanted("simulated", self.rig_file, str(self.effect.currentData()), self.seed.value())
+            Wanted(
+                "simulated",
+                self.rig_file,
+                str(self.effect.currentData()),
+                self.seed.value(),
+                fault=str(self.fault.currentData()),
+                fault_after_s=self.fault_after.value(),
+            )
         )
+
+    def _on_fault(self) -> None:
+        self.fault_after.setEnabled(bool(self.fault.currentData()))
 
     def _on_replay(self) -> None:
         name, _ = QFileDialog.getOpenFileName(self, "Replay a recording", self._folder, SESSION_FILTER)
         if name:
-            self.chosen.emit(Wanted(f"replay:{name}"))
+            self.runs_asked.emit(Path(name))
+
+    def _on_replay_run(self) -> None:
+        self.chosen.emit(Wanted(f"replay:{self._session}#{self.runs.currentData()}"))
 
     def _on_rig(self) -> None:
         name, _ = QFileDialog.getOpenFileName(self, "Rig file", self._folder, RIG_FILTER)
         if name:
             self.rig_file = Path(name)
             self.rig_text.setText(name)
-            self.rig_file_changed.emit()
+            self.look_asked.emit()
+
+
+def _button(text: str, name: str) -> QPushButton:
+    button = QPushButton(text)
+    button.setObjectName(name)
+    return button

@@ -6,7 +6,16 @@ from collections.abc import Callable
 from typing import Any
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QHBoxLayout, QLayout, QPushButton, QWidget
+from PySide6.QtWidgets import (
+    QAbstractSpinBox,
+    QComboBox,
+    QDoubleSpinBox,
+    QHBoxLayout,
+    QLayout,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
 
 
 class ActionButton(QPushButton):
@@ -70,4 +79,31 @@ def row(*widgets: QWidget | QLayout) -> QHBoxLayout:
             layout.addLayout(widget, 1)
         else:
             layout.addWidget(widget, 1)
+    return layout
+
+
+def centred_column(page: QWidget, width: int) -> QVBoxLayout:
+    """A column at most so wide in the middle of an otherwise empty page, a little above its centre."""
+    column = QWidget()
+    column.setMaximumWidth(width)
+    inner = QVBoxLayout(column)
+    inner.setSpacing(16)
+    across = QHBoxLayout()
+    across.addStretch(1)
+    across.addWidget(column, 100)  # takes all up to its widest, so that its text gets the height it needs
+    across.addStretch(1)
+    layout = QVBoxLayout(page)
+    layout.addStretch(2)
+    layout.addLayout(across)
+    layout.addStretch(3)
+    return inner
+
+
+def across(*entries: QWidget) -> QHBoxLayout:
+    """Side by side with the first as wide as its words; numbers keep their width, the rest fills the line."""
+    layout = QHBoxLayout()
+    layout.setSpacing(8)
+    for number_, entry in enumerate(entries):
+        fixed = number_ == 0 or isinstance(entry, (QAbstractSpinBox, QPushButton))
+        layout.addWidget(entry, 0 if fixed else 1)
     return layout

@@ -21,7 +21,13 @@ KINDS = {
     "ramp_hold": "Ramp and hold",
     "blocked": "Blocked",
     "file": "From a file",
+    "torque": "Torque from a file",
 }
+LISTS = ("time_s", "angle_deg", "torque_n_m", "amplitude_n_m", "offset_n_m", "sha256")
+"""What follows from a file; kept only where the points themselves were handed over."""
+HANDED = "Handed over"
+BY_POINTS = ("file", "torque")
+"""Kinds that are given point by point: of the angle, or of the torque itself."""
 MOVES = ("sine", "chirp", "multisine", "steps", "ramp_hold")
 FIELDS = {
     "amplitude_deg": MOVES,
@@ -32,6 +38,7 @@ FIELDS = {
 }
 """Which numbers each kind has."""
 
+FILE_HELP = "Text table of time (s) and angle (degrees), or of time (s) and torque (N m)."
 ENDLESS_S = 60.0
 """Length that a trajectory without end is given: that of its pattern before it comes again."""
 
@@ -63,7 +70,7 @@ class MotionForm(QWidget):
         self.duration.setSpecialValueText("until stopped")
         self.file = QPushButton("Choose…")
         self.file.setObjectName("trajectoryFile")
-        self.file.setToolTip("Text table of time (s) and angle (degrees).")
+        self.file.setToolTip(FILE_HELP)
         self._path: Path | None = None
         self._further: dict[str, Any] = {}
         self._form = QFormLayout(self)
@@ -99,11 +106,11 @@ class MotionForm(QWidget):
         for name, kinds in FIELDS.items():
             if kind in kinds:
                 settings[name] = self.numbers[name].value()
-        if kind == "file":
-            settings["file"] = str(self._path) if self._path is not None else ""
+        if kind in BY_POINTS and self._path is not None:
+            settings["file"] = str(self._path)
         if not self.endless:
             settings["duration_s"] = self.duration.value()
-        elif kind != "file":
+        elif kind not in BY_POINTS:
             settings["duration_s"] = ENDLESS_S
         return settings
 
@@ -121,17 +128,50 @@ class MotionForm(QWidget):
             if name in given:
                 field.setValue(float(given[name]))
         self.duration.setValue(float(given.get("duration_s", 20.0)))
-        if "file" in given:
-            self.show_file(Path(str(given["file"])))
-        self._further = {name: value for name, value in given.items() if name not in known}
+        listed = given["kind"] in BY_POINTS and "time_s" in settings
+        path = Path(str(settings["file"])) if "file" in given and not listed else None
+        self._further = {
+            name: value
+            for name, value in given.items()
+            if name not in known and (listed or name not in LISTS)
+        }
+        self._name_file(path)
+        self.edited.emit()
+
+    @property
+    def fields(self) -> tuple[QWidget, ...]:
+        """All that can be typed into or chosen."""
+        return self.kind, *self.numbers.values(), self.duration
+
+    def state(self) -> dict[str, Any]:
+        """Every field, and what came with a trajectory that was handed over."""
+        numbers = {name: field.value() for name, field in self.numbers.items()}
+        further = {"further": dict(self._further), "path": self._path}
+        return {"kind": self.kind.currentData(), **numbers, "duration": self.duration.value(), **further}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Every field as it was."""
+        self.kind.setCurrentIndex(self.kind.findData(state["kind"]))
+        for name, field in self.numbers.items():
+            field.setValue(state[name])
+        self.duration.setValue(state["duration"])
+        self._further = dict(state["further"])
+        self._name_file(state["path"])
+        self.edited.emit()
 
     def show_file(self, path: Path) -> None:
         """Take the trajectory from a file."""
-        self._path = path
-        self.file.setText(path.name.replace("&", "&&"))
-        self.file.setToolTip(str(path))
-        self.kind.setCurrentIndex(self.kind.findData("file"))
+        self._further = {}
+        self._name_file(path)
+        if self.kind.currentData() not in BY_POINTS:
+            self.kind.setCurrentIndex(self.kind.findData("file"))
         self._on_edited()
+
+    def _name_file(self, path: Path | None) -> None:
+        self._path = path
+        nothing = HANDED if "time_s" in self._further else "Choose…"
+        self.file.setText(path.name.replace("&", "&&") if path is not None else nothing)
+        self.file.setToolTip(str(path) if path is not None else FILE_HELP)
 
     def words(self) -> str:
         """A few words for the header."""
@@ -155,7 +195,7 @@ class MotionForm(QWidget):
         self._further = {}
         for name, field in self.numbers.items():
             self._form.setRowVisible(field, kind in FIELDS[name])
-        self._form.setRowVisible(self.file, kind == "file")
+        self._form.setRowVisible(self.file, kind in BY_POINTS)
         self.edited.emit()
 
     def _on_edited(self) -> None:

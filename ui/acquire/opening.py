@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
+    from fingerlab.acquisition.requests import LoopSettings
+    from fingerlab.devices.choosing import DeviceChoice
     from fingerlab.devices.protocol import Found
     from fingerlab.rig import Rig
 
@@ -20,7 +22,8 @@ class Wanted:
     Attributes:
         device: as :func:`fingerlab.devices.choosing.choose_device` takes it. rig_file: None for the default.
         effect: of the simulated rig: empty for none, ``hidden``, or an effect's id. seed: which bench.
-        preset: of the simulated rig.
+        preset: of the simulated rig. fault: of the simulated rig: empty for none, or one of
+            :data:`fingerlab.devices.faults.FAULT_KINDS`; fault_after_s: how long after it starts.
     """
 
     device: str
@@ -28,6 +31,8 @@ class Wanted:
     effect: str = ""
     seed: int = 0
     preset: str = "practice"
+    fault: str = ""
+    fault_after_s: float = 20.0
 
 
 @dataclass(frozen=True)
@@ -49,29 +54,41 @@ class OpenBench:
 
 
 OpenCall = Callable[[Wanted], OpenBench]
+FindCall = Callable[[Path | None], "tuple[Found, ...]"]
+MakeBench = Callable[["DeviceChoice", "LoopSettings", float], "Bench"]
+"""Makes a device, its loop and its recorder, at a sampling rate in Hz."""
 
 
-def open_bench(wanted: Wanted) -> OpenBench:
-    """Build the device in processes of its own.
+def in_processes(choice: DeviceChoice, settings: LoopSettings, rate_hz: float) -> Bench:
+    """Loop and recorder in processes of their own."""
+    from fingerlab.acquisition.process_bench import ProcessBench
+
+    return ProcessBench(choice, settings, rescue_folder(), rate_hz)
+
+
+def open_bench(wanted: Wanted, make: MakeBench = in_processes) -> OpenBench:
+    """Build what was chosen.
 
     Raises:
         UserError: there is no such device, it does not answer, or a stored calibration is damaged.
     """
-    from fingerlab.acquisition.process_bench import ProcessBench
     from fingerlab.acquisition.requests import LoopSettings
     from fingerlab.acquisition.safety import Limits
     from fingerlab.acquisition.units import BenchUnits
     from fingerlab.calibration.applying import default_folder, rig_and_attributes
     from fingerlab.devices.choosing import CARD, REPLAY, choose_device
+    from fingerlab.devices.faults import fault_after
     from fingerlab.devices.simulated import Simulation
     from fingerlab.rig_file import load_rig
     from fingerlab.twin.effects import parse_effects
+    from fingerlab.twin.protocols import RATE_HZ
 
     rig = load_rig(wanted.rig_file) if wanted.rig_file is not None else None
     hidden = wanted.effect == "hidden"
     effects = parse_effects(() if hidden or not wanted.effect else (wanted.effect,))
     simulation = Simulation(wanted.preset, wanted.seed, effects, hidden)
-    choice = choose_device(wanted.device, rig, simulation)
+    faults = fault_after(wanted.fault, wanted.fault_after_s, RATE_HZ)
+    choice = choose_device(wanted.device, rig, simulation, faults=faults)
     attributes: dict[str, Any] = {}
     if choice.kind == CARD:
         assert choice.rig is not None
@@ -88,7 +105,7 @@ def open_bench(wanted: Wanted) -> OpenBench:
         known, told = rig_and_attributes(known, folder)
         attributes |= told
     settings = LoopSettings(BenchUnits.from_rig(known), Limits.from_rig(known))
-    bench = ProcessBench(choice, settings, rescue_folder(), rate)
+    bench = make(choice, settings, rate)
     return OpenBench(bench, known, attributes, folder, choice.kind != CARD)
 
 
@@ -117,3 +134,25 @@ def effect_choices() -> tuple[tuple[str, str], ...]:
     from fingerlab.twin.effect_table import EFFECTS
 
     return tuple(sorted(((name, effect_title(name)) for name in EFFECTS), key=lambda pair: pair[1]))
+
+
+def fault_choices() -> tuple[tuple[str, str], ...]:
+    """Id and title of every fault that the simulated rig can be given."""
+    from fingerlab.devices.faults import FAULT_KINDS
+
+    return tuple((name, kind.title) for name, kind in FAULT_KINDS.items())
+
+
+def run_choices(path: Path) -> tuple[tuple[str, str], ...]:
+    """Name of every run of a session that can be replayed, and what it is.
+
+    Raises:
+        UserError: it is no session.
+    """
+    from fingerlab.sessions import open_session
+    from fingerlab.sessions.words import trajectory_words
+
+    return tuple(
+        (run.name, f"Run {run.name}: {run.phase.replace('_', ' ')}, {trajectory_words(run.trajectory)}")
+        for run in open_session(path).runs
+    )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import (
     QButtonGroup,
+    QDoubleSpinBox,
     QHBoxLayout,
     QLabel,
     QLineEdit,
@@ -21,8 +22,10 @@ from PySide6.QtWidgets import (
 
 from fingerlab.acquisition.machine import Event, Mode
 
-from ..widgets.labels import ElidedLabel, heading
+from ..widgets.labels import ElidedLabel, heading, remark
 from .fields import ActionButton, choice, number, row
+from .form_history import FormHistory
+from .initial_form import InitialButton
 from .motion_form import MotionForm
 from .protocol_form import ProtocolForm
 from .recording import Recording
@@ -59,6 +62,19 @@ class Actions:
     details: Callable[[], Any]
 
 
+class _Value:
+    """One field as a form of its own, for the history."""
+
+    def __init__(self, name: str, field: QDoubleSpinBox) -> None:
+        self._name, self._field = name, field
+
+    def state(self) -> dict[str, float]:
+        return {self._name: self._field.value()}
+
+    def restore(self, state: Mapping[str, float]) -> None:
+        self._field.setValue(state[self._name])
+
+
 class Panel(QWidget):
     """Signal ``set_up_chosen(phase, cable)``; the cable is empty where the phase was changed."""
 
@@ -87,6 +103,22 @@ class Panel(QWidget):
                     layout.addLayout(entry)
             layout.addSpacing(8)
         layout.addStretch(1)
+        self._keep_history()
+
+    def _keep_history(self) -> None:
+        forms: dict[str, Any] = {"initial": self.initial, "motion": self.motion, "protocol": self.protocol}
+        self.history = FormHistory({**forms, "recording": _Value("before", self.before)}, self)
+        for form in forms.values():
+            form.edited.connect(self.history.edited)
+            self.history.watch(form.fields)
+        self.before.valueChanged.connect(self.history.edited)
+        self.history.watch([self.before])
+        self.history.shown.connect(self._show_form)
+
+    def _show_form(self, name: str) -> None:
+        """Undo has changed a form: let it be seen."""
+        if name in ("motion", "protocol"):
+            (self.by_hand if name == "motion" else self.by_protocol).click()
 
     def _make_bench(self, actions: Actions) -> None:
         self.phase = choice("phase", PHASES, "Phase: what is on the bench.")
@@ -100,6 +132,7 @@ class Panel(QWidget):
         self.tare = ActionButton(
             "Reset &load cell", "tare", "The load cell's reading now is no force (Ctrl+T).", actions.tare
         )
+        self.initial = InitialButton()
         self.enable = ActionButton("&Enable", "enable", "Amplifier on or off (Ctrl+E).", actions.enable)
         self.enable.setProperty("primary", "true")
         self.release = ActionButton(
@@ -116,6 +149,7 @@ class Panel(QWidget):
             heading("Bench"),
             row(self.phase, self.cable),
             row(self.initialise, self.tare),
+            self.initial,
             self.enable,
             row(self.release, self.reset),
         )
@@ -205,6 +239,9 @@ class Panel(QWidget):
         )
         self.count = ElidedLabel()
         self.count.setObjectName("recordedText")
+        self.warning = remark()
+        self.warning.setObjectName("recordWarning")
+        self.warning.setAccessibleName("Warning")
         label = QLabel("Before (s)")
         label.setBuddy(self.before)
         self._record = (
@@ -214,6 +251,7 @@ class Panel(QWidget):
             row(self.note, self.mark),
             row(self.write, self.details),
             self.count,
+            self.warning,
         )
 
     # what is shown
@@ -275,6 +313,9 @@ class Panel(QWidget):
             words = "Nothing recorded"
         if words != self.count.text():
             self.count.setText(words)
+        warning = f"⚠ {self._station.warning}" if self._station.warning else ""
+        if warning != self.warning.text():
+            self.warning.setText(warning)
 
     @staticmethod
     def _set_text(button: QPushButton, text: str) -> None:

@@ -168,6 +168,14 @@ class LivePlots(QWidget):
         self.scroll_bar.setValue(self._stop)
         self.scroll_bar.blockSignals(False)
 
+    def scroll_by(self, share: float) -> None:
+        """Hold, and go back (negative) or forward by a share of what is shown."""
+        history = self.history
+        if history is not None:
+            step = round(share * self.window_s * history.rate_hz)
+            self._on_scrolled(min(max(self._stop + step, history.first + 1), history.stop))
+            self._show_scroll(history)
+
     def _on_scrolled(self, stop: int) -> None:
         self.hold(True)
         self._stop = stop
@@ -187,12 +195,10 @@ class LivePlots(QWidget):
     def keyPressEvent(self, event: QKeyEvent) -> None:
         history = self.history
         key = event.key()
-        wide = round(self.window_s * (history.rate_hz if history is not None else 0))
         if history is None:
             super().keyPressEvent(event)
         elif key in (Qt.Key.Key_Left, Qt.Key.Key_Right):
-            step = wide // 10 if key == Qt.Key.Key_Right else -(wide // 10)
-            self._on_scrolled(min(max(self._stop + step, history.first + 1), history.stop))
+            self.scroll_by(0.1 if key == Qt.Key.Key_Right else -0.1)
         elif key in (Qt.Key.Key_Plus, Qt.Key.Key_Equal, Qt.Key.Key_Minus):
             self.window_s *= 1.5 if key == Qt.Key.Key_Minus else 1 / 1.5
             self.window_s = min(max(self.window_s, SHORTEST_S), len(history) / history.rate_hz + 1.0)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFormLayout, QSpinBox, QWidget
+from PySide6.QtWidgets import QDoubleSpinBox, QFormLayout, QSpinBox, QWidget
 
 from fingerlab.acquisition.protocol import Record, Step, plan_seconds, plan_steps
 
@@ -80,6 +80,39 @@ class ProtocolForm(QWidget):
             row = self.which.count() - 1
         self.which.setItemText(row, title or "Handed over")
         self.which.setCurrentIndex(row)
+        self.edited.emit()
+
+    @property
+    def fields(self) -> tuple[QWidget, ...]:
+        """All that can be typed into or chosen."""
+        return self.which, self.runs, *self._numbers.values()
+
+    @property
+    def _numbers(self) -> dict[str, QDoubleSpinBox]:
+        return {
+            "seconds": self.seconds,
+            "rest": self.rest,
+            "force": self.force,
+            "amplitude": self.amplitude,
+        }
+
+    def state(self) -> dict[str, Any]:
+        """Every field, and the protocol that was handed over."""
+        numbers = {name: field.value() for name, field in self._numbers.items()}
+        row = self.which.findData(HANDED)
+        handed = (self._handed, self.which.itemText(row) if row >= 0 else "")
+        return {"which": self.which.currentData(), "runs": self.runs.value(), **numbers, "handed": handed}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Every field as it was."""
+        self._handed, title = state["handed"]
+        row = self.which.findData(HANDED)
+        if row >= 0 and title:
+            self.which.setItemText(row, title)
+        self.which.setCurrentIndex(self.which.findData(state["which"]))
+        self.runs.setValue(state["runs"])
+        for name, field in self._numbers.items():
+            field.setValue(state[name])
         self.edited.emit()
 
     def title(self) -> str:

@@ -1,21 +1,18 @@
-"""Recording by hand and by protocol: one session file at a time, runs in it, and its verification."""
+"""Recording by hand: one session file at a time, runs in it, markers, and its verification."""
 
 from __future__ import annotations
 
-import math
-import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from fingerlab.acquisition.bench import Bench
-from fingerlab.acquisition.commands import SetUp
 from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.protocol import Change, ProtocolDriver, Step
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.errors import UserError
 
@@ -49,47 +46,28 @@ class _Open:
     notes: list[str] = field(default_factory=list)
 
 
-class _Driver(ProtocolDriver):
-    """Says which set-up it has come to."""
-
-    def __init__(
-        self,
-        bench: Bench,
-        ask_operator: Callable[[str], None],
-        report: Callable[[float, str], None],
-        changed: Callable[[SetUp], None],
-    ) -> None:
-        super().__init__(bench, ask_operator, report)
-        self._changed = changed
-
-    def _take(self, step: Step) -> None:
-        super()._take(step)
-        if isinstance(step, Change):
-            self._changed(step.set_up)
-
-
 class Recording(QObject):
     """Begins and ends runs, marks, pauses, and writes the session.
 
+    Attributes:
+        in_protocol: whether a protocol has the bench's ear. errands: what it is to ask of the bench for
+            others; the recorder takes one request at a time.
+
     Signals:
-        changed. written(Path). asked(sentence): the operator has to do something, then :meth:`answer`.
-        progressed(share, words), set_up_changed(SetUp): of a protocol. ended(how): it is over: ``done``
-        or a sentence.
+        changed. written(Path). failed_beside(sentence): an errand was refused.
     """
 
     changed = Signal()
     written = Signal(object)
-    asked = Signal(str)
-    progressed = Signal(float, str)
-    set_up_changed = Signal(object)
-    ended = Signal(str)
+    failed_beside = Signal(str)
 
     def __init__(self, station: Station, details: Details, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.station, self.details = station, details
         self.session: _Open | None = None
         self.in_protocol = False
-        self._answered = threading.Event()
+        self.errands: SimpleQueue[Callable[[Bench], None]] = SimpleQueue()
+        self.failed_beside.connect(lambda sentence: station.desk.tell(sentence))
         station.stopped.connect(self._on_stopped)
         station.warned.connect(self._on_warned)
 
@@ -108,7 +86,9 @@ class Recording(QObject):
         """Why ``record``, ``end``, ``pause``, ``mark``, ``write``, ``protocol`` is refused now; or empty."""
         if self.station.status is None:
             return NO_BENCH
-        if self.in_protocol and what != "mark":
+        if self.in_protocol and what == "mark":
+            return "" if self.recording else "Nothing is being recorded between two runs."
+        if self.in_protocol:
             return "A protocol is under way; STOP ends it."
         if self.station.caller.busy:
             return f"{self.station.caller.title} is under way."
@@ -128,7 +108,7 @@ class Recording(QObject):
 
     def record(self, trajectory: Mapping[str, Any], before_s: float) -> None:
         """Begin a run, ``before_s`` seconds ago; a session is opened where none is."""
-        info = self._told_info() if self.session is None else None
+        info = self.told_info() if self.session is None else None
         if self.session is None and info is None:
             return
         set_up = self.station.set_up
@@ -178,8 +158,15 @@ class Recording(QObject):
         def work(bench: Bench) -> None:
             bench.recorder.mark(text, index)
 
-        if self.in_protocol:  # the protocol has the bench's ear; the recorder takes one request at a time
-            self.station.desk.tell("A protocol is under way; add the marker afterwards in Sessions.")
+        def beside(bench: Bench) -> None:
+            try:
+                work(bench)
+            except UserError as error:
+                self.failed_beside.emit(str(error))
+
+        if self.in_protocol:
+            self.errands.put(beside)
+            self.station.desk.say(f"Marked: {text}")
             return
         self.station.do("Marking", work, lambda _: self.station.desk.say(f"Marked: {text}"))
 
@@ -188,59 +175,10 @@ class Recording(QObject):
         self.station.do(
             "Writing and verifying",
             lambda bench: bench.recorder.close(),
-            self._on_written,
+            self.keep_written,
             self._on_failed,
             True,
         )
-
-    # protocol
-
-    def run_protocol(self, steps: Sequence[Step], title: str) -> None:
-        """Take the steps one by one and write the session."""
-        info = self._told_info(title or "protocol")
-        if info is None:
-            return
-        self._answered.clear()
-        self.in_protocol = True
-
-        def work(bench: Bench) -> Path:
-            driver = _Driver(
-                bench,
-                lambda sentence: self._ask(bench, sentence),
-                self.progressed.emit,
-                self.set_up_changed.emit,
-            )
-            try:
-                bench.recorder.open(info)
-                driver.take(steps)
-            except BaseException as error:
-                bench.stop()  # before anything else
-                raise UserError(_kept(bench, str(error) or type(error).__name__)) from error
-            return bench.recorder.close()
-
-        def done(path: Path) -> None:
-            self.in_protocol = False
-            self._on_written(path)
-            self.ended.emit("done")
-
-        def failed(failure: Failed) -> None:
-            self.in_protocol = False
-            self.station.desk.tell(failure.sentence, failure.details)
-            self.ended.emit(failure.sentence)
-            self.changed.emit()
-
-        self.station.do("The protocol", work, done, failed, True)
-        self.changed.emit()
-
-    def answer(self) -> None:
-        """The operator has done what was asked."""
-        self._answered.set()
-
-    def _ask(self, bench: Bench, sentence: str) -> None:
-        """In the worker: wait for the operator, but not for one who has pressed STOP."""
-        self._answered.clear()
-        self.asked.emit(sentence)
-        bench.wait_until(self._answered.is_set, math.inf, "")
 
     def finish(self) -> None:
         """The window closes: what was recorded is written, whatever it is."""
@@ -248,7 +186,7 @@ class Recording(QObject):
         if bench is None or self.session is None:
             return
         try:
-            self._on_written(bench.recorder.close())
+            self.keep_written(bench.recorder.close())
         except UserError as error:
             self.station.desk.tell(str(error))
 
@@ -267,7 +205,8 @@ class Recording(QObject):
     def _on_warned(self, _sentence: str) -> None:
         self.changed.emit()
 
-    def _on_written(self, path: Path) -> None:
+    def keep_written(self, path: Path) -> None:
+        """A session is whole: say so and let others know."""
         self.session = None
         self.station.desk.say(f"Written and verified: {path}")
         self.station.desk.settings.set_recordings(path.parent)
@@ -280,7 +219,8 @@ class Recording(QObject):
         self.station.desk.tell(failure.sentence, failure.details)
         self.changed.emit()
 
-    def _told_info(self, what: str = "") -> SessionInfo | None:
+    def told_info(self, what: str = "") -> SessionInfo | None:
+        """What the session to come says of itself; None where its place is impossible, which is told."""
         try:
             return self._info(what)
         except UserError as error:
@@ -317,13 +257,3 @@ def free_name(folder: Path, stem: str) -> Path:
         number += 1
         path = folder / f"{stem}-{number}.h5"
     return path
-
-
-def _kept(bench: Bench, reason: str) -> str:
-    """What was recorded before it broke off becomes a session that says so."""
-    try:
-        bench.recorder.cut(reason)
-        path = bench.recorder.close()
-    except UserError:
-        return f"{reason} The protocol was given up before a run was recorded."
-    return f"{reason} The protocol was given up; what was recorded is in {path}."

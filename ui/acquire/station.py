@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -14,6 +15,7 @@ from fingerlab.acquisition.columns import COLUMN
 from fingerlab.acquisition.commands import Command, SetUp
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.machine import MODE_WORDS, Event, Machine, Mode
+from fingerlab.acquisition.recording import seconds_of_room
 from fingerlab.acquisition.ring import RingReader
 from fingerlab.identify.live_model import Balance, LiveModel, Measured
 
@@ -26,6 +28,9 @@ from .opening import OpenBench, OpenCall, Wanted, open_bench
 
 TICK_MS = 33
 """At most 30 looks a second, each followed by one repaint."""
+
+LITTLE_ROOM_S = 1800.0
+"""Half an hour of recording, a protocol of the thesis and more (assumed)."""
 
 NO_BENCH = "No rig is connected; choose one first."
 _LIGHTS: dict[Mode, Light] = {
@@ -136,6 +141,22 @@ class Station(QObject):
     def driving(self) -> bool:
         """Whether the motor may have current."""
         return self.status is not None and self.status.enabled
+
+    @property
+    def warning(self) -> str:
+        """What endangers the recording now, in few words; empty for nothing."""
+        status, bench = self.status, self.bench
+        if status is None or bench is None:
+            return ""
+        parts = []
+        if status.unread:
+            parts.append(f"{status.unread} samples lost")
+        if status.lost:
+            parts.append(f"{status.lost} cycles lost")
+        if status.free_bytes and seconds_of_room(status.free_bytes, bench.rate_hz) < LITTLE_ROOM_S:
+            minutes = seconds_of_room(status.free_bytes, bench.rate_hz) / 60.0
+            parts.append(f"room for {minutes:.0f} min of recording")
+        return ", ".join(parts)
 
     def refusal(self, event: Event) -> str:
         """Why an event cannot be asked for now, empty where it can."""
@@ -275,7 +296,7 @@ class Station(QObject):
                 samples=status.index + 1,
                 late=status.late + status.lost,
                 free_bytes=status.free_bytes,
-                warning=f"{status.unread} samples lost" if status.unread else "",
+                warning=self.warning,
                 live=status.enabled,
             )
         )
@@ -294,10 +315,27 @@ class Station(QObject):
         if now.recorder and now.recorder != before.recorder:
             self.desk.tell(now.recorder)
             self.warned.emit(now.recorder)
+        if now.recording and now.lost > before.lost:
+            self.desk.say(f"{now.lost - before.lost} cycles lost; the recording has a gap there")
+        self._complain_of_room(before, now)
         if now.unread > before.unread:
             sentence = (
                 f"The recorder was too slow: {now.unread} samples are lost and stored as a gap; close other "
                 "programs or record to a faster disk."
+            )
+            self.desk.tell(sentence)
+            self.warned.emit(sentence)
+
+    def _complain_of_room(self, before: Status, now: Status) -> None:
+        """Once, when the room becomes little, or is when it is first known."""
+        if self.bench is None or not now.free_bytes:
+            return
+        room = seconds_of_room(now.free_bytes, self.bench.rate_hz)
+        known = seconds_of_room(before.free_bytes, self.bench.rate_hz) if before.free_bytes else math.inf
+        if room < LITTLE_ROOM_S <= known:
+            sentence = (
+                f"The disk has room for {room / 60:.0f} more minutes of recording; make room, or choose "
+                "another folder under Details."
             )
             self.desk.tell(sentence)
             self.warned.emit(sentence)

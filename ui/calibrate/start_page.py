@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVB
 from fingerlab.calibration import SENSORS
 from fingerlab.calibration.store import Record
 
-from ..acquire.fields import ActionButton
+from ..acquire.fields import ActionButton, centred_column
 from ..widgets.labels import heading, remark
 from .wording import SENSOR_NAMES, record_words
 
@@ -53,10 +53,7 @@ class StartPage(QWidget):
         self._build()
 
     def _build(self) -> None:
-        column = QWidget()
-        column.setMaximumWidth(COLUMN_WIDTH)
-        inner = QVBoxLayout(column)
-        inner.setSpacing(16)
+        inner = centred_column(self, COLUMN_WIDTH)
         inner.addWidget(heading("Calibrate a sensor", large=True))
         inner.addWidget(
             remark(
@@ -76,14 +73,6 @@ class StartPage(QWidget):
         across.addWidget(self.again)
         across.addWidget(remark("With the calibrations that count now, from the volts as read."), 1)
         inner.addLayout(across)
-        middle = QHBoxLayout()
-        middle.addStretch(1)
-        middle.addWidget(column, 100)
-        middle.addStretch(1)
-        layout = QVBoxLayout(self)
-        layout.addStretch(2)
-        layout.addLayout(middle)
-        layout.addStretch(3)
 
     def _sensors(self) -> QGridLayout:
         grid = QGridLayout()

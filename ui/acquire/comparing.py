@@ -1,0 +1,90 @@
+"""The model beside the measurement: which one, its curves, and the error that is left."""
+
+from __future__ import annotations
+
+import traceback
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import QObject
+from PySide6.QtWidgets import QFileDialog
+
+from fingerlab.errors import UserError
+
+from ..desk import Desk
+from .channels import PLOTS, QUANTITIES
+from .plots import LivePlots
+from .station import Station
+from .toolbar import FILE, FROM_FILE, NO_MODEL, NOMINAL, Toolbar
+
+if TYPE_CHECKING:
+    from fingerlab.identify.live_model import Balance
+
+MODEL_FILTER = "Model files (*.json);;All files (*)"
+
+
+class Comparing(QObject):
+    """Follows the choice in the toolbar and the set-up of the bench."""
+
+    def __init__(self, desk: Desk, station: Station, toolbar: Toolbar, plots: LivePlots) -> None:
+        super().__init__(station)
+        self._desk, self._station, self._toolbar, self._plots = desk, station, toolbar, plots
+        self._balance: Balance | None = None
+        self._path: Path | None = None
+        self._key = NO_MODEL
+        toolbar.model_chosen.connect(self._on_chosen)
+
+    def show(self) -> None:
+        """Compare anew: another bench, another phase or cable."""
+        key = self._key
+        if key == FILE and self._path is not None:
+            self._load(self._path)
+        try:
+            self._station.compare(self._balance if key == FILE else None, key in (NOMINAL, FILE))
+        except UserError as error:
+            self._desk.tell(str(error))
+            self._key = key = NO_MODEL
+        self._toolbar.show_model(key, self._path if key == FILE else None)
+        modelled = self._station.model is not None
+        self._plots.show_model(modelled, modelled and self._station.set_up.phase == "contact")
+        self._plots.refresh()
+
+    def show_errors(self) -> None:
+        """What the model leaves over now."""
+        model = self._station.model
+        if model is None:
+            return
+        for spec in PLOTS:
+            if spec.key in ("torque", "force"):
+                error = model.error(spec.key)
+                words = QUANTITIES[spec.readings[0]].text(error) if error == error else "–"
+                label = self._plots.panes[spec.key].error
+                label.setText(f"error {words}")
+                label.setToolTip(
+                    f"Root mean square of measured less modelled over the last seconds. The model is "
+                    f"{1e3 * model.delay_s:.0f} ms behind the measurement."
+                )
+
+    def _on_chosen(self, key: str) -> None:
+        if key == FROM_FILE:
+            name, _ = QFileDialog.getOpenFileName(
+                self._toolbar, "Model", self._desk.settings.folder(), MODEL_FILTER
+            )
+            if not name or not self._load(Path(name)):
+                self._toolbar.show_model(self._key)
+                return
+            key = FILE
+        self._key = key
+        self.show()
+
+    def _load(self, path: Path) -> bool:
+        from fingerlab.identify.live_model import balance_of
+        from fingerlab.identify.model_file import load_model
+
+        try:
+            self._balance = balance_of(load_model(path), self._station.set_up.cable, path.name)
+        except UserError as error:
+            self._desk.tell(str(error), traceback.format_exc())
+            return False
+        self._path = path
+        return True

@@ -1,0 +1,97 @@
+"""The protocol on the tab: begun by its button, its prompts across the plots, its countdown in the panel."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from PySide6.QtCore import QObject
+
+from fingerlab.acquisition.commands import SetUp
+from fingerlab.errors import UserError
+
+from ..desk import Desk
+from .panel import Panel
+from .prompt_bar import PromptBar
+from .protocol_form import clock
+from .protocol_run import ProtocolRun
+from .recording import Recording
+
+
+class Conducting(QObject):
+    """Between the protocol's form, its run, its prompts and the panel.
+
+    Args:
+        set_up: called with the set-up that the protocol has come to. refresh: called when it is over.
+    """
+
+    def __init__(
+        self,
+        desk: Desk,
+        recording: Recording,
+        panel: Panel,
+        prompt: PromptBar,
+        set_up: Callable[[SetUp], None],
+        refresh: Callable[[], None],
+    ) -> None:
+        super().__init__(recording)
+        self._desk, self._recording, self._panel, self._prompt = desk, recording, panel, prompt
+        self._refresh = refresh
+        self.running = ProtocolRun(recording)
+        self.running.asked.connect(prompt.ask)
+        self.running.progressed.connect(self._on_progress)
+        self.running.set_up_changed.connect(set_up)
+        self.running.ended.connect(self._on_ended)
+        prompt.done.connect(self.running.answer)
+        recording.station.stopped.connect(lambda _: prompt.hide())
+        panel.motion.edited.connect(self.tell_total)
+        panel.protocol.edited.connect(self.tell_total)
+        desk.protocol_handed.connect(self._on_protocol_handed)
+        desk.trajectory_handed.connect(self._on_trajectory_handed)
+        self.tell_total()
+
+    def start(self) -> None:
+        """Take all runs of the protocol that is set."""
+        panel = self._panel
+        try:
+            steps = panel.protocol.steps(panel.motion.settings())
+        except UserError as error:
+            self._desk.tell(str(error), traceback.format_exc())
+            return
+        if self.running.start(steps, panel.protocol.title(), panel.initial.command()):
+            self._recording.station.doing = "protocol"
+
+    def tell_total(self) -> None:
+        """How many runs, how long, as the forms are now."""
+        form = self._panel.protocol
+        try:
+            form.tell_total(form.steps(self._panel.motion.settings()))
+        except UserError as error:
+            form.total.setText(str(error))
+
+    def _on_progress(self, share: float, words: str, step_left_s: float, left_s: float) -> None:
+        panel = self._panel
+        panel.progress.setValue(round(1000 * share))
+        step = f": {clock(step_left_s)}" if step_left_s > 0 else ""
+        panel.left.setText(f"{words[:1].upper()}{words[1:]}{step} · in all {clock(left_s)} left")
+        self._recording.station.doing = f"protocol, {words}"
+
+    def _on_ended(self, how: str) -> None:
+        self._prompt.hide()
+        self._panel.progress.setValue(1000 if how == "done" else 0)
+        self._panel.left.setText("All runs taken" if how == "done" else "Given up")
+        self._refresh()
+
+    def _on_protocol_handed(self, steps: Sequence[Any], title: str) -> None:
+        self._panel.protocol.hand(steps, title)
+        self._panel.by_protocol.click()
+
+    def _on_trajectory_handed(self, trajectory: dict[str, Any], title: str) -> None:
+        try:
+            self._panel.motion.show_settings(trajectory)
+        except UserError as error:
+            self._desk.tell(str(error))
+            return
+        self._panel.by_hand.click()
+        self._desk.say(f"Motion set: {title or self._panel.motion.words()}")
