@@ -12,6 +12,7 @@ import html
 import numpy as np
 
 from fingerlab.physics.effects import Effect, Motion, Row, Term
+from fingerlab.physics.effects.sensing import lateral_levers
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig_file import default_rig
 from fingerlab.sessions.model import Array
@@ -32,16 +33,17 @@ WIDTH, HEIGHT, LEFT, BOTTOM, TOP, RIGHT = 560, 280, 78, 46, 12, 12
 
 
 def picture(effect: Effect) -> str:
-    """The drawing as an ``<svg>`` element; empty where the effect is no column of its equation."""
-    if effect.relaxes:
-        return ""  # most of it is a term that every model has
+    """The drawing as an ``<svg>`` element; empty for an effect whose course is not known here."""
     motion = _motion("contact" if effect.phases == ("contact",) else "on_air")
-    shape = effect.shapes[len(effect.shapes) // 2]
-    terms = [t for t in effect.columns(motion, shape) if t.row == effect.equation]
-    if not terms:
-        return ""
-    y, y_label = _missing(effect, terms)
     x, x_label = _coordinate(effect, motion)
+    if effect.id in OUTSIDE:
+        y, y_label = OUTSIDE[effect.id](effect, motion)
+    else:
+        shape = effect.shapes[len(effect.shapes) // 2]
+        terms = [t for t in effect.columns(motion, shape) if t.row == effect.equation]
+        if not terms:
+            return ""
+        y, y_label = _missing(effect, terms)
     return _svg(x[SETTLING:], y[SETTLING:], x_label, y_label, f"{effect.title}: {y_label} against {x_label}")
 
 
@@ -81,6 +83,45 @@ def _missing(effect: Effect, terms: list[Term]) -> tuple[Array, str]:
     return total, "missing tension, N"
 
 
+def _stretch(effect: Effect, motion: Motion) -> tuple[Array, str]:
+    """Length that the tension draws out of the cable; its rate draws the line open."""
+    rate = np.gradient(motion.tension, 1.0 / RATE_HZ)
+    gains = effect.relaxes
+    length = gains["cable_compliance"].typical * motion.tension + gains["cable_damping"].typical * rate
+    return 1e3 * length, "missing length, mm"
+
+
+def _slack(effect: Effect, motion: Motion) -> tuple[Array, str]:
+    """Cable that hangs loose where the joints would have to push it."""
+    return 1e3 * SLACK_M_PER_N * np.minimum(motion.tension - SLACK_FROM_N, 0.0), "missing length, mm"
+
+
+def _delay(effect: Effect, motion: Motion) -> tuple[Array, str]:
+    """Cable that is wound while the angles are on their way."""
+    late = round(effect.gains["delay"].typical * RATE_HZ)
+    wound = motion.radius * (motion.position - np.roll(motion.position, late))
+    return 1e3 * wound, "missing length, mm"
+
+
+def _lean(effect: Effect, motion: Motion) -> tuple[Array, str]:
+    """Torque of the force's part along the load cell's face."""
+    lever = next(t.values for t in lateral_levers(motion, "lateral") if t.row == effect.equation)
+    assert motion.force is not None
+    torque = effect.relaxes["lateral"].typical * motion.force * lever
+    return 1e3 * torque, f"missing torque at the {effect.equation.name}, mN m"
+
+
+OUTSIDE = {
+    "cable_stretch": _stretch,
+    "cable_slack": _slack,
+    "transport_delay": _delay,
+    "contact_angle": _lean,
+}
+"""Effects that are no column of their own in a fit, or that set a term free which every model has."""
+SLACK_FROM_N, SLACK_M_PER_N = 2.5, 1e-3
+"""Tension below which the made-up cable is loose, and how much it then pays out; assumed."""
+
+
 def _coordinate(effect: Effect, motion: Motion) -> tuple[Array, str]:
     """The effect's coordinate on screen units, and its name."""
     assert motion.joints is not None
@@ -95,7 +136,7 @@ def _coordinate(effect: Effect, motion: Motion) -> tuple[Array, str]:
         "motor speed": (DEGREE * motion.velocity, "°/s"),
         "motor angle": (DEGREE * motion.position, "°"),
         "motor acceleration": (motion.acceleration, "rad/s²"),
-        "tension": (tension, "N"),
+        "tension": (np.maximum(tension - SLACK_FROM_N, 0.0) if effect.id == "cable_slack" else tension, "N"),
         "tension times direction of travel": (tension * np.sign(motion.velocity), "N"),
         "force": (np.zeros_like(tension) if motion.force is None else motion.force, "N"),
     }

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import re
 import sys
-import tomllib
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +21,13 @@ from fingerlab.acquisition.safety import Limits, limits_table
 from fingerlab.cli.main import COMMANDS, cli
 from fingerlab.identify.diagnosis.features import nuisance_ranges
 from fingerlab.physics.effects import CATALOGUE, Effect, Gain, cable, drive, elastic, friction, mass, sensing
-from fingerlab.rig_file import default_rig
+from fingerlab.report.equation import effect_equations
+from fingerlab.rig_file import CONSTANT_UNITS, default_rig, sources_of
 
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS))
 from fingerprints import picture  # noqa: E402  (stands beside this file, in no package)
+from summary import MARK, summary  # noqa: E402
 
 FAMILIES = {
     "Joint friction": friction,
@@ -63,13 +65,14 @@ def pages() -> dict[str, str]:
         "commands.md": _commands(),
         "limits.md": _limits(),
         "nuisances.md": _nuisances(),
+        "constants.md": _constants(),
     }
     return {path: COMMENT + text for path, text in made.items()}
 
 
 def equation_notes() -> dict[str, Mapping[str, Any]]:
-    """Equation, symbols and look-alikes of each effect, by id (``equations.toml``)."""
-    return tomllib.loads((DOCS / "equations.toml").read_text(encoding="utf-8"))
+    """Equation, symbols and look-alikes of each effect, by id; the report prints the same equations."""
+    return dict(effect_equations())
 
 
 def _index() -> str:
@@ -229,6 +232,36 @@ def _nuisances() -> str:
     )
 
 
+def _constants() -> str:
+    rig = default_rig()
+    sources = sources_of(rig)
+    rows = []
+    for part in (rig.finger, rig.motor):
+        for spec in fields(part) if part is not None else ():
+            value = getattr(part, spec.name)
+            if value is not None:
+                tolerance = f"± {100 * rig.tolerance_of(spec.name):g} %"
+                source = sources.get(spec.name, "assumed")
+                unit = CONSTANT_UNITS[spec.name]
+                rows.append(
+                    f"| {spec.name.replace('_', ' ')} | {value:.6g} | {unit} | {tolerance} | {source} |"
+                )
+    return "\n".join(
+        [
+            "# Constants of the default rig",
+            "",
+            "What the equations of [theory](theory.md) take as known, for the rig that is used where no "
+            "[rig file](rig.md#the-rig-file) is given. A session carries its own; the tolerance is one "
+            "standard deviation.",
+            "",
+            "| constant | value | unit | tolerance | source |",
+            "|---|---|---|---|---|",
+            *rows,
+            "",
+        ]
+    )
+
+
 # What MkDocs calls.
 
 
@@ -273,6 +306,11 @@ def on_files(files: Any, config: Any) -> Any:
     for path, text in pages().items():
         files.append(File.generated(config, path, content=text))
     return files
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Put the summary of the measurements where a page asks for it."""
+    return markdown.replace(MARK, summary(DOCS)) if MARK in markdown else markdown
 
 
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from importlib import resources
 from pathlib import Path
@@ -11,15 +12,14 @@ from typing import Any
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
-import fingerlab
 from fingerlab.errors import Cancelled, UserError
 from fingerlab.identify.diagnosis import diagnose
 from fingerlab.identify.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report import page_tables as tables
-from fingerlab.report.analysis_section import Analysis, analyse
+from fingerlab.report.analysis_section import Analysis
+from fingerlab.report.content import Content, Progress, gather
 from fingerlab.report.diagnosis_figures import (
     QUANTITIES,
     Shown,
@@ -29,12 +29,14 @@ from fingerlab.report.diagnosis_figures import (
     fingerprint_figure,
     path_figure,
 )
-from fingerlab.report.screen import score_text
-from fingerlab.report.svg import inline_svg
+from fingerlab.report.equation_text import WRITERS, equation_figures, equation_text, to_latex
+from fingerlab.report.pdf import pdf_of_page
+from fingerlab.report.pictures import NamedFigure, Pictures, save_figures
+from fingerlab.report.prediction_section import Prediction
+from fingerlab.report.provenance import calibration_rows, calibration_sentence, rig_hash, versions
+from fingerlab.report.screen import estimate_text, score_text
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.place import OutputSet
-
-Progress = Callable[[float, str], None]
 
 SHOWN_CANDIDATES = 4
 """Effects whose evidence is drawn: those of the set, and at least the two best."""
@@ -52,6 +54,15 @@ EQUATION_NOTES = {
 }
 
 
+@dataclass(frozen=True)
+class Extras:
+    """What may be written beside the page: the same as PDF, every figure as files, the model's equations."""
+
+    pdf: Path | None = None
+    figures: Path | None = None
+    equation: Path | None = None
+
+
 def write_report(
     sessions: Sequence[Session],
     path: Path,
@@ -59,39 +70,57 @@ def write_report(
     diagnosis: Diagnosis | None = None,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
+    extras: Extras | None = None,
 ) -> Path:
-    """Write the report page of a comparison.
+    """Write the report of a comparison: as a page, or as PDF where ``path`` ends with ``.pdf``.
 
     Args:
-        sessions: at least one. path: the page to write; nothing is overwritten.
+        sessions: at least one. path: what to write; nothing is overwritten.
         added: effects that the model holds already.
         diagnosis: of these sessions with these effects and with curves; worked out where it is None.
         progress: called with the share done (0 to 1) and what is being done.
         cancelled: asked now and then; True stops the work and leaves no file.
+        extras: further files of the same content; all of them appear together, or none.
 
     Returns:
         ``path``.
 
     Raises:
-        UserError: the place is taken or cannot be written to, or the sessions cannot be analysed.
+        UserError: a place is taken or cannot be written to, or the sessions cannot be analysed.
         Cancelled: ``cancelled`` answered True.
     """
-    report = _Report(progress, cancelled)
+    report, extras = _Report(progress, cancelled), extras or Extras()
     try:
         # Claimed before the work, so that a place that cannot be written to is found out at once.
         with OutputSet() as outputs:
-            part = outputs.claim(path)
-            started = 0.0 if diagnosis is not None else 0.55
+            parts = {place: outputs.claim(place) for place in (path, extras.pdf, extras.equation) if place}
+            started = 0.0 if diagnosis is not None else 0.5
             if diagnosis is None:
                 diagnosis = diagnose(sessions, added, report.part(0.0, started), cancelled)
-            analysis = analyse(sessions, report.part(started, 0.75))
-            text = render(sessions, diagnosis, analysis, report.part(0.75, 1.0))
-            part.write_text(text, encoding="utf-8", newline="\n")
+            content = gather(sessions, diagnosis, report.part(started, 0.75))
+            page = render(content, report.part(0.75, 0.9))
+            _write_files(parts, page, content)
+            if extras.figures is not None:
+                save_figures(page.figures, extras.figures, outputs)
+            report.part(0.9, 1.0)(1.0, "written")
     except OSError as error:
         raise UserError(
-            f"{path} cannot be written ({error.strerror}); choose a place with room and write access."
+            f"{error.filename or path} cannot be written ({error.strerror}); "
+            "choose a place with room and write access."
         ) from None
     return path
+
+
+def _write_files(parts: Mapping[Path, Path], page: Page, content: Content) -> None:
+    for place, part in parts.items():
+        kind = place.suffix.lower()
+        if kind == ".pdf":
+            part.write_bytes(pdf_of_page(page.text, page.figures, page.title))
+        elif kind in WRITERS:
+            text = equation_text(content.equation_or_refuse(), place, page.title, content.model_words())
+            part.write_text(text, encoding="utf-8", newline="\n")
+        else:
+            part.write_text(page.text, encoding="utf-8", newline="\n")
 
 
 class _Report:
@@ -110,20 +139,30 @@ class _Report:
         return tell
 
 
-def render(
-    sessions: Sequence[Session], diagnosis: Diagnosis, analysis: Analysis | None, progress: Progress
-) -> str:
-    """The page as text, well-formed as XML too."""
-    pictures = _Pictures(progress, _picture_count(diagnosis, analysis))
-    return _template("page.html.j2").render(
-        title=" + ".join(dict.fromkeys(s.title or s.path.stem for s in sessions)),
-        version=fingerlab.__version__,
+@dataclass(frozen=True)
+class Page:
+    """The page as text, well-formed as XML too, and its figures by the id that they have in it."""
+
+    title: str
+    text: str
+    figures: Mapping[str, NamedFigure]
+
+
+def render(content: Content, progress: Progress) -> Page:
+    """The page."""
+    sessions, diagnosis, analysis = content.sessions, content.diagnosis, content.analysis
+    pictures = Pictures(progress, _picture_count(diagnosis, analysis))
+    title = " + ".join(dict.fromkeys(s.title or s.path.stem for s in sessions))
+    text = _template("page.html.j2").render(
+        title=title,
+        versions=versions(),
         written=datetime.now().astimezone().isoformat(timespec="seconds"),
         style=Markup(_text("page.css")),
         colours=tomllib.loads(_style_text("colours.toml")),
         diagnosis=diagnosis,
         verdict=words.verdict_sentence(diagnosis),
         model=words.model_words(diagnosis.model),
+        final_model=content.model_words(),
         score=score_text(diagnosis.score),
         errors=tables.error_rows(diagnosis.errors),
         ranking=tables.short_ranking(diagnosis),
@@ -137,23 +176,43 @@ def render(
         candidates=[_candidate(c, pictures) for c in _drawn_candidates(diagnosis)],
         next_experiment=words.next_experiment_sentence(diagnosis.next_experiment),
         model_rows=tables.model_rows(diagnosis.parameters),
+        prediction=content.prediction,
+        prediction_picture=_prediction_picture(content.prediction, pictures),
+        equation=_equation(content, pictures, title),
         sessions=[_session(session) for session in sessions],
+        no_calibration=calibration_sentence(sessions),
         files=tables.file_rows(sessions),
         analysis=analysis,
         analysis_figures=[] if analysis is None else _analysis_figures(analysis, pictures),
     )
+    return Page(title, text, pictures.drawn)
 
 
-class _Pictures:
-    """Draws figures into the page, each with identifiers of its own."""
+def _prediction_picture(prediction: Prediction | None, pictures: Pictures) -> dict[str, Any] | None:
+    if prediction is None or prediction.figure is None:
+        return None
+    caption = f"Run {prediction.run} of {prediction.session}: the first seconds, both equations together."
+    return {"picture": pictures.draw(prediction.figure, "Endpoint force predicted"), "caption": caption}
 
-    def __init__(self, progress: Progress, expected: int) -> None:
-        self._progress, self._expected, self._drawn = progress, max(expected, 1), 0
 
-    def draw(self, figure: Figure, description: str) -> Markup:
-        self._progress(min(self._drawn / self._expected, 1.0), f"drawing, {description}")
-        self._drawn += 1
-        return Markup(inline_svg(figure, f"f{self._drawn}", description))
+def _equation(content: Content, pictures: Pictures, title: str) -> dict[str, Any] | None:
+    if content.equation is None:
+        return None
+    drawn = equation_figures(content.equation)
+    return {
+        "parts": [
+            {
+                "title": part.title,
+                "note": part.note,
+                "picture": pictures.draw(drawn[part.title], f"Equations, {part.title}", outlines=True)
+                if part.title in drawn
+                else None,
+            }
+            for part in content.equation.parts
+        ],
+        "rows": [(v.title, estimate_text(v.estimate)) for v in content.equation.values],
+        "latex": to_latex(content.equation, title, content.model_words()),
+    }
 
 
 def _picture_count(diagnosis: Diagnosis, analysis: Analysis | None) -> int:
@@ -166,7 +225,7 @@ def _drawn_candidates(diagnosis: Diagnosis) -> list[Candidate]:
     return list(best[: max(2, min(len(diagnosis.set), SHOWN_CANDIDATES))])
 
 
-def _candidate(candidate: Candidate, pictures: _Pictures) -> dict[str, Any]:
+def _candidate(candidate: Candidate, pictures: Pictures) -> dict[str, Any]:
     print_ = candidate.fingerprint
     return {
         "title": candidate.title,
@@ -186,7 +245,7 @@ def _where(candidate: Candidate) -> str:
     return f"{EQUATION_TITLES.get(equation, equation)} against {candidate.fingerprint.coordinate}"
 
 
-def _failure_picture(diagnosis: Diagnosis, pictures: _Pictures, many: bool) -> dict[str, Any] | None:
+def _failure_picture(diagnosis: Diagnosis, pictures: Pictures, many: bool) -> dict[str, Any] | None:
     if diagnosis.failure is None:
         return None
     shown = failure_stretch(diagnosis.comparisons, diagnosis.failure)
@@ -197,7 +256,7 @@ def _failure_picture(diagnosis: Diagnosis, pictures: _Pictures, many: bool) -> d
     return {"picture": pictures.draw(figure, f"{title} where it is worst"), "caption": _caption(shown, many)}
 
 
-def _equations(diagnosis: Diagnosis, pictures: _Pictures, many: bool) -> list[dict[str, Any]]:
+def _equations(diagnosis: Diagnosis, pictures: Pictures, many: bool) -> list[dict[str, Any]]:
     result = []
     present = {c.equation for c in diagnosis.comparisons}
     for equation in [*(e for e in QUANTITIES if e in present), *sorted(present - set(QUANTITIES))]:
@@ -228,10 +287,12 @@ def _session(session: Session) -> dict[str, Any]:
         "facts": tables.facts(session),
         "runs": tables.run_rows(session),
         "rig": tables.rig_rows(session),
+        "rig_hash": rig_hash(session),
+        "calibrations": calibration_rows(session),
     }
 
 
-def _analysis_figures(analysis: Analysis, pictures: _Pictures) -> list[dict[str, Any]]:
+def _analysis_figures(analysis: Analysis, pictures: Pictures) -> list[dict[str, Any]]:
     return [
         {"picture": pictures.draw(figure, name.replace("-", " ")), "caption": caption}
         for name, figure, caption in analysis.figures

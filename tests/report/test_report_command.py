@@ -69,11 +69,16 @@ def test_a_recording_of_the_finger_becomes_a_page(tmp_path: Path, capsys) -> Non
 def test_a_motor_bench_becomes_a_page_without_a_finger(tmp_path: Path, capsys) -> None:
     plans = [move("motor_bench", "none", 60.0, 0.5, load, offset_deg=70.0) for load in (0.0, 0.05, 0.09)]
     session = record(tmp_path / "bench.h5", plans, "motor_viscous_friction")
-    out = tmp_path / "bench.html"
-    assert run_command("report", session, "--out", out) == 0
+    out, pdf, drawn = tmp_path / "bench.html", tmp_path / "bench.pdf", tmp_path / "figures"
+    equation = tmp_path / "bench.tex"
+    more = ("--pdf", pdf, "--figures", drawn, "--equation", equation)
+    assert run_command("report", session, "--out", out, *more) == 0
     captured = capsys.readouterr()
     assert captured.out == ""
     assert str(out) in captured.err
+    assert pdf.read_bytes()[:5] == b"%PDF-"
+    assert len(list(drawn.iterdir())) % 3 == 0
+    assert r"\ddot\theta_m" in equation.read_text(encoding="utf-8")
     text = page_text(out)
     for part in ("The motor-bench equation", "Inertia J", "Gain on the load", "3 motor bench"):
         assert part in text, part
@@ -92,6 +97,10 @@ def test_a_motor_bench_becomes_a_page_without_a_finger(tmp_path: Path, capsys) -
         (["{session}", "--out", "{folder}/no/R.html"], "does not exist"),
         (["{session}", "--out", "{out}", "--json", "{text}"], "not overwritten"),
         (["{session}", "--out", "{out}", "--json", "{out}"], "a name of its own"),
+        (["{session}", "--out", "{out}", "--pdf", "{folder}/r.txt"], "ends with .pdf"),
+        (["{session}", "--out", "{out}", "--equation", "{folder}/e.txt"], "neither .md"),
+        (["{session}", "--out", "{out}", "--figures", "{text}"], "is a file"),
+        (["{session}", "--out", "{out}", "--equation", "{folder}/e.md"], "too few runs"),
     ],
 )
 def test_bad_calls_are_one_sentence_and_write_nothing(

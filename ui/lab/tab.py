@@ -25,7 +25,7 @@ from .wording import sessions_text
 if TYPE_CHECKING:
     from fingerlab.sessions.model import Session
 
-REPORT_FILTER = "Web page (*.html)"
+REPORT_FILTER = "Web page (*.html);;PDF (*.pdf)"
 
 
 class ModelLabTab(Tab):

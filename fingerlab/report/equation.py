@@ -1,0 +1,335 @@
+"""The fitted model as one set of equations with its numbers: for the page, as LaTeX and as Markdown.
+
+Signs and symbols are those of ``docs/theory.md``; every number in an equation is in SI. A relative shift that
+the fit found for a constant of the bench (its name in ``parameters``, unit 1) is in the printed number.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib import resources
+from typing import Any
+
+from fingerlab.identify.prediction.extended import ChosenEffect, ExtendedModel
+from fingerlab.identify.results import ParameterEstimate
+from fingerlab.report.diagnosis_words import parameter_titles
+from fingerlab.rig import Finger, Motor, Rig
+
+SIGNS = {"extension": -1, "flexion": +1}
+
+
+@dataclass(frozen=True)
+class Part:
+    """Equations that belong together: LaTeX lines of which the first starts each equation."""
+
+    title: str
+    lines: tuple[str, ...]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Value:
+    """A number of the equations: its symbol (LaTeX), what it is, and the fitted value with its interval."""
+
+    symbol: str
+    title: str
+    estimate: ParameterEstimate
+
+
+@dataclass(frozen=True)
+class FinalEquation:
+    """All of it. ``values`` are those that the fit found; the bench's own constants stand in the report."""
+
+    parts: tuple[Part, ...]
+    values: tuple[Value, ...]
+
+
+@cache
+def effect_equations() -> Mapping[str, Mapping[str, Any]]:
+    """Equation, symbols and look-alikes of each effect of the catalogue, by id (``equations.toml``)."""
+    place = resources.files("fingerlab.resources").joinpath("report", "equations.toml")
+    return tomllib.loads(place.read_text(encoding="utf-8"))
+
+
+def final_equation(model: ExtendedModel, rig: Rig) -> FinalEquation:
+    """The equations of a fitted model with numbers.
+
+    Args:
+        rig: the bench that the model was fitted to.
+    """
+    found = model.parameters
+    chosen = model.extended.effects
+    adds = {symbol for one in chosen for symbol in _added_symbols(one)}
+    if rig.finger is None or not _routings(found):
+        parts = [_bench_part(found)]
+    else:
+        finger = fitted_finger(rig.finger, found)
+        parts = [
+            _torque_part(finger),
+            _tension_part(rig.motor, found, r"\tau_m" in adds),
+            _balance_part(found, r"\tau_j" in adds),
+            *_contact_part(finger, found),
+            _cable_part(rig.motor, found, "x" in adds),
+        ]
+    values = [*_model_values(found), *(v for one in chosen for v in _effect_values(one, found))]
+    return FinalEquation((*parts, *(_effect_part(one) for one in chosen)), tuple(values))
+
+
+def _added_symbols(one: ChosenEffect) -> Iterator[str]:
+    """What an effect adds to the nominal equations: a torque at the joints or the motor, a length."""
+    entry = effect_equations().get(one.effect.id)
+    if entry is None:
+        names = {"joint_torque": r"\tau_j", "motor_torque": r"\tau_m", "cable_kinematics": "x"}
+        yield from (names[row] for row in one.effect.acts_on if row in names)
+        return
+    text = str(entry["equation"])
+    if re.search(r"\\tau_[j12]", text):
+        yield r"\tau_j"
+    if r"\tau_m" in text:
+        yield r"\tau_m"
+    if re.search(r"(^|[^\w])x &?=", text):
+        yield "x"
+
+
+def fitted_finger(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Finger:
+    """The finger with the shifts that the fit found: each segment as a whole, each spring."""
+
+    def shifted(name: str, by: str = "") -> float:
+        shift = found.get(by or name)
+        return float(getattr(finger, name) * (1.0 + (0.0 if shift is None else shift.value)))
+
+    return replace(
+        finger,
+        proximal_mass=shifted("proximal_mass"),
+        proximal_inertia=shifted("proximal_inertia", "proximal_mass"),
+        distal_mass=shifted("distal_mass"),
+        distal_inertia=shifted("distal_inertia", "distal_mass"),
+        mcp_stiffness=shifted("mcp_stiffness"),
+        pip_stiffness=shifted("pip_stiffness"),
+    )
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """Numbers of the joint torques (3.16), (3.17): kg m^2 for ``own_mcp`` to ``own_pip``, N m for weights."""
+
+    own_mcp: float
+    coupling: float
+    distal: float
+    own_pip: float
+    weight_mcp: float
+    weight_pip: float
+
+
+def coefficients(finger: Finger) -> Coefficients:
+    """The constants in front of the accelerations and cosines of (3.16) and (3.17)."""
+    m1, m2 = finger.proximal_mass, finger.distal_mass
+    l1, l2 = finger.proximal_half_length, finger.distal_half_length
+    return Coefficients(
+        own_mcp=finger.proximal_inertia + m1 * l1**2 + 4.0 * m2 * l1**2 + m2 * l2**2,
+        coupling=2.0 * m2 * l1 * l2,
+        distal=m2 * l2**2,
+        own_pip=m2 * l2**2 + finger.distal_inertia,
+        weight_mcp=finger.gravity * (m1 + 2.0 * m2) * l1,
+        weight_pip=finger.gravity * m2 * l2,
+    )
+
+
+def _torque_part(finger: Finger) -> Part:
+    k = coefficients(finger)
+    c, d, alpha = number(k.coupling), number(k.distal), number(finger.wrist_angle)
+    weight = rf"{number(k.weight_pip)}\,\cos(\theta_1 + \theta_2 - {alpha})"
+    return Part(
+        "Joint torques that motion, weight and springs call for",
+        (
+            rf"\mathrm{{LHS}}_1 = ({number(k.own_mcp)} + {number(2 * k.coupling)}\,\cos\theta_2)"
+            rf"\,\ddot\theta_1 + ({d} + {c}\,\cos\theta_2)\,\ddot\theta_2",
+            rf"\qquad - {c}\,\sin\theta_2\,\dot\theta_2\,(2\dot\theta_1 + \dot\theta_2)"
+            rf" - {number(k.weight_mcp)}\,\cos({alpha} - \theta_1)",
+            rf"\qquad - {weight} + {number(finger.mcp_stiffness)}\,\theta_1",
+            rf"\mathrm{{LHS}}_2 = ({d} + {c}\,\cos\theta_2)\,\ddot\theta_1 + {number(k.own_pip)}"
+            rf"\,\ddot\theta_2 + {c}\,\sin\theta_2\,\dot\theta_1^2",
+            rf"\qquad - {weight} + {number(finger.pip_stiffness)}\,\theta_2",
+        ),
+        "Thesis (3.16), (3.17).",
+    )
+
+
+def _tension_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effect: bool) -> Part:
+    gain = 1.0 - _value(found, "torque_gain")
+    inertia = (motor.inertia or 0.0) + _value(found, "rotor_inertia")
+    assert motor.pulley_radius is not None
+    rotor = rf"{signed(-inertia)}\,\ddot\theta_m" if inertia else ""
+    effect = r" - \tau_m" if with_effect else ""
+    constant = motor.torque_constant * motor.gear_ratio if motor.torque_constant and motor.gear_ratio else 0.0
+    current = rf",\qquad M = {number(constant)}\,i" if constant else ""
+    return Part(
+        "Cable tension from the motor",
+        (rf"T = \frac{{{number(gain)}\,M {rotor}{effect}}}{{{number(motor.pulley_radius)}}}{current}",),
+        "M is the torque at the gearbox output, i the motor current.",
+    )
+
+
+def _balance_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> Part:
+    lines = []
+    for cable in _routings(found):
+        for joint, index in (("mcp", 1), ("pip", 2)):
+            arm = SIGNS[cable] * _value(found, f"arm_{joint}@{cable}")
+            loss, trace = _value(found, f"loss_{joint}@{cable}"), _value(found, f"trace_{joint}")
+            lines.append(
+                rf"\mathrm{{LHS}}_{index} = {number(arm)}\,T {signed(loss)}"
+                + rf" {signed(-trace)}\,\dot\theta_{index}"
+                + (rf" - {number(1.0 + _value(found, 'force_gain'))}\,F\,\ell_{index}")
+                + (rf" - H\,\lambda_{index}" if "lateral" in found else "")
+                + (rf" - \tau_{index}" if with_effect else "")
+                + rf"\qquad\mathrm{{({cable}\ cable)}}"
+            )
+    return Part("Balance of each joint", tuple(lines), "On air F and H are zero.")
+
+
+def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Iterator[Part]:
+    if "force_gain" not in found:
+        return
+    alpha = number(finger.wrist_angle)
+    one, two = number(2 * finger.proximal_half_length), number(2 * finger.distal_half_length)
+    lines = [
+        rf"\ell_2 = {two}\,\cos(\theta_1 + \theta_2 - {alpha}),\qquad"
+        rf" \ell_1 = {one}\,\cos({alpha} - \theta_1) + \ell_2"
+    ]
+    note = "F is what the load cell reads."
+    if "lateral" in found:
+        lines.append(
+            rf"\lambda_2 = {two}\,\sin(\theta_1 + \theta_2 - {alpha}),\qquad"
+            rf" \lambda_1 = \lambda_2 - {one}\,\sin({alpha} - \theta_1)"
+        )
+        sides = [
+            rf"{signed(_value(found, key))}{factor}"
+            for key, factor in (
+                ("lateral", r"\,F"),
+                ("lateral_constant", ""),
+                ("lateral_spring", r"\,u"),
+                ("lateral_rub", r"\,z_F\,F"),
+            )
+            if _value(found, key)
+        ]
+        lines.append(rf"H = {' '.join(sides).removeprefix('+ ') or '0'}")
+        note += (
+            " H is the force along its face; u the travel of the tip since it was set down, z_F the state of "
+            "its friction, between −1 and 1 against the travel."
+        )
+    yield Part("Levers of the contact force", tuple(lines), note)
+
+
+def _cable_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effect: bool) -> Part:
+    lines = []
+    for cable in _routings(found):
+        arms = [SIGNS[cable] * _value(found, f"arm_{joint}@{cable}") for joint in ("mcp", "pip")]
+        stretch = [
+            rf"{signed(_value(found, key))}\,{symbol}"
+            for key, symbol in (("cable_compliance", "T"), ("cable_damping", r"\dot T"))
+            if _value(found, key)
+        ]
+        lines.append(
+            rf"{number(motor.pulley_radius or math.nan)}\,\theta_m = "
+            rf"{number(_value(found, f'offset@{cable}'))} {signed(arms[0])}\,\theta_1"
+            rf" {signed(arms[1])}\,\theta_2 {' '.join(stretch)}"
+            + (" + x" if with_effect else "")
+            + rf"\qquad\mathrm{{({cable}\ cable)}}"
+        )
+    return Part("Cable wound on the pulley", tuple(lines))
+
+
+def _bench_part(found: Mapping[str, ParameterEstimate]) -> Part:
+    terms = [
+        rf"{signed(_value(found, key))}{factor}"
+        for key, factor in (
+            ("bench_inertia", r"\,\ddot\theta_m"),
+            ("bench_gain", r"\,\tau_l"),
+            ("bench_offset", ""),
+            ("bench_trace", r"\,\dot\theta_m"),
+        )
+        if key in found
+    ]
+    line = rf"M = {' '.join(terms).removeprefix('+ ')} + \tau_m"
+    return Part("Torque of the motor", (line,), "M is the torque at the gearbox output, τ_l the known load.")
+
+
+def _effect_part(one: ChosenEffect) -> Part:
+    entry = effect_equations().get(one.effect.id)
+    if entry is None:
+        return Part(one.effect.title, (), "An effect of your own; its terms stand in its own file.")
+    text = str(entry["equation"]).replace(r"\begin{align*}", "").replace(r"\end{align*}", "")
+    lines = tuple(line.replace("&", "").strip() for line in text.split(r"\\"))
+    return Part(one.effect.title, lines, str(entry["symbols"]))
+
+
+_MODEL_SYMBOLS = {
+    "arm_mcp": ("a", "Moment arm at the MCP"),
+    "arm_pip": ("b", "Moment arm at the PIP"),
+    "loss_mcp": ("L_1", "Friction loss at the MCP"),
+    "loss_pip": ("L_2", "Friction loss at the PIP"),
+    "offset": ("x_0", "Offset of the cable"),
+    "trace_mcp": (r"\epsilon_1", "Trace of viscous friction at the MCP"),
+    "trace_pip": (r"\epsilon_2", "Trace of viscous friction at the PIP"),
+    "cable_compliance": ("c", "Compliance of the cable"),
+    "bench_inertia": ("J", "Inertia at the gearbox output"),
+    "bench_gain": (r"\mathrm{gain}", "Gain on the load"),
+    "bench_offset": (r"\mathrm{offset}", "Offset of the torque"),
+}
+
+
+def _model_values(found: Mapping[str, ParameterEstimate]) -> Iterator[Value]:
+    for base, (symbol, title) in _MODEL_SYMBOLS.items():
+        for key, estimate in found.items():
+            name, _, cable = key.partition("@")
+            if name == base:
+                yield Value(symbol, title + (f", {cable} cable" if cable else ""), estimate)
+
+
+def _effect_values(one: ChosenEffect, found: Mapping[str, ParameterEstimate]) -> Iterator[Value]:
+    """Gains of an effect with their interval, then its shape, which was chosen from a grid and has none."""
+    effect, entry = one.effect, effect_equations().get(one.effect.id, {})
+    symbols: Mapping[str, str] = entry.get("values", {})
+    gains = {**effect.gains, **effect.relaxes}
+    titles = parameter_titles(effect.id, [*gains, *one.shape])
+    for name in gains:
+        estimate = found.get(f"{effect.id}.{name}") or found.get(name)
+        if estimate is not None and name not in _MODEL_SYMBOLS:
+            yield Value(symbols.get(name, ""), _upper(titles[name]), estimate)
+    for name, value in one.shape.items():
+        if name in effect.shape_units:
+            unit = effect.shape_units[name]
+            yield Value(
+                symbols.get(name, ""), _upper(titles[name]), ParameterEstimate(value, unit, value, value)
+            )
+
+
+def _upper(title: str) -> str:
+    return title[:1].upper() + title[1:]
+
+
+def _routings(found: Mapping[str, ParameterEstimate]) -> list[str]:
+    return [cable for cable in SIGNS if f"arm_mcp@{cable}" in found]
+
+
+def _value(found: Mapping[str, ParameterEstimate], key: str) -> float:
+    return found[key].value if key in found else 0.0
+
+
+def number(value: float, digits: int = 4) -> str:
+    r"""LaTeX of a number: ``0.01163``, ``5.21\times 10^{-5}``; at most ``digits`` digits that count."""
+    if value == 0 or 1e-3 <= abs(value) < 1e5:
+        return f"{value:.{digits}g}"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    short = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+    return rf"{short}\times 10^{{{int(exponent)}}}"
+
+
+def signed(value: float) -> str:
+    """A number as a further term of a sum: with a sign and a space in front."""
+    return f"{'-' if value < 0 else '+'} {number(abs(value))}"

@@ -1,0 +1,72 @@
+"""The figures of a report: drawn into the page, and kept for the PDF and for files of their own."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib as mpl
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from fingerlab.report.svg import inline_svg
+from fingerlab.sessions.place import OutputSet
+
+FORMATS = ("png", "svg", "pdf")
+"""What every figure is written as: for a slide, for a page, for print."""
+LONGEST_NAME = 60
+
+
+@dataclass(frozen=True)
+class NamedFigure:
+    """A figure of the page: ``name`` is fit for a file, ``description`` for those who hear the page."""
+
+    name: str
+    description: str
+    figure: Figure
+
+
+class Pictures:
+    """Draws figures into the page, each with identifiers of its own, and keeps them by identifier."""
+
+    def __init__(self, progress: Callable[[float, str], None], expected: int) -> None:
+        self._progress, self._expected = progress, max(expected, 1)
+        self.drawn: dict[str, NamedFigure] = {}
+
+    def draw(self, figure: Figure, description: str, outlines: bool = False) -> Markup:
+        """The figure as an ``<svg>`` element whose id is its key in ``drawn``; ``outlines`` for formulas."""
+        self._progress(min(len(self.drawn) / self._expected, 1.0), f"drawing, {description}")
+        key = f"f{len(self.drawn) + 1}"
+        self.drawn[key] = NamedFigure(
+            f"{len(self.drawn) + 1:02d}-{file_name(description)}", description, figure
+        )
+        drawn = Markup(inline_svg(figure, key, description, outlines))
+        figure.set_layout_engine("none")  # all is in its place now; the next format need not search again
+        return drawn
+
+
+def file_name(words: str) -> str:
+    """Words as a part of a file's name: small letters, digits and hyphens."""
+    plain = re.sub(r"[^a-z0-9.]+", "-", words.lower()).strip("-.")
+    return plain[:LONGEST_NAME].rstrip("-.")
+
+
+def save_figures(figures: Mapping[str, NamedFigure], folder: Path, outputs: OutputSet) -> None:
+    """Every figure in every format into a folder, on white and with letters as they are.
+
+    Raises:
+        UserError: a file of that name is there already, or the folder cannot be made or written to.
+    """
+    outputs.make_folder(folder)
+    for one in figures.values():
+        for kind in FORMATS:
+            part = outputs.claim(folder / f"{one.name}.{kind}")
+            # Dates would make two reports of one diagnosis differ.
+            with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": one.name}):
+                one.figure.savefig(part, format=kind, facecolor="white", metadata=_undated(kind))
+
+
+def _undated(kind: str) -> dict[str, None]:
+    return {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})

@@ -1,0 +1,102 @@
+"""The PDF: what the page says, on A4, with letters that can be found and figures that stay sharp."""
+
+from __future__ import annotations
+
+import io
+import re
+from xml.etree import ElementTree
+
+import pytest
+from matplotlib.figure import Figure
+from pypdf import PdfReader
+
+from fingerlab.errors import UserError
+from fingerlab.report.page import Extras, write_report
+from fingerlab.report.pdf import pdf_of_page
+from fingerlab.report.pictures import FORMATS, NamedFigure
+from fingerlab.sessions import open_session
+
+
+def text_of(reader: PdfReader) -> str:
+    return " ".join(" ".join(page.extract_text() for page in reader.pages).split())
+
+
+@pytest.fixture
+def written(make_session, found, tmp_path):
+    """Page, PDF and figures of one diagnosis."""
+    places = Extras(tmp_path / "page.pdf", tmp_path / "drawn")
+    write_report([open_session(make_session())], tmp_path / "page.html", diagnosis=found, extras=places)
+    return tmp_path
+
+
+def test_pdf_and_figures_say_what_the_page_says(written) -> None:
+    reader = PdfReader(written / "page.pdf")
+    text = text_of(reader)
+    page = (written / "page.html").read_text(encoding="utf-8")
+    root = ElementTree.fromstring(page.removeprefix("<!DOCTYPE html>"))
+    xhtml = "{http://www.w3.org/1999/xhtml}"
+    for kind in ("h2", "h3", "caption", "td", "figcaption"):
+        for element in root.iter(f"{xhtml}{kind}"):
+            for word in "".join(element.itertext()).replace("\u00a0", " ").split():
+                assert word in text.replace("- ", "-"), (kind, word)
+    assert "12.4 to 1.10 times the bench's own repeatability" in text
+    for page_of_paper in reader.pages:
+        assert (float(page_of_paper.mediabox.width), float(page_of_paper.mediabox.height)) == pytest.approx(
+            (595.28, 841.89), abs=0.02
+        )
+    # A figure's letters are letters, and nothing is a picture of dots.
+    assert "torque at the PIP (mN m)" in text
+    assert not any(list(p.images) for p in reader.pages)
+    figures = sorted((written / "drawn").iterdir())
+    svgs = len(re.findall(r"<svg", page))
+    assert len(figures) == len(FORMATS) * svgs == 3 * 5
+    assert figures[0].name == "01-error-path.pdf"
+    assert (written / "drawn" / "01-error-path.png").read_bytes()[:4] == b"\x89PNG"
+    ElementTree.parse(written / "drawn" / "01-error-path.svg")
+
+
+def test_a_name_that_ends_with_pdf_makes_a_pdf(make_session, bare, tmp_path) -> None:
+    path = tmp_path / "report.pdf"
+    assert write_report([open_session(make_session())], path, diagnosis=bare) == path
+    assert "Versions and hashes" in text_of(PdfReader(path))
+
+
+def test_an_equation_that_cannot_be_fitted_is_refused_and_leaves_nothing(
+    make_session, bare, tmp_path
+) -> None:
+    session = open_session(make_session())
+    before = set(tmp_path.iterdir())
+    with pytest.raises(UserError, match="too few runs"):
+        write_report(
+            [session], tmp_path / "r.html", diagnosis=bare, extras=Extras(equation=tmp_path / "e.tex")
+        )
+    assert set(tmp_path.iterdir()) == before
+
+
+def test_what_the_pdf_cannot_set_is_an_error_and_not_left_out() -> None:
+    page = '<html xmlns="http://www.w3.org/1999/xhtml"><body><p>Text</p><video>x</video></body></html>'
+    with pytest.raises(ValueError, match="<video>"):
+        pdf_of_page(page, {}, "title")
+
+
+def test_a_figure_lies_where_it_was_given_room() -> None:
+    """A figure of 4 by 2 inches over the whole width of 174 mm: its own frame is drawn 174 by 87 mm."""
+    figure = Figure(figsize=(4.0, 2.0))
+    figure.text(0.0, 0.0, "CORNER", fontsize=10)
+    page = (
+        '<html xmlns="http://www.w3.org/1999/xhtml"><body><figure><svg xmlns="http://www.w3.org/2000/svg" '
+        'id="f1"/><figcaption>Below</figcaption></figure></body></html>'
+    )
+    reader = PdfReader(io.BytesIO(pdf_of_page(page, {"f1": NamedFigure("a", "a", figure)}, "title")))
+    seen: dict[str, tuple[float, float]] = {}
+
+    def visit(text, cm, tm, *_):
+        if text.strip():
+            seen.setdefault(text.strip(), (tm[4] * cm[0] + cm[4], tm[5] * cm[3] + cm[5]))
+
+    reader.pages[0].extract_text(visitor_text=visit)
+    mm = 72 / 25.4
+    x, y = seen["CORNER"]
+    assert x == pytest.approx(18 * mm, abs=2)
+    assert y == pytest.approx(841.89 - (18 + 1 + 87) * mm, abs=3)
+    assert seen["Below"][1] < y
