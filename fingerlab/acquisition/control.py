@@ -102,6 +102,11 @@ class PositionLoop:
         self._integral = self._rate = 0.0
         self._last: float | None = None
 
+    def take_over(self, current: float) -> None:
+        """Go on from a current (A) that something else has set."""
+        self.reset()
+        self._integral = current
+
     def command(self, error: float) -> float:
         """Current command, within the limit; the integral stands still while it is reached."""
         gains = self.gains

@@ -26,14 +26,22 @@ from fingerlab.acquisition.commands import (
     SetUp,
     Tare,
 )
-from fingerlab.acquisition.control import Gains, PositionLoop, Settling, slowed
+from fingerlab.acquisition.control import PositionLoop, Settling
 from fingerlab.acquisition.machine import Event, Machine, Mode
 from fingerlab.acquisition.publishing import Publisher
 from fingerlab.acquisition.reading import Reader
 from fingerlab.acquisition.reference import Reference
-from fingerlab.acquisition.requests import LoopSettings, ReadyStart, Refused, prepare, watchdogs
+from fingerlab.acquisition.requests import (
+    LoopSettings,
+    ReadyStart,
+    Refused,
+    gains_within,
+    prepare,
+    watchdogs,
+)
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.safety import Safety, safety_checks
+from fingerlab.acquisition.torque import TorqueDrive
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost, cycles_per_command
 from fingerlab.errors import UserError
 
@@ -42,9 +50,6 @@ FAREWELL_S = 0.5
 
 SAFE_TRIES = 50
 """How often zero output is tried before the device is given up."""
-
-CURRENT_MARGIN = 0.95
-"""The position loop stays below the current limit, so that only a fault can reach it (assumed)."""
 
 
 class ControlLoop:
@@ -69,8 +74,10 @@ class ControlLoop:
         self._publisher = Publisher(ring, board, 1.0 / device.rate_hz)
         self._period = 1.0 / device.rate_hz
         self._hold = cycles_per_command(device)
-        gains = self._gains(settings)
+        gains = gains_within(settings, self._hold)
         self._controller = PositionLoop(gains, self._period * self._hold)
+        self._pull = TorqueDrive(self._period, gains, settings.units, settings.limits)
+        self._pulling = False  # the trajectory is one of torque
         self._reference = Reference(self._period)
         self._settling = Settling(self._period)
         self._reader = Reader(settings.units, self._period, clock)
@@ -97,7 +104,7 @@ class ControlLoop:
 
     def submit(self, number: int, command: Command) -> None:
         """Ask for something; answered in the board under ``number``. May be called from another thread."""
-        self._commands.append((number, prepare(command, self.settings.limits)))
+        self._commands.append((number, prepare(command, self.settings)))
 
     def lose(self, sentence: str, farewell: bool) -> None:
         """Another process is gone. With ``farewell`` the loop ends soon. May be called from a thread."""
@@ -149,6 +156,11 @@ class ControlLoop:
         if reading.index >= self._quit_at:
             self.ended = True
 
+    @property
+    def _followed(self) -> Reference:
+        """What the trajectory commands: rad, or N m where it is one of torque."""
+        return self._pull.reference if self._pulling else self._reference
+
     def _complaint(self, reading: Reading) -> str | None:
         """Why the motor may not go on, or None."""
         if self._lost_process:
@@ -183,9 +195,11 @@ class ControlLoop:
             self._amps = self._volts = 0.0
             self._reference.value = reading.position
             return
-        reference = self._reference
+        reference = self._followed
         for _ in range(1 + reading.lost):  # time is the sample index: lost cycles have passed
             reference.next()
+        if self._pulling:
+            self._reference.value = reading.position  # no angle is asked for: the command is where it is
         if self._approach is not None:
             self._follow_approach(reading)
         if reference.over:
@@ -193,7 +207,10 @@ class ControlLoop:
         if not self.machine.command_allowed:
             self._amps = self._volts = 0.0
         elif self._hold == 1 or reading.index % self._hold == 0:
-            self._amps = self._controller.command(reference.value - reading.position)
+            if self._pulling:
+                self._amps = self._pull.current(reading.speed)
+            else:
+                self._amps = self._controller.command(self._reference.value - reading.position)
             units = self.settings.units
             volts = self._amps / units.amps_per_volt
             self._volts = min(max(volts, units.low_volts), units.high_volts)
@@ -253,6 +270,10 @@ class ControlLoop:
         if refusal:
             return refusal
         moving = self.machine.mode is Mode.RUNNING
+        pulling = isinstance(command, ReadyStart) and command.trajectory.is_torque
+        if moving and pulling != self._pulling:
+            return "The motor follows a trajectory of another kind (angle or torque); bring it to rest first."
+        self._pulling = pulling
         self._approach = command if isinstance(command, Approach) else None
         self._board[Slot.APPROACHED] = 0
         if not moving:
@@ -261,9 +282,10 @@ class ControlLoop:
         if isinstance(command, Approach):
             self._reference.wind(command.speed, command.limit)
         elif moving:
-            self._reference.change(command.trajectory, command.endless)
+            self._followed.change(command.trajectory, command.endless)
         else:
-            self._reference.start(command.trajectory, reading.position, command.endless)
+            begin = 0.0 if pulling else reading.position
+            self._followed.start(command.trajectory, begin, command.endless)
         self._become(Event.RUN)
         self._run += 1
         self._board[Slot.RUN_START] = reading.index
@@ -290,6 +312,10 @@ class ControlLoop:
 
     def _rest(self) -> None:
         self._approach = None
+        if self._pulling:  # the position loop takes over where the motor is, with the current that it has
+            self._pulling = False
+            self._controller.take_over(self._amps)
+            self._reference.begin(self._reader.reading.position)
         self._reference.rest()
         self._settling.begin()
         self._board[Slot.RUN_ACTIVE] = 0
@@ -382,11 +408,6 @@ class ControlLoop:
     def _answer(self, number: int, sentence: str) -> None:
         self._board.set_text(Text.ANSWER, sentence)
         self._board[Slot.ACK] = number
-
-    def _gains(self, settings: LoopSettings) -> Gains:
-        gains = settings.gains if self._hold == 1 else slowed(settings.gains, self._hold)
-        most = min(gains.current_limit, CURRENT_MARGIN * settings.limits.current)
-        return Gains(gains.proportional, gains.integral, gains.derivative, gains.derivative_cutoff_hz, most)
 
 
 _EVENTS: dict[type, Event] = {

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fingerlab.acquisition.board import Slot
 from fingerlab.acquisition.checks import Watchdog
 from fingerlab.acquisition.commands import Command, Start
-from fingerlab.acquisition.control import Gains
+from fingerlab.acquisition.control import Gains, slowed
 from fingerlab.acquisition.safety import Limits
+from fingerlab.acquisition.torque import check_torque
 from fingerlab.acquisition.trajectories import Trajectory, read_trajectory
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.errors import UserError
+
+CURRENT_MARGIN = 0.95
+"""The position loop stays below the current limit, so that only a fault can reach it (assumed)."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +47,16 @@ class Refused:
     sentence: str
 
 
-def prepare(command: Command, limits: Limits) -> Command | ReadyStart | Refused:
+def prepare(command: Command, settings: LoopSettings) -> Command | ReadyStart | Refused:
     """The part of a command that takes time, done outside of the control loop's cycle."""
     if not isinstance(command, Start):
         return command
     try:
         trajectory = read_trajectory(command.trajectory)
-        _check_range(trajectory, limits)
+        if trajectory.is_torque:
+            check_torque(trajectory, settings.limits, settings.units)
+        else:
+            _check_range(trajectory, settings.limits)
     except UserError as error:
         return Refused(str(error))
     return ReadyStart(trajectory, command.endless)
@@ -70,6 +77,13 @@ def _check_range(trajectory: Trajectory, limits: Limits) -> None:
             f"The trajectory moves at up to {math.degrees(speed):.4g} °/s; the limit is "
             f"{math.degrees(limits.speed):.4g} °/s."
         )
+
+
+def gains_within(settings: LoopSettings, hold: int) -> Gains:
+    """The position loop's gains for a command every ``hold`` samples, its current below the rig's limit."""
+    gains = settings.gains if hold == 1 else slowed(settings.gains, hold)
+    most = min(gains.current_limit, CURRENT_MARGIN * settings.limits.current)
+    return replace(gains, current_limit=most)
 
 
 def watchdogs(settings: LoopSettings, period: float) -> list[tuple[Slot, Watchdog]]:

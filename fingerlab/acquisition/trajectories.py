@@ -7,7 +7,7 @@ the motion in ``ramp_s`` seconds, ``wave`` stays within -1 to 1.
 key                   meaning (default)
 ====================  ======================================================================
 ``kind``              ``sine``, ``chirp``, ``multisine``, ``steps``, ``ramp_hold``, ``blocked`` (the motor
-                      holds ``offset_deg``) or ``file``
+                      holds ``offset_deg``), ``file``, or ``torque`` (the motor's torque, not its angle)
 ``amplitude_deg``     half of the range at the pulley, degrees
 ``offset_deg``        middle of the range, degrees (0)
 ``frequency_hz``      sine; start of the chirp; base of the multisine; steps or ramps a second (1)
@@ -21,7 +21,11 @@ key                   meaning (default)
 ``file``              text table of time (s) and angle (degrees), rows in the order of time; gives
                       amplitude, offset and, where none is given, duration
 ``time_s``            the same as two lists in place of a file, with ``angle_deg``
+``torque_n_m``        in place of ``angle_deg`` for the kind ``torque``: N m at the gearbox output
 ====================  ======================================================================
+
+A ``torque`` is given as a file or as lists. There ``amplitude`` and ``offset`` are N m, not rad: the loop
+sends the current that makes the torque, and holds no position.
 """
 
 from __future__ import annotations
@@ -34,7 +38,13 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.acquisition.trajectory_points import unit_shape, with_points, without_long_lists
+from fingerlab.acquisition.trajectory_points import (
+    POSITION,
+    TORQUE,
+    unit_shape,
+    with_points,
+    without_long_lists,
+)
 from fingerlab.errors import UserError
 from fingerlab.sessions.model import Array
 
@@ -50,7 +60,8 @@ class Trajectory:
     """A motor command as a function of time.
 
     Attributes:
-        kind: as in the JSON text. duration: s. ramp: s. amplitude, offset: rad at the pulley.
+        kind: as in the JSON text. duration: s. ramp: s. amplitude, offset: rad at the pulley; N m at the
+            gearbox output for the kind ``torque``.
         wave: takes times (s, shape (n,)), returns shape (n,) within -1 to 1.
         settings: the JSON object it was made from, as stored in a session.
     """
@@ -63,8 +74,13 @@ class Trajectory:
     wave: Callable[[Array], Array]
     settings: Mapping[str, Any]
 
+    @property
+    def is_torque(self) -> bool:
+        """Whether it commands the motor's torque instead of its position."""
+        return self.kind == "torque"
+
     def command(self, time: Array) -> Array:
-        """Motor command at the pulley, rad, shape (n,), at times in s; rest before zero."""
+        """Motor command at the pulley, rad (or N m), shape (n,), at times in s; rest before zero."""
         if self.ramp > 0:
             share = np.clip(time / self.ramp, 0.0, 1.0)
             envelope = 0.5 - 0.5 * np.cos(np.pi * share)
@@ -83,18 +99,26 @@ def read_trajectory(source: str | Mapping[str, Any], where: str = "the trajector
     kind = settings.get("kind")
     if kind not in WAVES:
         raise UserError(f"{where} has the kind {kind!r}; it should be one of {', '.join(WAVES)}.")
-    if kind == "file":
-        settings = with_points(settings, where)
+    if kind in ("file", "torque"):
+        settings = with_points(settings, where, TORQUE if kind == "torque" else POSITION)
     duration = _number(settings, "duration_s", DEFAULT_DURATION_S, where, positive=True)
     ramp = _number(settings, "ramp_s", DEFAULT_RAMP_S, where)
     if ramp < 0:
         raise UserError(f"{where} has 'ramp_s' = {ramp:g}; it should be zero or more seconds.")
+    if kind == "torque":
+        amplitude, offset = (
+            _number(settings, f"{name}_n_m", None, where) for name in ("amplitude", "offset")
+        )
+    else:
+        needed = 0.0 if kind == "blocked" else None
+        amplitude = math.radians(_number(settings, "amplitude_deg", needed, where))
+        offset = math.radians(_number(settings, "offset_deg", 0.0, where))
     return Trajectory(
         kind=str(kind),
         duration=duration,
         ramp=ramp,
-        amplitude=math.radians(_number(settings, "amplitude_deg", 0.0 if kind == "blocked" else None, where)),
-        offset=math.radians(_number(settings, "offset_deg", 0.0, where)),
+        amplitude=amplitude,
+        offset=offset,
         wave=WAVES[str(kind)](settings, duration, where),
         settings=without_long_lists(settings),
     )
@@ -173,7 +197,12 @@ def _blocked(settings: Mapping[str, Any], duration: float, where: str) -> Callab
 
 
 def _file(settings: Mapping[str, Any], duration: float, where: str) -> Callable[[Array], Array]:
-    moments, shape = unit_shape(settings)
+    moments, shape = unit_shape(settings, POSITION)
+    return lambda time: np.interp(time, moments, shape)
+
+
+def _torque(settings: Mapping[str, Any], duration: float, where: str) -> Callable[[Array], Array]:
+    moments, shape = unit_shape(settings, TORQUE)
     return lambda time: np.interp(time, moments, shape)
 
 
@@ -185,6 +214,7 @@ WAVES: dict[str, Callable[[Mapping[str, Any], float, str], Callable[[Array], Arr
     "ramp_hold": _ramp_hold,
     "blocked": _blocked,
     "file": _file,
+    "torque": _torque,
 }
 """Kinds of trajectory."""
 

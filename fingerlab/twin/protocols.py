@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -128,4 +129,7 @@ def single_run(trajectory: str | Mapping[str, Any], phase: str, cable: str | Non
         UserError: the phase or cable is unknown, or they do not go together, or the trajectory is bad.
     """
     phase, cable = setup_of(phase, cable)
-    return RunPlan(phase, cable, dict(read_trajectory(trajectory).settings))
+    settings = dict(read_trajectory(trajectory).settings)
+    if settings["kind"] in ("file", "torque"):  # the points stay with the plan, however many they are
+        settings = dict(json.loads(trajectory) if isinstance(trajectory, str) else trajectory)
+    return RunPlan(phase, cable, settings)

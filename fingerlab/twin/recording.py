@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from fingerlab.acquisition.control import Gains
+from fingerlab.acquisition.torque import braked
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.errors import UserError
 from fingerlab.sessions.model import Array
 from fingerlab.twin.bench import Bench, Sensors, Truth, build_bench, draw_truth, place_bench
 from fingerlab.twin.effects import Effects, apply_effects
-from fingerlab.twin.integrate import run_loop
+from fingerlab.twin.integrate import run_loop, run_sample
 from fingerlab.twin.layout import BRISTLES, OUTPUTS, STATE
 from fingerlab.twin.preset import Preset
 from fingerlab.twin.protocols import RATE_HZ, RunPlan
@@ -62,7 +64,7 @@ def simulate_session(
     offset_deg: float | None = None
     for plan, run_seed in zip(plans, run_seeds, strict=True):
         trajectory = dict(plan.trajectory)
-        if plan.phase == "contact" and "offset_deg" not in trajectory:
+        if plan.phase == "contact" and "offset_deg" not in trajectory and trajectory.get("kind") != "torque":
             if offset_deg is None:
                 offset_deg = approach(preset, truth, effects, plan.cable)
             trajectory["offset_deg"] = offset_deg
@@ -85,9 +87,13 @@ def simulate_run(
         raise UserError(f"A run of {trajectory.duration:g} s holds no motion; give a longer 'duration_s'.")
     command = trajectory.command(np.arange(count) / RATE_HZ)
     bench = prepare_bench(preset, truth, plan, effects, rng)
-    result = drive(bench, command, plan.phase == "contact", steps)
+    if trajectory.is_torque:
+        result = pull(bench, command, preset, plan.phase == "contact", steps)
+        command = result["theta"]  # no angle was asked for
+    else:
+        result = drive(bench, command, plan.phase == "contact", steps)
     channels = _record(preset, bench.sensors, plan, command, result, rng)
-    return Recorded(plan, channels, result)
+    return Recorded(replace(plan, trajectory=dict(trajectory.settings)), channels, result)
 
 
 def prepare_bench(
@@ -115,6 +121,31 @@ def drive(bench: Bench, command: Array, in_contact: bool, steps: int = STEPS) ->
     out = np.empty((len(command), len(OUTPUTS)))
     memory = np.zeros(BRISTLES)
     run_loop(bench.plant, bench.friction, bench.control, memory, state, command, steps, 1.0 / RATE_HZ, out)
+    return _outcome(out)
+
+
+def pull(
+    bench: Bench, torque: Array, preset: Preset, in_contact: bool, steps: int = STEPS
+) -> dict[str, Array]:
+    """Drive the motor by ``torque`` (N m at the gearbox output, shape (n,)) from rest, as the loop does.
+
+    The amplifier is taken to know the motor's nominal torque constant, as the loop does.
+    """
+    motor, gain = preset.rig.motor, Gains().derivative
+    current = torque / (motor.torque_constant * motor.gear_ratio)
+    limit = float(bench.control["current_limit"])
+    state, memory = state_at_rest(bench, in_contact), np.zeros(BRISTLES)  # places the load cell, too
+    plant = np.array([bench.plant], dtype=bench.plant.dtype)
+    row, out = np.zeros(len(OUTPUTS)), np.empty((len(torque), len(OUTPUTS)))
+    omega = OUTPUTS.index("omega")
+    for k, wanted in enumerate(current.tolist()):
+        command = min(max(braked(wanted, float(row[omega]), gain), -limit), limit)
+        run_sample(plant, bench.friction, memory, state, command, steps, 1.0 / RATE_HZ, row)
+        out[k] = row
+    return _outcome(out)
+
+
+def _outcome(out: Array) -> dict[str, Array]:
     if not np.isfinite(out).all():
         raise UserError(
             "The simulated bench ran away; choose effect strengths within the range that the catalogue gives."
