@@ -26,6 +26,7 @@ COMMANDS = {
     "calibrate": ("fingerlab.cli.calibrate:calibrate", "Calibrate a sensor from a stepped recording."),
     "fit": ("fingerlab.cli.fit:fit", "Fit moment arms and friction losses."),
     "predict": ("fingerlab.cli.predict:predict", "Predict the endpoint force of contact runs."),
+    "inverse": ("fingerlab.cli.inverse:inverse", "Give the motor torque that a wanted force needs."),
     "diagnose": ("fingerlab.cli.diagnose:diagnose", "Tell which physical effect the model is missing."),
     "compare": ("fingerlab.cli.compare:compare", "Compare saved models on the same held-out runs."),
     "batch": ("fingerlab.cli.batch:batch", "Diagnose every session below a folder."),

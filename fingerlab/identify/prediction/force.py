@@ -114,11 +114,30 @@ def solved_forces(
     Raises:
         UserError: the moment arms of the run's cable, or an effect's strength, are not among the values.
     """
+    wide = level_residuals(stretch.motion, effects, values, where)
+    narrowed = {name: [_narrowed(stretch.motion, level) for level in levels] for name, levels in wide.items()}
+    return {name: _root(np.stack(levels)) for name, levels in narrowed.items()}
+
+
+def forces_of_motion(
+    motion: Motion, effects: Sequence[Effect], values: Mapping[str, float], where: str
+) -> dict[str, Array]:
+    """The same at every sample of a motion that was not recorded but thought of: nothing is filtered."""
+    return {
+        name: _root(np.stack(levels))
+        for name, levels in level_residuals(motion, effects, values, where).items()
+    }
+
+
+def level_residuals(
+    motion: Motion, effects: Sequence[Effect], values: Mapping[str, float], where: str
+) -> dict[str, list[Array]]:
+    """Residuals of both equations as tensions at each of ``LEVELS_N``, N, (n,) each."""
     levels = [
-        _residuals(replace(stretch.motion, phase="contact", force=force, _memory={}), effects, values, where)
-        for force in (np.full_like(stretch.motion.time, level) for level in LEVELS_N)
+        _residuals(replace(motion, phase="contact", force=force, _memory={}), effects, values, where)
+        for force in (np.full_like(motion.time, level) for level in LEVELS_N)
     ]
-    return {name: _root(np.stack([level[row] for level in levels])) for name, row in JOINT_ROWS.items()}
+    return {name: [level[row] for level in levels] for name, row in JOINT_ROWS.items()}
 
 
 def _residuals(
@@ -131,7 +150,7 @@ def _residuals(
             strength = feature.constant + _strength(feature, motion, values, where)
             if strength != 0.0:
                 sums[feature.row] -= strength * _scale(feature, motion, values, where) * column
-    return {row: _narrowed(motion, total) for row, total in sums.items()}
+    return sums
 
 
 def _features(motion: Motion, effects: Sequence[Effect], delay: float) -> Iterator[tuple[Feature, Array]]:
