@@ -1,0 +1,151 @@
+"""A fitted model and what it predicts, as a notebook shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fingerlab.identify.model_file import DIAGNOSIS_METHOD, Model, save_model
+from fingerlab.identify.results import ParameterEstimate
+from fingerlab.notebook.figures import Figures
+from fingerlab.notebook.layout import Part, Shown, Table
+from fingerlab.report import diagnosis_words as words
+from fingerlab.report.estimates import mean_and_deviation
+from fingerlab.report.page_tables import model_rows
+from fingerlab.report.screen import estimate_text
+
+if TYPE_CHECKING:
+    from fingerlab.identify.prediction import ExtendedPrediction
+    from fingerlab.notebook.session import SessionView
+
+PREDICTION_COLUMNS = (
+    ("R2", "r2", 4, 1.0),
+    ("error (mN)", "rmse", 1, 1e3),
+    ("cell peak (N)", "peak_measured", 2, 1.0),
+    ("model peak (N)", "peak_modelled", 2, 1.0),
+)
+"""Title, number of a run, digits, and factor to the unit in the title."""
+
+
+class ModelView(Shown):
+    """A fitted model; ``model`` is the content of its file (``fingerlab.identify.model_file.Model``)."""
+
+    def __init__(self, model: Model, name: str = "this model") -> None:
+        self.model = model
+        self._name = name
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Ids of the effects in it, in the order in which they were added."""
+        return self.model.effects
+
+    @property
+    def parameters(self) -> Mapping[str, ParameterEstimate]:
+        """Every parameter with its unit and 90 % interval, SI."""
+        return self.model.parameters
+
+    def save(self, path: str | Path) -> Path:
+        """Write the model file that ``fingerlab predict`` and ``fingerlab compare`` read.
+
+        Raises:
+            UserError: the file exists already, or the place cannot be written to.
+        """
+        save_model(self.model, path)
+        return Path(path)
+
+    def predict(self, session: SessionView | str | Path) -> PredictionView:
+        """Endpoint force of every contact run; a run of the fit is predicted by a fit that has not seen it.
+
+        Raises:
+            UserError: no contact run, a cable that the model has not seen, or a model of ``fingerlab fit``,
+                which predicts by region ('fingerlab predict').
+        """
+        from fingerlab.identify.prediction import extended_model, predict_extended
+        from fingerlab.notebook.calls import opened
+
+        extended = extended_model(self.model, self._name)
+        return PredictionView(predict_extended(opened(session), extended, self._name))
+
+    def _parts(self) -> Sequence[Part]:
+        model = self.model
+        files = words.listed([s.name for s in model.sessions]) if model.sessions else "no session"
+        what = (
+            words.model_words(model.effects) if model.method == DIAGNOSIS_METHOD else f"a {model.method} fit"
+        )
+        head = f"{what[:1].upper()}{what[1:]}, fitted on {files} ({model.created})"
+        title = "± is half the 90 % interval"
+        return (head, Table(("parameter", "value"), _rows(model), frozenset(), title))
+
+
+def _rows(model: Model) -> list[tuple[str, str]]:
+    if model.method != DIAGNOSIS_METHOD:
+        return [(name, estimate_text(value)) for name, value in model.parameters.items()]
+    rows = model_rows(model.parameters)
+    for effect in model.effects:
+        own = {
+            name.removeprefix(f"{effect}."): value
+            for name, value in model.parameters.items()
+            if name.startswith(f"{effect}.")
+        }
+        titles = words.parameter_titles(effect, list(own))
+        rows += [
+            (f"{titles[name][:1].upper()}{titles[name][1:]}", estimate_text(value))
+            for name, value in own.items()
+        ]
+    return rows
+
+
+class PredictionView(Shown):
+    """Endpoint force of contact runs; ``result`` holds it (``identify.prediction.ExtendedPrediction``)."""
+
+    def __init__(self, result: ExtendedPrediction) -> None:
+        self.result = result
+
+    def figures(self) -> Figures:
+        """Force with its interval, what is missed, peaks by run, normalised force."""
+        from fingerlab.report.extended_figures import extended_figures
+
+        return Figures(extended_figures(self.result))
+
+    def r2(self, variant: str = "extended") -> float:
+        """Mean R2 over the runs, of the ``extended`` or the ``nominal`` model."""
+        return self._spread(variant, "r2")[0]
+
+    def coverage(self, variant: str = "extended") -> float:
+        """Mean share of the load cell's samples inside the 90 % interval."""
+        from fingerlab.identify.thesis.pooling import Spread
+
+        return Spread(tuple(run.coverage for run in self.result.runs[variant])).mean
+
+    def _spread(self, variant: str, number: str) -> tuple[float, float]:
+        from fingerlab.identify.thesis.pooling import Spread
+
+        spread = Spread(tuple(run.numbers["both"].value(number) for run in self.result.runs[variant]))
+        return spread.mean, spread.deviation
+
+    def _parts(self) -> Sequence[Part]:
+        rows = [self._row(variant) for variant in self.result.runs]
+        runs = next(iter(self.result.runs.values()))
+        count = f"{len(runs)} contact run{'' if len(runs) == 1 else 's'}"
+        unseen = (
+            "each predicted by a fit that has not seen it"
+            if all(run.held_out for run in runs)
+            else "some of which the fit has seen, or from another session"
+        )
+        head = f"{self.result.session.name}: endpoint force of {count}, {unseen}"
+        columns = ("model", *(title for title, *_ in PREDICTION_COLUMNS), "inside the 90 % interval")
+        right = frozenset(range(1, len(columns)))
+        return (
+            head,
+            Table(columns, rows, right, "Mean ± deviation over runs, PIP and MCP equation together"),
+        )
+
+    def _row(self, variant: str) -> tuple[str, ...]:
+        cells = []
+        for _, key, digits, factor in PREDICTION_COLUMNS:
+            mean, deviation = self._spread(variant, key)
+            cells.append(mean_and_deviation(factor * mean, factor * deviation, digits))
+        inside = self.coverage(variant)
+        share = f"{100 * inside:.1f} %" if inside == inside else "–"  # NaN: no cell or no interval
+        return (variant, *cells, share)

@@ -1,0 +1,130 @@
+"""A session and its runs, as a notebook shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fingerlab.errors import UserError
+from fingerlab.notebook.arrays import run_dataset, session_tree
+from fingerlab.notebook.layout import Part, Shown, Table
+from fingerlab.sessions.model import Run, Session
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+    from fingerlab.notebook.diagnosis import DiagnosisView
+    from fingerlab.notebook.model import ModelView
+
+
+class RunView(Shown):
+    """One run. ``run`` is the object behind it (``fingerlab.sessions.Run``)."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+
+    @property
+    def name(self) -> str:
+        """Name in the file, such as ``001``."""
+        return self.run.name
+
+    @property
+    def channels(self) -> dict[str, str]:
+        """Unit of each channel by name."""
+        return dict(self.run.units)
+
+    def to_xarray(self, channels: Iterable[str] | None = None) -> xarray.Dataset:
+        """The run as a dataset over ``time`` (s), SI units in ``units``; see ``arrays.run_dataset``."""
+        return run_dataset(self.run, channels)
+
+    def figure(self, *channels: str) -> Figure:
+        """The channels over time, one above the other; the joints and the motor's torque where none is named.
+
+        Raises:
+            UserError: the run has no such channel.
+        """
+        from fingerlab.notebook.channels import channel_figure
+
+        return channel_figure(self.run, channels)
+
+    def _parts(self) -> Sequence[Part]:
+        from fingerlab.report.diagnosis_words import PHASE_WORDS
+        from fingerlab.sessions.words import trajectory_words
+
+        run = self.run
+        cable = "no cable" if run.cable == "none" else f"{run.cable} cable"
+        line = (
+            f"run {run.name}: {PHASE_WORDS.get(run.phase, run.phase)}, {cable}, "
+            f"{trajectory_words(run.trajectory)}; {run.seconds:.1f} s at {run.sample_rate_hz:g} Hz"
+        )
+        return (line, Table(("channel", "unit"), list(run.units.items())))
+
+
+class SessionView(Shown):
+    """A session; its runs by name: ``s["001"]``. ``session`` is the object behind it."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+
+    @property
+    def path(self) -> Path:
+        """The session's file."""
+        return self.session.path
+
+    @property
+    def runs(self) -> tuple[RunView, ...]:
+        """Every run, in the order taken."""
+        return tuple(RunView(run) for run in self.session.runs)
+
+    def __len__(self) -> int:
+        return len(self.session.runs)
+
+    def __iter__(self) -> Iterator[RunView]:
+        return iter(self.runs)
+
+    def __getitem__(self, name: str) -> RunView:
+        for run in self.session.runs:
+            if run.name == name:
+                return RunView(run)
+        names = ", ".join(run.name for run in self.session.runs)
+        raise UserError(f"{self.path} has no run '{name}'; it holds {names}.")
+
+    def to_xarray(self) -> xarray.DataTree:
+        """Every run as a dataset in one tree: ``s.to_xarray()["001"]``; see ``arrays.session_tree``."""
+        return session_tree(self.session)
+
+    def diagnose(self, added: Sequence[str] = (), **options: Any) -> DiagnosisView:
+        """Which effect is missing; see ``fingerlab.diagnose``."""
+        from fingerlab.notebook.calls import diagnose
+
+        return diagnose(self, added=added, **options)
+
+    def fit(self, effects: Sequence[str] = ()) -> ModelView:
+        """The nominal model with these effects, fitted; see ``fingerlab.fit``."""
+        from fingerlab.notebook.calls import fit
+
+        return fit(self, effects=effects)
+
+    def reveal(self) -> dict[str, dict[str, float]]:
+        """What a simulated session hides: effect id -> parameter -> value, SI.
+
+        Raises:
+            UserError: the session was not simulated.
+        """
+        from fingerlab.twin.session import reveal_session
+
+        found: dict[str, dict[str, float]] = reveal_session(self.path)["effects"]
+        return found
+
+    def _parts(self) -> Sequence[Part]:
+        from fingerlab.report.page_tables import run_rows
+
+        session = self.session
+        seconds = sum(run.seconds for run in session.runs)
+        when = f", {session.created}" if session.created else ""
+        head = f"{session.path.name}: {session.title or 'session'}{when}, {len(self)} runs, {seconds:.0f} s"
+        columns = ("runs", "phase", "cable", "motion", "s", "Hz")
+        rows = [(r.runs, r.phase, r.cable, r.trajectory, r.seconds, r.rate) for r in run_rows(session)]
+        return (head, Table(columns, rows, frozenset({4, 5})))
