@@ -14,6 +14,8 @@ ROOT = Path(__file__).resolve().parents[1]
 TARGET = ROOT / "packaging" / "LICENCES.md"
 ELSEWHERE = {"pywin32": ("312", "PSF-2.0 (Windows only; from its page, not installed here)")}
 """Packages of other systems, which this machine cannot ask."""
+TEXT_NAMES = re.compile(r"licen[cs]e|copying|notice|authors", re.IGNORECASE)
+"""Files of a ``*.dist-info`` folder that tell the terms of the package."""
 HEAD = """# What a packaged program bundles
 
 Made by `python packaging/licences.py` from `requirements/app.txt` and what each package says of itself; the
@@ -26,9 +28,9 @@ licence is for its owners to choose; none is stated yet.
 """
 
 
-def locked() -> list[str]:
-    """Names of the packages of the application's lock file, each once."""
-    text = (ROOT / "requirements" / "app.txt").read_text(encoding="utf-8")
+def locked(tools: str = "app") -> list[str]:
+    """Names of the packages of a lock file (the application's by default), each once."""
+    text = (ROOT / "requirements" / f"{tools}.txt").read_text(encoding="utf-8")
     return sorted(set(re.findall(r"^([A-Za-z0-9_.-]+)==", text, re.MULTILINE)))
 
 
@@ -41,6 +43,20 @@ def licence(name: str) -> tuple[str, str]:
     kinds = [k.split("::")[-1].strip() for k in listed if k.startswith("License ::")]
     said = about.get("license_expression") or ", ".join(kinds) or str(about.get("license", "")).split("\n")[0]
     return str(about["version"]), str(said)
+
+
+def texts(name: str) -> list[tuple[Path, Path]]:
+    """Licence texts that an installed package brings: path inside its ``*.dist-info``, and the file.
+
+    Empty where the package is not installed or brings none.
+    """
+    try:
+        files = metadata.files(name) or []
+    except metadata.PackageNotFoundError:
+        return []
+    found = [f for f in files if ".dist-info" in str(f) and TEXT_NAMES.search(f.name)]
+    pairs = [(Path(*f.parts[1:]), Path(str(f.locate()))) for f in found]
+    return [(inside, path) for inside, path in pairs if path.is_file()]
 
 
 def main() -> int:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 import traceback
+from importlib.resources import files
 from pathlib import Path
 from types import TracebackType
 
 from PySide6.QtCore import QTimer
-from PySide6.QtGui import QGuiApplication
+from PySide6.QtGui import QGuiApplication, QIcon
 from PySide6.QtWidgets import QApplication
 
 import fingerlab
@@ -43,6 +44,8 @@ def prepare(app: QApplication, settings: Settings) -> None:
     app.setApplicationName("FingerLab")
     app.setOrganizationName("FingerLab")
     app.setApplicationVersion(fingerlab.__version__)
+    app.setDesktopFileName("fingerlab")  # so that a Linux desktop finds the menu entry's icon
+    app.setWindowIcon(QIcon(str(files("fingerlab.resources").joinpath("icon", "fingerlab.svg"))))
     app.setStyle("Fusion")
     apply_appearance(app, settings.appearance())
 
