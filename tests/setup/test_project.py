@@ -65,7 +65,7 @@ def test_lock_holds_what_the_project_asks_for_on_every_machine(name: str, asked:
                 assert wanted.specifier.contains(version), f"{text}: run 'python packaging/lock.py'"
 
 
-@pytest.mark.parametrize("name", ["app", "test"])
+@pytest.mark.parametrize("name", ["app", "test", "bundle"])
 def test_every_locked_package_has_one_version_and_hashes(name: str) -> None:
     for entry, hashes in locked(name):
         assert re.fullmatch(r"==[0-9][^,*]*", str(entry.specifier)), entry
@@ -78,7 +78,15 @@ def test_the_test_lock_holds_the_same_versions_as_the_application_lock() -> None
     assert {str(entry) for entry, _ in locked("app")} <= test
 
 
-@pytest.mark.parametrize("name", ["app", "test"])
+def test_the_bundle_lock_holds_the_bundler_and_no_other_version_of_anything() -> None:
+    entries = {canonicalize_name(entry.name): entry for entry, _ in locked("bundle")}
+    [asked] = [Requirement(text) for text in PROJECT["project"]["optional-dependencies"]["bundle"]]
+    assert asked.specifier.contains(str(entries[asked.name].specifier).removeprefix("=="))
+    test = {canonicalize_name(entry.name): entry.specifier for entry, _ in locked("test")}
+    assert all(entry.specifier == test[name] for name, entry in entries.items() if name in test)
+
+
+@pytest.mark.parametrize("name", ["app", "test", "bundle"])
 def test_lock_names_no_index_and_no_place_on_a_machine(name: str) -> None:
     text = (ROOT / "requirements" / f"{name}.txt").read_text(encoding="utf-8")
     assert not re.search(r"://|^--|^-[a-z] | @ |file:|\.whl", text, flags=re.MULTILINE)
