@@ -159,13 +159,16 @@ def reshape(study: Study, trial: Trial) -> Trial:
 
 
 def worth_adding(study: Study, base: Trial, best: Trial) -> bool:
-    """Whether the step is justified under the weights of either model: it may not earn its own floor."""
-    kept = study.weights
+    """Whether the step is justified with either model seen under its own weights.
+
+    A model may not earn its own floor: what it calls noise has to be paid for in density.
+    """
+    kept, gained = study.weights, study.level(best)
     study.settle(base.model.choices, base, rounds=2)
     before = study.hold_out(study.fit(base.model.choices, base, FULL_ITERATIONS))
-    after = study.hold_out(study.fit(best.model.choices, best, FULL_ITERATIONS))
+    gained -= study.level(before)
     study.weights = kept
-    return justified(before, after)
+    return justified(before, best, gained)
 
 
 def forward(study: Study, first: Evidence, effects: Sequence[Effect], keep: int, watch: Watch) -> list[Trial]:
