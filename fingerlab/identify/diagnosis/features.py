@@ -47,16 +47,15 @@ TIP_STIFFNESS = 1 / 3e-5
 about one angle step at the tip; assumed."""
 
 
-SLIP_STIFFNESSES = (3.0, 6.0, 12.0, 24.0)
-"""Sideways over normal force, and over the friction coefficient, of a tip that sticks while the finger presses
-harder or softer; assumed: the finger's posture and what gives way behind it decide."""
+SLIP_STIFFNESSES = (1.5, 3.0, 6.0, 12.0, 24.0)
+"""Sideways over normal force, and over the friction coefficient, of a tip that sticks while the finger
+presses harder or softer; assumed: the finger's posture and what gives way behind it decide."""
 
 
 SLIPS = tuple(f"lateral_slip_{stiffness:g}" for stiffness in SLIP_STIFFNESSES)
-TIP_LAWS = {"slides": ("lateral_swing", *SLIPS), "sticks": ("lateral_constant",)}
-"""What else a tip does, of which a model holds one: take on sideways force with the normal one, about a mean
-within its friction, until it slides; or stick, and keep whatever it was set down with. Either takes up one
-half of a force that leans (its swing, its mean); both together would leave nothing of it to be seen."""
+TIP_LAWS = {"slides": SLIPS, "sticks": ("lateral_constant",)}
+"""What else a tip does, of which a model holds one: slide back and forth, its sideways force following the
+normal one until friction gives way; or stick, and keep what it was set down with."""
 
 
 @dataclass(frozen=True)
@@ -183,9 +182,8 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
 def _tangential_forces(finger: Finger, motion: Motion) -> dict[str, Array]:
     """Shapes of the unknown force along the load cell's face in contact, where the tip sticks and drags.
 
-    A share of the normal force (N), a share of its swing about the mean, as a tip that sticks takes it (N), a
-    constant that the tip was set down with (times 1 N), a spring on the travel of a tip that sticks (m, times
-    a stiffness), and the friction of one that slides (N):
+    A share of the normal force (N), a constant that the tip was set down with (times 1 N), a spring on the
+    travel of a tip that sticks (m, times a stiffness), and the friction of one that slides (N):
     by the tip's own travel, which the angle sensors hardly resolve where it turns round, and by the normal
     force, with which the sideways one changes in proportion until the tip gives way.
     """
@@ -197,17 +195,21 @@ def _tangential_forces(finger: Finger, motion: Motion) -> dict[str, Array]:
     )
     touching = _touching(motion.force, finger, q)
     touched = max(float(touching.sum()), 1.0)
-    set_down, pressed = float(tip @ touching) / touched, float(motion.force @ touching) / touched
+    set_down = float(tip @ touching) / touched
     normal = np.maximum(motion.force, 0.0)
     columns = (
         motion.force,
         touching * (tip - set_down),
         -rubbing_force(tip, normal, TIP_STIFFNESS),
-        touching * (motion.force - pressed),
-        *(rubbing_force(normal, normal, ratio) for ratio in SLIP_STIFFNESSES),
+        *(_about_zero(rubbing_force(normal, normal, k), motion.force) for k in SLIP_STIFFNESSES),
         touching,
     )
     return dict(zip(_LATERAL, columns, strict=True))
+
+
+def _about_zero(values: Array, force: Array) -> Array:
+    """Values less the share of the force, both (n,), that they have on the mean: that is a lean's to tell."""
+    return np.asarray(values - float(values.sum()) / max(float(force.sum()), 1e-3) * force)
 
 
 _LATERAL = ("lateral", "lateral_spring", "lateral_rub", *(name for law in TIP_LAWS.values() for name in law))
@@ -278,16 +280,15 @@ def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
         "cable_compliance": Gain("m/N", 0.0, 6e-5, 2e-5),
         "cable_damping": Gain("m s/N", -2e-6, 2e-6, 5e-7),
         "lateral": Gain("tan", -0.12, 0.12, 0.05),
-        "lateral_swing": Gain("1", -3.0, 3.0, 1.0, source="assumed: a tip that sticks"),
         "lateral_constant": Gain(
             "N", -1.5, 1.5, 0.5, source="assumed: friction that the tip was set down with"
         ),
         # A pad can only hold the tip back: with either sign, it would pass for a force that leans.
         "lateral_spring": Gain("N/m", 0.0, 4000.0, 1300.0, source="assumed: a tip of rubber"),
-        "lateral_rub": Gain("1", 0.0, 0.5, 0.1, source="assumed: friction coefficient of printed parts"),
+        "lateral_rub": Gain("1", 0.0, 0.4, 0.1, source="assumed: friction coefficient of printed parts"),
         **dict.fromkeys(
             SLIPS,
-            Gain("1", -0.5, 0.5, 0.1, source="assumed: friction coefficient of printed parts, either way"),
+            Gain("1", -0.25, 0.25, 0.1, source="assumed: friction coefficient of printed parts, either way"),
         ),
         "delay": Gain("s", -0.001, 0.001, 0.0003),
         "arm_mcp": Gain("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm"),
