@@ -196,12 +196,11 @@ def _tangential_forces(finger: Finger, motion: Motion) -> dict[str, Array]:
     touching = _touching(motion.force, finger, q)
     touched = max(float(touching.sum()), 1.0)
     set_down = float(tip @ touching) / touched
-    normal = np.maximum(motion.force, 0.0)
     columns = (
         motion.force,
         touching * (tip - set_down),
-        -rubbing_force(tip, normal, TIP_STIFFNESS),
-        *(_about_zero(rubbing_force(normal, normal, k), motion.force) for k in SLIP_STIFFNESSES),
+        -rubbing_force(tip, np.maximum(motion.force, 0.0), TIP_STIFFNESS),
+        *(_about_zero(motion.slipping(k), motion.force) for k in SLIP_STIFFNESSES),
         touching,
     )
     return dict(zip(_LATERAL, columns, strict=True))

@@ -118,11 +118,19 @@ class Study:
 
         A fit to the end takes the law of the tip that fits best, others that of ``like``.
         """
-        law = "slides" if like is None else like.model.tip_law
-        trial = self._fit(choices, law, like, iterations)
-        if iterations < TO_THE_END or not self.touches:
+        trial = self.fit_like(choices, like, iterations)
+        return trial if iterations < TO_THE_END else self.with_best_law(trial, iterations)
+
+    def fit_like(self, choices: Sequence[Choice], like: Trial | None, iterations: int) -> Trial:
+        """The same with the law of the tip that ``like`` has."""
+        return self._fit(choices, "slides" if like is None else like.model.tip_law, like, iterations)
+
+    def with_best_law(self, trial: Trial, iterations: int) -> Trial:
+        """The trial, or the same under another law of the tip if that fits better."""
+        if not self.touches:
             return trial
-        others = [self._fit(choices, other, trial, iterations) for other in TIP_LAWS if other != law]
+        laws = [law for law in TIP_LAWS if law != trial.model.tip_law]
+        others = [self._fit(trial.model.choices, law, trial, iterations) for law in laws]
         return min([trial, *others], key=lambda t: t.fit.cost)
 
     def _fit(self, choices: Sequence[Choice], law: str, like: Trial | None, iterations: int) -> Trial:

@@ -6,7 +6,6 @@ import numpy as np
 
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.hysteresis import rubbing_force
 from fingerlab.physics.effects.motion import Motion
 
 TURNED_SLIP_STIFFNESS = 12.0
@@ -30,8 +29,7 @@ def _tilt(motion: Motion, shape: Shape) -> list[Term]:
     turned = 2.0 * f.distal_half_length * np.sin(distal)
     pip = pip + force * turned
     mcp = mcp + force * (turned - 2.0 * f.proximal_half_length * np.sin(proximal))
-    normal = np.maximum(force, 0.0)
-    rubbing = rubbing_force(normal, normal, TURNED_SLIP_STIFFNESS)
+    rubbing = motion.slipping(TURNED_SLIP_STIFFNESS)
     return [
         Term(Row.MCP, "tilt", mcp, "joint"),
         Term(Row.PIP, "tilt", pip, "joint"),
