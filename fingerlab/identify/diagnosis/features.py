@@ -47,7 +47,7 @@ TIP_STIFFNESS = 1 / 3e-5
 about one angle step at the tip; assumed."""
 
 
-SLIP_STIFFNESSES = (1.5, 3.0, 6.0, 12.0, 24.0)
+SLIP_STIFFNESSES = (2.0, 6.0, 18.0)
 """Sideways over normal force, and over the friction coefficient, of a tip that sticks while the finger
 presses harder or softer; assumed: the finger's posture and what gives way behind it decide."""
 

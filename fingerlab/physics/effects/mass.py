@@ -8,7 +8,7 @@ from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.motion import Motion
 
-TURNED_SLIP_STIFFNESS = 12.0
+TURNED_SLIP_STIFFNESS = 18.0
 """Sideways over normal force, and over the friction coefficient, of a tip that sticks; assumed."""
 
 
@@ -23,13 +23,12 @@ def _tilt(motion: Motion, shape: Shape) -> list[Term]:
     distal = q.mcp + q.pip - f.wrist_angle
     pip = -f.distal_mass * f.gravity * f.distal_half_length * np.sin(distal)
     mcp = (f.proximal_mass + 2 * f.distal_mass) * f.gravity * f.proximal_half_length * np.sin(proximal) + pip
-    if not shape.get("cell_stays"):
-        return [Term(Row.MCP, "tilt", mcp, "joint"), Term(Row.PIP, "tilt", pip, "joint")]
-    force = np.zeros_like(pip) if motion.force is None else motion.force
-    turned = 2.0 * f.distal_half_length * np.sin(distal)
-    pip = pip + force * turned
-    mcp = mcp + force * (turned - 2.0 * f.proximal_half_length * np.sin(proximal))
-    rubbing = motion.slipping(TURNED_SLIP_STIFFNESS)
+    rubbing = np.zeros_like(pip)
+    if shape.get("cell_stays") and motion.force is not None:
+        turned = 2.0 * f.distal_half_length * np.sin(distal)
+        pip = pip + motion.force * turned
+        mcp = mcp + motion.force * (turned - 2.0 * f.proximal_half_length * np.sin(proximal))
+        rubbing = motion.slipping(TURNED_SLIP_STIFFNESS)
     return [
         Term(Row.MCP, "tilt", mcp, "joint"),
         Term(Row.PIP, "tilt", pip, "joint"),
