@@ -25,8 +25,10 @@ LEAST_SHARE = 0.2
 LEAST_FALL = 0.05
 """... and lower the squared score by this much: below, the misfit is a matter of sensor steps."""
 CONTACT_CHARGE = 0.1
-"""... and by this much more where it acts in contact alone: how a tip rubs and settles is never described to
-the end, and a lean of the force takes up what is left."""
+"""... and by this much more where it explains runs in contact alone: how a tip rubs and settles is never
+described to the end, and a lean of the force takes up what is left."""
+CONTACT_SHARE = 0.6
+"""An effect of whose gain this share lies in contact explains the contact."""
 UNKNOWN_SHARE = 0.65
 """An effect outside the catalogue is thought to explain this share of the misfit."""
 UNKNOWN_LEAST = 0.5
@@ -66,11 +68,14 @@ def freedom(trial: Trial) -> int:
 def charge(base: Trial, trial: Trial) -> float:
     """What is added to a trial's misfit for the unknowns that its last effect brings."""
     earned = EARNED_SHARE * freedom(trial) * max(max(base.misfit, 0.0) - trial.misfit, 0.0)
-    return earned + _contact_charge(trial) * trial.count + max(trial.widening - base.widening, 0.0)
+    return earned + max(trial.widening - base.widening, 0.0)
 
 
-def _contact_charge(trial: Trial) -> float:
-    return CONTACT_CHARGE if trial.model.choices[-1].effect.phases == ("contact",) else 0.0
+def _contact_charge(base: Trial, trial: Trial) -> float:
+    if trial.model.choices[-1].effect.phases == ("contact",):
+        return CONTACT_CHARGE
+    fall, there = base.misfit - trial.misfit, base.misfit_in_contact - trial.misfit_in_contact
+    return CONTACT_CHARGE if fall > 0 and there > CONTACT_SHARE * fall else 0.0
 
 
 def temperature(misfit: float, count: float) -> float:
@@ -88,7 +93,8 @@ def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
     zero, count = max(base.misfit, 0.0), base.count
     charged = np.array([t.misfit + charge(base, t) for t in trials])
     heat = temperature(min((t.misfit for t in trials), default=zero), count)
-    tolerated = zero - max(least_share(base) * zero, LEAST_FALL * count)
+    least = LEAST_FALL + (_contact_charge(base, trials[int(np.argmin(charged))]) if len(trials) else 0.0)
+    tolerated = zero - max(least_share(base) * zero, least * count)
     effects = -0.5 * charged / heat + np.log(PRIOR_EFFECTS / max(len(trials), 1))
     nothing = -0.5 * tolerated / heat + np.log(PRIOR_NOTHING)
     least_unknown = UNKNOWN_LEAST_BEYOND if base.model.choices else UNKNOWN_LEAST
@@ -148,11 +154,15 @@ def least_fall(base: Trial) -> float:
     return max(least_share(base) * max(base.misfit, 0.0), LEAST_FALL * base.count)
 
 
-def justified(base: Trial, trial: Trial) -> bool:
-    """Whether adding the trial's last effect to ``base`` is a step that the held-out runs bear out."""
-    fall = base.misfit - trial.misfit
+def justified(base: Trial, trial: Trial, level: float = 0.0) -> bool:
+    """Whether adding the trial's last effect to ``base`` is a step that the held-out runs bear out.
+
+    ``level`` is added to the trial's misfit where the two are seen under different weights.
+    """
+    fall = base.misfit - trial.misfit - level
     heat = temperature(trial.misfit, trial.count)
-    likely = 0.5 * (fall - charge(base, trial)) / heat > LEAST_LOG_ODDS
-    least = LEAST_FALL + _contact_charge(trial)
+    in_contact = _contact_charge(base, trial)
+    likely = 0.5 * (fall - charge(base, trial) - in_contact * trial.count) / heat > LEAST_LOG_ODDS
+    least = LEAST_FALL + in_contact
     shares = fall > max(least_share(base) * max(base.misfit, 0.0), least * base.count)
     return bool(likely and shares)

@@ -47,6 +47,17 @@ TIP_STIFFNESS = 1 / 3e-5
 about one angle step at the tip; assumed."""
 
 
+SLIP_STIFFNESSES = (2.0, 6.0, 18.0)
+"""Sideways over normal force, and over the friction coefficient, of a tip that sticks while the finger
+presses harder or softer; assumed: the finger's posture and what gives way behind it decide."""
+
+
+SLIPS = tuple(f"lateral_slip_{stiffness:g}" for stiffness in SLIP_STIFFNESSES)
+TIP_LAWS = {"slides": SLIPS, "sticks": ("lateral_constant",)}
+"""What else a tip does, of which a model holds one: slide back and forth, its sideways force following the
+normal one until friction gives way; or stick, and keep what it was set down with."""
+
+
 @dataclass(frozen=True)
 class Feature:
     """A column: the equation it stands in and how its coefficient is made.
@@ -172,23 +183,35 @@ def _tangential_forces(finger: Finger, motion: Motion) -> dict[str, Array]:
     """Shapes of the unknown force along the load cell's face in contact, where the tip sticks and drags.
 
     A share of the normal force (N), a constant that the tip was set down with (times 1 N), a spring on the
-    travel of a tip that sticks (m, times a stiffness), and the friction of one that slides (N).
+    travel of a tip that sticks (m, times a stiffness), and the friction of one that slides (N):
+    by the tip's own travel, which the angle sensors hardly resolve where it turns round, and by the normal
+    force, with which the sideways one changes in proportion until the tip gives way.
     """
     _, q = motion.finger_and_joints
     if motion.force is None:
-        zero = np.zeros_like(motion.time)
-        return dict.fromkeys(("lateral", "lateral_constant", "lateral_spring", "lateral_rub"), zero)
+        return dict.fromkeys(_LATERAL, np.zeros_like(motion.time))
     tip = 2 * finger.proximal_half_length * np.cos(finger.wrist_angle - q.mcp) + 2 * (
         finger.distal_half_length * np.cos(q.mcp + q.pip - finger.wrist_angle)
     )
     touching = _touching(motion.force, finger, q)
-    set_down = float(tip @ touching) / max(float(touching.sum()), 1.0)
-    return {
-        "lateral": motion.force,
-        "lateral_constant": touching,
-        "lateral_spring": touching * (tip - set_down),
-        "lateral_rub": -rubbing_force(tip, np.maximum(motion.force, 0.0), TIP_STIFFNESS),
-    }
+    touched = max(float(touching.sum()), 1.0)
+    set_down = float(tip @ touching) / touched
+    columns = (
+        motion.force,
+        touching * (tip - set_down),
+        -rubbing_force(tip, np.maximum(motion.force, 0.0), TIP_STIFFNESS),
+        *(_about_zero(motion.slipping(k), motion.force) for k in SLIP_STIFFNESSES),
+        touching,
+    )
+    return dict(zip(_LATERAL, columns, strict=True))
+
+
+def _about_zero(values: Array, force: Array) -> Array:
+    """Values less the share of the force, both (n,), that they have on the mean: that is a lean's to tell."""
+    return np.asarray(values - float(values.sum()) / max(float(force.sum()), 1e-3) * force)
+
+
+_LATERAL = ("lateral", "lateral_spring", "lateral_rub", *(name for law in TIP_LAWS.values() for name in law))
 
 
 def _touching(force: Array, finger: Finger, q: nominal.JointMotion) -> Array:
@@ -261,7 +284,11 @@ def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
         ),
         # A pad can only hold the tip back: with either sign, it would pass for a force that leans.
         "lateral_spring": Gain("N/m", 0.0, 4000.0, 1300.0, source="assumed: a tip of rubber"),
-        "lateral_rub": Gain("1", 0.0, 0.8, 0.2, source="assumed: friction coefficient of printed parts"),
+        "lateral_rub": Gain("1", 0.0, 0.4, 0.1, source="assumed: friction coefficient of printed parts"),
+        **dict.fromkeys(
+            SLIPS,
+            Gain("1", -0.25, 0.25, 0.1, source="assumed: friction coefficient of printed parts, either way"),
+        ),
         "delay": Gain("s", -0.001, 0.001, 0.0003),
         "arm_mcp": Gain("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm"),
         "arm_pip": Gain("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm"),

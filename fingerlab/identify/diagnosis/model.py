@@ -11,6 +11,7 @@ import numpy as np
 from fingerlab.identify.diagnosis.features import (
     NO_SHIFT,
     SLOPE,
+    TIP_LAWS,
     Feature,
     Layout,
     shift_weights,
@@ -49,6 +50,7 @@ class Model:
         active: indices of the features that take part, shape (k,).
         slack_free: whether the cable may be slack at no cost.
         delayed: whether the motor's channels may be late by more than a millisecond.
+        tip_law: which of ``features.TIP_LAWS`` it holds.
     """
 
     layout: Layout
@@ -57,6 +59,7 @@ class Model:
     active: Array
     slack_free: bool
     delayed: bool
+    tip_law: str
     index: dict[str, int]
     tables: dict[int, _Table] = field(default_factory=dict)
     scalings: dict[int, tuple[Array, Array, Array]] = field(default_factory=dict)
@@ -220,9 +223,12 @@ def _scaling(feature: Feature, index: Mapping[str, int], cable_sign: int) -> tup
     return index.get(f"{feature.scale}@{routing}", -1), False, float(cable_sign)
 
 
-def build(layout: Layout, groups: Sequence[Group], choices: Sequence[Choice]) -> Model:
-    """The model with the nominal equations, all nuisances, and the chosen effects."""
+def build(
+    layout: Layout, groups: Sequence[Group], choices: Sequence[Choice], tip_law: str = "slides"
+) -> Model:
+    """The model with the nominal equations, all nuisances (one law of the tip), and the chosen effects."""
     unknowns: list[Unknown] = []
+    absent = {name for law, names in TIP_LAWS.items() if law != tip_law for name in names}
     routings = [CABLE_NAMES[s] for s in sorted({g.cable_sign for g in groups}) if s != 0]
     contact = any(g.key[1] == "contact" for g in groups)
     special = {c.effect.special for c in choices}
@@ -232,6 +238,8 @@ def build(layout: Layout, groups: Sequence[Group], choices: Sequence[Choice]) ->
         named["cable_compliance"] = Feature(Row.CABLE, "cable_compliance")
     for name, feature in named.items():
         if name.startswith(("lateral", "force_gain")) and not contact:
+            continue
+        if name in absent:
             continue
         keys = [f"{name}@{r}" for r in routings] if feature.routed else [name]
         unknowns += [Unknown(key, relaxed.get(name, layout.nuisances[name])) for key in keys]
@@ -250,6 +258,7 @@ def build(layout: Layout, groups: Sequence[Group], choices: Sequence[Choice]) ->
         i
         for i in layout.base
         if layout.features[i].row != Row.FORCE
+        and layout.features[i].parameter not in absent
         and (layout.features[i].shift != SLOPE if delayed else layout.features[i].shift in kept)
     ]
     for choice in choices:
@@ -261,5 +270,5 @@ def build(layout: Layout, groups: Sequence[Group], choices: Sequence[Choice]) ->
         active += list(layout.indices(choice.effect.id, choice.shape))
     index = {u.key: i for i, u in enumerate(unknowns)}
     return Model(
-        layout, tuple(choices), tuple(unknowns), np.array(active), "slack" in special, delayed, index
+        layout, tuple(choices), tuple(unknowns), np.array(active), "slack" in special, delayed, tip_law, index
     )

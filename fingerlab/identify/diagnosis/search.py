@@ -87,10 +87,10 @@ def refine(study: Study, trial: Trial) -> Trial:
     while True:
         for i in (best - 1, best, best + 1):
             if 0 <= i < len(last.effect.shapes) and i not in tried:
-                tried[i] = study.fit([*given, Choice(last.effect, i)], trial, FULL_ITERATIONS)
+                tried[i] = study.fit_like([*given, Choice(last.effect, i)], trial, FULL_ITERATIONS)
         found = min(tried, key=lambda i: tried[i].fit.cost)
         if found == best:
-            return tried[best]
+            return study.with_best_law(tried[best], FULL_ITERATIONS)
         best = found
 
 
@@ -159,13 +159,16 @@ def reshape(study: Study, trial: Trial) -> Trial:
 
 
 def worth_adding(study: Study, base: Trial, best: Trial) -> bool:
-    """Whether the step is justified under the weights of either model: it may not earn its own floor."""
-    kept = study.weights
+    """Whether the step is justified with either model seen under its own weights.
+
+    A model may not earn its own floor: what it calls noise has to be paid for in density.
+    """
+    kept, gained = study.weights, study.level(best)
     study.settle(base.model.choices, base, rounds=2)
     before = study.hold_out(study.fit(base.model.choices, base, FULL_ITERATIONS))
-    after = study.hold_out(study.fit(best.model.choices, best, FULL_ITERATIONS))
+    gained -= study.level(before)
     study.weights = kept
-    return justified(before, after)
+    return justified(before, best, gained)
 
 
 def forward(study: Study, first: Evidence, effects: Sequence[Effect], keep: int, watch: Watch) -> list[Trial]:
@@ -173,6 +176,8 @@ def forward(study: Study, first: Evidence, effects: Sequence[Effect], keep: int,
     steps, weights = [first.base], [study.weights]
     evidence = first
     while len(steps) <= LONGEST_PATH and evidence.trials:
+        if evidence.nothing >= float(evidence.probabilities.sum()):
+            break
         best = evidence.trials[int(np.argmax(evidence.probabilities))]
         if not (justified(evidence.base, best) and worth_adding(study, evidence.base, best)):
             break

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
+from fingerlab.identify.diagnosis.features import TIP_LAWS
 from fingerlab.identify.diagnosis.fitting import (
     Data,
     Fit,
@@ -25,6 +26,7 @@ from fingerlab.identify.diagnosis.fitting import (
 )
 from fingerlab.identify.diagnosis.model import Choice, Model, build
 from fingerlab.identify.diagnosis.reduction import Group, GroupKey, Reduced
+from fingerlab.identify.diagnosis.sums import BoolArray
 from fingerlab.physics.effects.base import Row
 from fingerlab.sessions.model import Array
 
@@ -33,6 +35,8 @@ WANDER = 0.05
 TIP_FRICTION_SPREAD = 0.3
 """Share of its friction at the fingertip that a tip which slides holds back or adds at will, one standard
 deviation; assumed. It is as good as noise to all else: only the tip's own law could tell it."""
+TO_THE_END = 8
+"""A fit of so many iterations is meant to end, not to look round."""
 LEAST_TENSION_SPREAD_N = 1e-3
 LEAST_LENGTH_SPREAD_M = 5e-7
 LEAST_TORQUE_SPREAD = 1e-6
@@ -50,6 +54,7 @@ class Trial:
     model: Model
     fit: Fit
     misfits: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (folds, 2); empty: not counted yet
+    touching: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (folds,): in contact
     held_out: bool = False
     residuals: Mapping[GroupKey, Array] = field(default_factory=dict)
     """Mean products of the equations' residuals for each group, (5, 5) over ``Row``, noise included."""
@@ -60,6 +65,11 @@ class Trial:
     def misfit(self) -> float:
         """Chi-square without noise, summed over all runs."""
         return float(self.misfits[:, 0].sum())
+
+    @property
+    def misfit_in_contact(self) -> float:
+        """The same, summed over the runs in contact."""
+        return float(self.misfits[self.touching, 0].sum())
 
     @property
     def count(self) -> float:
@@ -79,7 +89,8 @@ class Study:
     reduced: Reduced
     weights: Weights = field(default_factory=dict)
     arms: dict[str, float] = field(default_factory=dict)
-    models: dict[tuple[tuple[str, int], ...], Model] = field(default_factory=dict)
+    touches: bool = False
+    models: dict[tuple[object, ...], Model] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.arms = starting_arms(self.reduced.layout, self.reduced.groups)
@@ -89,6 +100,7 @@ class Study:
         if not self.weights:
             self.weights = {g.key: _first_weights() for g in self.reduced.groups}
         self.data = Data(self.reduced.groups)
+        self.touches = any(g.key[1] == "contact" for g in self.reduced.groups)
 
     def start_values(self, model: Model, like: Trial | None = None) -> Array:
         """Start of a fit: the values of ``like`` where they are shared, else arms from a regression."""
@@ -102,23 +114,43 @@ class Study:
         return values
 
     def fit(self, choices: Sequence[Choice], like: Trial | None = None, iterations: int = 10) -> Trial:
-        """Fit nominal model, nuisances and ``choices`` to all runs."""
-        model = self.model(choices)
+        """Fit nominal model, nuisances and ``choices`` to all runs.
+
+        A fit to the end takes the law of the tip that fits best, others that of ``like``.
+        """
+        trial = self.fit_like(choices, like, iterations)
+        return trial if iterations < TO_THE_END else self.with_best_law(trial, iterations)
+
+    def fit_like(self, choices: Sequence[Choice], like: Trial | None, iterations: int) -> Trial:
+        """The same with the law of the tip that ``like`` has."""
+        return self._fit(choices, "slides" if like is None else like.model.tip_law, like, iterations)
+
+    def with_best_law(self, trial: Trial, iterations: int) -> Trial:
+        """The trial, or the same under another law of the tip if that fits better."""
+        if not self.touches:
+            return trial
+        laws = [law for law in TIP_LAWS if law != trial.model.tip_law]
+        others = [self._fit(trial.model.choices, law, trial, iterations) for law in laws]
+        return min([trial, *others], key=lambda t: t.fit.cost)
+
+    def _fit(self, choices: Sequence[Choice], law: str, like: Trial | None, iterations: int) -> Trial:
+        model = self.model(choices, law)
         fit = Fitter(model, self.data, self.weights).run(self.start_values(model, like), iterations)
         return Trial(model, fit)
 
-    def model(self, choices: Sequence[Choice]) -> Model:
+    def model(self, choices: Sequence[Choice], law: str = "slides") -> Model:
         """The model with these effects; built once, for most are fitted again under other weights."""
-        key = tuple((c.effect.id, c.shape) for c in choices)
+        key = (law, *((c.effect.id, c.shape) for c in choices))
         if key not in self.models:
-            self.models[key] = build(self.reduced.layout, self.reduced.groups, choices)
+            self.models[key] = build(self.reduced.layout, self.reduced.groups, choices, law)
         return self.models[key]
 
     def count(self, trial: Trial) -> Trial:
         """The trial with its misfit on every group of runs, in sample."""
         fitter = self._fitter(trial)
         misfits = [self._square(fitter, trial.fit.values, i, None) for i in range(len(self.reduced.groups))]
-        return Trial(trial.model, trial.fit, np.array(misfits), widening=fitter.widening)
+        touching = np.array([g.key[1] == "contact" for g in self.reduced.groups])
+        return Trial(trial.model, trial.fit, np.array(misfits), touching, widening=fitter.widening)
 
     def hold_out(self, trial: Trial, residuals: bool = False) -> Trial:
         """The same model with every run scored by a fit that has not seen it.
@@ -139,7 +171,9 @@ class Study:
                         products[group.key] += self._products(trial.model, values, i, k)
         misfits = np.array([scored[g.key, k] for g in self.reduced.groups for k in range(len(g.folds))])
         means = {g.key: products[g.key] / max(g.samples, 1) for g in self.reduced.groups}
-        return Trial(trial.model, trial.fit, misfits, True, means if residuals else {}, fitter.widening)
+        touching = np.array([g.key[1] == "contact" for g in self.reduced.groups for _ in g.folds])
+        kept = means if residuals else {}
+        return Trial(trial.model, trial.fit, misfits, touching, True, kept, fitter.widening)
 
     def _fitter(self, trial: Trial) -> Fitter:
         fitter = Fitter(trial.model, self.data, self.weights)
@@ -158,6 +192,21 @@ class Study:
             trial = self.fit(choices, trial)
         return trial
 
+    def level(self, trial: Trial) -> float:
+        """Twice the negative log density that noise alone has under the present weights, of all values.
+
+        What a misfit lacks for likelihoods under different weights to be comparable: a model that calls more
+        of its residual noise has a smaller misfit, and a lower density everywhere.
+        """
+        result = 0.0
+        for group in self.reduced.groups:
+            exist = np.diag(self.weights[group.key]) > 0
+            weights = self.weights[group.key][np.ix_(exist, exist)]
+            noise = noise_covariance(trial.model, trial.fit.values, group)[np.ix_(exist, exist)]
+            each = float(np.trace(weights @ noise) - np.linalg.slogdet(weights)[1])
+            result += EFFECTIVE_SHARE * group.samples * each
+        return result
+
     def _noise_weights(self, trial: Trial, group: Group) -> Array:
         model, values = trial.model, trial.fit.values
         covariance = noise_covariance(model, values, group)
@@ -167,7 +216,10 @@ class Study:
 
     def _rubbing(self, model: Model, values: Array, group: Group) -> Array:
         """Mean products of what the tip's friction does to the equations, (5, 5)."""
-        mine = [self.reduced.layout.features[i].parameter == "lateral_rub" for i in model.active]
+        mine = [
+            (self.reduced.layout.features[i].parameter or "").startswith(("lateral_rub", "lateral_slip"))
+            for i in model.active
+        ]
         products = group.whole.of(model.pick)
         return row_covariance(model, values, group, products, group.samples, np.array(mine))
 

@@ -68,7 +68,7 @@ def detectable(trial: Trial, effect: Effect, heat: float, slack_samples: int) ->
     spread = deviations(trial, heat)
     gains = {u.key: u.gain for u in trial.model.unknowns}
     ratios = [gains[key].typical / max(spread[key], 1e-300) for key in own_keys(trial, effect).values()]
-    return bool(ratios) and 0.5 * max(ratios) ** 2 > DETECTABLE_LOG_ODDS
+    return bool(ratios) and max(ratios) > (2.0 * DETECTABLE_LOG_ODDS) ** 0.5
 
 
 def quantity(estimate: ParameterEstimate) -> str:

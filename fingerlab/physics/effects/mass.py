@@ -4,18 +4,37 @@ from __future__ import annotations
 
 import numpy as np
 
+from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.motion import Motion
 
+TURNED_SLIP_STIFFNESS = 18.0
+"""Sideways over normal force, and over the friction coefficient, of a tip that sticks; assumed."""
+
 
 def _tilt(motion: Motion, shape: Shape) -> list[Term]:
-    """Derivative of the gravity torques with the wrist angle."""
+    """Derivative of the gravity torques with the wrist angle.
+
+    A load cell that stands on a base of its own (``cell_stays``) then presses from another direction, too:
+    the levers of the contact force turn with the finger (derivative of thesis equation 3.18).
+    """
     f, q = motion.finger_and_joints
     proximal = f.wrist_angle - q.mcp
     distal = q.mcp + q.pip - f.wrist_angle
     pip = -f.distal_mass * f.gravity * f.distal_half_length * np.sin(distal)
     mcp = (f.proximal_mass + 2 * f.distal_mass) * f.gravity * f.proximal_half_length * np.sin(proximal) + pip
-    return [Term(Row.MCP, "tilt", mcp, "joint"), Term(Row.PIP, "tilt", pip, "joint")]
+    rubbing = np.zeros_like(pip)
+    if shape.get("cell_stays") and motion.force is not None:
+        turned = 2.0 * f.distal_half_length * np.sin(distal)
+        pip = pip + motion.force * turned
+        mcp = mcp + motion.force * (turned - 2.0 * f.proximal_half_length * np.sin(proximal))
+        rubbing = motion.slipping(TURNED_SLIP_STIFFNESS)
+    return [
+        Term(Row.MCP, "tilt", mcp, "joint"),
+        Term(Row.PIP, "tilt", pip, "joint"),
+        Term(Row.MCP, "rubbing", rubbing * nominal.contact_lever_mcp(f, q.mcp, q.pip), "joint"),
+        Term(Row.PIP, "rubbing", rubbing * nominal.contact_lever_pip(f, q.mcp, q.pip), "joint"),
+    ]
 
 
 def _point_mass(motion: Motion, shape: Shape) -> list[Term]:
@@ -53,12 +72,20 @@ EFFECTS = (
         id="gravity_tilt",
         title="Tilted base",
         acts_on=("joint_torque",),
-        gains={"tilt": Gain("rad", -0.35, 0.35, 0.1, title="tilt of the base")},
+        gains={
+            "tilt": Gain(
+                "rad", -0.45, 0.45, 0.1, source="assumed: up to 25 degrees", title="tilt of the base"
+            ),
+            "rubbing": Gain(
+                "1", -0.15, 0.15, 0.05, source="assumed: tilt times friction", title="turned friction"
+            ),
+        },
         columns=_tilt,
         coordinate="joint angle",
         equation=Row.MCP,
         explanation="The missing torques are those of gravity from another direction.",
         reveal="slow steps over the whole travel",
+        shapes=({"cell_stays": 0.0}, {"cell_stays": 1.0}),
     ),
     Effect(
         id="added_mass",

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.physics import nominal
+from fingerlab.physics.effects.hysteresis import rubbing_force
 from fingerlab.rig import Finger, Motor
 from fingerlab.sessions.model import Array
 
@@ -70,6 +71,16 @@ class Motion:
     def inertial_pull(self) -> Array:
         """Tension that one kg m^2 on the motor side takes to follow its motion, N."""
         return self.remember("inertial pull", lambda: self.acceleration / self.radius)
+
+    def slipping(self, stiffness: float) -> Array:
+        """Friction (N, for a coefficient of 1) of a tip whose sideways force follows the normal one.
+
+        It takes on ``stiffness`` N a newton of normal force until it slides.
+        """
+        if self.force is None:
+            return self.remember("no slipping", lambda: np.zeros_like(self.time))
+        normal = np.maximum(self.force, 0.0)
+        return self.remember(("slipping", stiffness), lambda: rubbing_force(normal, normal, stiffness))
 
     @property
     def finger_and_joints(self) -> tuple[Finger, nominal.JointMotion]:
