@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fingerlab.identify.diagnosis.features import (
+    FORCE,
     NO_SHIFT,
     SLOPE,
     Feature,
@@ -17,6 +18,7 @@ from fingerlab.identify.diagnosis.features import (
     slope_weights,
 )
 from fingerlab.identify.diagnosis.reduction import Group
+from fingerlab.identify.diagnosis.routing import Tie, tie
 from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Pick
 from fingerlab.physics.effects.base import Effect, Gain, Row
 from fingerlab.sessions.model import Array
@@ -49,6 +51,7 @@ class Model:
         active: indices of the features that take part, shape (k,).
         slack_free: whether the cable may be slack at no cost.
         delayed: whether the motor's channels may be late by more than a millisecond.
+        tie: holds the two cables' moment arms together; None: they are free.
     """
 
     layout: Layout
@@ -58,6 +61,7 @@ class Model:
     slack_free: bool
     delayed: bool
     index: dict[str, int]
+    tie: Tie | None = None
     tables: dict[int, _Table] = field(default_factory=dict)
     scalings: dict[int, tuple[Array, Array, Array]] = field(default_factory=dict)
 
@@ -231,13 +235,15 @@ def build(layout: Layout, groups: Sequence[Group], choices: Sequence[Choice]) ->
     if routings:
         named["cable_compliance"] = Feature(Row.CABLE, "cable_compliance")
     for name, feature in named.items():
-        if name.startswith(("lateral", "force_gain")) and not contact:
+        if name.startswith(("lateral", "force_gain", "tip_")) and not contact:
             continue
         keys = [f"{name}@{r}" for r in routings] if feature.routed else [name]
         unknowns += [Unknown(key, relaxed.get(name, layout.nuisances[name])) for key in keys]
     if routings:
         unknowns += [
-            Unknown(f"{arm}@{r}", layout.nuisances[arm]) for r in routings for arm in ("arm_mcp", "arm_pip")
+            Unknown(f"{arm}@{r}", relaxed.get(f"{arm}@{r}", layout.nuisances[arm]))
+            for r in routings
+            for arm in ("arm_mcp", "arm_pip")
         ]
         for choice in choices:
             if choice.effect.special == "delay":
@@ -249,7 +255,7 @@ def build(layout: Layout, groups: Sequence[Group], choices: Sequence[Choice]) ->
     active = [
         i
         for i in layout.base
-        if layout.features[i].row != Row.FORCE
+        if layout.features[i] != FORCE
         and (layout.features[i].shift != SLOPE if delayed else layout.features[i].shift in kept)
     ]
     for choice in choices:
@@ -260,6 +266,7 @@ def build(layout: Layout, groups: Sequence[Group], choices: Sequence[Choice]) ->
         ]
         active += list(layout.indices(choice.effect.id, choice.shape))
     index = {u.key: i for i, u in enumerate(unknowns)}
+    tied = None if any(name.startswith("arm_") for name in relaxed) else tie(index, layout.arm_spread)
     return Model(
-        layout, tuple(choices), tuple(unknowns), np.array(active), "slack" in special, delayed, index
+        layout, tuple(choices), tuple(unknowns), np.array(active), "slack" in special, delayed, index, tied
     )

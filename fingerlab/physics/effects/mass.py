@@ -6,6 +6,7 @@ import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.motion import Motion
+from fingerlab.physics.effects.tip import tip_reach, while_pressed
 
 
 def _tilt(motion: Motion, shape: Shape) -> list[Term]:
@@ -15,7 +16,13 @@ def _tilt(motion: Motion, shape: Shape) -> list[Term]:
     distal = q.mcp + q.pip - f.wrist_angle
     pip = -f.distal_mass * f.gravity * f.distal_half_length * np.sin(distal)
     mcp = (f.proximal_mass + 2 * f.distal_mass) * f.gravity * f.proximal_half_length * np.sin(proximal) + pip
-    return [Term(Row.MCP, "tilt", mcp, "joint"), Term(Row.PIP, "tilt", pip, "joint")]
+    # The load cell is not on the base: what is level to it, the joint angles tell as sloping.
+    level = while_pressed(motion, -tip_reach(motion))
+    return [
+        Term(Row.MCP, "tilt", mcp, "joint"),
+        Term(Row.PIP, "tilt", pip, "joint"),
+        Term(Row.TIP, "tilt", level),
+    ]
 
 
 def _point_mass(motion: Motion, shape: Shape) -> list[Term]:
