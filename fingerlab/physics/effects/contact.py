@@ -13,8 +13,9 @@ from fingerlab.physics.effects.tip import tip_reach, while_pressed
 from fingerlab.sessions.model import Array
 
 SIDEWAYS_STIFFNESSES = (600.0, 1500.0, 3800.0, 9500.0)
-"""Sideways stiffness over friction coefficient of a tip that gives way, N/m: what is soft to pressing is about
-two thirds as stiff sideways (Mindlin 1949); for 0.2 to 3 mm/N and a friction of 0.1 to 0.5; assumed."""
+"""Sideways stiffness over friction coefficient of a tip that gives way, N/m: what is soft to pressing is two
+thirds to nine tenths as stiff sideways (Mindlin 1949); for a give of 0.2 to 3 mm/N and a friction of 0.1 to 0.5;
+assumed."""
 
 
 def _sideways(motion: Motion, gain: str, force: Array) -> list[Term]:
@@ -88,7 +89,7 @@ EFFECTS = (
         cables=("extension", "flexion"),
         coordinate="tension",
         equation=Row.PIP,
-        explanation="The flexion cable pulls with moment arms that do not go with those of the extension cable.",
+        explanation="The flexion cable's moment arms do not go with those of the extension cable.",
         reveal="free motion with the flexion cable",
     ),
 )
