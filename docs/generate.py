@@ -21,8 +21,18 @@ from fingerlab.acquisition.safety import Limits, limits_table
 from fingerlab.cli.main import COMMANDS, cli
 from fingerlab.identify.diagnosis.features import nuisance_ranges
 from fingerlab.identify.diagnosis.routing import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
-from fingerlab.physics.effects import CATALOGUE, Effect, Gain, cable, contact, drive, elastic, friction
-from fingerlab.physics.effects import mass, sensing
+from fingerlab.physics.effects import (
+    CATALOGUE,
+    Effect,
+    Gain,
+    cable,
+    contact,
+    drive,
+    elastic,
+    friction,
+    mass,
+    sensing,
+)
 from fingerlab.rig_file import default_rig
 
 DOCS = Path(__file__).resolve().parent

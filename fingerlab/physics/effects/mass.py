@@ -16,12 +16,12 @@ def _tilt(motion: Motion, shape: Shape) -> list[Term]:
     distal = q.mcp + q.pip - f.wrist_angle
     pip = -f.distal_mass * f.gravity * f.distal_half_length * np.sin(distal)
     mcp = (f.proximal_mass + 2 * f.distal_mass) * f.gravity * f.proximal_half_length * np.sin(proximal) + pip
-    # The load cell is not on the base: what is level to it, the joint angles tell as sloping.
-    level = while_pressed(motion, -tip_reach(motion))
+    # The load cell may stand on the base or beside it: its face may slope against the base, too.
+    level = while_pressed(motion, tip_reach(motion))
     return [
         Term(Row.MCP, "tilt", mcp, "joint"),
         Term(Row.PIP, "tilt", pip, "joint"),
-        Term(Row.TIP, "tilt", level),
+        Term(Row.TIP, "slope", level),
     ]
 
 
@@ -60,7 +60,10 @@ EFFECTS = (
         id="gravity_tilt",
         title="Tilted base",
         acts_on=("joint_torque",),
-        gains={"tilt": Gain("rad", -0.35, 0.35, 0.1, title="tilt of the base")},
+        gains={
+            "tilt": Gain("rad", -0.35, 0.35, 0.1, title="tilt of the base"),
+            "slope": Gain("1", -0.35, 0.35, 0.1, title="slope of the load cell's face against the base"),
+        },
         columns=_tilt,
         coordinate="joint angle",
         equation=Row.MCP,
