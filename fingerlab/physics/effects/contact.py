@@ -14,7 +14,7 @@ from fingerlab.sessions.model import Array
 
 SIDEWAYS_STIFFNESSES = (600.0, 1500.0, 3800.0, 9500.0)
 """Sideways stiffness over friction coefficient of a tip that gives way, N/m: what is soft to pressing is two
-thirds to nine tenths as stiff sideways (Mindlin 1949); for 0.2 to 3 mm/N and a friction of 0.1 to 0.5; assumed."""
+thirds to nine tenths as stiff sideways (Mindlin 1949); for 0.2 to 3 mm/N, friction 0.1 to 0.5; assumed."""
 
 
 def _sideways(motion: Motion, gain: str, force: Array) -> list[Term]:
