@@ -20,7 +20,19 @@ import click
 from fingerlab.acquisition.safety import Limits, limits_table
 from fingerlab.cli.main import COMMANDS, cli
 from fingerlab.identify.diagnosis.features import nuisance_ranges
-from fingerlab.physics.effects import CATALOGUE, Effect, Gain, cable, drive, elastic, friction, mass, sensing
+from fingerlab.identify.diagnosis.routing import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
+from fingerlab.physics.effects import (
+    CATALOGUE,
+    Effect,
+    Gain,
+    cable,
+    contact,
+    drive,
+    elastic,
+    friction,
+    mass,
+    sensing,
+)
 from fingerlab.report.equation import effect_equations
 from fingerlab.rig_file import CONSTANT_UNITS, default_rig, sources_of
 
@@ -35,7 +47,8 @@ FAMILIES = {
     "Mass and gravity": mass,
     "Cable": cable,
     "Motor and gearbox": drive,
-    "Sensors and contact": sensing,
+    "Sensors": sensing,
+    "Contact": contact,
 }
 ACTS_ON = {
     "joint_torque": "joint torque (MCP and PIP)",
@@ -48,6 +61,7 @@ EQUATIONS = {
     "PIP": "the PIP equation",
     "CABLE": "the cable equation",
     "BENCH": "the motor-bench equation",
+    "TIP": "the equation of the fingertip's depth",
 }
 SPECIAL = {
     "delay": "This one is not a column of the equations: the motor's channels are shifted in the fit.",
@@ -84,9 +98,7 @@ def _index() -> str:
         "look-alikes are written by hand. `fingerlab effects` prints the same list.",
         "",
         "An effect adds a torque τ₁, τ₂ to the joint equations, a length x to the cable equation, or a "
-        "torque τₘ on the motor side; these equations are in [theory](../theory.md). Two ids that the "
-        "simulated rig knows have no effect of their own in a diagnosis: `routing_change`, because every fit "
-        "gives each routing moment arms of its own, and `contact_compliance`.",
+        "torque τₘ on the motor side; these equations are in [theory](../theory.md).",
     ]
     for family, module in FAMILIES.items():
         lines += ["", f"## {family}", "", "| effect | id | changes |", "|---|---|---|"]
@@ -225,7 +237,10 @@ def _nuisances() -> str:
     return (
         "# Unknowns of every model\n\n"
         "What every fit leaves open besides the effects, with the ranges for the default rig. Moment arms, "
-        "losses and cable offset are free for each routing by itself. Constants of the rig have their "
+        "losses and cable offset are free for each routing by itself; but flexion over extension arm must be "
+        f"near {USUAL_RATIOS[0]:g} at the MCP and {USUAL_RATIOS[1]:g} at the PIP joint: both logarithms "
+        f"together within {TOLERANCES:g} times {USUAL_SPREAD:g}, or times the rig file's tolerance "
+        "`moment_arm` (assumed; see `routing_change`). Constants of the rig have their "
         "tolerance as a prior and a hard bound at 2.5 tolerances; their numbers are relative, unit 1.\n\n"
         + gain_table(nuisance_ranges(default_rig()))
         + "\n"

@@ -198,7 +198,9 @@ def test_every_effect_has_an_equation_and_look_alikes_that_exist(generate: Modul
 def test_fingerprints_show_the_course_of_the_effect(pages: dict[str, str]) -> None:
     """Every effect that is a column is drawn; a stiffness is a straight line, Coulomb friction two levels."""
     drawn = {name for name in CATALOGUE if "<svg" in pages[f"catalogue/{name}.md"]}
-    assert set(CATALOGUE) - drawn == {"cable_slack", "cable_stretch", "transport_delay", "contact_angle"}
+    assert set(CATALOGUE) - drawn == {
+        "cable_slack", "cable_stretch", "transport_delay", "contact_compliance", "routing_change",
+    }  # fmt: skip
 
     def course(name: str) -> np.ndarray:
         points = re.search(r'class="course" d="([^"]+)"', pages[f"catalogue/{name}.md"])

@@ -9,6 +9,7 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE, NARROW_RATE_HZ, narrow
 from fingerlab.identify.diagnosis.evidence import Evidence
+from fingerlab.identify.diagnosis.features import FORCE
 from fingerlab.identify.diagnosis.fitting import SLACK_SPREAD_M, noise_covariance
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
 from fingerlab.identify.diagnosis.reduction import Group, GroupKey, Narrow, counted, group_key
@@ -32,8 +33,9 @@ ROW_EQUATIONS = {
     Row.PIP: "pip_torque",
     Row.CABLE: "cable_kinematics",
     Row.BENCH: "motor_torque",
+    Row.TIP: "tip_depth",
 }
-ROW_UNITS = {Row.MCP: "N m", Row.PIP: "N m", Row.CABLE: "m", Row.BENCH: "N m"}
+ROW_UNITS = {Row.MCP: "N m", Row.PIP: "N m", Row.CABLE: "m", Row.BENCH: "N m", Row.TIP: "m"}
 
 
 @dataclass(frozen=True)
@@ -204,8 +206,7 @@ def _comparisons(study: Study, trial: Trial, group: Group, kept: Kept) -> list[C
 
 def _force(study: Study, kept: Kept) -> Array:
     layout = study.reduced.layout
-    index = next(i for i, f in enumerate(layout.features) if f.row == Row.FORCE)
-    return np.asarray(kept.columns[:, layout.signals[index]], dtype=float)
+    return np.asarray(kept.columns[:, layout.signals[layout.features.index(FORCE)]], dtype=float)
 
 
 def _coordinate(effect: Effect, kept: Kept) -> Array | None:
@@ -230,7 +231,7 @@ def _fingerprint(
             continue
         group = groups[kept.key]
         before, after = _residuals(base, group, kept)[row], _residuals(trial, group, kept)[row]
-        scale = 1.0 if row in (Row.CABLE, Row.BENCH) else _arms(base, group)[int(row)]
+        scale = 1.0 if row in (Row.CABLE, Row.BENCH, Row.TIP) else _arms(base, group)[int(row)]
         # Torque of the joint in the direction of its angle, whichever way the cable pulls.
         places.append(where)
         residuals.append(scale * before)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerlab.identify.diagnosis.features import SHIFTS_S
+from fingerlab.identify.diagnosis.features import FORCE, SHIFTS_S
 from fingerlab.identify.diagnosis.fitting import noise_covariance
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
 from fingerlab.identify.diagnosis.reduction import Group
@@ -99,7 +99,7 @@ def _contact(study: Study, group: Group) -> tuple[float, float]:
     """Lever (m) of the force about the PIP joint and the force's variance (N^2); zero without contact."""
     if group.key[1] != "contact":
         return 0.0, 0.0
-    places = [_find(study, row=Row.FORCE)]
+    places = [study.reduced.layout.features.index(FORCE)]
     places += [_find(study, row=Row.PIP, parameter=name) for name in ("force_gain", "loss_pip")]
     products = _products(study, group, places)
     force, torque, one = range(3)

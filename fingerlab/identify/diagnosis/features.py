@@ -16,12 +16,14 @@ from functools import cached_property
 
 import numpy as np
 
+from fingerlab.identify.diagnosis.routing import USUAL_SPREAD
 from fingerlab.identify.diagnosis.sums import IntArray, Pick
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Scale
 from fingerlab.physics.effects.hysteresis import rubbing_force
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.sensing import lateral_levers
+from fingerlab.physics.effects.tip import TOUCHING_FORCE_N, tip_depth, tip_reach, while_pressed
 from fingerlab.rig import Finger, Rig
 from fingerlab.sessions.model import Array
 
@@ -31,10 +33,6 @@ INTERPOLATION_POINTS = 6
 SLOPE = len(SHIFTS_S)
 """Index of a motor channel's time derivative, which replaces the shifts below a delay of 1 ms."""
 NO_SHIFT = SHIFTS_S.index(0.0)
-
-
-TOUCHING_FORCE_N = 0.2
-"""Force from which the tip is held by the load cell, N; assumed: ten times its noise."""
 
 
 LIFTED_M = 1e-4
@@ -78,6 +76,10 @@ class Feature:
     shape: int = 0
 
 
+FORCE = Feature(Row.TIP)
+"""The load cell's reading, N: kept for scale, without a coefficient."""
+
+
 @dataclass(frozen=True)
 class Layout:
     """The features in order, and the plausible range of every unknown of nominal model and nuisances."""
@@ -87,6 +89,7 @@ class Layout:
     effects: tuple[Effect, ...]
     base: IntArray = field(repr=False)  # indices of the features without an owner
     signals: IntArray = field(repr=False)  # (features,): which signal a feature is; some are the same one
+    arm_spread: float = USUAL_SPREAD  # of the ratio of flexion to extension arms
 
     @cached_property
     def _rows(self) -> IntArray:
@@ -169,7 +172,7 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
         (Feature(Row.CABLE, constant=1.0, scale="arm_mcp"), q.mcp),
         (Feature(Row.CABLE, constant=1.0, scale="arm_pip"), q.pip),
         (Feature(Row.CABLE, "offset", routed=True), one),
-        (Feature(Row.FORCE), force),
+        *_tip_columns(motion, force),
     ]
     columns += [
         (Feature(term.row, name, scale="joint"), values * term.values)
@@ -177,6 +180,19 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
         for term in lateral_levers(motion, name)
     ]
     return columns
+
+
+def _tip_columns(motion: Motion, force: Array) -> list[tuple[Feature, Array]]:
+    """The equation of the pressing tip's depth (m): where the face is, its slope and its give; else zero.
+
+    The load cell's reading (N) stands beside them without a coefficient, for scale.
+    """
+    return [
+        (Feature(Row.TIP, constant=-1.0), while_pressed(motion, tip_depth(motion))),
+        (Feature(Row.TIP, "tip_tilt"), while_pressed(motion, tip_reach(motion))),
+        (Feature(Row.TIP, "tip_compliance"), while_pressed(motion, force)),
+        (FORCE, force),
+    ]
 
 
 def _tangential_forces(finger: Finger, motion: Motion) -> dict[str, Array]:
@@ -289,6 +305,8 @@ def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
             SLIPS,
             Gain("1", -0.25, 0.25, 0.1, source="assumed: friction coefficient of printed parts, either way"),
         ),
+        "tip_tilt": Gain("1", -0.15, 0.15, 0.05, source="assumed: a level face, lengths within 2 %"),
+        "tip_compliance": Gain("m/N", 0.0, 1.5e-4, 5e-5, source="assumed: a printed tip on a steel button"),
         "delay": Gain("s", -0.001, 0.001, 0.0003),
         "arm_mcp": Gain("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm"),
         "arm_pip": Gain("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm"),

@@ -226,6 +226,8 @@ class Fitter:
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""
         result = float(np.sum((values - self._mean) ** 2 * self._stiffness))
+        if self.model.tie is not None:
+            result += self.model.tie.cost(values)
         for group, sums in zip(self.data.groups, self.sums, strict=True):
             h = self.model.features(values, group)
             result += float(h @ sums.matrix @ h)
@@ -320,6 +322,9 @@ class Fitter:
         """Half the gradient of the cost, (p,); its Gauss-Newton curvature with noise and without, (p, p)."""
         gradient = self._stiffness * (values - self._mean)
         information = np.diag(self._stiffness)
+        if self.model.tie is not None:
+            pull, hold = self.model.tie.expansion(values)
+            gradient, information = gradient + pull, information + hold
         bend = information
         for group, sums in zip(self.data.groups, self.sums, strict=True):
             h, jacobian = self.model.coefficients(values, group)

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fingerlab.identify.diagnosis.features import (
+    FORCE,
     NO_SHIFT,
     SLOPE,
     TIP_LAWS,
@@ -18,6 +19,7 @@ from fingerlab.identify.diagnosis.features import (
     slope_weights,
 )
 from fingerlab.identify.diagnosis.reduction import Group
+from fingerlab.identify.diagnosis.routing import Tie, tie
 from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Pick
 from fingerlab.physics.effects.base import Effect, Gain, Row
 from fingerlab.sessions.model import Array
@@ -51,6 +53,7 @@ class Model:
         slack_free: whether the cable may be slack at no cost.
         delayed: whether the motor's channels may be late by more than a millisecond.
         tip_law: which of ``features.TIP_LAWS`` it holds.
+        tie: holds the two cables' moment arms together; None: they are free.
     """
 
     layout: Layout
@@ -61,6 +64,7 @@ class Model:
     delayed: bool
     tip_law: str
     index: dict[str, int]
+    tie: Tie | None = None
     tables: dict[int, _Table] = field(default_factory=dict)
     scalings: dict[int, tuple[Array, Array, Array]] = field(default_factory=dict)
 
@@ -237,7 +241,7 @@ def build(
     if routings:
         named["cable_compliance"] = Feature(Row.CABLE, "cable_compliance")
     for name, feature in named.items():
-        if name.startswith(("lateral", "force_gain")) and not contact:
+        if name.startswith(("lateral", "force_gain", "tip_")) and not contact:
             continue
         if name in absent:
             continue
@@ -245,7 +249,9 @@ def build(
         unknowns += [Unknown(key, relaxed.get(name, layout.nuisances[name])) for key in keys]
     if routings:
         unknowns += [
-            Unknown(f"{arm}@{r}", layout.nuisances[arm]) for r in routings for arm in ("arm_mcp", "arm_pip")
+            Unknown(f"{arm}@{r}", relaxed.get(f"{arm}@{r}", layout.nuisances[arm]))
+            for r in routings
+            for arm in ("arm_mcp", "arm_pip")
         ]
         for choice in choices:
             if choice.effect.special == "delay":
@@ -257,7 +263,7 @@ def build(
     active = [
         i
         for i in layout.base
-        if layout.features[i].row != Row.FORCE
+        if layout.features[i] != FORCE
         and layout.features[i].parameter not in absent
         and (layout.features[i].shift != SLOPE if delayed else layout.features[i].shift in kept)
     ]
@@ -269,6 +275,15 @@ def build(
         ]
         active += list(layout.indices(choice.effect.id, choice.shape))
     index = {u.key: i for i, u in enumerate(unknowns)}
+    tied = None if any(name.startswith("arm_") for name in relaxed) else tie(index, layout.arm_spread)
     return Model(
-        layout, tuple(choices), tuple(unknowns), np.array(active), "slack" in special, delayed, tip_law, index
+        layout,
+        tuple(choices),
+        tuple(unknowns),
+        np.array(active),
+        "slack" in special,
+        delayed,
+        tip_law,
+        index,
+        tied,
     )

@@ -35,6 +35,7 @@ from fingerlab.identify.diagnosis.features import (
     nuisance_ranges,
     shifted_columns,
 )
+from fingerlab.identify.diagnosis.routing import spread_of
 from fingerlab.identify.diagnosis.stretches import stretches
 from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Sums, empty, total
 from fingerlab.physics.effects import CATALOGUE
@@ -129,8 +130,9 @@ def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> La
         features.append(feature)
         signals.append(place)
     return Layout(
-        tuple(features), nuisance_ranges(session.rig), tuple(effects), np.arange(base), np.array(signals)
-    )
+        tuple(features), nuisance_ranges(session.rig), tuple(effects), np.arange(base), np.array(signals),
+        spread_of(session.rig),
+    )  # fmt: skip
 
 
 def _columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[tuple[Feature, Array, bool]]:
@@ -253,8 +255,9 @@ def reduce_sessions(
         Cancelled: ``cancelled`` answered True.
     """
     pairs, on_bench = runs_to_analyse(sessions)
-    phases = {run.phase for _, run in pairs}
+    phases, cables = {run.phase for _, run in pairs}, {run.cable for _, run in pairs}
     effects = [e for e in effects if (e.bench or not on_bench) and (not e.phases or phases & set(e.phases))]
+    effects = [e for e in effects if cables >= set(e.cables)]
     totals = Counter(group_key(run) for _, run in pairs)
     seen: Counter[GroupKey] = Counter()
     groups: dict[GroupKey, Group] = {}

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from fingerlab.errors import UserError
-from fingerlab.physics.effects import cable, drive, elastic, friction, mass, own, sensing
+from fingerlab.physics.effects import cable, contact, drive, elastic, friction, mass, own, sensing
 from fingerlab.physics.effects.base import Effect, Gain, Row, Term
 from fingerlab.physics.effects.motion import Motion
 
 CATALOGUE: dict[str, Effect] = {
     effect.id: effect
-    for family in (friction, elastic, mass, cable, drive, sensing)
+    for family in (friction, elastic, mass, cable, drive, sensing, contact)
     for effect in family.EFFECTS
 }
 """Effect by id, in the order of the families."""

@@ -12,6 +12,7 @@ term is a column of the modelled side times an unknown gain:
   One with ``scale="compliance"`` is a tension (N) that the motor gives and the cable never sees; the cable's
   compliance turns it into a length.
 * ``BENCH``: motor torque (N m) of a motor-bench run minus its nominal equation.
+* ``TIP``: depth of the pressing fingertip (m) from the joint angles minus that of the load cell's face.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ class Row(IntEnum):
     PIP = 1
     CABLE = 2
     BENCH = 3
-    FORCE = 4  # the load cell's reading, kept for scale; stands in no equation of its own
+    TIP = 4
 
 
 Scale = Literal["joint", "direct", "arm_mcp", "arm_pip", "compliance"]
@@ -92,6 +93,7 @@ class Effect:
         explanation: one sentence for a person, without numbers.
         reveal: the experiment that shows the effect where these data could not.
         phases: phases of a run in which it can act; empty means all.
+        cables: cables that the recording must hold, each, for it to be judged.
         special: how the fit treats it where it is not a column: "delay" or "slack".
         relaxes: nuisance gains that this effect sets free (it is the same term without the tight prior).
         sticks: whether it may hold any value between its extremes while nothing moves.
@@ -110,6 +112,7 @@ class Effect:
     shapes: Sequence[Shape] = field(default_factory=lambda: ({},))
     shape_units: Mapping[str, str] = field(default_factory=dict)
     phases: tuple[str, ...] = ()
+    cables: tuple[str, ...] = ()
     bench: bool = False
     special: Literal["", "delay", "slack"] = ""
     relaxes: Mapping[str, Gain] = field(default_factory=dict)

@@ -7,6 +7,7 @@ import numpy as np
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.motion import Motion
+from fingerlab.physics.effects.tip import tip_reach, while_pressed
 
 TURNED_SLIP_STIFFNESS = 18.0
 """Sideways over normal force, and over the friction coefficient, of a tip that sticks; assumed."""
@@ -23,15 +24,16 @@ def _tilt(motion: Motion, shape: Shape) -> list[Term]:
     distal = q.mcp + q.pip - f.wrist_angle
     pip = -f.distal_mass * f.gravity * f.distal_half_length * np.sin(distal)
     mcp = (f.proximal_mass + 2 * f.distal_mass) * f.gravity * f.proximal_half_length * np.sin(proximal) + pip
-    rubbing = np.zeros_like(pip)
+    rubbing, level = np.zeros_like(pip), np.zeros_like(pip)
     if shape.get("cell_stays") and motion.force is not None:
         turned = 2.0 * f.distal_half_length * np.sin(distal)
         pip = pip + motion.force * turned
         mcp = mcp + motion.force * (turned - 2.0 * f.proximal_half_length * np.sin(proximal))
-        rubbing = motion.slipping(TURNED_SLIP_STIFFNESS)
+        rubbing, level = motion.slipping(TURNED_SLIP_STIFFNESS), while_pressed(motion, tip_reach(motion))
     return [
         Term(Row.MCP, "tilt", mcp, "joint"),
         Term(Row.PIP, "tilt", pip, "joint"),
+        Term(Row.TIP, "tilt", level),
         Term(Row.MCP, "rubbing", rubbing * nominal.contact_lever_mcp(f, q.mcp, q.pip), "joint"),
         Term(Row.PIP, "rubbing", rubbing * nominal.contact_lever_pip(f, q.mcp, q.pip), "joint"),
     ]

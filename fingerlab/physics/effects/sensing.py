@@ -1,4 +1,4 @@
-"""Sensors that are late, bent or adrift, and contact that is not what the model says."""
+"""Sensors that are late, bent or adrift."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.cable import _no_columns
 from fingerlab.physics.effects.motion import Motion
+from fingerlab.physics.effects.tip import misread_tip
 from fingerlab.sessions.model import Array
 
 
@@ -15,7 +16,7 @@ def _angle_error_terms(motion: Motion, gain: str, mcp: Array, pip: Array) -> lis
     """What an error of the measured angles (rad) does to spring torque and cable length.
 
     The sensor reads too much by the gain times the column: the springs' torque and the cable that the
-    joints call for are then too large by as much.
+    joints call for are then too large by as much, and the tip seems to stand elsewhere.
     """
     f, _ = motion.finger_and_joints
     return [
@@ -23,6 +24,7 @@ def _angle_error_terms(motion: Motion, gain: str, mcp: Array, pip: Array) -> lis
         Term(Row.PIP, f"{gain}_pip", -f.pip_stiffness * pip, "joint"),
         Term(Row.CABLE, f"{gain}_mcp", -mcp, "arm_mcp"),
         Term(Row.CABLE, f"{gain}_pip", -pip, "arm_pip"),
+        *misread_tip(motion, gain, mcp, pip),
     ]
 
 
@@ -116,19 +118,6 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="In contact both joints miss a torque in proportion to the force that was read.",
         reveal="a calibration of the load cell with known weights",
-        phases=("contact",),
-    ),
-    Effect(
-        id="contact_angle",
-        title="Contact force that leans",
-        acts_on=("endpoint_force",),
-        gains={},
-        columns=_no_columns,
-        relaxes={"lateral": Gain("tan", -1.7, 1.7, 0.3, title="tangent of the lean")},
-        coordinate="force",
-        equation=Row.PIP,
-        explanation="In contact both joints miss torques in the proportion of a sideways force.",
-        reveal="free motion with the flexion cable before contact",
         phases=("contact",),
     ),
 )

@@ -44,6 +44,7 @@ class Missing:
     motor_viscous: float = 0.0  # N m s/rad
     let_out: float = 0.0  # m of loose cable for each N that the tension would be negative
     read_share: float = 1.0  # of the contact force that the load cell reads
+    give: float = 5e-5  # m/N by which the fingertip sinks; a printed one hardly does
     strange: float = 0.0  # N m, amplitude of a joint torque that no effect of the catalogue has
 
 
@@ -199,12 +200,32 @@ def contact_run(
 def _press(
     bench: Bench, time: Array, mean: float, swing: float, frequency: float
 ) -> tuple[Array, Array, Array]:
-    """Angles (2, n), tension and normal force, (n,), of a pressing finger; the MCP angle by Newton steps."""
+    """Angles (2, n), tension and normal force, (n,), of a pressing finger; the load cell holds the tip up."""
+    f = bench.finger
+    cycle = np.arange(200) / (200 * frequency)
+    beat = tones(cycle, [(1.0, frequency, 0.4)])[0]
+
+    def sunk(yielding: float) -> float:
+        """Amplitude of the tip's depth, m, where the PIP angle swings by so much, rad."""
+        (q1, q2), _, _ = _posed(bench, cycle, mean, swing, frequency, yielding)
+        first, second = q1 - f.wrist_angle, q1 + q2 - f.wrist_angle
+        depth = 2 * f.proximal_half_length * np.sin(first) + 2 * f.distal_half_length * np.sin(second)
+        return float(2 * np.mean(depth * beat))
+
+    still, moved = sunk(0.0), sunk(1e-3)
+    yielding = 1e-3 * (bench.missing.give * swing - still) / (moved - still)
+    return _posed(bench, time, mean, swing, frequency, yielding)
+
+
+def _posed(
+    bench: Bench, time: Array, mean: float, swing: float, frequency: float, yielding: float
+) -> tuple[Array, Array, Array]:
+    """The same for a PIP angle that swings by ``yielding`` (rad); the MCP angle by Newton steps."""
     a, b = bench.arms[1]
     f = bench.finger
     s0, s1, s2 = tones(time, [(1.0, frequency, 0.4)])
-    force, q2 = mean + swing * s0, 0.34 - 0.002 * s0
-    w2, a2 = -0.002 * s1, -0.002 * s2
+    force, q2 = mean + swing * s0, 0.34 + yielding * s0
+    w2, a2 = yielding * s1, yielding * s2
 
     def balance(q1: Array, w1: Array, a1: Array) -> tuple[Array, Array]:
         """What the MCP equation misses (N m), and the tension that the PIP equation gives (N)."""

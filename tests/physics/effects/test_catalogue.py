@@ -17,11 +17,10 @@ from fingerlab.twin.effect_table import EFFECTS as PLANT_EFFECTS
 
 from .moving import bench, moving
 
-NOT_YET = {"contact_compliance", "routing_change"}
 FAMILIES = {"joint_torque", "cable_kinematics", "motor_torque", "endpoint_force"}
 SI_UNITS = {
-    "1", "tan", "rad", "rad/s", "1/rad", "s", "m/N", "m s/N", "kg", "kg m^2", "N m", "N m/rad", "N m/rad^2",
-    "N m/rad^3", "1/rad^2", "N m s/rad",
+    "1", "tan", "rad", "rad/s", "1/rad", "s", "m", "m/N", "m s/N", "kg", "kg m^2", "N m", "N m/rad",
+    "N m/rad^2", "N m/rad^3", "1/rad^2", "N m s/rad",
 }  # fmt: skip
 OF_FINGER = sorted(CATALOGUE)
 OF_BENCH = sorted(name for name, e in CATALOGUE.items() if e.bench)
@@ -32,13 +31,11 @@ def test_ids_are_those_of_the_contract() -> None:
     if not contract.is_file():
         pytest.skip(f"the contract is not at {contract}")
     ids = re.findall(r"^\| ([a-z_]+) \|", contract.read_text(encoding="utf-8"), re.MULTILINE)
-    assert set(CATALOGUE) <= set(ids)
-    assert set(ids) - {"id"} - set(CATALOGUE) <= NOT_YET
+    assert set(CATALOGUE) == set(ids) - {"id"}
 
 
 def test_ids_are_those_of_the_simulated_bench() -> None:
-    assert set(CATALOGUE) <= set(PLANT_EFFECTS)
-    assert set(PLANT_EFFECTS) - set(CATALOGUE) <= NOT_YET
+    assert set(CATALOGUE) == set(PLANT_EFFECTS)
 
 
 def test_an_unknown_effect_is_told_with_the_known_ones() -> None:
@@ -57,7 +54,7 @@ def test_every_effect_says_what_a_person_needs(name: str) -> None:
     assert not re.search(r"\d", one.explanation.replace("I2", "")), "numbers are added from the data"
     assert len(one.reveal) > 15
     assert one.coordinate in COORDINATE_UNITS
-    assert one.equation in (Row.MCP, Row.PIP, Row.CABLE)
+    assert one.equation in (Row.MCP, Row.PIP, Row.CABLE, Row.TIP)
 
 
 @pytest.mark.parametrize("name", OF_FINGER)
@@ -94,7 +91,7 @@ def test_columns_use_the_declared_gains_and_are_finite(name: str, force: float |
         for term in terms:
             assert term.values.shape == motion.time.shape
             assert np.isfinite(term.values).all()
-            assert term.row in (Row.MCP, Row.PIP, Row.CABLE)
+            assert term.row in (Row.MCP, Row.PIP, Row.CABLE, Row.TIP)
 
 
 @pytest.mark.parametrize("name", OF_BENCH)
@@ -113,9 +110,11 @@ def test_the_equations_changed_are_the_equations_named(name: str) -> None:
     terms = [t for shape in one.shapes for t in one.columns(moving(force=1.0), shape)]
     joint = any(t.scale == "joint" for t in terms)
     cable = any(t.row == Row.CABLE and t.scale != "compliance" for t in terms)
+    tip = any(t.row == Row.TIP for t in terms)
     drive = any(t.row in (Row.MCP, Row.PIP) and t.scale == "direct" for t in terms)
     if joint and one.acts_on != ("endpoint_force",):
         assert "joint_torque" in one.acts_on
+    assert not tip or joint or "endpoint_force" in one.acts_on
     if cable:
         assert "cable_kinematics" in one.acts_on
     if drive:
