@@ -29,7 +29,7 @@ from fingerlab.identify.diagnosis.imagined import (
 )
 from fingerlab.identify.diagnosis.model import Choice, Model, build
 from fingerlab.identify.diagnosis.reduction import Group, layout_of, narrow_columns
-from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.study import WANDER, Study, Trial
 from fingerlab.identify.diagnosis.sums import Sums
 from fingerlab.physics.effects.base import Effect
 from fingerlab.physics.effects.motion import Motion
@@ -192,6 +192,8 @@ def _separation(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: f
     right = build(run.layout, [run.group], _choices(truth, run))
     wrong = build(run.layout, [run.group], _choices(rival, run))
     told, slopes = wrong.coefficients(_values(wrong, rival), run.group)
+    wander = _wander(wrong, told)
+    slopes = np.concatenate((slopes, wander), axis=1)
     every = np.union1d(right.active, wrong.active)
     gap, reach = np.zeros(len(every)), np.zeros((len(every), slopes.shape[1]))
     gap[np.searchsorted(every, right.active)] = right.features(_values(right, truth), run.group)
@@ -201,11 +203,22 @@ def _separation(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: f
     share = EFFECTIVE_SHARE / heat
     products = run.sums.of(pick) * feature_weights(_weights(study, run.motion), pick.rows) * share
     pull = gap @ products @ reach
-    known = reach.T @ products @ reach + _known(wrong, rival, heat)
+    known = reach.T @ products @ reach
+    old = len(wrong.unknowns)
+    known[:old, :old] += _known(wrong, rival, heat)
+    known[old:, old:] += np.eye(wander.shape[1]) / WANDER**2
     scale = 1.0 / np.sqrt(np.maximum(np.diag(known), 1e-300))
     system = known * np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
     taken = float((pull * scale) @ np.linalg.solve(system, pull * scale))
     return 0.5 * (float(gap @ products @ gap) - taken)
+
+
+def _wander(model: Model, told: Array) -> Array:
+    """What a run's own friction may add to the features, (k, gains): as it differs from run to run."""
+    owners = [model.layout.features[i] for i in model.active]
+    gains = [(c.effect.id, name) for c in model.choices if c.effect.wanders for name in c.effect.gains]
+    parts = [np.where([(f.owner, f.parameter) == gain for f in owners], told, 0.0) for gain in gains]
+    return np.stack(parts, axis=1) if parts else np.zeros((len(told), 0))
 
 
 def _held(trials: Sequence[Trial], motion: Motion) -> list[Effect]:

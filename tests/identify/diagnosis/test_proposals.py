@@ -210,9 +210,16 @@ def test_a_separation_is_what_the_rival_leaves_of_every_sample(
 
     gap = residuals(truth)[0] - residuals(rival)[0]
     reach = residuals(rival)[1]
+    # One more unknown: Coulomb friction of this run alone, which is known to 5 % of the common value.
+    model = build(run.layout, [group], rival.model.choices)
+    common = _values(model, rival)
+    gains = [model.index[f"coulomb_friction.{name}"] for name in rival.model.choices[-1].effect.gains]
+    reach = np.concatenate((reach, reach[:, gains] * common[gains]), axis=1)
     known = _known(build(run.layout, [group], rival.model.choices), rival, HEAT)
     size, ways = np.linalg.eigh(known)
-    prior = np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T
+    prior = np.zeros((len(size) + len(gains), len(size) + len(gains)))
+    prior[: len(size), : len(size)] = np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T
+    prior[len(size) :, len(size) :] = np.eye(len(gains)) / 0.05
     stacked = np.concatenate((reach, prior))
     scale = np.linalg.norm(stacked, axis=0)
     wanted = np.concatenate((gap, np.zeros(len(prior))))
