@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
+from fingerlab.cli.proposals import TRAJECTORY_HELP, single_plan
 from fingerlab.errors import UserError
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ PROTOCOL_NAMES = ("on-air", "contact", "motor-bench", "thesis", "rich")
     "--seed", type=click.IntRange(min=0), help="Same seed, same bench, same noise. Random by default."
 )
 @click.option("--preset", default="practice", show_default=True, help="practice, as-built, or a TOML file.")
-@click.option("--trajectory", metavar="JSON", help="Take one run with this trajectory instead of a protocol.")
+@click.option("--trajectory", metavar="FILE|JSON", help=TRAJECTORY_HELP)
 @click.option("--phase", help="Phase of that run: on_air, contact, motor_bench or free.")
 @click.option("--cable", type=click.Choice(["extension", "flexion", "none"]), help="Cable of that run.")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Session file to write.")
@@ -105,7 +106,7 @@ def reveal(session: Path, json_target: str | None) -> None:
 def _plans(
     protocol: str | None, trajectory: str | None, phase: str | None, cable: str | None, amplitude: float
 ) -> tuple[str, list[RunPlan]]:
-    from fingerlab.twin.protocols import PROTOCOLS, single_run
+    from fingerlab.twin.protocols import PROTOCOLS
 
     if (protocol is None) == (trajectory is None):
         raise UserError(
@@ -115,7 +116,4 @@ def _plans(
         if phase or cable:
             raise UserError(f"--phase and --cable go with --trajectory; the protocol {protocol} has its own.")
         return protocol, PROTOCOLS[protocol](amplitude)
-    if phase is None:
-        raise UserError("--trajectory needs --phase: on_air, contact, motor_bench or free.")
-    text: Any = trajectory
-    return "single", [single_run(text, phase, cable)]
+    return "single", [single_plan(str(trajectory), phase, cable)]

@@ -1,30 +1,32 @@
 """Motion that a run would show, as far as the fitted model can tell before it is taken.
 
-The finger is taken as quasi-static: at each moment springs, gravity and cable are in balance. That is
-enough to know where a column of an effect is large, and costs milliseconds.
+A free finger is taken as quasi-static: at each moment springs, gravity and cable are in balance. A pressing
+one is taken to move as it was seen to move when it pressed. That is enough to know where a column of an
+effect is large, and costs milliseconds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.identify.diagnosis.bandwidth import WIDE_RATE_HZ
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
-from fingerlab.identify.diagnosis.stretches import SETTLING_S
+from fingerlab.identify.diagnosis.stretches import SETTLING_S, stretches
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig import Finger, Rig
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, Session
 
 DURATION_S = 20.0
 BALANCE_STEPS = 12
 BALANCED_RAD = 1e-6
-STIFFEST_COMPLIANCE = 5e-6
-"""Cable compliance that is assumed at least, m/N: a contact run would else be infinitely stiff."""
+LEAST_PULL_N, MOST_PULL_N = 0.1, 60.0
+"""A run is proposed where the cable pulls between these, N; assumed: it neither hangs loose nor hurts."""
 
 
 def commanded(trajectory: Mapping[str, object]) -> tuple[Array, Array]:
@@ -48,38 +50,100 @@ def bench_motion(rig: Rig, trajectory: Mapping[str, object], load: float) -> Mot
 
 
 def finger_motion(
-    rig: Rig,
-    cable_sign: int,
-    trajectory: Mapping[str, object],
-    values: Mapping[str, float],
-    touching_from: float | None,
+    rig: Rig, cable_sign: int, trajectory: Mapping[str, object], values: Mapping[str, float]
 ) -> Motion | None:
-    """Finger on a cable, free, or pressing from the MCP angle ``touching_from`` (rad); None: it goes slack.
+    """Free finger on a cable; None: the cable would hang loose, or pull too hard.
 
     ``values`` are the fitted unknowns by key.
     """
-    finger, motor = rig.finger, rig.motor
-    if finger is None or motor.pulley_radius is None:
+    finger, radius = rig.finger, rig.motor.pulley_radius
+    if finger is None or radius is None:
         return None
     time, position = commanded(trajectory)
     routing = CABLE_NAMES[cable_sign]
     a, b = values[f"arm_mcp@{routing}"], values[f"arm_pip@{routing}"]
-    wound = motor.pulley_radius * position - values.get(f"offset@{routing}", 0.0)
+    wound = radius * position - values.get(f"offset@{routing}", 0.0)
     mcp, pip, pull = _balance(finger, cable_sign, a, b, wound)
-    force = None
-    if touching_from is not None:
-        mcp, pip, pull, force = _pressing(
-            finger, cable_sign, (a, b), wound, (mcp, pip, pull), touching_from, values
-        )
-    if np.min(pull) < 0.1 or np.max(pull) > 60.0:
+    if np.min(pull) < LEAST_PULL_N or np.max(pull) > MOST_PULL_N:
         return None
+    return _motion(rig, cable_sign, time, position, pull, (mcp, pip), None)
+
+
+@dataclass(frozen=True)
+class Press:
+    """How a finger was seen to press in a contact run: means, and changes with the motor's angle.
+
+    Attributes:
+        commanded_deg: amplitude that the motor was told, degrees at the pulley.
+        follows: share of it by which the motor moved: against a load cell its loop gives way.
+        mean: motor (rad), cable tension (N), force (N), MCP and PIP (rad); (5,).
+        slopes: change of the last four for each rad of the motor, (4,).
+    """
+
+    commanded_deg: float
+    follows: float
+    mean: Array
+    slopes: Array
+
+
+def seen_press(sessions: Sequence[Session]) -> Press | None:
+    """How the finger pressed in the first contact run that moved; None where there is none."""
+    for session in sessions:
+        for run in session.runs:
+            told = run.trajectory.get("amplitude_deg")
+            if run.phase != "contact" or not isinstance(told, int | float) or told <= 0:
+                continue
+            press = _press(next(iter(stretches(run, session.rig))), float(told))
+            if press is not None:
+                return press
+    return None
+
+
+def _press(motion: Motion, told: float) -> Press | None:
+    joints, force, inertia = motion.joints, motion.force, motion.motor.inertia or 0.0
+    if joints is None or force is None:
+        return None
+    pull = motion.tension - inertia * motion.inertial_pull
+    seen = np.stack((motion.position, pull, force, joints.mcp, joints.pip))[:, motion.lead :]
+    mean = seen.mean(axis=1)
+    around = seen - mean[:, None]
+    square = float(around[0] @ around[0])
+    if square <= 0:
+        return None
+    reach = float(np.quantile(np.abs(around[0]), 0.98))
+    return Press(told, reach / np.radians(told), mean, around[1:] @ around[0] / square)
+
+
+def pressing_motion(
+    rig: Rig, cable_sign: int, trajectory: Mapping[str, object], press: Press
+) -> Motion | None:
+    """Finger that presses about where it was seen to; None: its cable would hang loose.
+
+    The trajectory needs no offset: the operator's approach finds it.
+    """
+    time, about = commanded({**trajectory, "offset_deg": 0.0})
+    about = press.follows * about
+    pull, force, mcp, pip = press.mean[1:, None] + press.slopes[:, None] * about
+    if np.min(pull) < LEAST_PULL_N:
+        return None
+    return _motion(rig, cable_sign, time, press.mean[0] + about, pull, (mcp, pip), np.maximum(force, 0.0))
+
+
+def _motion(
+    rig: Rig,
+    cable_sign: int,
+    time: Array,
+    position: Array,
+    pull: Array,
+    angles: tuple[Array, Array],
+    force: Array | None,
+) -> Motion:
     velocity, acceleration = _derivatives(position)
-    joints = JointMotion(mcp, pip, *_pairwise(mcp, pip))
-    torque = motor.pulley_radius * pull + (motor.inertia or 0.0) * acceleration
+    torque = (rig.motor.pulley_radius or 1.0) * pull + (rig.motor.inertia or 0.0) * acceleration
     return Motion(
         phase="on_air" if force is None else "contact", cable_sign=cable_sign, sample_rate_hz=WIDE_RATE_HZ,
         time=time, position=position, velocity=velocity, acceleration=acceleration, torque=torque,
-        motor=motor, finger=finger, joints=joints, force=force,
+        motor=rig.motor, finger=rig.finger, joints=JointMotion(*angles, *_pairwise(*angles)), force=force,
     )  # fmt: skip
 
 
@@ -111,26 +175,3 @@ def _balance(finger: Finger, sign: int, a: float, b: float, wound: Array) -> tup
         if np.max(np.abs(mcp - before)) < BALANCED_RAD:
             break
     return mcp, pip, pull
-
-
-def _pressing(
-    finger: Finger,
-    sign: int,
-    arms: tuple[float, float],
-    wound: Array,
-    free: tuple[Array, Array, Array],
-    touching_from: float,
-    values: Mapping[str, float],
-) -> tuple[Array, Array, Array, Array]:
-    """Beyond the touching angle the joints stand still, and more cable becomes tension and force."""
-    mcp, pip, pull = free
-    touching = sign * mcp > sign * touching_from
-    if not touching.any():
-        return mcp, pip, pull, np.zeros_like(wound)
-    first = int(np.argmax(touching))
-    compliance = max(values.get("cable_compliance", 0.0), STIFFEST_COMPLIANCE)
-    extra = np.where(touching, np.maximum(wound - wound[first], 0.0) / compliance, 0.0)
-    mcp, pip = np.where(touching, mcp[first], mcp), np.where(touching, pip[first], pip)
-    pull = np.where(touching, pull[first], pull) + extra
-    force = np.where(touching, sign * arms[1] * extra / nominal.contact_lever_pip(finger, mcp, pip), 0.0)
-    return mcp, pip, pull, force

@@ -1,8 +1,10 @@
-"""The run that would best separate the two effects that these data leave closest.
+"""The run that would best separate the effects that these data leave closest.
 
 Predicted separation: if the first effect were true, what would the second leave unexplained in the new run,
-whatever its unknowns, given what the old runs say of them? Half that, whitened and in independent values, is
-the expected gain in log evidence (Hunter and Reiner, "Designs for discriminating between two rival models",
+wherever its unknowns go, given what the old runs say of them? Each model predicts the equations of the new
+run with the values that the old runs gave it; what the two predictions differ by, less what the second can
+take up at a price that the old runs set, is whitened, and half its square in independent values is the
+expected gain in log evidence (Hunter and Reiner, "Designs for discriminating between two rival models",
 1965).
 """
 
@@ -18,18 +20,29 @@ from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
 from fingerlab.identify.diagnosis.evidence import Evidence
 from fingerlab.identify.diagnosis.features import Layout
 from fingerlab.identify.diagnosis.fitting import feature_weights
-from fingerlab.identify.diagnosis.imagined import bench_motion, finger_motion
+from fingerlab.identify.diagnosis.imagined import (
+    Press,
+    bench_motion,
+    finger_motion,
+    pressing_motion,
+    seen_press,
+)
 from fingerlab.identify.diagnosis.model import Choice, Model, build
 from fingerlab.identify.diagnosis.reduction import Group, layout_of, narrow_columns
-from fingerlab.identify.diagnosis.study import Study, Trial
-from fingerlab.identify.diagnosis.sums import Pick, Sums
-from fingerlab.physics.effects.base import Effect, Row
+from fingerlab.identify.diagnosis.study import WANDER, Study, Trial
+from fingerlab.identify.diagnosis.sums import Sums
+from fingerlab.physics.effects.base import Effect
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.rig import Rig
 from fingerlab.sessions.model import Array, Session
 
-BENCH_LOAD_NM = 0.1
+BENCH_LOADS_NM = (0.0, 0.05, 0.1)
+"""Known loads that a motor bench is proposed with, N m; assumed."""
 WEAK_PRIOR = 1e-4
+RIVALS = 4
+"""So many effects of the set are separated from its first by one run; more are rarely left."""
+DECISIVE = 10.0
+"""A separation beyond this (nats) is worth no more: the effect is out of the set."""
 
 
 @dataclass(frozen=True)
@@ -45,67 +58,117 @@ class Proposal:
 def propose(
     sessions: Sequence[Session], study: Study, evidence: Evidence, chosen: Sequence[int]
 ) -> dict[str, Any] | None:
-    """The proposed run as in ``cli.md``; None where nothing needs to be separated or nothing would."""
+    """The proposed run as in ``cli.md``; None where nothing needs to be separated or nothing would.
+
+    The run that takes most of the set away from its first member is proposed; it is said for the rival that
+    comes off worst.
+    """
     if len(chosen) < 2:
         return None
-    first, second = evidence.trials[chosen[0]], evidence.trials[chosen[1]]
-    best: tuple[float, Proposal] | None = None
-    for proposal in _menu(sessions[0].rig, study, first):
-        imagined = _imagine(sessions[0], proposal.motion, _held(first, second, proposal.motion))
-        gains = [
-            _separation(study, imagined, truth, rival, evidence.temperature)
-            for truth, rival in ((first, second), (second, first))
-        ]
-        # On the bench, one of the two may not act at all: what the other shows there is the separation.
-        gain = max(gains) if proposal.phase == "motor_bench" else min(gains)
-        if best is None or gain > best[0]:
-            best = (gain, proposal)
-    if best is None or best[0] <= 0:
+    first, *rivals = [evidence.trials[i] for i in chosen[: 1 + RIVALS]]
+    best: tuple[tuple[float, float], Proposal, Trial, float] | None = None
+    for proposal in _menu(sessions, study, first):
+        imagined = _imagine(sessions[0], proposal.motion, _held([first, *rivals], proposal.motion))
+        gains = [_both_ways(study, imagined, first, rival, evidence.temperature) for rival in rivals]
+        worth = (sum(min(g, DECISIVE) for g in gains), min(gains))
+        if best is None or worth > best[0]:
+            worst = int(np.argmin(gains))
+            best = (worth, proposal, rivals[worst], gains[worst])
+    if best is None or best[3] <= 0:
         return None
-    gain, proposal = best
+    _, proposal, rival, gain = best
     return {
         "trajectory": dict(proposal.trajectory),
         "phase": proposal.phase,
         "cable": proposal.cable,
-        "separates": [t.model.choices[-1].effect.id for t in (first, second)],
+        "separates": [t.model.choices[-1].effect.id for t in (first, rival)],
         "expected_separation": float(gain),
     }
 
 
-def _menu(rig: Rig, study: Study, trial: Trial) -> Iterator[Proposal]:
-    """Runs that the rig can do: free ones on each known routing, pressing ones, and the motor alone."""
+def _both_ways(study: Study, run: Imagined, first: Trial, second: Trial, heat: float) -> float:
+    """The lesser gain, whichever of the two is true."""
+    return min(
+        _separation(study, run, first, second, heat),
+        _separation(study, run, second, first, heat),
+    )
+
+
+def _wave(kind: str, frequency: float, amplitude: float, **more: float) -> dict[str, Any]:
+    return {"kind": kind, "frequency_hz": frequency, "amplitude_deg": amplitude, **more}
+
+
+FREE = (
+    ("sine", 0.2, 1.0), ("sine", 0.5, 0.3), ("sine", 1.0, 0.25), ("sine", 2.0, 0.9), ("sine", 3.0, 0.5),
+    ("chirp", 0.3, 0.8), ("steps", 0.4, 1.0), ("ramp_hold", 0.2, 1.0), ("multisine", 1.0, 1.0),
+)  # fmt: skip
+"""Kind, frequency (Hz) and share of the amplitude of the free runs on the menu."""
+FREE_ROOM = {-1: (14.0, 22.0), 1: (9.0, 15.0)}
+"""Amplitude and offset of free runs, degrees at the pulley, by cable, where none were recorded: those of the
+rich protocol."""
+PRESSED = (
+    ("sine", 0.25, 1.0),
+    ("sine", 1.0, 0.5),
+    ("sine", 2.5, 0.8),
+    ("steps", 0.5, 1.0),
+    ("chirp", 0.3, 0.8),
+)
+"""The same for pressing runs; the amplitude is a share of the one that was recorded."""
+
+
+BENCH = (("sine", 0.5, 30.0), ("sine", 2.0, 20.0), ("ramp_hold", 0.2, 60.0))
+"""The motor alone: kind, frequency (Hz), amplitude (degrees at the pulley)."""
+
+
+def _menu(sessions: Sequence[Session], study: Study, trial: Trial) -> Iterator[Proposal]:
+    """Runs that the rig can do: free ones on each known routing and pressing ones; or the motor alone.
+
+    Runs of the motor alone are proposed beside their like only: with a finger's runs they are not compared.
+    """
+    rig = sessions[0].rig
+    if study.reduced.on_bench:
+        yield from _bench_menu(rig)
+        return
     values = dict(zip((u.key for u in trial.model.unknowns), map(float, trial.fit.values), strict=True))
-    free = [
-        {"kind": "sine", "frequency_hz": 0.2, "amplitude_deg": 12.0, "offset_deg": 20.0},
-        {"kind": "sine", "frequency_hz": 2.0, "amplitude_deg": 12.0, "offset_deg": 22.0},
-        {"kind": "sine", "frequency_hz": 1.0, "amplitude_deg": 3.0, "offset_deg": 22.0},
-        {
-            "kind": "chirp",
-            "frequency_hz": 0.3,
-            "end_frequency_hz": 4.0,
-            "amplitude_deg": 10.0,
-            "offset_deg": 22.0,
-        },
-        {"kind": "steps", "frequency_hz": 0.4, "amplitude_deg": 14.0, "offset_deg": 22.0},
-        {"kind": "multisine", "frequency_hz": 1.0, "amplitude_deg": 13.0, "offset_deg": 22.0},
-    ]
     signs = sorted({g.cable_sign for g in study.reduced.groups if g.cable_sign})
     for sign in signs:
-        for trajectory in free:
-            motion = finger_motion(rig, sign, trajectory, values, None)
+        amplitude, offset = _room(sessions, sign)
+        for kind, frequency, share in FREE:
+            trajectory = _wave(kind, frequency, round(amplitude * share, 2), offset_deg=offset)
+            motion = finger_motion(rig, sign, trajectory, values)
             if motion is not None:
                 yield Proposal("on_air", {1: "flexion", -1: "extension"}[sign], trajectory, motion)
-    if 1 in signs:
-        for trajectory in (
-            {"kind": "sine", "frequency_hz": 0.5, "amplitude_deg": 2.0, "offset_deg": 24.0},
-            {"kind": "steps", "frequency_hz": 0.5, "amplitude_deg": 2.0, "offset_deg": 24.0},
-        ):
-            motion = finger_motion(rig, 1, trajectory, values, np.radians(20.0))
-            if motion is not None:
-                yield Proposal("contact", "flexion", trajectory, motion)
-    for trajectory in ({"kind": "sine", "frequency_hz": 0.5, "amplitude_deg": 30.0, "offset_deg": 30.0},):
-        loaded = {**trajectory, "load_torque": BENCH_LOAD_NM}
-        yield Proposal("motor_bench", "none", loaded, bench_motion(rig, trajectory, BENCH_LOAD_NM))
+    press = seen_press(sessions)
+    if press is not None and 1 in signs:
+        yield from _pressing_menu(rig, press)
+
+
+def _room(sessions: Sequence[Session], sign: int) -> tuple[float, float]:
+    """Amplitude and offset, degrees at the pulley, of the widest free run on a cable."""
+    seen = [
+        (float(amplitude), float(run.trajectory.get("offset_deg", 0.0)))
+        for session in sessions
+        for run in session.runs
+        if run.cable_sign == sign and run.phase == "on_air"
+        and isinstance(amplitude := run.trajectory.get("amplitude_deg"), int | float)
+    ]  # fmt: skip
+    return max(seen, default=FREE_ROOM[sign])
+
+
+def _pressing_menu(rig: Rig, press: Press) -> Iterator[Proposal]:
+    for kind, frequency, share in PRESSED:
+        trajectory = _wave(kind, frequency, round(share * press.commanded_deg, 2))
+        motion = pressing_motion(rig, 1, trajectory, press)
+        if motion is not None:
+            yield Proposal("contact", "flexion", trajectory, motion)
+
+
+def _bench_menu(rig: Rig) -> Iterator[Proposal]:
+    for load in BENCH_LOADS_NM:
+        for kind, frequency, amplitude in BENCH:
+            trajectory = _wave(kind, frequency, amplitude, offset_deg=amplitude + 5.0)
+            loaded = {**trajectory, "load_torque": load} if load else trajectory
+            yield Proposal("motor_bench", "none", loaded, bench_motion(rig, trajectory, load))
 
 
 @dataclass(frozen=True)
@@ -126,24 +189,42 @@ def _imagine(session: Session, motion: Motion, effects: Sequence[Effect]) -> Ima
 
 def _separation(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) -> float:
     """Expected gain in log evidence of ``truth`` over ``rival`` from one more run."""
-    weights = _weights(study, run.motion)
-    added, missing = _added(build(run.layout, [run.group], _choices(truth, run)), truth, run)
-    model = build(run.layout, [run.group], _choices(rival, run))
-    _, slopes = model.coefficients(_values(model, rival), run.group)
+    right = build(run.layout, [run.group], _choices(truth, run))
+    wrong = build(run.layout, [run.group], _choices(rival, run))
+    told, slopes = wrong.coefficients(_values(wrong, rival), run.group)
+    wander = _wander(wrong, told)
+    slopes = np.concatenate((slopes, wander), axis=1)
+    every = np.union1d(right.active, wrong.active)
+    gap, reach = np.zeros(len(every)), np.zeros((len(every), slopes.shape[1]))
+    gap[np.searchsorted(every, right.active)] = right.features(_values(right, truth), run.group)
+    gap[np.searchsorted(every, wrong.active)] -= told
+    reach[np.searchsorted(every, wrong.active)] = slopes
+    pick = run.layout.every[every]
     share = EFFECTIVE_SHARE / heat
-    product = slopes.T @ (run.sums.of(model.pick) * feature_weights(weights, model.rows)) @ slopes * share
-    pull = run.sums.across(missing[None], added, weights, model.pick)[0] @ slopes * share
-    whole = float(missing @ (run.sums.of(added) * feature_weights(weights, added.rows)) @ missing) * share
-    known = _known(model, rival, heat)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(product + known), 1e-300))
-    system = (product + known) * np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
-    return 0.5 * (whole - float((pull * scale) @ np.linalg.solve(system, pull * scale)))
+    products = run.sums.of(pick) * feature_weights(_weights(study, run.motion), pick.rows) * share
+    pull = gap @ products @ reach
+    known = reach.T @ products @ reach
+    old = len(wrong.unknowns)
+    known[:old, :old] += _known(wrong, rival, heat)
+    known[old:, old:] += np.eye(wander.shape[1]) / WANDER**2
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(known), 1e-300))
+    system = known * np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
+    taken = float((pull * scale) @ np.linalg.solve(system, pull * scale))
+    return 0.5 * (float(gap @ products @ gap) - taken)
 
 
-def _held(truth: Trial, rival: Trial, motion: Motion) -> list[Effect]:
-    """Effects of both models, each once, that act in such a run."""
-    both = {c.effect.id: c.effect for c in (*truth.model.choices, *rival.model.choices)}
-    return [e for e in both.values() if e.bench or motion.finger is not None]
+def _wander(model: Model, told: Array) -> Array:
+    """What a run's own friction may add to the features, (k, gains): as it differs from run to run."""
+    owners = [model.layout.features[i] for i in model.active]
+    gains = [(c.effect.id, name) for c in model.choices if c.effect.wanders for name in c.effect.gains]
+    parts = [np.where([(f.owner, f.parameter) == gain for f in owners], told, 0.0) for gain in gains]
+    return np.stack(parts, axis=1) if parts else np.zeros((len(told), 0))
+
+
+def _held(trials: Sequence[Trial], motion: Motion) -> list[Effect]:
+    """Effects of all the models, each once, that act in such a run."""
+    every = {c.effect.id: c.effect for t in trials for c in t.model.choices}
+    return [e for e in every.values() if e.bench or motion.finger is not None]
 
 
 def _choices(trial: Trial, run: Imagined) -> list[Choice]:
@@ -158,27 +239,15 @@ def _group(motion: Motion) -> Group:
 
 def _weights(study: Study, motion: Motion) -> Array:
     """Weights of the group that the run would belong to, or of the most similar one there is."""
-    tension = [w for k, w in study.weights.items() if motion.cable_sign == 0 or k[0] != "none"]
-    if motion.cable_sign != 0:
-        same = study.weights.get(_group(motion).key)
-        return same if same is not None else tension[0]
-    result = np.zeros((5, 5))
-    spread = np.linalg.inv(tension[0][:1, :1])[0, 0] if tension[0][0, 0] > 0 else 1e-6
-    result[Row.BENCH, Row.BENCH] = tension[0][3, 3] or 1.0 / (spread * study.reduced.radius**2)
-    return result
+    key = _group(motion).key
+    same_kind = [w for k, w in study.weights.items() if k[1] == key[1]]
+    return study.weights.get(key, (same_kind or list(study.weights.values()))[0])
 
 
 def _values(model: Model, trial: Trial) -> Array:
     """The trial's values for a model of another run; what it does not know starts at nothing."""
     known = dict(zip((u.key for u in trial.model.unknowns), trial.fit.values, strict=True))
     return np.array([known.get(u.key, start) for u, start in zip(model.unknowns, model.start(), strict=True)])
-
-
-def _added(model: Model, trial: Trial, run: Imagined) -> tuple[Pick, Array]:
-    """What the trial's last effect adds to the equations: its features, and their coefficients, (k,)."""
-    owner = trial.model.choices[-1].effect.id
-    theirs = np.flatnonzero([model.layout.features[i].owner == owner for i in model.active])
-    return model.pick[theirs], model.features(_values(model, trial), run.group)[theirs]
 
 
 def _known(model: Model, trial: Trial, heat: float) -> Array:

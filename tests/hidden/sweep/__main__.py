@@ -16,27 +16,35 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.twin.effect_table import EFFECTS
 from tests.hidden.sweep.table import markdown, summary
-from tests.hidden.sweep.trials import Trial, nothing, outside, pairs, run, singles
+from tests.hidden.sweep.trials import Trial, nothing, outside, pairs, singles
+
+KINDS = ("rich", "thesis", "after", "pairs", "outside", "engine")
 
 
 def _one(trial: Trial) -> dict[str, object]:
+    from tests.hidden.sweep.running import run  # what it brings is asked for by the processes that need it
+
     with threadpool_limits(limits=1, user_api="blas"):
         return run(trial)
 
 
 def trials(kinds: set[str], ids: list[str], seeds: list[int]) -> list[Trial]:
-    """The sweep's trials in a fixed order, so that one that was stopped can go on."""
+    """The sweep's trials in a fixed order, so that one that was stopped can go on.
+
+    ``after`` is ``thesis`` and the proposed experiment, where there is one; it stands for both.
+    """
     found: list[Trial] = []
     if "rich" in kinds:
         found += [*nothing("twin", "rich", [1000 + s for s in range(6 * len(seeds))])]
         found += [*singles("twin", "rich", ids, seeds)]
     if "thesis" in kinds:
         found += [*nothing("twin", "thesis", [2000 + s for s in range(6 * len(seeds))])]
-        found += [*singles("twin", "thesis", ids, seeds)]
+    if kinds & {"thesis", "after"}:
+        found += [*singles("twin", "thesis", ids, seeds, proposed="after" in kinds)]
     if "pairs" in kinds:
         found += [*pairs("twin", ids, 8 * len(seeds), 3000)]
     if "outside" in kinds:
-        found += [*outside("twin", ids, seeds[:2])]
+        found += [*outside("twin", ids, seeds)]
     if "engine" in kinds:
         from tests.hidden.engine.session import EFFECTS as OWN
 
@@ -45,7 +53,7 @@ def trials(kinds: set[str], ids: list[str], seeds: list[int]) -> list[Trial]:
 
 
 @click.command()
-@click.option("--kind", "kinds", multiple=True, help="rich, thesis, pairs, outside, engine; default all.")
+@click.option("--kind", "kinds", multiple=True, type=click.Choice(KINDS), help="Repeatable; default all.")
 @click.option("--effect", "effects", multiple=True, help="Only these effects; default the whole catalogue.")
 @click.option("--seeds", default=5, show_default=True, help="Seeds for each effect and protocol.")
 @click.option("--jobs", default=-1, show_default=True, help="Processes; -1 is one for each core.")
@@ -59,8 +67,7 @@ def main(
     table: Path | None, command: str,
 ) -> None:  # fmt: skip
     """Run blind trials, and say how often the diagnosis was right."""
-    every = {"rich", "thesis", "pairs", "outside", "engine"}
-    wanted = trials(set(kinds) or every, list(effects) or list(EFFECTS), [101 + s for s in range(seeds)])
+    wanted = trials(set(kinds or KINDS), list(effects) or list(EFFECTS), [101 + s for s in range(seeds)])
     known: dict[str, dict[str, object]] = {}
     if results.exists():
         for line in results.read_text(encoding="utf-8").splitlines():
@@ -77,7 +84,8 @@ def main(
     entries = [known[t.key] for t in wanted]
     Console().print(summary(entries))
     if table is not None:
-        table.write_text(markdown(entries, command), encoding="utf-8")
+        before = table.read_text(encoding="utf-8") if table.exists() else ""
+        table.write_text(markdown(entries, command, before), encoding="utf-8")
 
 
 if __name__ == "__main__":

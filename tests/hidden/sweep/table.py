@@ -68,57 +68,107 @@ def _share(hits: Iterable[bool]) -> str:
     return f"{sum(known)} of {len(known)} ({100 * np.mean(known):.0f} %)" if known else "-"
 
 
-def figures(entries: Sequence[Entry]) -> list[tuple[str, str]]:
+Rows = list[tuple[str, str]]
+
+
+def figures(entries: Sequence[Entry]) -> Rows:
     """What was measured, and the figure."""
     by_kind: dict[str, list[Entry]] = defaultdict(list)
     for entry in entries:
         by_kind[kind(entry)].append(entry)
-    rows: list[tuple[str, str]] = []
+    rows: Rows = []
     for name, group in sorted(by_kind.items()):
-        truths = [g["trial"]["effects"] for g in group]
-        pairs = list(zip(group, truths, strict=True))
         if name.endswith("nothing"):
-            rows.append(
-                (f"{name}: false alarms", _share(g.get("verdict") != "nothing_missing" for g in group))
-            )
+            alarms = _share(g.get("verdict") != "nothing_missing" for g in group)
+            rows.append((f"{name}: false alarms", alarms))
         elif name == "outside":
-            rows.append(
-                (
-                    "outside the catalogue: called so, or a neighbour",
-                    _share(rightly_strange(g, t[0]) for g, t in pairs),
-                )
-            )
+            right = _share(rightly_strange(g, g["trial"]["effects"][0]) for g in group)
+            rows.append(("outside the catalogue: called so, or a neighbour", right))
         elif name == "pairs":
-            rows.append(("pairs: both found", _share(both_found(g, t) for g, t in pairs)))
-            rows.append(("pairs: first step right", _share(is_first(g, t) for g, t in pairs)))
+            rows.append(("pairs: both found", _share(both_found(g, g["trial"]["effects"]) for g in group)))
+            rows.append(
+                ("pairs: first step right", _share(is_first(g, g["trial"]["effects"]) for g in group))
+            )
         else:
-            rows.append((f"{name}: first", _share(is_first(g, t) for g, t in pairs)))
-            rows.append((f"{name}: in the set", _share(in_set(g, t) for g, t in pairs)))
-            sizes = [len(g["set"]) for g in group if g.get("set")]
-            rows.append((f"{name}: median set", f"{np.median(sizes):g}" if sizes else "-"))
-            after = [g["path"][1][1] for g, t in pairs if is_first(g, t) and len(g["path"]) > 1]
-            if after:
-                low = np.mean(np.array(after) <= 1.3)
-                rows.append(
-                    (
-                        f"{name}: score with it, median / at most 1.3",
-                        f"{np.median(after):.2f} / {100 * low:.0f} %",
-                    )
-                )
-            followed = [(g.get("after", g), t) for g, t in pairs]
-            if any("after" in g for g in group):
-                rows.append(
-                    (
-                        f"{name}: first after the proposed experiment",
-                        _share(is_first(g, t) for g, t in followed),
-                    )
-                )
-    rows += calibration(entries)
+            rows += _singles(name, group)
+    return rows + covered(entries) + calibration(entries)
+
+
+def _singles(name: str, group: Sequence[Entry]) -> Rows:
+    """Figures of sessions with one effect."""
+    pairs = [(g, g["trial"]["effects"]) for g in group]
+    sizes = [len(g["set"]) for g in group if g.get("set")]
+    rows = [
+        (f"{name}: first", _share(is_first(g, t) for g, t in pairs)),
+        (f"{name}: in the set", _share(in_set(g, t) for g, t in pairs)),
+        (f"{name}: median set", f"{np.median(sizes):g}" if sizes else "-"),
+    ]
+    left = [g["path"][1][1] for g, t in pairs if is_first(g, t) and len(g["path"]) > 1]
+    if left:
+        low = 100 * np.mean(np.array(left) <= 1.3)
+        rows.append((f"{name}: score with it, median / at most 1.3", f"{np.median(left):.2f} / {low:.0f} %"))
+    if any(g["trial"]["proposed"] for g in group):
+        rows += _after(name, pairs)
     return rows
 
 
-def calibration(entries: Sequence[Entry]) -> list[tuple[str, str]]:
-    """Of the answers given with about so much probability, how many are right."""
+def _after(name: str, pairs: Sequence[tuple[Entry, Sequence[str]]]) -> Rows:
+    """What one proposed experiment brought."""
+    followed = [(g.get("after", g), t) for g, t in pairs]
+    taken = [(g, t) for g, t in pairs if "after" in g]
+    open_before = [t for g, t in pairs if g.get("set") != list(t)]
+    rows = [
+        (f"{name}: first after one proposed experiment", _share(is_first(g, t) for g, t in followed)),
+        (f"{name}: in the set after it", _share(in_set(g, t) for g, t in followed)),
+        (f"{name}: proposed where the truth did not stand alone", f"{len(taken)} of {len(open_before)}"),
+        (
+            f"{name}: the truth alone in the set after it, of those taken",
+            _share(g["after"].get("set") == list(t) for g, t in taken),
+        ),
+    ]
+    ratios = [
+        g["after"]["gained"] / g["after"]["expected"]
+        for g, _ in taken
+        if g["after"].get("gained") is not None and abs(g["after"]["gained"]) < MOST_LOG_ODDS
+    ]
+    if ratios:
+        near_two = _share(0.5 <= r <= 2.0 for r in ratios)
+        rows.append(
+            (
+                f"{name}: separation gained / expected, median; within a factor of two",
+                f"{np.median(ratios):.2g}; {near_two}",
+            )
+        )
+    return rows
+
+
+MOST_LOG_ODDS = 600.0
+"""Beyond, a probability is zero in double precision, and what was gained cannot be told."""
+
+
+def covered(entries: Sequence[Entry]) -> Rows:
+    """Held-out force inside the 90 % interval of the final model, by protocol."""
+    by_protocol: dict[str, list[float]] = defaultdict(list)
+    for entry in entries:
+        if entry.get("coverage"):
+            by_protocol[kind(entry).split(":")[0]].append(entry["coverage"]["share"])
+    rows = []
+    for name, shares in sorted(by_protocol.items()):
+        inside = _share(0.85 <= share <= 0.95 for share in shares)
+        rows.append(
+            (
+                f"{name}: force inside its 90 % interval, mean; sessions with 85 to 95 %",
+                f"{100 * np.mean(shares):.1f} %; {inside}",
+            )
+        )
+    return rows
+
+
+BINS = ((0.0, 0.6), (0.6, 0.85), (0.85, 0.97), (0.97, 0.995), (0.995, 1.001))
+
+
+def answers(entries: Sequence[Entry]) -> list[tuple[float, bool]]:
+    """The probability of each answer given, and whether it was right; the catalogue complete."""
     said: list[tuple[float, bool]] = []
     for entry in entries:
         if "verdict" not in entry or entry["trial"]["left_out"]:
@@ -128,14 +178,28 @@ def calibration(entries: Sequence[Entry]) -> list[tuple[str, str]]:
         best = max(options, key=lambda name: options[name])
         right = entry["first"] in truth if best == "first" else (best == "nothing" and not truth)
         said.append((options[best], right))
-    rows = []
-    for low, high in ((0.0, 0.6), (0.6, 0.85), (0.85, 0.97), (0.97, 1.001)):
+    return said
+
+
+def calibration(entries: Sequence[Entry]) -> Rows:
+    """Of the answers given with about so much probability, how many are right; and the two summaries."""
+    said = answers(entries)
+    if not said:
+        return []
+    rows: Rows = []
+    expected = 0.0
+    for low, high in BINS:
         inside = [(p, r) for p, r in said if low <= p < high]
         if inside:
-            mean = np.mean([p for p, _ in inside])
+            mean = float(np.mean([p for p, _ in inside]))
             rows.append(
-                (f"calibration: told with {100 * mean:.0f} % on average", _share(r for _, r in inside))
+                (f"calibration: told with {100 * mean:.1f} % on average", _share(r for _, r in inside))
             )
+            expected += abs(sum(r - p for p, r in inside)) / len(said)
+    brier = float(np.mean([(p - r) ** 2 for p, r in said]))
+    rows.append(
+        ("calibration: mean distance of told and true share; Brier score", f"{expected:.3f}; {brier:.3f}")
+    )
     return rows
 
 
@@ -163,23 +227,64 @@ def by_effect(entries: Sequence[Entry]) -> list[list[str]]:
     return rows
 
 
+def said_instead(entry: Entry) -> str:
+    """What a diagnosis said, in one cell."""
+    if "failed" in entry:
+        return f"failed: {entry['failed'][:60]}"
+    added = [name for name, _ in entry["path"] if name]
+    if entry["verdict"] == "missing_effect":
+        return " + ".join(added) or entry["first"]
+    return entry["verdict"] + (f" (path: {' + '.join(added)})" if added else "")
+
+
+def not_found(entries: Sequence[Entry]) -> list[list[str]]:
+    """Pairs that were not both found, and effects left out of the catalogue that were not called strange."""
+    rows = [["kind", "what was in the bench", "what was said"]]
+    for entry in entries:
+        name, truth = kind(entry), entry["trial"]["effects"]
+        missed = name == "pairs" and not both_found(entry, truth)
+        missed |= name == "outside" and not rightly_strange(entry, truth[0])
+        if missed:
+            rows.append([name, " + ".join(truth), said_instead(entry)])
+    return rows
+
+
 def summary(entries: Sequence[Entry]) -> str:
-    """Figures and the lines of effects that were not always first."""
-    lines = [f"{what:62s} {value}" for what, value in figures(entries)]
-    lines += ["  ".join(row) for row in by_effect(entries) if row[-1]]
+    """Figures, the lines of effects that were not always first, and what else went wrong."""
+    lines = [f"{what:74s} {value}" for what, value in figures(entries)]
+    lines += ["  ".join(row) for row in by_effect(entries)[1:] if row[-1]]
+    lines += ["  ".join(row) for row in not_found(entries)[1:]]
     return "\n".join(lines)
 
 
-def markdown(entries: Sequence[Entry], command: str) -> str:
-    """The committed table."""
+BY_HAND = ("<!-- by hand -->", "<!-- end of what was written by hand -->")
+"""What stands between these lines in the page is kept when it is made again."""
+
+
+def markdown(entries: Sequence[Entry], command: str, before: str = "") -> str:
+    """The committed page; ``before`` is its text so far."""
     lines = [
         "# Hidden effects: what the diagnosis finds without being told", "",
         f"Made by `{command}`. Every session is recorded on a bench with tolerances, noise and",
         "the effect at 0.6 to 1.6 times its default strength; the diagnosis sees the file alone.", "",
-        "| what | figure |", "|---|---|",
+        *kept_by_hand(before), "", *_table([["what", "figure"], *map(list, figures(entries))]), "",
+        "## By effect", "", *_table(by_effect(entries)),
     ]  # fmt: skip
-    lines += [f"| {what} | {value} |" for what, value in figures(entries)]
-    head, *rows = by_effect(entries)
-    lines += ["", "## By effect", "", "| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    lines += ["| " + " | ".join(row) + " |" for row in rows]
+    missed = not_found(entries)
+    if len(missed) > 1:
+        lines += ["", "## Pairs and effects outside the catalogue that were missed", "", *_table(missed)]
     return "\n".join(lines) + "\n"
+
+
+def kept_by_hand(text: str) -> list[str]:
+    """The lines between the marks, with them; the marks alone where there are none yet."""
+    lines = text.splitlines()
+    start, stop = BY_HAND
+    if start not in lines or stop not in lines:
+        return [start, stop]
+    return lines[lines.index(start) : lines.index(stop) + 1]
+
+
+def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+    head, *rest = ["| " + " | ".join(row) + " |" for row in rows]
+    return [head, "|" + "---|" * len(rows[0]), *rest]

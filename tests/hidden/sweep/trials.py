@@ -1,22 +1,13 @@
-"""Blind trials: what is put in, what the diagnosis says of the file alone, and whether that was right."""
+"""Blind trials: what is put into the bench, and which of them a sweep takes."""
 
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from itertools import combinations
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-from click.testing import CliRunner
-
-from fingerlab.cli.main import cli
-from fingerlab.identify.diagnosis import diagnose
-from fingerlab.identify.results import Diagnosis
-from fingerlab.sessions import open_session
 
 WEAKEST, STRONGEST = 0.6, 1.6
 """Strengths are drawn between these multiples of the simulated bench's default, evenly in their logarithm."""
@@ -51,11 +42,13 @@ class Trial:
         return list(np.exp(rng.uniform(np.log(WEAKEST), np.log(STRONGEST), len(self.effects))))
 
 
-def singles(source: str, protocol: str, ids: Sequence[str], seeds: Sequence[int]) -> Iterator[Trial]:
-    """One effect each; under the thesis' protocol the proposed experiment follows."""
+def singles(
+    source: str, protocol: str, ids: Sequence[str], seeds: Sequence[int], proposed: bool = False
+) -> Iterator[Trial]:
+    """One effect each; ``proposed``: the experiment that the diagnosis proposes follows."""
     for name in ids:
         for seed in seeds:
-            yield Trial(source, protocol, (name,), seed, proposed=protocol == "thesis" and source == "twin")
+            yield Trial(source, protocol, (name,), seed, proposed=proposed)
 
 
 def nothing(source: str, protocol: str, seeds: Sequence[int]) -> Iterator[Trial]:
@@ -77,67 +70,3 @@ def outside(source: str, ids: Sequence[str], seeds: Sequence[int]) -> Iterator[T
     for name in ids:
         for seed in seeds:
             yield Trial(source, "rich", (name,), seed, left_out=(name,))
-
-
-def run(trial: Trial) -> dict[str, Any]:
-    """Record, diagnose, and compare with the truth; a failure is a result, too."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "session.h5"
-        try:
-            _record(trial, path)
-            first = diagnose([open_session(path)], with_curves=False, left_out=trial.left_out)
-            result = {"trial": asdict(trial), **_told(trial, first)}
-            if trial.proposed and first.next_experiment is not None:
-                more = Path(folder) / "proposed.h5"
-                _record_proposed(trial, first.next_experiment, more)
-                both = [open_session(path), open_session(more)]
-                again = diagnose(both, with_curves=False, left_out=trial.left_out)
-                result["after"] = _told(trial, again)
-        except Exception as error:  # the sweep goes on, and the table counts it as wrong
-            return {"trial": asdict(trial), "failed": f"{type(error).__name__}: {error}"}
-    return result
-
-
-def _record(trial: Trial, path: Path) -> None:
-    if trial.source == "engine":
-        from tests.hidden.engine.session import record
-
-        record(path, trial.protocol, dict.fromkeys(trial.effects), trial.seed)
-        return
-    asked = [f"{name}=x{k:.4f}" for name, k in zip(trial.effects, trial.strengths, strict=True)]
-    _simulate("--protocol", trial.protocol, *_effects(asked), "--seed", str(trial.seed), "--out", str(path))
-
-
-def _record_proposed(trial: Trial, proposal: dict[str, Any], path: Path) -> None:
-    asked = [f"{name}=x{k:.4f}" for name, k in zip(trial.effects, trial.strengths, strict=True)]
-    _simulate(
-        *("--trajectory", json.dumps(proposal["trajectory"]), "--phase", proposal["phase"]),
-        *("--cable", proposal["cable"], *_effects(asked), "--seed", str(trial.seed), "--out", str(path)),
-    )
-
-
-def _effects(asked: Sequence[str]) -> list[str]:
-    return [word for one in asked for word in ("--effect", one)]
-
-
-def _simulate(*arguments: str) -> None:
-    done = CliRunner().invoke(cli, ["simulate", *arguments])
-    if done.exit_code != 0:
-        raise RuntimeError(done.output.strip().splitlines()[-1])
-
-
-def _told(trial: Trial, said: Diagnosis) -> dict[str, Any]:
-    order = [c.effect for c in said.candidates]
-    return {
-        "verdict": said.verdict,
-        "first": order[0] if order else "",
-        "probability": said.candidates[0].probability if order else 0.0,
-        "nothing": said.probability_nothing,
-        "unknown": said.probability_unknown,
-        "set": list(said.set),
-        "ranks": [order.index(name) if name in order else -1 for name in trial.effects],
-        "score": said.score,
-        "path": [(step.added, step.score) for step in said.path],
-        "proposal": (said.next_experiment or {}).get("phase"),
-        "seconds": said.seconds,
-    }

@@ -2,16 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
 from fingerlab.identify.diagnosis.evidence import Evidence
-from fingerlab.identify.diagnosis.imagined import bench_motion, commanded, finger_motion
-from fingerlab.identify.diagnosis.next_experiment import propose
-from fingerlab.identify.diagnosis.reduction import reduce_sessions
+from fingerlab.identify.diagnosis.imagined import (
+    bench_motion,
+    commanded,
+    finger_motion,
+    pressing_motion,
+    seen_press,
+)
+from fingerlab.identify.diagnosis.model import build
+from fingerlab.identify.diagnosis.next_experiment import (
+    Imagined,
+    _imagine,
+    _known,
+    _separation,
+    _values,
+    propose,
+)
+from fingerlab.identify.diagnosis.reduction import narrow_columns, reduce_sessions
 from fingerlab.identify.diagnosis.search import Watch, weigh
-from fingerlab.identify.diagnosis.study import Study
+from fingerlab.identify.diagnosis.study import Study, Trial
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.sessions.model import Session
 
@@ -35,7 +53,7 @@ def gravity(mcp: np.ndarray, pip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize(("sign", "cable"), [(-1, "extension"), (1, "flexion")])
 def test_an_imagined_finger_hangs_in_balance_on_its_cable(sign: int, cable: str) -> None:
     """Springs and gravity against the tension in both joints, and the cable as long as they call for."""
-    motion = finger_motion(made.RIG, sign, SINE, VALUES, None)
+    motion = finger_motion(made.RIG, sign, SINE, VALUES)
     assert motion is not None
     assert motion.joints is not None
     q, f = motion.joints, made.NOMINAL
@@ -51,24 +69,35 @@ def test_an_imagined_finger_hangs_in_balance_on_its_cable(sign: int, cable: str)
 
 def test_a_finger_whose_cable_would_hang_loose_is_not_imagined() -> None:
     low = {**SINE, "offset_deg": -30.0}
-    assert finger_motion(made.RIG, -1, low, VALUES, None) is None
+    assert finger_motion(made.RIG, -1, low, VALUES) is None
 
 
-def test_a_pressing_finger_stands_still_and_pushes_as_its_cable_pulls() -> None:
-    """Extra tension b T becomes force times its lever about the PIP joint."""
-    free = finger_motion(made.RIG, 1, SINE, VALUES, None)
-    pressing = finger_motion(made.RIG, 1, {**SINE, "amplitude_deg": 1.0}, VALUES, np.radians(15.0))
-    assert free is not None
-    assert pressing is not None
-    assert pressing.phase == "contact"
-    assert pressing.force is not None
-    assert pressing.joints is not None
-    assert np.ptp(pressing.joints.mcp) < 0.05 * np.ptp(free.joints.mcp if free.joints else 0)
-    f, q = made.NOMINAL, pressing.joints
-    lever = 2 * f.distal_half_length * np.cos(q.mcp + q.pip - f.wrist_angle)
-    pull = (pressing.torque - made.INERTIA * pressing.acceleration) / made.RADIUS
-    slope = np.polyfit(pull, pressing.force * lever, 1)[0]
-    assert slope == pytest.approx(VALUES["arm_pip@flexion"], rel=0.02)
+def test_a_pressing_finger_is_imagined_as_it_was_seen() -> None:
+    """At the recorded amplitude the force swings as the cell read; at half of it, half as far."""
+    swing = 0.4
+    rng = np.random.default_rng(2)
+    run = made.contact_run(made.Bench(), 1.2, swing, 1.0, rng, 10.0, "001")
+    told = float(np.degrees(np.ptp(run.channel("motor_position"))) / 2)
+    run = replace(run, trajectory={**run.trajectory, "amplitude_deg": told})
+    press = seen_press([Session(Path("press.h5"), "", "", made.RIG, (run,))])
+    assert press is not None
+    assert press.follows == pytest.approx(1.0, rel=0.05)
+    assert press.mean[2] == pytest.approx(1.2, abs=0.01)
+    for share in (1.0, 0.5):
+        wave = {"kind": "sine", "frequency_hz": 0.5, "amplitude_deg": share * told}
+        pressing = pressing_motion(made.RIG, 1, wave, press)
+        assert pressing is not None
+        assert pressing.phase == "contact"
+        assert pressing.force is not None
+        assert np.ptp(pressing.force) / 2 == pytest.approx(share * swing, rel=0.06)
+        pull = (pressing.torque - made.INERTIA * pressing.acceleration) / made.RADIUS
+        seen = run.channel("motor_torque") / made.RADIUS
+        assert pull.mean() == pytest.approx(seen.mean(), rel=0.02)
+
+
+def test_a_finger_that_never_pressed_is_not_imagined_to() -> None:
+    free = made.session(made.Bench(), contact=0, seconds=4.0)
+    assert seen_press([free]) is None
 
 
 def test_an_imagined_bench_follows_its_equation() -> None:
@@ -141,3 +170,76 @@ def test_a_wider_set_of_speeds_separates_viscous_from_coulomb(
     proposal = propose([session], study, evidence, pair)
     assert proposal is not None
     assert proposal["trajectory"]["frequency_hz"] != 0.2 or proposal["trajectory"]["kind"] != "sine"
+
+
+HEAT = 3.0
+
+
+@pytest.fixture(scope="module")
+def imagined(judged: tuple[Session, Study, Evidence]) -> tuple[Imagined, Study, Trial, Trial]:
+    """A run that was not taken, and two models to tell apart there."""
+    session, study, evidence = judged
+    pair = [evidence.trials[index(evidence, n)] for n in ("viscous_friction", "coulomb_friction")]
+    values = dict(zip((u.key for u in pair[0].model.unknowns), map(float, pair[0].fit.values), strict=True))
+    motion = finger_motion(made.RIG, -1, {**SINE, "amplitude_deg": 8.0}, values)
+    assert motion is not None
+    effects = [t.model.choices[-1].effect for t in pair]
+    return _imagine(session, motion, effects), study, pair[0], pair[1]
+
+
+def test_a_separation_is_what_the_rival_leaves_of_every_sample(
+    imagined: tuple[Imagined, Study, Trial, Trial],
+) -> None:
+    """The same number from whitened residuals, sample by sample, and a least-squares solver."""
+    run, study, truth, rival = imagined
+    group = run.group
+    columns = narrow_columns(run.motion, run.layout.effects, run.layout.signals).columns
+    count = len(columns)
+
+    def residuals(trial: Trial) -> tuple[np.ndarray, np.ndarray]:
+        """Of the three equations, (3 n,), and their derivatives, (3 n, p)."""
+        model = build(run.layout, [group], trial.model.choices)
+        h, slopes = model.coefficients(_values(model, trial), group)
+        told, reach = np.zeros((3, count)), np.zeros((3, count, slopes.shape[1]))
+        for i, row, signal in zip(range(len(h)), model.rows, model.pick.signals, strict=True):
+            told[row] += h[i] * columns[:, signal]
+            reach[row] += columns[:, signal, None] * slopes[i]
+        root = np.linalg.cholesky(study.weights[group.key][:3, :3] * EFFECTIVE_SHARE / HEAT).T
+        white = np.einsum("rs,sn->rn", root, told), np.einsum("rs,snp->rnp", root, reach)
+        return white[0].ravel(), white[1].reshape(3 * count, -1)
+
+    gap = residuals(truth)[0] - residuals(rival)[0]
+    reach = residuals(rival)[1]
+    # One more unknown: Coulomb friction of this run alone, which is known to 5 % of the common value.
+    model = build(run.layout, [group], rival.model.choices)
+    common = _values(model, rival)
+    gains = [model.index[f"coulomb_friction.{name}"] for name in rival.model.choices[-1].effect.gains]
+    reach = np.concatenate((reach, reach[:, gains] * common[gains]), axis=1)
+    known = _known(build(run.layout, [group], rival.model.choices), rival, HEAT)
+    size, ways = np.linalg.eigh(known)
+    prior = np.zeros((len(size) + len(gains), len(size) + len(gains)))
+    prior[: len(size), : len(size)] = np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T
+    prior[len(size) :, len(size) :] = np.eye(len(gains)) / 0.05
+    stacked = np.concatenate((reach, prior))
+    scale = np.linalg.norm(stacked, axis=0)
+    wanted = np.concatenate((gap, np.zeros(len(prior))))
+    step = np.linalg.lstsq(stacked / scale, wanted, rcond=None)[0]
+    left = wanted - stacked / scale @ step
+    assert _separation(study, run, truth, rival, HEAT) == pytest.approx(0.5 * left @ left, rel=1e-3)
+
+
+def test_nothing_separates_a_model_from_itself(imagined: tuple[Imagined, Study, Trial, Trial]) -> None:
+    run, study, truth, rival = imagined
+    assert _separation(study, run, truth, truth, HEAT) == pytest.approx(0.0, abs=1e-6)
+    assert _separation(study, run, truth, rival, HEAT) > 1e-3
+
+
+def test_motor_bench_runs_are_proposed_beside_their_like_only(
+    judged: tuple[Session, Study, Evidence],
+) -> None:
+    """With a finger's runs they are not compared, so that one more of them could not separate anything."""
+    session, study, evidence = judged
+    pair = [index(evidence, n) for n in ("viscous_friction", "motor_viscous_friction")]
+    proposal = propose([session], study, evidence, pair)
+    assert proposal is not None
+    assert proposal["phase"] != "motor_bench"

@@ -1,0 +1,75 @@
+"""One run instead of a protocol, for ``simulate`` and ``record``: a trajectory or a proposal."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fingerlab.errors import UserError
+
+if TYPE_CHECKING:
+    from fingerlab.twin.protocols import RunPlan
+
+TRAJECTORY_HELP = (
+    "Take one run with this trajectory instead: JSON text, a file of it, or what 'diagnose --json' gave."
+)
+
+
+def single_plan(source: str, phase: str | None, cable: str | None) -> RunPlan:
+    """The one run that was asked for; ``phase`` and ``cable`` given by hand come before the proposal's.
+
+    Args:
+        source: a trajectory, a proposal (``next_experiment``) or a whole diagnosis, as JSON text or as the
+            name of a file of it.
+
+    Raises:
+        UserError: it is none of them, proposes nothing, or cannot be run; or the phase is missing.
+    """
+    from fingerlab.twin.protocols import single_run
+
+    found = _proposal(source)
+    phase = phase or found.get("phase")
+    if phase is None:
+        raise UserError("--trajectory needs --phase: on_air, contact, motor_bench or free.")
+    trajectory = found["trajectory"]
+    load = trajectory.get("load_torque", 0.0) if isinstance(trajectory, dict) else 0.0
+    if isinstance(load, bool) or not isinstance(load, (int, float)) or not math.isfinite(load):
+        raise UserError(f"--trajectory has 'load_torque' = {load!r}; it should be a torque in N m.")
+    if load and phase != "motor_bench":
+        raise UserError(
+            f"--trajectory has a 'load_torque', and the phase is {phase}; a known load goes with motor_bench."
+        )
+    if isinstance(trajectory, dict):
+        trajectory = {key: value for key, value in trajectory.items() if key != "load_torque"}
+    return replace(single_run(trajectory, phase, cable or found.get("cable")), load_torque=float(load))
+
+
+def _proposal(text: str) -> dict[str, Any]:
+    """A trajectory, a proposal, or a whole diagnosis; the answer holds 'trajectory', maybe phase and cable.
+
+    Raises:
+        UserError: it is none of them.
+    """
+    where = "--trajectory"
+    if not text.lstrip().startswith("{"):
+        where = text
+        try:
+            text = Path(text).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise UserError(
+                f"--trajectory {where} is neither JSON text nor a file that can be read ({error})."
+            ) from None
+    try:
+        data = json.loads(text)
+    except ValueError as error:
+        raise UserError(f"{where} is not JSON ({error}); give a trajectory or what diagnose wrote.") from None
+    if isinstance(data, dict) and "next_experiment" in data:
+        data = data["next_experiment"]
+        if data is None:
+            raise UserError(f"{where} proposes no experiment: its diagnosis has nothing left to separate.")
+    if not isinstance(data, dict):
+        raise UserError(f"{where} is not a JSON object; it should hold 'trajectory', or 'kind' and the like.")
+    return data if "trajectory" in data else {"trajectory": data}

@@ -1,0 +1,153 @@
+"""One blind trial from bench to verdict: only files lie between what goes in and what is said."""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from click.testing import CliRunner
+
+from fingerlab.cli.main import cli
+from fingerlab.identify.diagnosis import diagnose
+from fingerlab.identify.prediction import fit_extended, predict_extended
+from fingerlab.identify.results import Diagnosis
+from fingerlab.sessions import Session, open_session
+from tests.hidden.sweep.trials import Trial
+
+TOLD_CANDIDATES = 6
+"""So many of the best candidates keep their probabilities in the results."""
+LEAST_PROBABILITY = 1e-300
+"""Odds are counted down to here; beyond, a probability is zero in double precision."""
+
+
+def run(trial: Trial) -> dict[str, Any]:
+    """Record, diagnose, and keep what was said; a failure is a result, too.
+
+    With ``proposed``, the proposed experiment is recorded on the same bench wherever the set has more than
+    one member or the first is wrong, and both sessions are diagnosed together: ``after``.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "session.h5"
+        try:
+            _record(trial, path)
+            first = diagnose([open_session(path)], with_curves=False, left_out=trial.left_out)
+            result = {"trial": asdict(trial), **told(trial, first)}
+            if len(trial.effects) < 2 and not trial.left_out:
+                result["coverage"] = coverage(open_session(path), first)
+            if trial.proposed and first.next_experiment is not None and not _settled(trial, first):
+                result["after"] = _after(trial, path, first)
+        except Exception as error:  # the sweep goes on, and the table counts it as wrong
+            return {"trial": asdict(trial), "failed": f"{type(error).__name__}: {error}"}
+    return result
+
+
+def _settled(trial: Trial, said: Diagnosis) -> bool:
+    """Whether the true effect alone is in the set."""
+    return tuple(said.set) == trial.effects
+
+
+def _record(trial: Trial, path: Path) -> None:
+    if trial.source == "engine":
+        from tests.hidden.engine.session import record
+
+        record(path, trial.protocol, dict.fromkeys(trial.effects), trial.seed)
+        return
+    simulate("--protocol", trial.protocol, *asked(trial), "--seed", str(trial.seed), "--out", str(path))
+
+
+def _after(trial: Trial, path: Path, first: Diagnosis) -> dict[str, Any]:
+    """The proposed run taken on the same bench, as its JSON stands, and the diagnosis of both sessions."""
+    proposal, more = dict(first.next_experiment or {}), path.with_name("proposed.h5")
+    simulate(
+        *("--trajectory", json.dumps(proposal), *asked(trial)),
+        *("--seed", str(trial.seed), "--out", str(more)),
+    )
+    both = diagnose([open_session(path), open_session(more)], with_curves=False, left_out=trial.left_out)
+    separates = [str(name) for name in proposal["separates"]]
+    return {
+        **told(trial, both),
+        "proposal": proposal,
+        "expected": float(proposal["expected_separation"]),
+        "gained": gained(trial, separates, first, both),
+    }
+
+
+def gained(trial: Trial, separates: Sequence[str], before: Diagnosis, after: Diagnosis) -> float | None:
+    """Log odds of the true effect against its rival that the proposed run brought; None: not among them."""
+    true = [name for name in separates if name in trial.effects]
+    if len(true) != 1:
+        return None
+    rival = next(name for name in separates if name not in trial.effects)
+    return log_odds(after, true[0], rival) - log_odds(before, true[0], rival)
+
+
+def log_odds(said: Diagnosis, one: str, other: str) -> float:
+    """Of one effect against another, nats; limited by what a probability can hold."""
+    known = {c.effect: max(c.probability, LEAST_PROBABILITY) for c in said.candidates}
+    return math.log(known.get(one, LEAST_PROBABILITY)) - math.log(known.get(other, LEAST_PROBABILITY))
+
+
+def coverage(session: Session, said: Diagnosis) -> dict[str, float] | None:
+    """How many of the held-out force samples lie in the 90 % interval of the final model, all contact runs.
+
+    ``share`` 0 to 1, ``runs``, and the mean ``half_width``, N; None where no run has an interval.
+    """
+    if not any(run.phase == "contact" for run in session.runs):
+        return None
+    model = fit_extended([session], said.final_model)
+    by_model = predict_extended(session, model, "the fitted model").runs
+    runs = by_model.get("extended", by_model["nominal"])
+    judged = [run for run in runs if run.held_out and math.isfinite(run.coverage)]
+    if not judged:
+        return None
+    return {
+        "share": float(np.mean([run.coverage for run in judged])),
+        "runs": float(len(judged)),
+        "half_width": float(np.mean([run.half_width for run in judged])),
+    }
+
+
+def asked(trial: Trial) -> list[str]:
+    """The trial's effects as ``simulate`` takes them."""
+    pairs = zip(trial.effects, trial.strengths, strict=True)
+    return [word for name, k in pairs for word in ("--effect", f"{name}=x{k:.4f}")]
+
+
+def simulate(*arguments: str) -> None:
+    """``fingerlab simulate`` as a user would call it.
+
+    Raises:
+        RuntimeError: with the command's sentence, where it failed.
+    """
+    done = CliRunner().invoke(cli, ["simulate", *arguments])
+    if done.exit_code != 0:
+        raise RuntimeError(str(done.exception or done.output.strip().splitlines()[-1]))
+
+
+def told(trial: Trial, said: Diagnosis) -> dict[str, Any]:
+    """What a diagnosis said, as far as the tables need it."""
+    order = [c.effect for c in said.candidates]
+    known = {c.effect: c for c in said.candidates}
+    kept = dict.fromkeys([*order[:TOLD_CANDIDATES], *(name for name in trial.effects if name in known)])
+    proposal: Mapping[str, Any] = said.next_experiment or {}
+    return {
+        "verdict": said.verdict,
+        "first": order[0] if order else "",
+        "probability": said.candidates[0].probability if order else 0.0,
+        "nothing": said.probability_nothing,
+        "unknown": said.probability_unknown,
+        "set": list(said.set),
+        "ranks": [order.index(name) if name in order else -1 for name in trial.effects],
+        "detectable": [name in known and known[name].detectable for name in trial.effects],
+        "candidates": {name: [known[name].probability, known[name].score] for name in kept},
+        "score": said.score,
+        "path": [(step.added, step.score) for step in said.path],
+        "proposal": dict(proposal) or None,
+        "seconds": said.seconds,
+    }

@@ -1,0 +1,96 @@
+"""What the thesis' protocol leaves open, the proposed experiment settles: shown by the commands alone.
+
+The full count over the catalogue is the sweep's kind ``after``.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from fingerlab.cli.main import cli
+from fingerlab.sessions import open_session
+
+
+def run(*arguments: str | Path) -> Any:
+    result = CliRunner().invoke(cli, [*map(str, arguments)])
+    assert result.exit_code == 0, result.output
+    return result
+
+
+@pytest.mark.parametrize(
+    ("effect", "strength", "seed"),
+    [("varying_moment_arm", "x0.9346", 101), ("spring_hardening", "x1.1", 103)],
+)
+def test_the_proposed_run_settles_what_the_thesis_protocol_leaves_open(
+    effect: str, strength: str, seed: int, tmp_path: Path
+) -> None:
+    bench = ["--effect", f"{effect}={strength}", "--seed", str(seed)]
+    first, answer = tmp_path / "thesis.h5", tmp_path / "answer.json"
+    run("simulate", "--protocol", "thesis", *bench, "--out", first)
+    run("diagnose", first, "--json", answer)
+    before = json.loads(answer.read_text(encoding="utf-8"))
+    assert before["verdict"] == "missing_effect"
+    assert effect in before["set"]
+    assert len(before["set"]) > 1
+    proposal = before["next_experiment"]
+    assert set(proposal["separates"]) <= set(before["set"])
+
+    second = tmp_path / "proposed.h5"
+    run("simulate", "--trajectory", answer, *bench, "--out", second)  # the diagnosis as it is
+    taken = open_session(second).runs
+    assert [(r.phase, r.cable) for r in taken] == [(proposal["phase"], proposal["cable"])]
+    assert proposal["trajectory"].items() <= dict(taken[0].trajectory).items()
+
+    after = json.loads(run("diagnose", first, second, "--json", "-").stdout)
+    assert after["verdict"] == "missing_effect"
+    assert after["set"] == [effect]
+
+
+LOADED = {"kind": "sine", "frequency_hz": 0.5, "amplitude_deg": 30.0, "offset_deg": 35.0, "duration_s": 2.0}
+
+
+def test_a_proposed_load_reaches_the_bench(tmp_path: Path) -> None:
+    """A proposal for the motor alone names its load in N m; the recording has it."""
+    proposal = {"trajectory": {**LOADED, "load_torque": 0.05}, "phase": "motor_bench", "cable": "none"}
+    out = tmp_path / "loaded.h5"
+    run("simulate", "--trajectory", json.dumps({"next_experiment": proposal}), "--seed", "1", "--out", out)
+    (taken,) = open_session(out).runs
+    assert taken.phase == "motor_bench"
+    assert taken.channel("load_torque").min() == taken.channel("load_torque").max() == pytest.approx(0.05)
+    assert taken.trajectory["amplitude_deg"] == LOADED["amplitude_deg"]
+
+
+def test_record_takes_the_same_run_as_simulate(tmp_path: Path) -> None:
+    proposal = {
+        "trajectory": {"kind": "sine", "frequency_hz": 2.0, "amplitude_deg": 8.1, "offset_deg": 15.0}
+        | {"duration_s": 3.0},
+        "phase": "on_air",
+        "cable": "flexion",
+    }
+    source = tmp_path / "answer.json"
+    source.write_text(json.dumps({"next_experiment": proposal}), encoding="utf-8")
+    commands = []
+    for name, more in (("simulate", []), ("record", ["--device", "simulated"])):
+        out = tmp_path / f"{name}.h5"
+        run(name, *more, "--trajectory", source, "--seed", "1", "--out", out)
+        (taken,) = open_session(out).runs
+        assert (taken.phase, taken.cable) == ("on_air", "flexion")
+        commands.append(taken.channel("motor_command"))
+    assert len(commands[0]) == len(commands[1]) == 3000
+    assert abs(commands[0] - commands[1]).max() < 2e-3  # rad; a card's clock is not exactly a millisecond
+
+
+def test_a_load_without_a_bench_is_refused(tmp_path: Path) -> None:
+    told = json.dumps({**LOADED, "load_torque": 0.05})
+    out = tmp_path / "no.h5"
+    result = CliRunner().invoke(
+        cli, ["simulate", "--trajectory", told, "--phase", "on_air", "--out", str(out)]
+    )
+    assert result.exit_code != 0
+    assert "motor_bench" in str(result.exception)
+    assert not out.exists()
