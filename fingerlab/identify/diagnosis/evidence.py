@@ -60,7 +60,8 @@ class Evidence:
 def freedom(trial: Trial) -> int:
     """Unknowns that the trial's last effect brings: gains, and one for a grid of shapes."""
     effect = trial.model.choices[-1].effect
-    return len(effect.gains) + len(effect.relaxes) + (1 if len(effect.shapes) > 3 else 0)
+    gains = len(effect.gains) - len(effect.offsets)  # what the losses could be as well explains no misfit
+    return gains + len(effect.relaxes) + (1 if len(effect.shapes) > 3 else 0)
 
 
 def charge(base: Trial, trial: Trial) -> float:
@@ -89,7 +90,8 @@ def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
     charged = np.array([t.misfit + charge(base, t) for t in trials])
     heat = temperature(min((t.misfit for t in trials), default=zero), count)
     tolerated = zero - max(least_share(base) * zero, LEAST_FALL * count)
-    effects = -0.5 * charged / heat + np.log(PRIOR_EFFECTS / max(len(trials), 1))
+    surprise = np.array([t.surprise for t in trials]) - base.surprise
+    effects = -0.5 * charged / heat - 0.5 * surprise + np.log(PRIOR_EFFECTS / max(len(trials), 1))
     nothing = -0.5 * tolerated / heat + np.log(PRIOR_NOTHING)
     least_unknown = UNKNOWN_LEAST_BEYOND if base.model.choices else UNKNOWN_LEAST
     unexplained = (1.0 - UNKNOWN_SHARE) * zero + least_unknown * count + 2 * LEAST_LOG_ODDS * heat
