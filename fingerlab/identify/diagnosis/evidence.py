@@ -17,7 +17,7 @@ from fingerlab.sessions.model import Array
 
 CORRELATED_VALUES = 16.0
 """Independent noise values within one correlation time (about a second) of a systematic misfit; assumed."""
-EARNED_SHARE = 0.006
+EARNED_SHARE = 0.003
 """Share of the explained misfit that every further unknown must earn beyond a smaller model; a larger nested
 model gains about 0.1 % by chance and bias."""
 LEAST_SHARE = 0.2
@@ -126,9 +126,9 @@ def alike(evidence: Evidence) -> list[int]:
     order = np.argsort(-evidence.probabilities, kind="stable")
     total = evidence.probabilities.sum()
     misfits = np.array([t.misfit for t in evidence.trials])
-    # What fits clearly better is not refuted by being larger: it only has not earned its unknowns.
+    # What fits better is not refuted by being larger: it only has not earned its unknowns.
     falls = misfits[order[:1]] - misfits
-    better = falls > max(2 * LEAST_LOG_ODDS * evidence.temperature, LEAST_FALL * evidence.base.count)
+    better = falls > 2 * LEAST_LOG_ODDS * evidence.temperature
     chosen: list[int] = []
     covered = 0.0
     for i in order:
