@@ -239,7 +239,7 @@ class Fitter:
         pressed = {f"@{g.key[0]}" for g in self.data.groups} - {
             f"@{g.key[0]}" for g in self.data.groups if g.key[1] == "free"
         }
-        free = ("arm_", "offset", "bench_inertia", "bench_gain", "bench_offset")
+        free: tuple[str, ...] = ("arm_", "offset", "bench_inertia", "bench_gain", "bench_offset")
         free += tuple(f"loss_{joint}{routing}" for joint in ("mcp", "pip") for routing in pressed)
         return np.array(
             [
