@@ -287,8 +287,8 @@ def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
     ranges |= {
         "torque_gain": Gain("1", -0.05, 0.05, rig.tolerance_of("torque_constant"), source="rig file"),
         "force_gain": Gain("1", -0.03, 0.03, 0.01, source="FC2231 data sheet: 1 % of span"),
-        "loss_mcp": Gain("N m", -0.05, 0.05, 0.01),
-        "loss_pip": Gain("N m", -0.05, 0.05, 0.01),
+        "loss_mcp": Gain("N m", -0.05, 0.05, 1e-3, source="assumed: a degree of a joint's zero"),
+        "loss_pip": Gain("N m", -0.05, 0.05, 1e-3, source="assumed: a degree of a joint's zero"),
         "trace_mcp": Gain("N m s/rad", 0.0, 4e-4, 1e-4),
         "trace_pip": Gain("N m s/rad", 0.0, 4e-4, 1e-4),
         "offset": Gain("m", -0.05, 0.05, 0.01),

@@ -234,8 +234,15 @@ class Fitter:
         return result
 
     def _prior_weight(self) -> Array:
-        """1 for nuisances; weak for moment arms, losses, offsets and effects, of which nothing is known."""
-        free = ("arm_", "loss_", "offset", "bench_inertia", "bench_gain", "bench_offset")
+        """1 for nuisances; weak for moment arms, offsets and effects, of which nothing is known.
+
+        A loss that is seen in contact alone may be the tip's friction as well, and is as free.
+        """
+        pressed = {f"@{g.key[0]}" for g in self.data.groups} - {
+            f"@{g.key[0]}" for g in self.data.groups if g.key[1] == "free"
+        }
+        free: tuple[str, ...] = ("arm_", "offset", "bench_inertia", "bench_gain", "bench_offset")
+        free += tuple(f"loss_{joint}{routing}" for joint in ("mcp", "pip") for routing in pressed)
         return np.array(
             [
                 0.01

@@ -97,7 +97,13 @@ class Model:
     def sticking(self) -> list[BoolArray]:
         """For every gain of a friction that sticks, which of the active features are its own, (k,) each."""
         owned = [(self.layout.features[i].owner, self.layout.features[i].parameter) for i in self.active]
-        gains = [(c.effect.id, gain) for c in self.choices if c.effect.sticks for gain in c.effect.gains]
+        gains = [
+            (c.effect.id, gain)
+            for c in self.choices
+            if c.effect.sticks
+            for gain in c.effect.gains
+            if gain not in c.effect.offsets
+        ]
         return [np.array([mine == gain for mine in owned]) for gain in gains if gain in owned]
 
     def start(self) -> Array:

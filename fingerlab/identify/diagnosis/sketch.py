@@ -69,9 +69,9 @@ class Sketch:
     def fall(self, effect: Effect, shape: int) -> float:
         """By how much the cost (minus twice the log posterior) falls in one step of the effect's gains."""
         places = self.layout.indices(effect.id, shape)
-        names = list(effect.gains)
+        names = [name for name in effect.gains if name not in effect.offsets]
         pick = _picks([self.layout.features[i] for i in places], names)
-        gains = list(effect.gains.values())
+        gains = [effect.gains[name] for name in names]
         curvature = np.diag([0.01 / g.typical**2 for g in gains])
         slope = np.zeros(len(gains))
         shared = np.zeros((len(self.free), len(gains)))

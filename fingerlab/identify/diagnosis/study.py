@@ -24,6 +24,7 @@ from fingerlab.identify.diagnosis.fitting import (
     row_covariance,
     starting_arms,
 )
+from fingerlab.identify.diagnosis.losses import surprise
 from fingerlab.identify.diagnosis.model import Choice, Model, build
 from fingerlab.identify.diagnosis.reduction import Group, GroupKey, Reduced
 from fingerlab.identify.diagnosis.sums import BoolArray
@@ -63,6 +64,8 @@ class Trial:
     """Mean products of the equations' residuals for each group, (5, 5) over ``Row``, noise included."""
     widening: float = 0.0
     """What it costs in twice the log density that sticking friction may hold any value at rest."""
+    surprise: float = 0.0
+    """What the constants of the joints' equations cost in twice the log density (see ``losses``)."""
 
     @property
     def misfit(self) -> float:
@@ -153,7 +156,14 @@ class Study:
         fitter = self._fitter(trial)
         misfits = [self._square(fitter, trial.fit.values, i, None) for i in range(len(self.reduced.groups))]
         touching = np.array([g.key[1] == "contact" for g in self.reduced.groups])
-        return Trial(trial.model, trial.fit, np.array(misfits), touching, widening=fitter.widening)
+        return Trial(
+            trial.model,
+            trial.fit,
+            np.array(misfits),
+            touching,
+            widening=fitter.widening,
+            surprise=self._surprise(trial),
+        )
 
     def hold_out(self, trial: Trial, residuals: bool = False) -> Trial:
         """The same model with every run scored by a fit that has not seen it.
@@ -175,8 +185,20 @@ class Study:
         misfits = np.array([scored[g.key, k] for g in self.reduced.groups for k in range(len(g.folds))])
         means = {g.key: products[g.key] / max(g.samples, 1) for g in self.reduced.groups}
         touching = np.array([g.key[1] == "contact" for g in self.reduced.groups for _ in g.folds])
-        kept = means if residuals else {}
-        return Trial(trial.model, trial.fit, misfits, touching, True, kept, fitter.widening)
+        return Trial(
+            trial.model,
+            trial.fit,
+            misfits,
+            touching,
+            held_out=True,
+            residuals=means if residuals else {},
+            widening=fitter.widening,
+            surprise=self._surprise(trial),
+        )
+
+    def _surprise(self, trial: Trial) -> float:
+        routings = {g.key[0] for g in self.reduced.groups if g.key[1] == "free"}
+        return surprise(trial.model, trial.fit.values, self.reduced.radius, routings)
 
     def _fitter(self, trial: Trial) -> Fitter:
         fitter = Fitter(trial.model, self.data, self.weights)
@@ -245,7 +267,13 @@ class Study:
 
     def _wandering(self, model: Model, h: Array, sums: Weighted) -> float:
         """What the run's own friction explains when it may differ by WANDER from the common value."""
-        gains = [(c.effect.id, name) for c in model.choices if c.effect.wanders for name in c.effect.gains]
+        gains = [
+            (c.effect.id, name)
+            for c in model.choices
+            if c.effect.wanders
+            for name in c.effect.gains
+            if name not in c.effect.offsets
+        ]
         if not gains:
             return 0.0
         owners = [self.reduced.layout.features[i] for i in model.active]

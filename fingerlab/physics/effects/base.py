@@ -98,6 +98,8 @@ class Effect:
         relaxes: nuisance gains that this effect sets free (it is the same term without the tight prior).
         sticks: whether it may hold any value between its extremes while nothing moves.
         wanders: whether its strength differs by some per cent from run to run, as friction does.
+        offsets: gains of a constant that the joints' losses could be as well: no misfit tells them apart, but
+            losses that one such gain makes small at all joints and routings do.
     """
 
     id: str
@@ -118,3 +120,4 @@ class Effect:
     relaxes: Mapping[str, Gain] = field(default_factory=dict)
     wanders: bool = False
     sticks: bool = False
+    offsets: tuple[str, ...] = ()

@@ -61,11 +61,15 @@ def _presliding(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _asymmetric(motion: Motion, shape: Shape) -> list[Term]:
-    """Friction of its own size in each direction; what both share is Coulomb friction."""
-    state = winding_state(motion, shape["travel_deg"])
-    return drive_terms(motion, "winding", np.maximum(state, 0.0)) + drive_terms(
-        motion, "paying_out", np.minimum(state, 0.0)
+    """Friction of its own size in each direction: Coulomb friction of their mean, and half their difference.
+
+    What sticks knows no zero between the two sizes, so that the difference is a constant torque at all times.
+    """
+    one = motion.remember("constant drag", lambda: np.full_like(motion.position, 1.0 / motion.radius))
+    constant = (
+        drive_terms(motion, "difference", one) if motion.finger is None else pull_terms("difference", one)
     )
+    return _coulomb_terms(motion, shape["travel_deg"]) + constant
 
 
 def _load_dependent(motion: Motion, shape: Shape) -> list[Term]:
@@ -182,7 +186,12 @@ EFFECTS = (
         id="asymmetric_friction",
         title="Motor friction that differs by direction",
         acts_on=("motor_torque",),
-        gains={"winding": FRICTION, "paying_out": FRICTION},
+        gains={
+            "coulomb": FRICTION,
+            "difference": Gain(
+                "N m", -0.05, 0.05, 0.005, title="more of it winding in than paying out, half"
+            ),
+        },
         columns=_asymmetric,
         coordinate="motor speed",
         equation=Row.PIP,
@@ -193,6 +202,7 @@ EFFECTS = (
         bench=True,
         wanders=True,
         sticks=True,
+        offsets=("difference",),
     ),
     Effect(
         id="load_dependent_friction",

@@ -9,11 +9,13 @@ from fingerlab.physics.effects.hysteresis import dahl_state, slip_state, stop_op
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
-STICKING_TRAVELS_DEG = (0.06, 0.12, 0.24, 0.48)
+STICKING_TRAVELS_DEG = (0.06, 0.085, 0.12, 0.17, 0.24, 0.34, 0.48)
 """Travel over which a Coulomb joint reverses 63 % of its friction, degrees: from the sensor's 0.04 degrees
 (KMA210 data sheet), so that noise does not flip the sign of a joint at rest, to the least that is called
 presliding; assumed."""
-USUAL_STICKING_DEG = 0.12
+STRIBECK_SPEEDS = (0.2, 0.6)
+"""Speeds by which the excess of breakaway has fallen to 37 %, rad/s; assumed: from where a hinge of polymer
+slides for certain to a third of the thesis' fastest motion."""
 
 COULOMB_GAIN = Gain("N m", 0.0, 0.05, 0.005, title="friction torque")
 VISCOUS_GAIN = Gain("N m s/rad", 0.0, 0.02, 0.002, title="viscous coefficient")
@@ -54,7 +56,7 @@ def _coulomb(motion: Motion, shape: Shape) -> list[Term]:
 
 def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
     _, joints = motion.finger_and_joints
-    mcp, pip = _states(motion, USUAL_STICKING_DEG)
+    mcp, pip = _states(motion, shape["travel_deg"])
     speed = shape["stribeck_speed"]
     return joint_terms("coulomb", mcp, pip) + joint_terms(
         "extra",
@@ -107,8 +109,15 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="The missing torque flips sign with joint speed and is larger when the joint is slow.",
         reveal="a chirp from 0.2 to 3 Hz",
-        shapes=tuple({"stribeck_speed": speed} for speed in (0.1, 0.25, 0.5, 1.0)),
-        shape_units={"stribeck_speed": "rad/s"},
+        # Neighbours in the grid differ in one number: the travels up at one speed, down at the next.
+        shapes=tuple(
+            {"stribeck_speed": speed, "travel_deg": travel}
+            for speed, travels in zip(
+                STRIBECK_SPEEDS, (STICKING_TRAVELS_DEG[:5], STICKING_TRAVELS_DEG[4::-1]), strict=True
+            )
+            for travel in travels
+        ),
+        shape_units={"stribeck_speed": "rad/s", "travel_deg": "deg"},
         wanders=True,
         sticks=True,
     ),

@@ -50,7 +50,7 @@ def test_work_lost_to_viscous_and_coulomb_friction() -> None:
         return float(np.sum((torque * motion.joints.mcp_velocity)[LAST]) / RATE / 2)
 
     assert work("viscous_friction") == pytest.approx(np.pi * omega * amplitude**2, rel=1e-3)
-    for shape, travel in enumerate(np.radians((0.06, 0.12, 0.24))):
+    for shape, travel in enumerate(np.radians((0.06, 0.085, 0.12))):
         assert CATALOGUE["coulomb_friction"].shapes[shape] == {
             "travel_deg": pytest.approx(np.degrees(travel))
         }
