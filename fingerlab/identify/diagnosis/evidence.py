@@ -21,10 +21,11 @@ EARNED_SHARE = 0.001
 """Share of the explained misfit that every further unknown gains by chance and bias."""
 SYSTEMATIC_VALUES = 16.0
 """Independent values that a session's systematic misfit is worth, however long it is: what no model explains
-is the same in every run. From blind trials, cross-validated over seeds and effects (docs/hidden-effects.md)."""
-SYSTEMATIC_FLOOR = 0.2
-"""Squared score, above one, that every model leaves (bench-plain: 0.14): a difference far below tells
-nothing."""
+is the same in every run. From blind trials, cross-validated over seeds and effects."""
+USUAL_LEFT = 0.14
+"""Squared score, above one, that every model leaves of a bench (bench-plain's); it tells nothing."""
+LEAST_DIFFERENCE = 0.02
+"""Two models whose squared scores differ by less than this leave the same."""
 COST_OF_A_GAIN = 0.5
 """Log odds that a further unknown must overcome."""
 LEAST_SHARE = 0.2
@@ -120,13 +121,14 @@ def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
 def among(base: Trial, trials: Sequence[Trial]) -> Array:
     """Log odds of the effects among each other, against the best, (trials,): if one of them, then which?
 
-    What is left under any of them is systematic, and its size unknown: the odds go by the ratio of what two
-    models leave, not by the difference.
+    What the best of them leaves beyond the usual is systematic, the error of its law, and the other laws have
+    errors of unknown size, too: the odds go by how many times as much a model leaves, not by the difference.
     """
     if not trials:
         return np.zeros(0)
     left = np.array([max(t.misfit + charge(base, t), 0.0) / max(t.count, 1.0) for t in trials])
-    log = -0.5 * SYSTEMATIC_VALUES * np.log(SYSTEMATIC_FLOOR + left)
+    law_error = LEAST_DIFFERENCE + max(float(left.min()) - USUAL_LEFT, 0.0)
+    log = -0.5 * SYSTEMATIC_VALUES * np.log(law_error + left - left.min())
     log -= COST_OF_A_GAIN * np.array([freedom(t) for t in trials])
     log -= 0.5 * np.array([t.surprise for t in trials])
     return np.asarray(log - log.max())

@@ -216,15 +216,10 @@ def _tangential_forces(finger: Finger, motion: Motion) -> dict[str, Array]:
         motion.force,
         touching * (tip - set_down),
         -rubbing_force(tip, np.maximum(motion.force, 0.0), TIP_STIFFNESS),
-        *(_about_zero(motion.slipping(k), motion.force) for k in SLIP_STIFFNESSES),
+        *map(motion.slipping, SLIP_STIFFNESSES),
         touching,
     )
     return dict(zip(_LATERAL, columns, strict=True))
-
-
-def _about_zero(values: Array, force: Array) -> Array:
-    """Values less the share of the force, both (n,), that they have on the mean: that is a lean's to tell."""
-    return np.asarray(values - float(values.sum()) / max(float(force.sum()), 1e-3) * force)
 
 
 _LATERAL = ("lateral", "lateral_spring", "lateral_rub", *(name for law in TIP_LAWS.values() for name in law))

@@ -17,6 +17,7 @@ import numpy as np
 from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.bandwidth import narrow
 from fingerlab.identify.diagnosis.features import (
+    SLIP_STIFFNESSES,
     TOUCHING_FORCE_N,
     Feature,
     base_columns,
@@ -26,12 +27,16 @@ from fingerlab.identify.diagnosis.model import CABLE_NAMES
 from fingerlab.identify.diagnosis.reduction import counted
 from fingerlab.identify.diagnosis.stretches import stretches
 from fingerlab.physics.effects.base import Effect, Row
+from fingerlab.physics.effects.mass import TURNED_SLIP_STIFFNESS
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.signals.periods import MAXIMUM_UNREPEATED, MINIMUM_PERIODS, PeriodGrid
 
 LEVELS_N = (-1.0, 0.0, TOUCHING_FORCE_N, 1.0)
 """Forces at which the residual is evaluated, N: below, between and above the bends of the built-in terms."""
+ROUNDS = 3
+"""How a tip rubs follows from the force, which follows from how it rubs: solved by turns. Each
+turn lowers what is left by the friction coefficient."""
 JOINT_ROWS = {"pip": Row.PIP, "mcp": Row.MCP}
 
 
@@ -114,28 +119,54 @@ def solved_forces(
     Raises:
         UserError: the moment arms of the run's cable, or an effect's strength, are not among the values.
     """
-    wide = level_residuals(stretch.motion, effects, values, where)
-    narrowed = {name: [_narrowed(stretch.motion, level) for level in levels] for name, levels in wide.items()}
-    return {name: _root(np.stack(levels)) for name, levels in narrowed.items()}
+    motion, rate = stretch.motion, stretch.motion.sample_rate_hz
+    force: Array | None = None
+    roots: dict[str, Array] = {}
+    for _ in range(ROUNDS):
+        wide = level_residuals(motion, effects, values, where, force)
+        narrowed = {n: [_narrowed(motion, level) for level in levels] for n, levels in wide.items()}
+        roots = {name: _root(np.stack(levels)) for name, levels in narrowed.items()}
+        force = np.interp(np.arange(len(motion.time)) / rate + motion.time[0], stretch.time, _mean(roots))
+    return roots
 
 
 def forces_of_motion(
-    motion: Motion, effects: Sequence[Effect], values: Mapping[str, float], where: str
+    motion: Motion, effects: Sequence[Effect], values: Mapping[str, float], where: str, rubs_as: Array
 ) -> dict[str, Array]:
-    """The same at every sample of a motion that was not recorded but thought of: nothing is filtered."""
-    return {
-        name: _root(np.stack(levels))
-        for name, levels in level_residuals(motion, effects, values, where).items()
-    }
+    """The same at every sample of a motion that was not recorded but thought of: nothing is filtered.
+
+    ``rubs_as`` (N, (n,)) is the force that the motion is meant to make, by which the tip rubs.
+    """
+    levels = level_residuals(motion, effects, values, where, rubs_as)
+    return {name: _root(np.stack(level)) for name, level in levels.items()}
+
+
+def _mean(roots: Mapping[str, Array]) -> Array:
+    """Force (N, (n,)) that all equations together imply; none where none has a lever."""
+    every = np.stack(list(roots.values()))
+    known = np.isfinite(every)
+    total = np.where(known, every, 0.0).sum(axis=0)
+    return np.asarray(np.maximum(total / np.maximum(known.sum(axis=0), 1), 0.0))
 
 
 def level_residuals(
-    motion: Motion, effects: Sequence[Effect], values: Mapping[str, float], where: str
+    motion: Motion,
+    effects: Sequence[Effect],
+    values: Mapping[str, float],
+    where: str,
+    force: Array | None = None,
 ) -> dict[str, list[Array]]:
-    """Residuals of both equations as tensions at each of ``LEVELS_N``, N, (n,) each."""
+    """Residuals of both equations as tensions at each of ``LEVELS_N``, N, (n,) each.
+
+    ``force`` (N, (n,)) is the force by whose ups and downs the tip rubs; None: it does not rub.
+    """
+    zero = np.zeros_like(motion.time)
+    rubbing = replace(motion, phase="contact", force=zero if force is None else force, _memory={})
+    for stiffness in (*SLIP_STIFFNESSES, TURNED_SLIP_STIFFNESS):
+        rubbing.slipping(stiffness)
     levels = [
-        _residuals(replace(motion, phase="contact", force=force, _memory={}), effects, values, where)
-        for force in (np.full_like(motion.time, level) for level in LEVELS_N)
+        _residuals(motion.pressed_by(np.full_like(motion.time, level), rubbing), effects, values, where)
+        for level in LEVELS_N
     ]
     return {name: [level[row] for level in levels] for name, row in JOINT_ROWS.items()}
 

@@ -163,7 +163,7 @@ def _by_variant(force: Array, variant: Variant, motion: Motion, where: str) -> t
 
     def predicted(torque: Array) -> Array:
         pulled = replace(motion, torque=torque, _memory={})
-        forces = forces_of_motion(pulled, effects, values, where)
+        forces = forces_of_motion(pulled, effects, values, where, force)
         weight = variant.pip_weight
         mixed = weight * forces["pip"] + (1.0 - weight) * forces["mcp"]
         return np.where(np.isfinite(mixed), mixed, forces["pip"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -75,12 +75,27 @@ class Motion:
     def slipping(self, stiffness: float) -> Array:
         """Friction (N, for a coefficient of 1) of a tip whose sideways force follows the normal one.
 
-        It takes on ``stiffness`` N a newton of normal force until it slides.
+        It takes on ``stiffness`` N a newton of normal force until it slides. The share of the force that it
+        has on the mean is left to a lean.
         """
+        return self.remember(("slipping", stiffness), lambda: self._slipping(stiffness))
+
+    def _slipping(self, stiffness: float) -> Array:
         if self.force is None:
-            return self.remember("no slipping", lambda: np.zeros_like(self.time))
+            return np.zeros_like(self.time)
         normal = np.maximum(self.force, 0.0)
-        return self.remember(("slipping", stiffness), lambda: rubbing_force(normal, normal, stiffness))
+        values = rubbing_force(normal, normal, stiffness)
+        return np.asarray(values - float(values.sum()) / max(float(normal.sum()), 1e-3) * normal)
+
+    def pressed_by(self, force: Array, rubbing: Motion) -> Motion:
+        """The same with another force at the tip, N, (n,), that rubs as in ``rubbing``.
+
+        How a tip rubs depends on how its force came to be; at a force that is assumed to stay it would not.
+        """
+        kept = {
+            key: v for key, v in rubbing._memory.items() if isinstance(key, tuple) and key[0] == "slipping"
+        }
+        return replace(self, phase="contact", force=force, _memory=kept)
 
     @property
     def finger_and_joints(self) -> tuple[Finger, nominal.JointMotion]:

@@ -17,7 +17,7 @@ from fingerlab.sessions.model import Run, Session
 from . import closed_form as made
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "own_effect_example.py"
-FREE = {name for name, e in CATALOGUE.items() if e.phases != ("contact",)}
+FREE = {name for name, e in CATALOGUE.items() if e.phases != ("contact",) and not e.cables}
 PLANTED = 3.0e-3  # N m (s/rad)^0.5
 
 

@@ -31,6 +31,7 @@ from fingerlab.identify.diagnosis.reduction import narrow_columns, reduce_sessio
 from fingerlab.identify.diagnosis.search import Watch, weigh
 from fingerlab.identify.diagnosis.study import Study, Trial
 from fingerlab.physics.effects import CATALOGUE
+from fingerlab.physics.effects.base import Row
 from fingerlab.sessions.model import Session
 
 from . import closed_form as made
@@ -77,7 +78,7 @@ def test_a_pressing_finger_is_imagined_as_it_was_seen() -> None:
     swing = 0.4
     rng = np.random.default_rng(2)
     run = made.contact_run(made.Bench(), 1.2, swing, 1.0, rng, 10.0, "001")
-    told = float(np.degrees(np.ptp(run.channel("motor_position"))) / 2)
+    told = float(np.degrees(np.sqrt(2.0) * np.std(run.channel("motor_position"))))  # a sine's amplitude
     run = replace(run, trajectory={**run.trajectory, "amplitude_deg": told})
     press = seen_press([Session(Path("press.h5"), "", "", made.RIG, (run,))])
     assert press is not None
@@ -197,16 +198,17 @@ def test_a_separation_is_what_the_rival_leaves_of_every_sample(
     count = len(columns)
 
     def residuals(trial: Trial) -> tuple[np.ndarray, np.ndarray]:
-        """Of the three equations, (3 n,), and their derivatives, (3 n, p)."""
+        """Of the four equations, (4 n,), and their derivatives, (4 n, p)."""
         model = build(run.layout, [group], trial.model.choices)
         h, slopes = model.coefficients(_values(model, trial), group)
-        told, reach = np.zeros((3, count)), np.zeros((3, count, slopes.shape[1]))
+        told, reach = np.zeros((5, count)), np.zeros((5, count, slopes.shape[1]))
         for i, row, signal in zip(range(len(h)), model.rows, model.pick.signals, strict=True):
             told[row] += h[i] * columns[:, signal]
             reach[row] += columns[:, signal, None] * slopes[i]
-        root = np.linalg.cholesky(study.weights[group.key][:3, :3] * EFFECTIVE_SHARE / HEAT).T
-        white = np.einsum("rs,sn->rn", root, told), np.einsum("rs,snp->rnp", root, reach)
-        return white[0].ravel(), white[1].reshape(3 * count, -1)
+        there = [Row.MCP, Row.PIP, Row.CABLE, Row.TIP]
+        root = np.linalg.cholesky(study.weights[group.key][np.ix_(there, there)] * EFFECTIVE_SHARE / HEAT).T
+        white = np.einsum("rs,sn->rn", root, told[there]), np.einsum("rs,snp->rnp", root, reach[there])
+        return white[0].ravel(), white[1].reshape(4 * count, -1)
 
     gap = residuals(truth)[0] - residuals(rival)[0]
     reach = residuals(rival)[1]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.identify.diagnosis.features import SLIP_STIFFNESSES, _about_zero
+from fingerlab.identify.diagnosis.features import SLIP_STIFFNESSES
+from fingerlab.physics.effects.hysteresis import rubbing_force
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.rig import Motor
 
@@ -19,7 +20,8 @@ def pressed(force: np.ndarray | None) -> Motion:
 
 def test_it_slides_while_the_load_rises_and_turns_round_on_the_way_down() -> None:
     up, down = np.linspace(0.0, 1.0, 101), np.linspace(1.0, 0.2, 81)
-    sideways = pressed(np.concatenate((up, down[1:]))).slipping(STIFFNESS)
+    force = np.concatenate((up, down[1:]))
+    sideways = rubbing_force(force, force, STIFFNESS)
     # Pressed from nothing it slides at once; let go by x it has 1 - 6 x, until that reaches -(1 - x).
     assert sideways[:101] == pytest.approx(up)
     let_go = 1.0 - down[1:]
@@ -29,12 +31,13 @@ def test_it_slides_while_the_load_rises_and_turns_round_on_the_way_down() -> Non
 
 def test_no_contact_rubs_nothing() -> None:
     assert pressed(None).slipping(STIFFNESS) == pytest.approx([0.0])
+    assert pressed(np.full(9, 0.5)).slipping(STIFFNESS) == pytest.approx(np.zeros(9))
     assert pressed(np.array([0.5, -0.1, 0.0])).slipping(STIFFNESS)[1:] == pytest.approx([0.0, 0.0])
 
 
 @pytest.mark.parametrize("stiffness", SLIP_STIFFNESSES)
 def test_it_leaves_the_mean_to_a_force_that_leans(stiffness: float) -> None:
     force = 0.8 + 0.3 * np.sin(np.linspace(0, 12 * np.pi, 3000))
-    column = _about_zero(pressed(force).slipping(stiffness), force)
+    column = pressed(force).slipping(stiffness)
     assert column.mean() == pytest.approx(0.0, abs=1e-12)
     assert np.ptp(column) > 0.2
