@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable, Mapping
 from datetime import datetime
@@ -13,6 +12,7 @@ import click
 
 from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
 from fingerlab.cli.interrupts import Interrupts
+from fingerlab.cli.proposals import read_proposal
 from fingerlab.cli.simulate import PROTOCOL_NAMES
 from fingerlab.errors import UserError
 
@@ -181,39 +181,11 @@ def _plans(options: Mapping[str, Any]) -> tuple[str, list[Any]]:
             raise UserError(f"--phase and --cable go with --trajectory; {protocol} has its own.")
         amplitude = load_preset(options["preset"]).numbers["protocol"]["contact_amplitude_deg"]
         return protocol, PROTOCOLS[protocol](amplitude)
-    found = _proposal(text)
+    found = read_proposal(text)
     phase = options["phase"] or found.get("phase")
     if phase is None:
         raise UserError("--trajectory needs --phase: on_air, contact, motor_bench or free.")
     return "single", [single_run(found["trajectory"], phase, options["cable"] or found.get("cable"))]
-
-
-def _proposal(text: str) -> dict[str, Any]:
-    """A trajectory, a proposal, or a whole diagnosis, from JSON text or a file of it.
-
-    Raises:
-        UserError: it is none of them.
-    """
-    where = "--trajectory"
-    if not text.lstrip().startswith("{"):
-        where = text
-        try:
-            text = Path(text).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise UserError(
-                f"--trajectory {where} is neither JSON text nor a file that can be read ({error})."
-            ) from None
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise UserError(f"{where} is not JSON ({error}); give a trajectory or what diagnose wrote.") from None
-    if isinstance(data, dict) and "next_experiment" in data:
-        data = data["next_experiment"]
-        if data is None:
-            raise UserError(f"{where} proposes no experiment: its diagnosis has nothing left to separate.")
-    if not isinstance(data, dict):
-        raise UserError(f"{where} is not a JSON object; it should hold 'trajectory', or 'kind' and the like.")
-    return data if "trajectory" in data else {"trajectory": data}
 
 
 def _tell(report: Callable[[float, str], None]) -> Callable[[str], None]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
+from fingerlab.cli.proposals import read_proposal
 from fingerlab.errors import UserError
 
 if TYPE_CHECKING:
@@ -35,7 +36,12 @@ PROTOCOL_NAMES = ("on-air", "contact", "motor-bench", "thesis", "rich")
     "--seed", type=click.IntRange(min=0), help="Same seed, same bench, same noise. Random by default."
 )
 @click.option("--preset", default="practice", show_default=True, help="practice, as-built, or a TOML file.")
-@click.option("--trajectory", metavar="JSON", help="Take one run with this trajectory instead of a protocol.")
+@click.option(
+    "--trajectory",
+    metavar="FILE|JSON",
+    help="Take one run with this trajectory instead of a protocol: JSON text, a file of it, or what "
+    "'inverse' or diagnose --json gave.",
+)
 @click.option("--phase", help="Phase of that run: on_air, contact, motor_bench or free.")
 @click.option("--cable", type=click.Choice(["extension", "flexion", "none"]), help="Cable of that run.")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Session file to write.")
@@ -115,7 +121,9 @@ def _plans(
         if phase or cable:
             raise UserError(f"--phase and --cable go with --trajectory; the protocol {protocol} has its own.")
         return protocol, PROTOCOLS[protocol](amplitude)
+    assert trajectory is not None
+    found = read_proposal(trajectory)
+    phase = phase or found.get("phase")
     if phase is None:
         raise UserError("--trajectory needs --phase: on_air, contact, motor_bench or free.")
-    text: Any = trajectory
-    return "single", [single_run(text, phase, cable)]
+    return "single", [single_run(found["trajectory"], phase, cable or found.get("cable"))]
