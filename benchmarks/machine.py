@@ -5,10 +5,15 @@ from __future__ import annotations
 import os
 import platform
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import psutil
+
+Frame = tuple[float, float]
+"""Milliseconds on the wall, and of the processor."""
 
 LOOPS = 400_000
 SLICES = 20
@@ -27,6 +32,14 @@ def fixed_loop() -> float:
 def load_average() -> float:
     """Programs that wanted a core over the last minute; 0 where the system does not tell."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+
+
+@contextmanager
+def timed(into: list[Frame]) -> Iterator[None]:
+    """Adds the milliseconds that something takes: on the wall, and of the processor for this process."""
+    wall, processor = time.perf_counter(), time.process_time()
+    yield
+    into.append((1e3 * (time.perf_counter() - wall), 1e3 * (time.process_time() - processor)))
 
 
 def used(before: Any, after: Any) -> tuple[float, float]:

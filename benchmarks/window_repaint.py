@@ -16,7 +16,7 @@ from PySide6.QtCore import QEventLoop, QTimer
 from PySide6.QtWidgets import QApplication
 
 from benchmarks.benches import turned_by_hand
-from benchmarks.machine import Share, Watch
+from benchmarks.machine import Frame, Share, Watch, timed
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.ui.acquire.opening import OpenBench, Wanted, open_bench
 from fingerlab.ui.acquire.tab import AcquireTab
@@ -29,13 +29,13 @@ REAL_S = 30.0
 
 @dataclass
 class Repainted:
-    """Milliseconds of each repaint; per cent of a core and repaints a second in real time.
+    """Each repaint; per cent of a core and repaints a second in real time.
 
     Attributes:
         share, real_share: of the machine in either part.
     """
 
-    times: list[float] = field(default_factory=list)
+    times: list[Frame] = field(default_factory=list)
     processor: float = 0.0
     rate: float = 0.0
     share: Share | None = None
@@ -87,8 +87,8 @@ def connect(tab: AcquireTab) -> None:
     tab.plots.set_window(WINDOW_S)
 
 
-def repaint_times(window: MainWindow, app: QApplication, watch: Watch) -> list[float]:
-    """Milliseconds of each repaint, samples already taken."""
+def repaint_times(window: MainWindow, app: QApplication, watch: Watch) -> list[Frame]:
+    """What each repaint takes, samples already taken."""
     tab = window.tab("acquire")
     assert isinstance(tab, AcquireTab)
     tab.station._opener = on_virtual_clock
@@ -100,7 +100,7 @@ def repaint_times(window: MainWindow, app: QApplication, watch: Watch) -> list[f
         bench.step(1000)
         tab.station.tick()
     app.processEvents()
-    times = []
+    times: list[Frame] = []
     for number in range(FRAMES):
         if number % 100 == 0:
             watch.look()
@@ -108,10 +108,9 @@ def repaint_times(window: MainWindow, app: QApplication, watch: Watch) -> list[f
         tab.station.ticked.disconnect(tab._on_tick)
         tab.station.tick()
         tab.station.ticked.connect(tab._on_tick)
-        started = time.perf_counter()
-        tab._on_tick()
-        app.processEvents()
-        times.append(1e3 * (time.perf_counter() - started))
+        with timed(times):
+            tab._on_tick()
+            app.processEvents()
     tab.station.close()
     pause(0.2)
     return times

@@ -15,7 +15,7 @@ from benchmarks.machine import Share, Watch
 from fingerlab.ui.registry import TABS
 from fingerlab.ui.window import MainWindow
 
-STARTS = 5
+STARTS = 3
 ROUNDS = 10
 
 PROGRAM = """

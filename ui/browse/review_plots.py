@@ -28,8 +28,11 @@ SHORTEST_VIEW = 0.02
 """Seconds: twenty samples at 1 kHz."""
 FEED_MS = 15
 DENSE = 32
-"""Samples a pixel from which curves are drawn thin and not smoothed (half a minute at 1 kHz on a small
-window): wide smoothed lines up and down the whole plot cost many times more time a frame."""
+"""Samples a pixel from which curves are drawn thin and whole (half a minute at 1 kHz on a small window): wide
+or dashed lines up and down the whole plot cost many times more time a frame."""
+SMOOTH = 1
+"""Samples a pixel up to which curves are smoothed: more, and it would double the time of a frame for nothing
+that can be seen."""
 
 
 class ReviewPlots(pg.GraphicsLayoutWidget):
@@ -55,7 +58,7 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         self.cycles: Cycles | None = None
         self.clock = ClockAxis()
         self.fits_heights = False
-        self._dense: bool | None = None
+        self._drawn_as: tuple[bool, bool] | None = None
         self._fed = (0.0, 0.0, 0.0)
         self._fed_state: tuple[Any, ...] = ()
         self._cursors: list[float] | None = None
@@ -167,7 +170,8 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
             return
         (left, right), pixels = self.top.viewRange()[0], max(int(self.top.getViewBox().width()), 16)
         rate = self.layers[0].run.sample_rate_hz if self.layers else 1.0
-        self._set_pens(dense=(right - left) * rate > DENSE * pixels)
+        samples = (right - left) * rate / pixels
+        self._set_pens(samples > DENSE, samples <= SMOOTH)
         for number, layer in enumerate(self.layers):
             wanted = layer.wants_samples(left, right, pixels)
             if wanted is not None and wanted != layer.asked:
@@ -281,22 +285,22 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
             self._show_markers()
             self._show_legends()
 
-    def _set_pens(self, dense: bool) -> None:
-        if dense == self._dense:
+    def _set_pens(self, dense: bool, smooth: bool) -> None:
+        if (dense, smooth) == self._drawn_as:
             return
-        self._dense = dense
+        self._drawn_as = dense, smooth
         colours, width = colours_of(self), self.devicePixelRatioF()
         for pane in self.panes:
             for (number, name), curve in pane.curves.items():
                 # Of two curves in a plot one is wide; another run is dashed: colour never tells alone.
                 wide = 1.6 * width if name in pane.spec.wide and not dense else width
                 role = pane.spec.channels[name] if number == 0 else "modelled"
-                curve.opts["antialias"] = not dense
+                curve.opts["antialias"] = smooth
                 curve.setPen(line(getattr(colours, role), wide, dashed=number > 0 and not dense))
 
     def _recolour(self) -> None:
-        dense, self._dense = bool(self._dense), None
-        self._set_pens(dense)
+        drawn_as, self._drawn_as = self._drawn_as or (False, False), None
+        self._set_pens(*drawn_as)
         colours, width = colours_of(self), self.devicePixelRatioF()
         self.setBackground(colours.surface)
         self.clock.setPen(colours.muted)
