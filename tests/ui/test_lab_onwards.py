@@ -68,7 +68,7 @@ def test_the_force_of_the_model_is_predicted_in_its_tab(qtbot: QtBot, window: Ma
     assert isinstance(tab, PredictTab)
     qtbot.waitUntil(lambda: tab.found is not None and not window.tasks.busy, timeout=6 * PATIENCE)
     assert window.current == "predict"
-    assert list(tab.models) == ["nominal"]
+    assert list(tab.models) == ["Model lab"]
     ((_, force),) = tab.force.shown.values()
     # The sweep is there for a diagnosis' model, too, and begins with the force that is predicted anyway.
     assert force.sweep[0].peak == pytest.approx(force.numbers.prediction.peak_modelled, rel=1e-6)

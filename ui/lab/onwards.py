@@ -17,6 +17,9 @@ from .controller import LabController
 if TYPE_CHECKING:
     from fingerlab.identify.model_file import Model
 
+NAME = "Model lab"
+"""What stands in Predict where a file's name would."""
+
 MODELS = "Model files (*.json)"
 CONTACT_FORCE_N = 0.8
 """Mean force of a proposed contact run that names no offset, as in a protocol (assumed)."""
@@ -46,11 +49,11 @@ class Onwards(QObject):
 
     def predict(self) -> None:
         """Fit the present model with its interval, and show its force in Predict."""
-        words = "+".join(self._added()) or "nominal"
+        self._desk.hush()
         self._desk.tasks.start(
             "Fitting the model to predict with",
             self._fit(),
-            lambda model: self._desk.hand_model(model, words),
+            lambda model: self._desk.hand_model(model, NAME),
         )
 
     def ask_and_save(self) -> None:

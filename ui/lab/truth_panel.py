@@ -80,10 +80,9 @@ class TruthPanel(QWidget):
             self.title.setText("Not true yet, and the catalogue cannot make it so")
         else:
             self.title.setText("Not true yet")
-        self.held_out.setText(
-            f"{model} misses runs held out of the fit by {score_text(diagnosis.score)} times the floor; "
-            f"the nominal model missed them by {score_text(history.first.diagnosis.score)} times."
-        )
+        misses = f"{model} misses runs held out of the fit by {score_text(diagnosis.score)} times the floor"
+        before = f"; the nominal model missed them by {score_text(history.first.diagnosis.score)} times"
+        self.held_out.setText(f"{misses}{before if names else ''}.")
         self.next.setText(next_experiment_words(diagnosis))
         proposed = diagnosis.next_experiment is not None
         self.hand.setEnabled(proposed)

@@ -110,7 +110,7 @@ def predict_beside(session: Session, models: Mapping[str, Model], progress: Prog
     for number, (file, model) in enumerate(given.extended.items()):
         tell(0.7 + 0.3 * number / len(given.extended), f"predicting with {file}")
         for name, predictions in predict_extended(session, model, file).runs.items():
-            words = _effects(model) if name == "extended" else "nominal model"
+            words = model.words if name == "extended" else "nominal model"
             sweeps = swept(model.variants[name], session, content_hash(session), file)
             forces[f"{file}: {words}"] = {p.run: _by_variant(p, sweeps.get(p.run, ())) for p in predictions}
     names = dict.fromkeys(name for by_run in forces.values() for name in by_run)
@@ -140,10 +140,6 @@ def _read(models: Mapping[str, Model]) -> _Given:
             region = REGION_TITLES.get(one.name, one.name)
             sets[f"{file}: {JOINT_TITLES[one.joint]}, {region}, {one.cable} cable"] = one
     return _Given(sets, extended)
-
-
-def _effects(model: ExtendedModel) -> str:
-    return "nominal model with " + " + ".join(model.effect_ids)
 
 
 def _by_set(traces: Traces, given: ParameterSet) -> RunForce:
