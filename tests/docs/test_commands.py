@@ -52,9 +52,7 @@ def shelf(tmp_path_factory: pytest.TempPathFactory, patched: pytest.MonkeyPatch)
     return folder
 
 
-@pytest.mark.parametrize(
-    "page", [p for p in WITH_COMMANDS if p != CHECKED], ids=lambda p: p.relative_to(ROOT).as_posix()
-)
+@pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_every_command_of_the_page_runs(
     page: Path, shelf: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -62,6 +60,8 @@ def test_every_command_of_the_page_runs(
     monkeypatch.setenv("FINGERLAB_SETTINGS_DIR", str(tmp_path / "settings"))
     monkeypatch.setattr("fingerlab.cli.effects._somebody_there", lambda: True)
     for command in commands(page):
+        if page == CHECKED and command.words[0] != "report":
+            continue  # run at their real length in test_worked_example.py
         if not command.reason:
             supply(command.words, shelf, tmp_path)
             run(command.words)
