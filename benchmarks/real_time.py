@@ -14,31 +14,26 @@ Writes docs/benchmarks-real-time.md.
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import platform
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import psutil
 
+from benchmarks.benches import in_processes, keep_option, kept, shown_window
+from benchmarks.machine import load_average, machine_words, used
 from fingerlab.acquisition.board import Board, Slot
 from fingerlab.acquisition.columns import COLUMN, COLUMNS
 from fingerlab.acquisition.commands import Initialise, SetUp
 from fingerlab.acquisition.process_bench import ProcessBench
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
-from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
-from fingerlab.acquisition.safety import Limits
-from fingerlab.acquisition.units import BenchUnits
-from fingerlab.devices.choosing import DeviceChoice
 from fingerlab.devices.simulated import SimulatedRig
 from fingerlab.sessions import open_session
 
@@ -107,21 +102,13 @@ class Watch:
         return np.concatenate(self._pieces)
 
 
-def make_bench(folder: Path) -> tuple[ProcessBench, Any]:
-    """The simulated rig in real time, in its own processes."""
-    rig = SimulatedRig().rig
-    limits = Limits.from_rig(rig)
-    settings = LoopSettings(BenchUnits.from_rig(rig), limits)
-    return ProcessBench(DeviceChoice("simulated"), settings, folder / "rescued"), rig
-
-
 def measure(bench: ProcessBench, rig: Any, folder: Path, minutes: float, pause: Pause, window: bool) -> Timed:
     """Record for so many minutes and look at every cycle."""
     path = folder / "real-time.h5"
     bench.recorder.open(SessionInfo(path, rig.to_json(), "real time", CREATED))
     for command in (SetUp("on_air", "extension"), Initialise()):
         bench.ask(command)
-    load, bare = _load(), bare_lateness()
+    load, bare = load_average(), bare_lateness()
     start = bench.board[Slot.INDEX] + 1
     bench.recorder.begin(RunInfo("on_air", "extension", RATE_HZ, SINE, start))
     watch, own = Watch(bench), psutil.Process()
@@ -135,7 +122,7 @@ def measure(bench: ProcessBench, rig: Any, folder: Path, minutes: float, pause: 
         if status.fault or status.recorder:
             raise SystemExit(f"The bench stopped: {status.fault or status.recorder}")
     share = (sum(own.cpu_times()[:2]) - spent) / (time.monotonic() - began)
-    busy, stolen = _used(before, psutil.cpu_times())
+    busy, stolen = used(before, psutil.cpu_times())
     bench.recorder.end()
     watch.look()
     unread = bench.status().unread + watch.unread
@@ -152,7 +139,7 @@ def measure(bench: ProcessBench, rig: Any, folder: Path, minutes: float, pause: 
         unread,
         run.length,
         load,
-        _load(),
+        load_average(),
         busy,
         stolen,
         100.0 * share,
@@ -176,23 +163,9 @@ def bare_lateness(seconds: float = 10.0) -> list[float]:
     return [float(np.percentile(late, share)) for share in (50.0, 99.0, 99.9, 100.0)]
 
 
-def _used(before: Any, after: Any) -> tuple[float, float]:
-    """Per cent of all cores that programs used, and that the host of a virtual machine kept for others."""
-    spent = {name: getattr(after, name) - getattr(before, name) for name in after._fields}
-    for counted_twice in ("guest", "guest_nice"):
-        spent.pop(counted_twice, None)
-    whole = sum(spent.values())
-    idle, stolen = spent["idle"] + spent.get("iowait", 0.0), spent.get("steal", 0.0)
-    return 100.0 * (whole - idle - stolen) / whole, 100.0 * stolen / whole
-
-
-def _load() -> float:
-    return float(os.getloadavg()[0]) if hasattr(os, "getloadavg") else float("nan")
-
-
 def without_window(folder: Path, minutes: float) -> Timed:
     """Only this process beside loop and recorder; it shows that it is alive, as a window does."""
-    bench, rig = make_bench(folder)
+    bench, rig = in_processes(folder / "rescued")
 
     def pause(seconds: float) -> None:
         for _ in range(round(30 * seconds)):
@@ -207,41 +180,27 @@ def without_window(folder: Path, minutes: float) -> Timed:
 
 def with_window(folder: Path, minutes: float) -> Timed:
     """The window draws meanwhile."""
-    os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-    from PySide6.QtCore import QSettings
-    from PySide6.QtWidgets import QApplication
-
-    from benchmarks.window_repaint import SIZE, WINDOW_S, pause
-    from fingerlab.ui import application
+    from benchmarks.window_repaint import WINDOW_S, pause
     from fingerlab.ui.acquire.opening import OpenBench, Wanted
     from fingerlab.ui.acquire.tab import AcquireTab
-    from fingerlab.ui.settings import Settings
-    from fingerlab.ui.window import MainWindow
 
-    app = QApplication([])
-    settings = Settings(QSettings(str(folder / "settings.ini"), QSettings.Format.IniFormat))
-    settings.set_tab("acquire")
-    application.prepare(app, settings)
-    window = MainWindow(settings)
-    window.resize(*SIZE)
-    window.show()
-    tab = window.tab("acquire")
-    assert isinstance(tab, AcquireTab)
-    tab.station._opener = lambda wanted: OpenBench(*make_bench(folder))
-    tab.station.open(Wanted("simulated"))
-    while tab.station.bench is None:
-        pause(0.05)
-    bench, opened = tab.station.bench, tab.station.opened
-    assert isinstance(bench, ProcessBench)
-    assert opened is not None
-    tab.toolbar.model_chosen.emit("nominal")
-    tab.plots.show_model(True, True)
-    tab.plots.set_window(WINDOW_S)
-    try:
-        return measure(bench, opened.rig, folder, minutes, pause, True)
-    finally:
-        tab.shut_down()
-        window.close()
+    with shown_window(folder, "acquire") as (window, _):
+        tab = window.tab("acquire")
+        assert isinstance(tab, AcquireTab)
+        tab.station._opener = lambda wanted: OpenBench(*in_processes(folder / "rescued"))
+        tab.station.open(Wanted("simulated"))
+        while tab.station.bench is None:
+            pause(0.05)
+        bench, opened = tab.station.bench, tab.station.opened
+        assert isinstance(bench, ProcessBench)
+        assert opened is not None
+        tab.toolbar.model_chosen.emit("nominal")
+        tab.plots.show_model(True, True)
+        tab.plots.set_window(WINDOW_S)
+        try:
+            return measure(bench, opened.rig, folder, minutes, pause, True)
+        finally:
+            tab.shut_down()
 
 
 def sustained(folder: Path) -> dict[int, float]:
@@ -299,14 +258,12 @@ def page(results: list[Timed], speeds: dict[int, float]) -> str:
     rows = [f"| {words} | {' | '.join(cells)} |" for words, cells in table.items()]
     rows.insert(1, "|---|" + "---|" * len(results))
     speed = "\n".join(f"| {piece} | {rate:,.0f} | {rate / RATE_HZ:.0f} |" for piece, rate in speeds.items())
-    machine = f"{os.cpu_count()} cores ({platform.system()} {platform.machine()})"
-    python = platform.python_version()
-    return TEXT.format(rows="\n".join(rows), speed=speed, machine=machine, python=python)
+    return TEXT.format(rows="\n".join(rows), speed=speed, machine=machine_words())
 
 
 TEXT = """# Real time
 
-Made with `python -m benchmarks.real_time`, without and with `--with-window`, on {machine}, Python {python}.
+Made with `python -m benchmarks.real_time`, without and with `--with-window`, on {machine}.
 Other programs shared the machine, as its load tells: a machine of one's own is more punctual.
 
 The simulated rig at 1 kHz by the machine's clock, every sample recorded. The amplifier is off, which spares
@@ -331,18 +288,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--with-window", action="store_true", help="the window draws meanwhile, off screen")
-    parser.add_argument("--keep", type=Path, help="JSON lines of results: added to, and shown as a whole")
+    keep_option(parser)
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "benchmarks-real-time.md")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         run = with_window if options.with_window else without_window
-        results = [run(Path(folder), options.minutes)]
+        result = run(Path(folder), options.minutes)
         speeds = sustained(Path(folder))
-    if options.keep:
-        with options.keep.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(asdict(results[0])) + "\n")
-        lines = options.keep.read_text(encoding="utf-8").splitlines()
-        results = [Timed(**json.loads(line)) for line in lines]
+    results = kept(result, options.keep)
     options.page.write_text(page(results, speeds), encoding="utf-8")
 
 

@@ -16,35 +16,28 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import json
-import os
-import platform
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from threading import Event, Thread
 
 import numpy as np
 import psutil
 
+from benchmarks.benches import in_processes, keep_option, kept, turned_by_hand
+from benchmarks.machine import load_average, machine_words
 from fingerlab.acquisition.bench import Bench
 from fingerlab.acquisition.board import Slot
 from fingerlab.acquisition.columns import COLUMN
-from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.process_bench import ProcessBench
 from fingerlab.acquisition.protocol import ProtocolDriver, plan_steps
 from fingerlab.acquisition.recording import SessionInfo
-from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Array, RingReader
-from fingerlab.acquisition.safety import Limits
-from fingerlab.acquisition.units import BenchUnits
-from fingerlab.devices.choosing import DeviceChoice
-from fingerlab.devices.simulated import SimulatedRig
 from fingerlab.sessions import open_session
 from fingerlab.twin.protocols import RunPlan
 
@@ -70,8 +63,6 @@ PIECE = 1 << 17
 SINE = {"kind": "sine", "amplitude_deg": 4.0, "frequency_hz": 1.0}
 FORCE = 0.8
 """N, mean force about which the sine presses; as ``fingerlab record`` has it."""
-PATIENCE_S = 1e5
-"""Seconds of rig time that the watchdogs wait: they pass in moments here."""
 
 
 @dataclass
@@ -218,28 +209,17 @@ def own_memory(process: psutil.Process) -> float:
     return float(info.rss - getattr(info, "shared", 0)) / 1e6
 
 
-def make_bench(processes: bool, rescue: Path) -> tuple[Bench, str]:
-    """The bench, and its rig's JSON text."""
-    device = SimulatedRig()
-    rig = device.rig
-    limits = Limits.from_rig(rig)
-    if not processes:
-        return InlineBench(device, LoopSettings(BenchUnits.from_rig(rig), limits), rescue), rig.to_json()
-    patient = replace(limits, window_time=PATIENCE_S, recorder_time=PATIENCE_S)
-    settings = LoopSettings(BenchUnits.from_rig(rig), patient)
-    return ProcessBench(DeviceChoice("simulated", real_time=False), settings, rescue), rig.to_json()
-
-
 def soak(hours: float, processes: bool, path: Path) -> Soaked:
     """Record for ``hours`` of rig time into ``path``, and look at what came of it."""
     seconds = 3600.0 * hours
     plan = RunPlan("contact", "flexion", {**SINE, "duration_s": seconds})
-    bench, rig = make_bench(processes, path.parent / "rescued")
+    rescue = path.parent / "rescued"
+    bench, rig = in_processes(rescue, real_time=False) if processes else turned_by_hand(rescue)
     begun = time.perf_counter()
     try:
         look = Look(bench, seconds)
         driver = ProtocolDriver(bench, lambda sentence: None, look)
-        bench.recorder.open(SessionInfo(path, rig, "soak", "2026-01-01T00:00:00+00:00"))
+        bench.recorder.open(SessionInfo(path, rig.to_json(), "soak", "2026-01-01T00:00:00+00:00"))
         driver.take(plan_steps([plan], FORCE, 0.0))
         wall, published, status = time.perf_counter() - begun, look.published(), bench.status()
         begun = time.perf_counter()
@@ -271,7 +251,7 @@ def soak(hours: float, processes: bool, path: Path) -> Soaked:
         opening_mb,
         info,
         info_mb,
-        os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan"),
+        load_average(),
     )
 
 
@@ -348,14 +328,13 @@ def page(results: list[Soaked]) -> str:
     }
     rows = [f"| {words} | {' | '.join(cells)} |" for words, cells in table.items()]
     rows.insert(1, "|---|" + "---|" * len(results))
-    machine = f"{os.cpu_count()} cores ({platform.system()} {platform.machine()})"
-    return TEXT.format(table="\n".join(rows), machine=machine, python=platform.python_version())
+    return TEXT.format(table="\n".join(rows), machine=machine_words())
 
 
 TEXT = """# Soak
 
 Hours of recording in one run on the simulated rig, faster than real time: `python -m benchmarks.soak` makes
-this page. Made on {machine}, Python {python}, which other programs shared.
+this page. Made on {machine}, which other programs shared.
 
 The finger presses the load cell in a sine of 4 degrees and 1 Hz about 0.8 N, under the position loop and the
 safety checks; loop, recorder and session file are those that a card would have. "One" process: loop and
@@ -375,18 +354,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--hours", type=float, default=10.0, help="of rig time")
     parser.add_argument("--processes", action="store_true", help="loop and recorder in their own processes")
-    parser.add_argument("--keep", type=Path, help="JSON lines of results: added to, and shown as a whole")
+    keep_option(parser)
     parser.add_argument("--folder", type=Path, help="where to record (a temporary folder by default)")
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "soak.md", help="page to write")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=options.folder) as folder:
         result = soak(options.hours, options.processes, Path(folder) / "soak.h5")
-    results = [result]
-    if options.keep:
-        with options.keep.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(asdict(result)) + "\n")
-        lines = options.keep.read_text(encoding="utf-8").splitlines()
-        results = [Soaked(**json.loads(line)) for line in lines]
+    results = kept(result, options.keep)
     options.page.write_text(page(results), encoding="utf-8")
     if not result.good:
         raise SystemExit(f"The soak failed: {asdict(result) | {'memory': 'see the page'}}")

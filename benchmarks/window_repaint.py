@@ -1,55 +1,66 @@
 """What the live plots cost: time of a repaint, and share of a core of the window's process.
 
-    python benchmarks/window_repaint.py
-
-The Acquire tab is shown off screen at 1280 x 800 with six plots (model beside the measurement), 60 s of
-samples at 1 kHz in each. First each repaint is timed by itself, on a virtual clock; then the simulated rig
-runs in processes of its own in real time and the window follows it at 30 repaints a second. Writes
-docs/benchmarks-window.md.
+The Acquire tab is shown with six plots (model beside the measurement), 60 s of samples at 1 kHz in each.
+First each repaint is timed by itself, on a virtual clock; then the simulated rig runs in processes of its own
+in real time and the window follows it at 30 repaints a second.
 """
 
 from __future__ import annotations
 
-import os
-import platform
-import statistics
-import sys
 import tempfile
 import time
+from dataclasses import dataclass, field
 from pathlib import Path
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-
-import numpy as np
-from PySide6.QtCore import QEventLoop, QSettings, QTimer
+from PySide6.QtCore import QEventLoop, QTimer
 from PySide6.QtWidgets import QApplication
 
+from benchmarks.benches import turned_by_hand
+from benchmarks.machine import Frame, Share, Watch, timed
 from fingerlab.acquisition.inline import InlineBench
-from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.safety import Limits
-from fingerlab.acquisition.units import BenchUnits
-from fingerlab.devices.simulated import SimulatedRig
-from fingerlab.ui import application
 from fingerlab.ui.acquire.opening import OpenBench, Wanted, open_bench
 from fingerlab.ui.acquire.tab import AcquireTab
-from fingerlab.ui.settings import Settings
 from fingerlab.ui.window import MainWindow
 
-ROOT = Path(__file__).resolve().parent.parent
-SIZE = (1280, 800)
 WINDOW_S = 60.0
 FRAMES = 600
 REAL_S = 30.0
-REPAINT_GOAL_MS = 33.0
-CPU_GOAL = 40.0
+
+
+@dataclass
+class Repainted:
+    """Each repaint; per cent of a core and repaints a second in real time.
+
+    Attributes:
+        share, real_share: of the machine in either part.
+    """
+
+    times: list[Frame] = field(default_factory=list)
+    processor: float = 0.0
+    rate: float = 0.0
+    share: Share | None = None
+    real_share: Share | None = None
+
+
+def repaint(window: MainWindow, app: QApplication) -> Repainted:
+    """Both measurements."""
+    found, watch = Repainted(), Watch()
+    window.show_tab("acquire")
+    found.times = repaint_times(window, app, watch)
+    found.share = watch.share()
+    watch = Watch()
+    found.processor, found.rate = processor_share(window)
+    found.real_share = watch.share()
+    tab = window.tab("acquire")
+    tab.station.close()  # type: ignore[attr-defined]
+    while tab.station.caller.busy:  # type: ignore[attr-defined]
+        pause(0.05)
+    return found
 
 
 def on_virtual_clock(wanted: Wanted) -> OpenBench:
     """The simulated rig, turned by hand."""
-    device = SimulatedRig()
-    settings = LoopSettings(BenchUnits.from_rig(device.rig), Limits.from_rig(device.rig))
-    rescue = Path(tempfile.gettempdir()) / "fingerlab-rescued"
-    return OpenBench(InlineBench(device, settings, rescue), device.rig, {})
+    return OpenBench(*turned_by_hand(Path(tempfile.gettempdir()) / "fingerlab-rescued"))
 
 
 def pause(seconds: float) -> None:
@@ -76,8 +87,8 @@ def connect(tab: AcquireTab) -> None:
     tab.plots.set_window(WINDOW_S)
 
 
-def repaint_times(window: MainWindow, app: QApplication) -> list[float]:
-    """Milliseconds of each repaint, samples already taken."""
+def repaint_times(window: MainWindow, app: QApplication, watch: Watch) -> list[Frame]:
+    """What each repaint takes, samples already taken."""
     tab = window.tab("acquire")
     assert isinstance(tab, AcquireTab)
     tab.station._opener = on_virtual_clock
@@ -89,16 +100,17 @@ def repaint_times(window: MainWindow, app: QApplication) -> list[float]:
         bench.step(1000)
         tab.station.tick()
     app.processEvents()
-    times = []
-    for _ in range(FRAMES):
+    times: list[Frame] = []
+    for number in range(FRAMES):
+        if number % 100 == 0:
+            watch.look()
         bench.step(33)
         tab.station.ticked.disconnect(tab._on_tick)
         tab.station.tick()
         tab.station.ticked.connect(tab._on_tick)
-        started = time.perf_counter()
-        tab._on_tick()
-        app.processEvents()
-        times.append(1e3 * (time.perf_counter() - started))
+        with timed(times):
+            tab._on_tick()
+            app.processEvents()
     tab.station.close()
     pause(0.2)
     return times
@@ -123,52 +135,3 @@ def processor_share(window: MainWindow) -> tuple[float, float]:
     wall, processor = time.perf_counter() - wall, time.process_time() - processor
     tab.station.stop()
     return 100 * processor / wall, frames / wall
-
-
-def page(times: list[float], share: float, rate: float, load: float) -> str:
-    """The measurements as Markdown."""
-    p50, p99 = statistics.median(times), float(np.percentile(times, 99))
-    machine = f"{os.cpu_count()} cores ({platform.system()} {platform.machine()})"
-    return "\n".join(
-        [
-            "# Benchmarks of the window",
-            "",
-            f"Made with `python benchmarks/window_repaint.py` on {machine}, Python "
-            f"{platform.python_version()}; load average {load:.1f} before.",
-            f"Six live plots of {WINDOW_S:g} s at 1 kHz, window of {SIZE[0]} x {SIZE[1]}, off screen.",
-            "",
-            "| what | measured | goal |",
-            "|---|---|---|",
-            f"| repaint, p50 | {p50:.1f} ms | |",
-            f"| repaint, p99 | {p99:.1f} ms | under {REPAINT_GOAL_MS:g} ms |",
-            f"| repaint, longest of {len(times)} | {max(times):.1f} ms | |",
-            f"| window's process at {rate:.1f} repaints a second | {share:.0f} % of a core | "
-            f"under {CPU_GOAL:g} % |",
-            "",
-        ]
-    )
-
-
-def main() -> None:
-    """Measure and write the page."""
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
-    app = QApplication(sys.argv[:1])
-    with tempfile.TemporaryDirectory() as folder:
-        settings = Settings(QSettings(f"{folder}/settings.ini", QSettings.Format.IniFormat))
-        settings.set_tab("acquire")
-        application.prepare(app, settings)
-        window = MainWindow(settings)
-        window.resize(*SIZE)
-        window.show()
-        pause(1.0)
-        times = repaint_times(window, app)
-        share, rate = processor_share(window)
-        window.tab("acquire").shut_down()
-        window.close()
-    text = page(times, share, rate, load)
-    print(text)
-    (ROOT / "docs" / "benchmarks-window.md").write_text(text, encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()

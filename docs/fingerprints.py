@@ -12,7 +12,6 @@ import html
 import numpy as np
 
 from fingerlab.physics.effects import Effect, Motion, Row, Term
-from fingerlab.physics.effects.sensing import lateral_levers
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig_file import default_rig
 from fingerlab.sessions.model import Array
@@ -103,19 +102,23 @@ def _delay(effect: Effect, motion: Motion) -> tuple[Array, str]:
     return 1e3 * wound, "missing length, mm"
 
 
-def _lean(effect: Effect, motion: Motion) -> tuple[Array, str]:
-    """Torque of the force's part along the load cell's face."""
-    lever = next(t.values for t in lateral_levers(motion, "lateral") if t.row == effect.equation)
+def _sinking(effect: Effect, motion: Motion) -> tuple[Array, str]:
+    """How far tip and load cell give way."""
     assert motion.force is not None
-    torque = effect.relaxes["lateral"].typical * motion.force * lever
-    return 1e3 * torque, f"missing torque at the {effect.equation.name}, mN m"
+    return 1e3 * effect.relaxes["tip_compliance"].typical * motion.force, "missing depth, mm"
+
+
+def _other_arm(effect: Effect, motion: Motion) -> tuple[Array, str]:
+    """Torque of the tension on what is missing of the moment arm."""
+    return 1e3 * effect.relaxes["arm_pip@flexion"].typical * motion.tension, "missing torque at the PIP, mN m"
 
 
 OUTSIDE = {
     "cable_stretch": _stretch,
     "cable_slack": _slack,
     "transport_delay": _delay,
-    "contact_angle": _lean,
+    "contact_compliance": _sinking,
+    "routing_change": _other_arm,
 }
 """Effects that are no column of their own in a fit, or that set a term free which every model has."""
 SLACK_FROM_N, SLACK_M_PER_N = 2.5, 1e-3

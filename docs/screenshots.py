@@ -1,29 +1,35 @@
 """Makes the pictures in ``docs/images`` from the running program.
 
 Every tab in every state that matters, light and dark, at 1280 x 800 and 1920 x 1080. The rig is the simulated
-one on a virtual clock; the Model lab shows a session that is recorded from it first::
+one on a virtual clock; the other tabs show sessions that are recorded from it first::
 
     python docs/screenshots.py            # into docs/images
     python docs/screenshots.py FOLDER     # elsewhere, to look first
     python docs/screenshots.py FOLDER acquire   # only one tab
+
+Numbers that the tutorials tell beside a picture are read from the same window and kept in ``facts.toml``
+beside the pictures; a test compares the tutorials with it. In the large size only the main state is kept.
 
 Runs without a display (Qt's off-screen platform).
 """
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+import tomllib
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 from click.testing import CliRunner
-from PySide6.QtCore import QEventLoop, QSettings, QTimer
-from PySide6.QtWidgets import QApplication
+from PIL import Image
+from PySide6.QtCore import QBuffer, QEventLoop, QSettings, QTimer
+from PySide6.QtWidgets import QApplication, QLabel, QTableView, QWidget
 
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.requests import LoopSettings
@@ -32,6 +38,8 @@ from fingerlab.acquisition.units import BenchUnits
 from fingerlab.calibration import StepTiming
 from fingerlab.cli.main import cli
 from fingerlab.devices.simulated import SimulatedRig, Simulation
+from fingerlab.report import diagnosis_words as words
+from fingerlab.report.screen import estimate_text, score_text
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS
@@ -40,44 +48,69 @@ from fingerlab.ui import application
 from fingerlab.ui.acquire import tab as acquire
 from fingerlab.ui.acquire.opening import OpenBench, Wanted
 from fingerlab.ui.browse.tab import SessionsTab
+from fingerlab.ui.calibrate.result_page import ResultPage
 from fingerlab.ui.calibrate.tab import CalibrateTab
 from fingerlab.ui.desk import RigLine
 from fingerlab.ui.fitting.tab import FitTab
+from fingerlab.ui.lab.tab import ModelLabTab
 from fingerlab.ui.predicting.tab import PredictTab
 from fingerlab.ui.settings import Settings
 from fingerlab.ui.theme import apply_appearance
 from fingerlab.ui.window import MainWindow
 
 EFFECT = "coulomb_friction"
-SEED = 11
+SEED, LAB_SEED = 11, 1
 SIZES = ((1280, 800), (1920, 1080))
 LOOKS = ("light", "dark")
+MAIN_STATES = ("running", "hold", "result", "review", "")
+"""States that are kept in every size; the others in the smallest alone."""
+COLOURS = 256
+"""Of a picture's palette: a window has few, and a file of them is a third of one with all."""
+HIDDEN_SEED = 7
+FACTS: dict[str, str] = {}
+"""What the window said, by ``tab.name``, filled while the pictures are taken."""
 
 States = Callable[[MainWindow, Path], Iterator[str]]
 
 
 def main() -> None:
     """Make all pictures, or those of the tabs that are named."""
-    words = sys.argv[1:]
-    target = Path(words[0]) if words else Path(__file__).parent / "images"
+    given = sys.argv[1:]
+    target = (Path(given[0]) if given else Path(__file__).parent / "images").resolve()
     target.mkdir(parents=True, exist_ok=True)
-    wanted = words[1:] or list(TABS)
+    wanted = given[1:] or list(TABS)
     app = QApplication([])
+    home = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
-        for name in wanted:
-            take(app, name, TABS[name], target, Path(folder))
+        os.chdir(folder)  # so that a window shows "recordings" and not where this machine keeps such folders
+        try:
+            for name in wanted:
+                take(app, name, TABS[name], target, Path(folder))
+                keep_facts(target / "facts.toml")
+        finally:
+            os.chdir(home)
+
+
+def keep_facts(path: Path) -> None:
+    """Write what the window said; what was there of other tabs stays."""
+    old = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    lines = [f'"{name}" = "{value}"' for name, value in sorted({**old, **FACTS}.items())]
+    text = "# Made by docs/screenshots.py: what the window says in the pictures.\n" + "\n".join(lines) + "\n"
+    path.write_text(text, encoding="utf-8")
 
 
 def take(app: QApplication, tab: str, states: States, target: Path, folder: Path) -> None:
     """All states of one tab: in each, light and dark in every size."""
     settings = Settings(QSettings(f"{folder}/{tab}.ini", QSettings.Format.IniFormat))
-    settings.set_recordings(folder / "recordings")
-    settings.set_tab(tab)
+    settings.set_recordings(Path("recordings"))
+    settings.set_tab(tab.removesuffix("_practice"))
     application.prepare(app, settings)
     window = MainWindow(settings)
     window.resize(*SIZES[0])
     window.show()
     for state in states(window, folder):
+        if window.rail.focusWidget() is not None:
+            window.rail.focusWidget().clearFocus()
         for look in LOOKS:
             apply_appearance(app, look)  # type: ignore[arg-type]
             for size in SIZES:
@@ -85,9 +118,20 @@ def take(app: QApplication, tab: str, states: States, target: Path, folder: Path
                 pause(150)
                 dark, wide = ["dark"] if look == "dark" else [], [str(size[0])] if size != SIZES[0] else []
                 name = "-".join([tab.replace("_", "-"), *([state] if state else []), *dark, *wide])
-                window.grab().save(str(target / f"{name}.png"))
+                if size == SIZES[0] or state in MAIN_STATES:
+                    save(window, target / f"{name}.png")
         window.resize(*SIZES[0])
     window.close()
+
+
+def save(window: MainWindow, path: Path) -> None:
+    """The window as a PNG with a palette of its own colours."""
+    buffer = QBuffer()
+    buffer.open(QBuffer.OpenModeFlag.ReadWrite)
+    window.grab().save(buffer, "PNG")
+    picture = Image.open(io.BytesIO(bytes(buffer.data().data()))).convert("RGB")
+    few = picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    few.save(path, optimize=True)
 
 
 def acquire_states(window: MainWindow, folder: Path) -> Iterator[str]:
@@ -115,6 +159,11 @@ def acquire_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tab.panel.note.setText("a light touch")
     tab.panel.mark.click()
     run(1.5)
+    FACTS["acquire.error"] = next(
+        label.text().removeprefix("error ")
+        for label in tab.widget.findChildren(QLabel)
+        if label.text().startswith("error ")
+    )
     yield "running"
     tab.toolbar.hold.click()
     tab.toolbar.cursors.click()
@@ -143,7 +192,7 @@ def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
     """Without a rig; a step of the load cell, a wrong weight, the result; a hand at the simulated rig."""
     tab = window.tab("calibrate")
     assert isinstance(tab, CalibrateTab)
-    tab._folder = Path("calibrations")
+    tab._folder = Path("my-rig-calibrations")
     tab.on_shown()
     yield "start"
     opened = replace(on_virtual_clock(Wanted("simulated"), folder), calibrations=folder / "calibrations")
@@ -174,6 +223,7 @@ def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
     wrong.clear()
     tab.undo()
     work(len(wizard.plan.moves))
+    read_numbers(tab.widget)
     yield "result"
     tab._end()
     window.desk.show_bench(None)
@@ -181,26 +231,85 @@ def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
 
 
 def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """Nothing open; then a session with one effect."""
+    """Nothing open; then a session with one effect, before and after it is added."""
     yield "empty"
-    window.open_paths([record(folder / "finger-rig.h5")])
+    tab = opened_in_lab(window, record(folder / "finger-rig.h5", LAB_SEED))
+    tell_diagnosis("model_lab", tab)
+    yield ""
+    add_best(window, tab)
+    tell_diagnosis("model_lab.added", tab)
+    yield "added"
+
+
+def practice_states(window: MainWindow, folder: Path) -> Iterator[str]:
+    """A session with a sealed effect, as the button makes it; the best candidate added; revealed."""
+    asked = ["simulate", "--protocol", "rich", "--hidden", "--seed", str(HIDDEN_SEED), "--out"]
+    done = CliRunner().invoke(cli, [*asked, str(folder / "practice.h5")])
+    assert done.exit_code == 0, done.output
+    tab = opened_in_lab(window, folder / "practice.h5")
+    tell_diagnosis("practice", tab)
+    yield "sealed"
+    add_best(window, tab)
+    tell_diagnosis("practice.added", tab)
+    tab.view.go_to("true")
+    tab.reveal()
+    pause(300)
+    yield "revealed"
+
+
+def opened_in_lab(window: MainWindow, path: Path) -> ModelLabTab:
+    """The Model lab with a session compared."""
+    window.open_paths([path])
     pause(50)
     wait_until(lambda: not window.tasks.busy)
     pause(300)
-    yield ""
+    tab = window.tab("model_lab")
+    assert isinstance(tab, ModelLabTab)
+    return tab
+
+
+def add_best(window: MainWindow, tab: ModelLabTab) -> None:
+    """Press "Add to model" and wait for the new fit."""
+    tab.view.candidates.add_button.click()
+    pause(50)
+    wait_until(lambda: not window.tasks.busy)
+    pause(300)
+
+
+def tell_diagnosis(name: str, tab: ModelLabTab) -> None:
+    """The numbers of the present comparison, as the tab words them."""
+    diagnosis = tab.controller.diagnosis
+    assert diagnosis is not None
+    best = words.shown_best_first(diagnosis)[0]
+    FACTS[f"{name}.score"] = score_text(diagnosis.score)
+    FACTS[f"{name}.best"] = best.title
+    FACTS[f"{name}.best_score"] = score_text(best.score)
+    if diagnosis.failure is not None:
+        FACTS[f"{name}.where"] = diagnosis.failure.moment
+    for key, value in best.parameters.items():
+        FACTS[f"{name}.best.{key}"] = estimate_text(value)
 
 
 def sessions_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """A folder with a session; one of its runs with cursors and another run over it; its strokes."""
-    library = folder / "library"
-    library.mkdir()
+    """A folder with sessions; one of its runs with cursors and another run over it; its strokes."""
+    library = Path("recordings")
+    library.mkdir(exist_ok=True)
     record(library / "finger-rig.h5")
+    others = (("on-air", "2", "new-cable", []), ("motor-bench", "4", "motor", []),
+              ("on-air", "3", "old-grease", ["--effect", "viscous_friction"]))  # fmt: skip
+    for protocol, seed, name, effect in others:
+        place = ["--seed", seed, "--out", f"recordings/{name}.h5"]
+        asked = ["simulate", "--protocol", protocol, *effect, *place]
+        done = CliRunner().invoke(cli, asked)
+        assert done.exit_code == 0, done.output
+    done = CliRunner().invoke(cli, ["batch", "recordings", "--out", "recordings/verdicts.parquet"])
+    assert done.exit_code == 0, done.output
     tab = window.tab("sessions")
     assert isinstance(tab, SessionsTab)
     tab.browse(library)
     wait_until(lambda: tab.page.model.total > 0)
     tab.page.choose_path(library / "finger-rig.h5")
-    pause(500)
+    pause(3000)  # the thumbnails are drawn in the background
     yield ""
     tab.page.details.review.click()
     wait_until(lambda: tab.review_page.session is not None and not tab.data.busy)
@@ -225,6 +334,7 @@ def fit_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tab.analyse()
     wait_until(lambda: tab.found is not None)
     pause(300)
+    read_table(tab.widget, "fit", (4, 5, 6, 7, 14))
     yield ""
 
 
@@ -233,8 +343,8 @@ def predict_states(window: MainWindow, folder: Path) -> Iterator[str]:
     yield "empty"
     session = record(folder / "in-contact.h5")
     models = [folder / "on-air.json", folder / "with-effect.json"]
-    for words in (["fit", str(session), "--model"], ["diagnose", str(session), "--add", EFFECT, "--save"]):
-        done = CliRunner().invoke(cli, [*words, str(models[len(words) > 3])])
+    for asked in (["fit", str(session), "--model"], ["diagnose", str(session), "--add", EFFECT, "--save"]):
+        done = CliRunner().invoke(cli, [*asked, str(models[len(asked) > 3])])
         assert done.exit_code == 0, done.output
     window.desk.open_paths([session], tab="predict")
     tab = window.tab("predict")
@@ -243,6 +353,7 @@ def predict_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tab.add_files(models)
     wait_until(lambda: tab.found is not None)
     pause(300)
+    read_table(tab.widget, "predict", range(3))
     yield ""
 
 
@@ -253,7 +364,26 @@ TABS: dict[str, States] = {
     "fit": fit_states,
     "predict": predict_states,
     "model_lab": lab_states,
+    "model_lab_practice": practice_states,
 }
+
+
+def read_numbers(widget: QWidget) -> None:
+    """Names and values of a calibration's result, two labels beside each other."""
+    page = widget.findChild(ResultPage)
+    assert page is not None
+    for name, value in page._rows:
+        FACTS[f"calibrate.{name.text()}"] = value.text()
+
+
+def read_table(widget: QWidget, name: str, rows: Iterable[int]) -> None:
+    """Cells of a table by row and column."""
+    table = widget.findChild(QTableView)
+    assert table is not None
+    model = table.model()
+    for row in rows:
+        for column in range(model.columnCount()):
+            FACTS[f"{name}.{row}.{column}"] = str(model.index(row, column).data() or "").replace("\n", " ")
 
 
 def on_virtual_clock(wanted: Wanted, folder: Path) -> OpenBench:
@@ -265,11 +395,11 @@ def on_virtual_clock(wanted: Wanted, folder: Path) -> OpenBench:
     return OpenBench(bench, device.rig, dict(device.session_attributes))
 
 
-def record(path: Path) -> Path:
+def record(path: Path, seed: int = SEED) -> Path:
     """A session of the simulated rig with one effect that the nominal model lacks."""
     preset = load_preset()
     plans = PROTOCOLS["rich"](preset.numbers["protocol"]["contact_amplitude_deg"])
-    write_session(path, preset, "rich", plans, parse_effects((EFFECT,)), SEED)
+    write_session(path, preset, "rich", plans, parse_effects((EFFECT,)), seed)
     return path
 
 
@@ -288,3 +418,5 @@ def pause(milliseconds: int) -> None:
 
 if __name__ == "__main__":
     main()
+    sys.stdout.flush()
+    os._exit(0)  # threads of a window that is gone may still hold parts of it when Python clears up

@@ -25,16 +25,13 @@ UNUSED = (
     *("tkinter", "IPython", "pip", "setuptools", "_distutils_hack", "pkg_resources"),
     *("matplotlib.tests", "numba.tests", "numba.cuda", "pydoc_data"),
     *(f"pyqtgraph.{name}" for name in ("examples", "opengl", "jupyter", "canvas", "flowchart")),
-    # Parts of Arrow that a table on disk does not need: its network service, its query plans, object stores.
-    *(
-        f"pyarrow.{name}"
-        for name in ("_flight", "flight", "_substrait", "substrait", "tests", "_s3fs", "_gcsfs", "_azurefs")
-    ),
+    # Parts of Arrow that a table on disk does not need: its network service and object stores.
+    *(f"pyarrow.{name}" for name in ("_flight", "flight", "tests", "_s3fs", "_gcsfs", "_azurefs")),
 )
 BALLAST = (
     r"pyarrow/(include|src|tests)/",
     r"pyarrow/.*\.(pxd|pxi|pyx|h|cpp)$",
-    r"lib(arrow_(flight|substrait|s3))\.|arrow_(flight|substrait|s3)\.dll",
+    r"arrow_((python_)?flight|s3)\.",  # its other libraries all need each other
     r"PySide6/(Qt/)?(qml|translations)/",
     r"Qt6?(Qml|Quick|VirtualKeyboard|Pdf|EglFS)|egldeviceintegrations",
     # The GTK look, which the window does not use, and the thirty system libraries that it draws in.

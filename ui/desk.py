@@ -65,6 +65,7 @@ class Desk(QObject):
         session_recorded(Path): a session file has been recorded and verified.
         protocol_handed(steps): for Acquire: sequence of ``fingerlab.acquisition.protocol.Step``.
         trajectory_handed(dict): for Acquire: one run's trajectory, as in the session format.
+        model_handed(Model, name): for Predict: a fitted model, as in a model file.
         rig_changed(RigLine): the state of the rig, as shown in header and status bar.
         bench_changed: another bench is connected (:attr:`Desk.bench`), or none.
         stop_asked: STOP or Escape; whoever drives a motor stops it now.
@@ -77,6 +78,7 @@ class Desk(QObject):
     session_recorded = Signal(object)
     protocol_handed = Signal(object, str)
     trajectory_handed = Signal(object, str)
+    model_handed = Signal(object, str)
     rig_changed = Signal(object)
     bench_changed = Signal()
     stop_asked = Signal()
@@ -144,6 +146,11 @@ class Desk(QObject):
         """Hand one trajectory (as in the session format) to Acquire's settings and show it."""
         self.show_tab("acquire")
         self.trajectory_handed.emit(dict(trajectory), title)
+
+    def hand_model(self, model: Any, name: str) -> None:
+        """Hand a fitted model (``identify.model_file.Model``) to Predict and show it."""
+        self.show_tab("predict")
+        self.model_handed.emit(model, name)
 
     def recorded(self, path: Path) -> None:
         """Say that a session file has been recorded and verified."""

@@ -15,7 +15,12 @@ GENERAL_KEYS = (
     ("Cancel what is running", "Ctrl+."),
     ("From field to field", "Tab, Shift+Tab"),
 )
-PLOT_KEYS = (("Zoom in and out", "+  −"), ("Move", "←  →"), ("Show all", "Home"))
+PLOT_KEYS = (
+    ("Zoom in and out", "+  −"),
+    ("Move", "←  →"),
+    ("Show all", "Home"),
+    ("Copy or save it", "Menu, Shift+F10"),
+)
 
 
 def show_keys(sheet: KeySheet, parent: QWidget) -> QDialog:

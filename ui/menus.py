@@ -9,6 +9,7 @@ from typing import Any
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QMainWindow, QMenu
 
+from .plot_menu import COPY_KEYS, SAVE_KEYS
 from .registry import Entry
 from .tab import Command, Tab
 
@@ -23,6 +24,8 @@ class WindowCommands:
     undo: Callable[[], Any]
     redo: Callable[[], Any]
     tab: Callable[[str], Any]
+    copy_plot: Callable[[], Any]
+    save_plot: Callable[[], Any]
     appearance: Callable[[str], Any]
     shortcuts: Callable[[], Any]
     log: Callable[[], Any]
@@ -73,6 +76,9 @@ class Menus:
         menu = self._window.menuBar().addMenu("&View")
         for tab in tabs:
             self._action(menu, tab.title, f"Ctrl+{tab.number}", lambda key=tab.key: commands.tab(key))  # type: ignore[misc]
+        menu.addSeparator()
+        self._action(menu, "&Copy plot", COPY_KEYS, commands.copy_plot)
+        self._action(menu, "&Save plot…", SAVE_KEYS, commands.save_plot)
         menu.addSeparator()
         looks = menu.addMenu("Appearance")
         group = QActionGroup(self._window)

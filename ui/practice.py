@@ -80,6 +80,17 @@ def reveal(session: Session, model: Sequence[str]) -> str:
     return f"{answer} Your model has {listed([in_sentence(effect_title(name)) for name in model])}."
 
 
+def hidden_effects(session: Session) -> tuple[str, ...]:
+    """Ids of the effects that a simulated session holds.
+
+    Raises:
+        UserError: as :func:`reveal`.
+    """
+    from fingerlab.twin.session import reveal_session
+
+    return tuple(reveal_session(session.path)["effects"])
+
+
 def _told(name: str, values: dict[str, float]) -> str:
     from fingerlab.twin.effect_table import EFFECTS
 

@@ -51,6 +51,12 @@ class SelfCheck:
         self._end(failed.sentence)
 
     def _look(self) -> None:
+        try:
+            self._look_once()
+        except Exception as error:  # whatever it is, the check has to end with it
+            self._end(f"{type(error).__name__}: {error}")
+
+    def _look_once(self) -> None:
         self._left -= 1
         lab: Any = self.window.tab("model_lab") if self.window.current == "model_lab" else None
         diagnosis = lab.controller.diagnosis if lab is not None else None

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+
 from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QPushButton, QWidget
 
 from .tasks import TaskRunner
 from .widgets.labels import ElidedLabel
 
 STEPS = 1000
+TELLS_FROM_S = 2.0
+TELLS_FROM_SHARE = 0.05
+"""Time left is told after so long and so much: before, it would be a guess."""
 
 
 class TaskBar(QWidget):
     """Follows a task runner. Ctrl+. cancels."""
 
-    def __init__(self, tasks: TaskRunner, parent: QWidget | None = None) -> None:
+    def __init__(
+        self, tasks: TaskRunner, parent: QWidget | None = None, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         super().__init__(parent)
+        self._clock, self._began = clock, 0.0
         self.text = ElidedLabel()
         self.text.setObjectName("status")
         self.text.setAccessibleName("Status")
@@ -54,7 +63,7 @@ class TaskBar(QWidget):
             widget.setVisible(running)
 
     def _on_started(self, title: str) -> None:
-        self._title = title
+        self._title, self._began = title, self._clock()
         self.say(title)
         self.progress.setValue(0)
         self.cancel.setEnabled(True)
@@ -62,7 +71,9 @@ class TaskBar(QWidget):
 
     def _on_progress(self, share: float, what: str) -> None:
         self.progress.setValue(round(share * STEPS))
-        self.say(f"{self._title}: {what}" if what else self._title)
+        words = f"{self._title}: {what}" if what else self._title
+        left = time_left(share, self._clock() - self._began)
+        self.say(f"{words}, {left}" if left else words)
 
     def _on_cancel(self) -> None:
         self.cancel.setEnabled(False)
@@ -73,3 +84,15 @@ class TaskBar(QWidget):
         self._show_work(False)
         words = {"done": "done", "stopped": "stopped", "failed": "failed"}
         self.say(f"{self._title}: {words.get(how, how)}")
+
+
+def time_left(share: float, seconds: float) -> str:
+    """How long it will still take, in words; empty as long as that is a guess.
+
+    Args:
+        share: done, 0 to 1. seconds: since the start.
+    """
+    if not TELLS_FROM_SHARE <= share < 1.0 or seconds < TELLS_FROM_S:
+        return ""
+    left = seconds * (1.0 - share) / share
+    return f"about {max(round(left), 1)} s left" if left < 90 else f"about {round(left / 60)} min left"

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QSize
-from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
+from PySide6.QtGui import QCloseEvent, QContextMenuEvent, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import (
     QApplication,
     QFileDialog,
@@ -28,6 +28,7 @@ from .desk import Desk, OpenCall, RigLine, read_session
 from .frame_header import FrameHeader
 from .menus import Menus, WindowCommands
 from .message_bar import MessageBar
+from .plot_menu import PlotMenu
 from .rail import Rail
 from .registry import Entry
 from .settings import Settings
@@ -36,6 +37,7 @@ from .stop_key import StopKey
 from .tab import Tab
 from .tasks import Failed, TaskRunner
 from .theme import apply_appearance
+from .widgets.room import Room
 
 FIRST_SIZE = QSize(1280, 800)
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
@@ -61,11 +63,13 @@ class MainWindow(QMainWindow):
         self.desk = Desk(self.settings, self.tasks, read, self)
         self._entries = {entry.key: entry for entry in (tabs if tabs is not None else registry.TABS)}
         self._tabs: dict[str, Tab] = {}
+        self._rooms: dict[str, Room] = {}
         self.current = ""
         self.setWindowTitle("FingerLab")
         self.setMinimumSize(800, 480)
         self.setAcceptDrops(True)
         self._build()
+        self.plots = PlotMenu(self, self.desk)
         self.menus = Menus(self, self._commands(), list(self._entries.values()), self.settings.appearance())
         self._stop_key = StopKey(self.desk.stop, self)
         self._connect()
@@ -105,6 +109,8 @@ class MainWindow(QMainWindow):
             undo=lambda: self.tab().undo(),
             redo=lambda: self.tab().redo(),
             tab=self.show_tab,
+            copy_plot=self.plots.copy_current,
+            save_plot=self.plots.save_current,
             appearance=self._set_appearance,
             shortcuts=lambda: dialogs.show_keys(self.menus.keys(), self),
             log=lambda: dialogs.show_log(self.desk.log, self),
@@ -133,7 +139,8 @@ class MainWindow(QMainWindow):
         key = key or self.current
         if key not in self._tabs:
             self._tabs[key] = tab = self._entries[key].make(self.desk)
-            self.work.addWidget(tab.widget)
+            self._rooms[key] = Room(tab.widget)
+            self.work.addWidget(self._rooms[key])
             if self.desk.sessions:
                 tab.on_session_opened(self.desk.sessions)
         return self._tabs[key]
@@ -148,7 +155,7 @@ class MainWindow(QMainWindow):
         self.current = key
         self.rail.show_current(key)
         self.header.show_own(tab.header)
-        self.work.setCurrentWidget(tab.widget)
+        self.work.setCurrentWidget(self._rooms[key])
         self.menus.show_tab(self._entries[key].title, tab)
         self.settings.set_tab(key)
         self._refresh()
@@ -172,6 +179,10 @@ class MainWindow(QMainWindow):
         self.desk.hush()
         self.tasks.cancel()
         self.desk.close_sessions()
+
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+        """What no widget wanted: over a plot, its copy and save."""
+        event.setAccepted(self.plots.offer(event))
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
         if any(url.isLocalFile() for url in event.mimeData().urls()):

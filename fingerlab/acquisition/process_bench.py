@@ -5,11 +5,12 @@ from __future__ import annotations
 import multiprocessing
 import time
 from contextlib import suppress
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from fingerlab.acquisition.bench import Bench, RecorderFace
+from fingerlab.acquisition.bench import Bench, RecorderFace, Status
 from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.columns import COLUMNS
 from fingerlab.acquisition.commands import Command, Quit
@@ -25,6 +26,7 @@ RING_S = 240.0
 START_S = 60.0
 """A process that is not ready after this will not be (importing and compiling take seconds)."""
 
+LOOP_DIED = "The control loop has ended unexpectedly; the motor was stopped, connect the device again."
 ANSWER_S = 5.0
 IDLE_S = 0.005
 
@@ -87,10 +89,18 @@ class ProcessBench(Bench):
         if refusal:
             raise UserError(refusal)
 
+    def status(self) -> Status:
+        status = super().status()
+        if self._closed or status.loop_ended or self.loop_process.is_alive():
+            return status
+        if self.board[Slot.LOOP_ENDED]:  # meanwhile, and properly
+            return super().status()
+        return replace(status, loop_ended=True, fault=LOOP_DIED)
+
     def idle(self) -> None:
         self.beat()
         if not self.loop_process.is_alive() and not self.board[Slot.LOOP_ENDED]:
-            raise UserError("The control loop has ended unexpectedly; the motor was stopped.")
+            raise UserError(LOOP_DIED)
         if not self.recorder_process.is_alive():
             raise UserError("The recorder has ended unexpectedly; the motor was stopped.")
         time.sleep(IDLE_S)

@@ -32,6 +32,7 @@ from fingerlab.acquisition.recording import (
 )
 from fingerlab.acquisition.ring import Array, Ring, RingReader
 from fingerlab.errors import UserError
+from fingerlab.sessions.format import FINGER_PHASES
 from fingerlab.sessions.part_file import CLEAN, LOSSY, TRUNCATED, PartHeader, PartWriter
 from fingerlab.sessions.recording_place import PART_SUFFIX, RecordingPlace, give_name
 from fingerlab.sessions.repair import MARKERS_SUFFIX, assemble_files, finish_recording
@@ -98,12 +99,18 @@ class Recorder:
         """Begin a run; it is written from the next ``poll`` on.
 
         Raises:
-            UserError: no session is open, a run is under way, or the file cannot be made.
+            UserError: no session is open, a run is under way, the rig lacks what a run of this phase needs,
+                or the file cannot be made.
         """
         if self._place is None or self._info is None:
             raise UserError("No session is open for recording; choose where to record first.")
         if self._run is not None:
             raise UserError("A run is being recorded; end it before the next is begun.")
+        if run.phase in FINGER_PHASES and not json.loads(self._info.rig).get("finger"):
+            raise UserError(  # the file could not be opened again
+                "The rig file names no finger, whose constants every run with one needs; give it a section "
+                "[finger], or record the motor alone (motor bench)."
+            )
         number = len(self._done) + 1
         path = self._place.folder / f"{number:03d}{PART_SUFFIX}"
         root = {

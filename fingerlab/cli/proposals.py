@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from fingerlab.twin.protocols import RunPlan
 
 TRAJECTORY_HELP = (
-    "Take one run with this trajectory instead: JSON text, a file of it, or what 'diagnose --json' gave."
+    "Take one run with this trajectory instead of a protocol: JSON text, a file of it, or what 'inverse' or "
+    "'diagnose --json' gave."
 )
 
 
@@ -30,7 +31,7 @@ def single_plan(source: str, phase: str | None, cable: str | None) -> RunPlan:
     """
     from fingerlab.twin.protocols import single_run
 
-    found = _proposal(source)
+    found = read_proposal(source)
     phase = phase or found.get("phase")
     if phase is None:
         raise UserError("--trajectory needs --phase: on_air, contact, motor_bench or free.")
@@ -47,7 +48,7 @@ def single_plan(source: str, phase: str | None, cable: str | None) -> RunPlan:
     return replace(single_run(trajectory, phase, cable or found.get("cable")), load_torque=float(load))
 
 
-def _proposal(text: str) -> dict[str, Any]:
+def read_proposal(text: str) -> dict[str, Any]:
     """A trajectory, a proposal, or a whole diagnosis; the answer holds 'trajectory', maybe phase and cable.
 
     Raises:

@@ -110,8 +110,9 @@ def import_text(
     columns are taken in the bench's own order: time, command, position, torque, MCP, PIP, force, angles in
     degrees.
 
-    Or an inline text: time=1,motor_command=2:deg,motor_torque=4:mNm,pip_angle=6:deg:-1 (channel = column
-    number or header : unit : factor for a flipped sign). Columns that it does not name are left out.
+    Or an inline text: time=1,motor_command=2:deg,motor_position=3:deg,motor_torque=4:mNm,pip_angle=6:deg:-1
+    (channel = column number or header : unit : factor for a flipped sign). Columns that it does not name are
+    left out.
 
     Or a .json or .toml file with the same: motor_command = { column = 2, unit = "deg", scale = 1 }.
 

@@ -66,7 +66,7 @@ def final_equation(model: ExtendedModel, rig: Rig) -> FinalEquation:
     chosen = model.extended.effects
     adds = {symbol for one in chosen for symbol in _added_symbols(one)}
     if rig.finger is None or not _routings(found):
-        parts = [_bench_part(found)]
+        parts = [_bench_part(found, r"\tau_m" in adds)]
     else:
         finger = fitted_finger(rig.finger, found)
         parts = [
@@ -207,20 +207,19 @@ def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Ite
             rf"\lambda_2 = {two}\,\sin(\theta_1 + \theta_2 - {alpha}),\qquad"
             rf" \lambda_1 = \lambda_2 - {one}\,\sin({alpha} - \theta_1)"
         )
-        sides = [
-            rf"{signed(_value(found, key))}{factor}"
-            for key, factor in (
-                ("lateral", r"\,F"),
-                ("lateral_constant", ""),
-                ("lateral_spring", r"\,u"),
-                ("lateral_rub", r"\,z_F\,F"),
-            )
-            if _value(found, key)
+        slips = sorted(key for key in found if key.startswith("lateral_slip_"))
+        factors = [
+            ("lateral", r"\,F"),
+            ("lateral_constant", ""),
+            ("lateral_spring", r"\,u"),
+            ("lateral_rub", r"\,z_F\,F"),
+            *((key, rf"\,f_{k}") for k, key in enumerate(slips, start=1)),
         ]
+        sides = [rf"{signed(_value(found, key))}{factor}" for key, factor in factors if _value(found, key)]
         lines.append(rf"H = {' '.join(sides).removeprefix('+ ') or '0'}")
         note += (
             " H is the force along its face; u the travel of the tip since it was set down, z_F the state of "
-            "its friction, between −1 and 1 against the travel."
+            "its friction, between −1 and 1 against the travel; f_1 and on, friction by the swing of F."
         )
     yield Part("Levers of the contact force", tuple(lines), note)
 
@@ -244,7 +243,7 @@ def _cable_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effec
     return Part("Cable wound on the pulley", tuple(lines))
 
 
-def _bench_part(found: Mapping[str, ParameterEstimate]) -> Part:
+def _bench_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> Part:
     terms = [
         rf"{signed(_value(found, key))}{factor}"
         for key, factor in (
@@ -255,7 +254,7 @@ def _bench_part(found: Mapping[str, ParameterEstimate]) -> Part:
         )
         if key in found
     ]
-    line = rf"M = {' '.join(terms).removeprefix('+ ')} + \tau_m"
+    line = rf"M = {' '.join(terms).removeprefix('+ ')}" + (r" + \tau_m" if with_effect else "")
     return Part("Torque of the motor", (line,), "M is the torque at the gearbox output, τ_l the known load.")
 
 

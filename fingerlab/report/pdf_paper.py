@@ -89,6 +89,8 @@ class Paper(FPDF):
             self.ln(2.0)
         else:
             self.ln(1.5)
+        if level == 2:
+            self.start_section(text)  # so that a viewer lists the parts
         self._letters(level, TEXT, "B")
         self._lines(text, SIZES[level])
         self.ln(0.8)

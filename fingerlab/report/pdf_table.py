@@ -13,6 +13,7 @@ from fingerlab.report.pdf_paper import KEEP, LINE, LINES, MM_PER_POINT, MUTED, S
 
 XHTML = "{http://www.w3.org/1999/xhtml}"
 PADDING = 1.4  # mm
+ROUNDING = 1e-3  # mm
 LONGEST_WORD = 40.0
 """A word longer than this may be broken where a table is too wide, mm."""
 
@@ -59,7 +60,7 @@ def set_table(paper: Paper, table: Table) -> None:
     widths = _widths(paper, table)
     head = FontFace(family="text", emphasis="BOLD", color=MUTED)
     with paper.table(
-        width=sum(widths), col_widths=tuple(widths), align="LEFT", headings_style=head,
+        width=min(sum(widths), paper.epw), col_widths=tuple(widths), align="LEFT", headings_style=head,
         first_row_as_headings=bool(table.head), borders_layout=TableBordersLayout.HORIZONTAL_LINES,
         text_align=tuple("RIGHT" if right else "LEFT" for right in table.right),
         v_align=VAlign.T, line_height=SIZES["small"] * MM_PER_POINT * LINE, padding=(0.6, PADDING, 0.6, 0.0),
@@ -84,7 +85,7 @@ def _widths(paper: Paper, table: Table) -> list[float]:
         room = 2 * PADDING + 1.0
         like.append(max(body, head) + room)
         least.append(max(body if right else min(word, LONGEST_WORD), head_word) + room)
-    while (over := sum(like) - paper.epw) > 1e-6:
+    while (over := sum(like) - paper.epw) > ROUNDING:
         i = max(range(len(like)), key=lambda k: like[k] - least[k])
         if like[i] <= least[i]:
             return [w * paper.epw / sum(like) for w in like]

@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+POINTS = ("time_s", "angle_deg", "torque_n_m")
+"""Lists of points say nothing in a line; what they span is told."""
+
 
 def trajectory_words(trajectory: Mapping[str, Any]) -> str:
     """What the motor was told to do, such as ``sine, 15°, 1 Hz, about 22°``."""
     rest = dict(trajectory)
     kind = str(rest.pop("kind", "unknown"))
+    for points in POINTS:
+        rest.pop(points, None)
     words = kind.replace("_", " ")
     amplitude = rest.pop("amplitude_deg", None)
     if amplitude is not None:
@@ -20,6 +25,12 @@ def trajectory_words(trajectory: Mapping[str, Any]) -> str:
     offset = rest.pop("offset_deg", None)
     if offset is not None:
         words += f", about {_number(offset)}°"
+    middle, half = rest.pop("offset_n_m", None), rest.pop("amplitude_n_m", None)
+    if isinstance(middle, int | float) and isinstance(half, int | float):
+        words += f", {_number(1e3 * (middle - half))} to {_number(1e3 * (middle + half))} mN m"
+    wanted = rest.pop("wanted_force", None)
+    if isinstance(wanted, Mapping):
+        words += f", for a wanted force ({', '.join(f'{k} {_number(v)}' for k, v in wanted.items())})"
     for key, value in rest.items():
         words += f", {key.replace('_', ' ')} {_number(value)}"
     return words

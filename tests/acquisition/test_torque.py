@@ -18,6 +18,7 @@ from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.torque import FREE_SPEED
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.errors import UserError
+from fingerlab.sessions.words import trajectory_words
 from fingerlab.twin.protocols import single_run
 from tests.acquisition import fake_device
 from tests.acquisition.driving import SINE, Driven
@@ -158,6 +159,14 @@ def test_many_points_stay_with_the_plan_and_out_of_the_file() -> None:
     plan = single_run({"kind": "torque", "time_s": time, "torque_n_m": [0.01] * 1001}, "contact")
     assert len(plan.trajectory["time_s"]) == 1001
     assert "time_s" not in read_trajectory(dict(plan.trajectory)).settings
+
+
+def test_a_torque_in_words() -> None:
+    told = trajectory_words(
+        read_trajectory({**PULL, "wanted_force": {"kind": "sine", "mean_n": 1.0}}).settings
+    )
+    assert told.startswith("torque, 0 to 50 mN m, for a wanted force (kind sine, mean_n 1)")
+    assert "[" not in told
 
 
 @pytest.mark.parametrize(

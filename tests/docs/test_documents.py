@@ -7,6 +7,7 @@ import math
 import re
 import shlex
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -22,7 +23,7 @@ from fingerlab.physics.effects.base import Row
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-WRITTEN = (ROOT / "README.md", ROOT / "packaging" / "README.md", *sorted(DOCS.glob("*.md")))
+WRITTEN = (ROOT / "README.md", ROOT / "packaging" / "README.md", *sorted(DOCS.rglob("*.md")))
 PLACEHOLDERS = {"N": "1", "ID": "coulomb_friction", "THAT_FOLDER": "folder", "FILE": "file.json"}
 
 
@@ -162,7 +163,9 @@ def test_every_page_stands_in_the_navigation_once(generate: ModuleType, pages: d
     )
     entries = [str(page) for page in generate._named(nav)]
     found = [page for page in entries if page != "catalogue/index.md"]
-    assert sorted(found) == sorted({*(p.name for p in DOCS.glob("*.md")), *pages} - {"catalogue/index.md"})
+    assert sorted(found) == sorted(
+        {*(p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md")), *pages} - {"catalogue/index.md"}
+    )
 
 
 def test_the_catalogue_has_a_page_for_each_effect_with_all_that_its_object_holds(
@@ -185,6 +188,22 @@ def test_the_catalogue_has_a_page_for_each_effect_with_all_that_its_object_holds
             assert cells[5] == gain.source
 
 
+def test_every_page_of_the_catalogue_has_all_its_parts(pages: dict[str, str]) -> None:
+    for name in CATALOGUE:
+        page = pages[f"catalogue/{name}.md"]
+        for part in (
+            "## Equation",
+            "$$",
+            "## Unknowns",
+            "## How it shows",
+            "## How to tell",
+            "What reveals it",
+        ):
+            assert part in page, (name, part)
+        assert "Easily taken for it" in page or "Nothing else in the catalogue" in page, name
+        assert "| source |" in page or name == "cable_slack", name  # which has no unknown
+
+
 def test_every_effect_has_an_equation_and_look_alikes_that_exist(generate: ModuleType) -> None:
     notes = generate.equation_notes()
     assert set(notes) == set(CATALOGUE)
@@ -196,11 +215,8 @@ def test_every_effect_has_an_equation_and_look_alikes_that_exist(generate: Modul
 
 
 def test_fingerprints_show_the_course_of_the_effect(pages: dict[str, str]) -> None:
-    """Every effect that is a column is drawn; a stiffness is a straight line, Coulomb friction two levels."""
-    drawn = {name for name in CATALOGUE if "<svg" in pages[f"catalogue/{name}.md"]}
-    assert set(CATALOGUE) - drawn == {
-        "cable_slack", "cable_stretch", "transport_delay", "contact_compliance", "routing_change",
-    }  # fmt: skip
+    """Every effect is drawn; a stiffness is a straight line, Coulomb friction two levels."""
+    assert all("<svg" in pages[f"catalogue/{name}.md"] for name in CATALOGUE)
 
     def course(name: str) -> np.ndarray:
         points = re.search(r'class="course" d="([^"]+)"', pages[f"catalogue/{name}.md"])
@@ -209,6 +225,9 @@ def test_fingerprints_show_the_course_of_the_effect(pages: dict[str, str]) -> No
 
     x, y = course("stiffness_error").T
     assert np.ptp(y - np.polyval(np.polyfit(x, y, 1), x)) < 0.5  # points are rounded to a tenth
+    x, y = course("cable_slack").T  # loose at no tension, and nothing missing where it is taut
+    assert np.ptp(y[x > x.min() + 1.0]) < 0.5
+    assert np.ptp(y[x < x.min() + 0.5]) > 100.0
     height = course("coulomb_friction")[:, 1]
     at_an_end = np.minimum(np.abs(height - height.min()), np.abs(height - height.max())) < 0.05 * np.ptp(
         height
@@ -231,6 +250,46 @@ def test_formulas_become_mathml(generate: ModuleType) -> None:
     assert "arithmatex" not in made
 
 
+def test_figures_of_the_tutorials_are_those_of_the_pictures() -> None:
+    """``facts.toml`` is what the window said while the pictures were taken."""
+    facts = tomllib.loads((DOCS / "images" / "facts.toml").read_text(encoding="utf-8"))
+    named = 0
+    for page in sorted((DOCS / "tutorials").glob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        asked = re.search(r"<!-- facts: (.+?) -->", text)
+        for name in asked[1].split(", ") if asked else ():
+            assert facts[name] in text.replace(asked[0], ""), (page.name, name, facts[name])
+            named += 1
+    assert named > 20
+
+
+def test_every_picture_that_a_page_shows_is_there_and_every_picture_is_small() -> None:
+    for page in WRITTEN:
+        for name in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / name).is_file(), (page.name, name)
+    assert sum(path.stat().st_size for path in (DOCS / "images").iterdir()) < 6_500_000
+
+
+def test_the_summary_of_the_measurements_is_read_from_their_pages(generate: ModuleType) -> None:
+    made = sys.modules["summary"]
+    text = made.summary(DOCS)
+    rows = [line.strip("| ").split(" | ") for line in text.splitlines()[2:]]
+    assert len(rows) > 8
+    for what, figure, link in rows:
+        page = re.search(r"\((.+)\)", link)
+        assert page is not None
+        source = (DOCS / page[1]).read_text(encoding="utf-8")
+        if "others" in what:
+            continue  # counted, not copied
+        for number in re.findall(r"\d+\.\d+|\d{2,}", figure.replace(",", "")):
+            assert number in source.replace(",", ""), (figure, page[1])
+    body = "| step | size | wall, s |\n|---|---|---|\n| diagnose | 1 | 7.25 |\n"
+    assert list(made.tables("Text\n\n" + body)) == [
+        (["step", "size", "wall, s"], [["diagnose", "1", "7.25"]])
+    ]
+    assert made.MARK in (DOCS / "validation.md").read_text(encoding="utf-8")
+
+
 def test_the_pages_build_without_a_warning(tmp_path: Path) -> None:
     build = pytest.importorskip(
         "mkdocs.commands.build", reason="mkdocs builds the pages and is not installed"
@@ -243,6 +302,11 @@ def test_the_pages_build_without_a_warning(tmp_path: Path) -> None:
     theory = (tmp_path / "site" / "theory.html").read_text(encoding="utf-8")
     assert theory.count("<math") > 20
     assert theory.count("<mtable") >= 2
+    for name in ("effect", "device"):  # the example itself stands in the page
+        shown = (tmp_path / "site" / f"own-{name}.html").read_text(encoding="utf-8")
+        first_line = (DOCS / f"own_{name}_example.py").read_text(encoding="utf-8").splitlines()[0]
+        assert first_line.strip('"') in shown
+    assert "Hidden effects</a></td>" in (tmp_path / "site" / "validation.html").read_text(encoding="utf-8")
     for file in (tmp_path / "site").rglob("*.html"):  # what the converter does not know it leaves as it is
         shown = file.read_text(encoding="utf-8")
         assert 'class="arithmatex"' not in shown

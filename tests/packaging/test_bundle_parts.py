@@ -114,6 +114,7 @@ def test_ballast_goes_and_what_the_program_opens_stays() -> None:
 
     kept = (
         "pyarrow/libarrow.so.2600",
+        "pyarrow/libarrow_substrait.so.2600",
         "pyarrow/_parquet.cpython-311-x86_64-linux-gnu.so",
         "PySide6/Qt/lib/libQt6Widgets.so.6",
         "PySide6/Qt/plugins/platforms/libqoffscreen.so",
@@ -123,6 +124,9 @@ def test_ballast_goes_and_what_the_program_opens_stays() -> None:
     gone = (
         "pyarrow/include/arrow/api.h",
         "pyarrow\\include\\arrow\\api.h",
+        "pyarrow/libarrow_s3.so.2600",
+        "pyarrow/arrow_flight.dll",
+        "libarrow_python_flight.so.2600",
         "libgtk-3.so.0",
         "libcairo.so.2",
         "PySide6/Qt/plugins/platformthemes/libqgtk3.so",
@@ -169,3 +173,29 @@ def test_files_open_the_window_and_words_are_commands(entry, tmp_path: Path) -> 
 def test_the_self_check_wants_a_session(entry, capsys: pytest.CaptureFixture[str]) -> None:  # type: ignore[no-untyped-def]
     assert entry.begin(["--self-check", "absent.h5"]) == 2
     assert "needs one session file" in capsys.readouterr().err
+
+
+def test_the_self_check_ends_with_the_sentence_that_the_window_shows(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.h5"
+    bad.write_text("no session", encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "fingerlab.ui.self_check", str(bad)],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        timeout=240,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert f"fingerlab: {bad}" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_packaged_program_that_fails_or_hangs_is_told(tmp_path: Path) -> None:
+    import bundle
+
+    bare = bundle.bare_environment(tmp_path)
+    with pytest.raises(bundle.BundleError, match="ended with 3:\nbecause"):
+        bundle.call([sys.executable, "-c", "print('because'); raise SystemExit(3)"], tmp_path, bare)
+    assert not [name for name in bare if name.startswith("PYTHON")]
+    assert bare["QT_QPA_PLATFORM"] == "offscreen"

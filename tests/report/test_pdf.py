@@ -44,6 +44,8 @@ def test_pdf_and_figures_say_what_the_page_says(written) -> None:
         assert (float(page_of_paper.mediabox.width), float(page_of_paper.mediabox.height)) == pytest.approx(
             (595.28, 841.89), abs=0.02
         )
+    parts = ["".join(e.itertext()) for e in root.iter(f"{xhtml}h2")]
+    assert [str(entry.title) for entry in reader.outline] == parts
     # A figure's letters are letters, and nothing is a picture of dots.
     assert "torque at the PIP (mN m)" in text
     assert not any(list(p.images) for p in reader.pages)

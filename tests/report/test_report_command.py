@@ -100,7 +100,6 @@ def test_a_motor_bench_becomes_a_page_without_a_finger(tmp_path: Path, capsys) -
         (["{session}", "--out", "{out}", "--pdf", "{folder}/r.txt"], "ends with .pdf"),
         (["{session}", "--out", "{out}", "--equation", "{folder}/e.txt"], "neither .md"),
         (["{session}", "--out", "{out}", "--figures", "{text}"], "is a file"),
-        (["{session}", "--out", "{out}", "--equation", "{folder}/e.md"], "too few runs"),
     ],
 )
 def test_bad_calls_are_one_sentence_and_write_nothing(

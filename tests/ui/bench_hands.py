@@ -17,7 +17,7 @@ from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.simulated import SimulatedRig, Simulation
-from fingerlab.ui.acquire.opening import OpenBench, OpenCall, Wanted
+from fingerlab.ui.acquire.opening import FindCall, OpenBench, OpenCall, Wanted, find_devices
 from fingerlab.ui.acquire.tab import AcquireTab
 from fingerlab.ui.registry import TABS, Entry
 from fingerlab.ui.window import MainWindow
@@ -39,29 +39,57 @@ def opener(rescue: Path, faults: Faults | None = None) -> OpenCall:
     return make
 
 
-def tabs_with(make: OpenCall) -> tuple[Entry, ...]:
-    """The window's tabs, with another way to open a bench."""
+def tabs_with(make: OpenCall, find: FindCall = find_devices) -> tuple[Entry, ...]:
+    """The window's tabs, with another way to open a bench and to look for devices."""
     return tuple(
-        replace(entry, make=lambda desk: AcquireTab(desk, make)) if entry.key == "acquire" else entry
+        replace(entry, make=lambda desk: AcquireTab(desk, make, find)) if entry.key == "acquire" else entry
         for entry in TABS
     )
 
 
 class Rig:
-    """A window with the simulated rig connected, whose time passes only in :meth:`run`."""
+    """A window with a rig on a virtual clock, whose time passes only in :meth:`run`.
 
-    def __init__(self, window: MainWindow, qtbot: QtBot) -> None:
+    Args:
+        connect: whether the simulated rig is connected at once.
+    """
+
+    def __init__(self, window: MainWindow, qtbot: QtBot, connect: bool = True) -> None:
         self.window, self._qtbot = window, qtbot
         tab = window.tab("acquire")
         assert isinstance(tab, AcquireTab)
         self.tab = tab
         self.station, self.recording = tab.station, tab.recording
-        # The card is looked for first; whatever this machine has must not matter.
-        qtbot.waitUntil(lambda: not tab.station.caller.busy, timeout=PATIENCE)
-        self.click("connectSimulated")
-        qtbot.waitUntil(lambda: self.station.bench is not None, timeout=PATIENCE)
+        self.wait_idle()  # the card is looked for first; whatever this machine has must not matter
+        if connect:
+            self.connect("connectSimulated")
+
+    def wait_idle(self) -> None:
+        """Wait until nothing is being asked of a bench."""
+        self._qtbot.waitUntil(lambda: not self.station.caller.busy, timeout=PATIENCE)
+
+    def connect(self, name: str) -> None:
+        """Click one of the buttons that connect a rig; from then on time stands still but in :meth:`run`."""
+        self.click(name)
+        self._qtbot.waitUntil(lambda: self.station.bench is not None, timeout=PATIENCE)
         self.station._timer.stop()
         self.run(0.2)
+
+    def choose(self, name: str, key: str) -> None:
+        """Choose an entry of a list, as by a click on it."""
+        field = child(self.window, QComboBox, name)
+        assert field.findData(key) >= 0, key
+        field.setCurrentIndex(field.findData(key))
+        field.activated.emit(field.currentIndex())
+
+    def write(self) -> Path:
+        """Write what was recorded and wait for the file."""
+        before = set(self.files())
+        self.click("write")
+        self._qtbot.waitUntil(lambda: len(self.files()) > len(before), timeout=PATIENCE)
+        self.wait_idle()
+        (new,) = set(self.files()) - before
+        return new
 
     @property
     def bench(self) -> InlineBench:

@@ -15,11 +15,14 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QFileDialog
 from pytestqt.qtbot import QtBot
 
+from fingerlab.devices.faults import Faults
 from fingerlab.identify.results import Diagnosis
 from fingerlab.ui import application
+from fingerlab.ui.acquire import tab as acquire_tab
 from fingerlab.ui.settings import Settings
 from fingerlab.ui.window import MainWindow
 
+from .bench_hands import Rig, opener, tabs_with
 from .hands import invented_diagnosis, lab_with, wait_for_result
 
 WindowMaker = Callable[..., MainWindow]
@@ -85,3 +88,26 @@ def opened(qtbot: QtBot, make_window, session_file: Path, monkeypatch: pytest.Mo
     QTest.keyClick(window, Qt.Key.Key_O, Qt.KeyboardModifier.ControlModifier)
     wait_for_result(qtbot, window)
     return window
+
+
+@pytest.fixture
+def connect_rig(monkeypatch, make_window, settings: Settings, qtbot: QtBot, tmp_path: Path):  # type: ignore[no-untyped-def]
+    """Connects the simulated rig on a virtual clock, with faults if wanted.
+
+    At the end a person agrees to stop and close, for which ``monkeypatch`` comes first and is taken back
+    last; tests of the question put their own answer there.
+    """
+
+    def make(faults: Faults | None = None) -> Rig:
+        monkeypatch.setattr(acquire_tab, "ask_to_close", lambda *_: True)
+        settings.set_recordings(tmp_path / "recordings")
+        return Rig(make_window(tab="acquire", tabs=tabs_with(opener(tmp_path / "rescue", faults))), qtbot)
+
+    return make
+
+
+@pytest.fixture
+def rig(connect_rig) -> Rig:  # type: ignore[no-untyped-def]
+    """The simulated rig, connected."""
+    made: Rig = connect_rig()
+    return made

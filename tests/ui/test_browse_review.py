@@ -174,3 +174,71 @@ def test_cut_between_the_cursors_and_find_the_new_session_in_the_table(
     click(window, "cut")
     qtbot.waitUntil(lambda: "not overwritten" in window.desk.log[-1], timeout=PATIENCE)
     assert target.read_bytes() == before
+
+
+def test_a_run_of_another_session_over_this_one(
+    reviewing: tuple[MainWindow, ReviewPage],
+    qtbot: QtBot,
+    make_session: Callable[..., Path],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def stronger(file: h5py.File) -> None:
+        file["runs/001/motor_torque"][...] *= 3.0
+
+    _, page = reviewing
+    other = make_session("other.h5", stronger, samples=SAMPLES)
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", staticmethod(lambda *_: (str(other), "")))
+    before = page.over.count()
+    page.over.setCurrentIndex(before - 1)  # "A run of another session…"
+    qtbot.waitUntil(lambda: page.over.count() > before, timeout=PATIENCE)
+    settle(qtbot, page)
+    assert page.over.currentText().startswith("Over it: other, Run 001")
+    assert page.run is not None
+    assert page.run.name == "002"  # the run under review stays
+    _, over = drawn(page, "motor_torque", 1)
+    # Largest torque of a run of conftest, 64.93 mN m, three times.
+    assert np.nanmax(over) == pytest.approx(3 * 64.93, abs=0.03)
+    page.over.setCurrentIndex(0)
+    settle(qtbot, page)
+    assert not len(drawn(page, "motor_torque", 1)[0])
+
+
+def test_sessions_marked_together_are_reviewed_together(
+    qtbot: QtBot, make_window, make_session: Callable[..., Path], settings
+) -> None:  # type: ignore[no-untyped-def]
+    first, second = (make_session(f"{name}.h5", samples=2000) for name in ("first", "second"))
+    settings.set_library(first.parent)
+    window = make_window(tab="sessions", diagnose=invented_diagnosis)
+    tab = window.tab("sessions")
+    assert isinstance(tab, SessionsTab)
+    qtbot.waitUntil(lambda: tab.page.model.total == 2, timeout=PATIENCE)
+    tab.page.table.selectAll()
+    click(window, "review")
+    page = tab.review_page
+    qtbot.waitUntil(lambda: page.session is not None and not page.data.busy, timeout=PATIENCE)
+    assert page.session is not None
+    offered = [page.over.itemText(row) for row in range(page.over.count())]
+    other = second.stem if page.session.path == first else first.stem
+    assert sum(text.startswith(f"Over it: {other}, Run") for text in offered) == 2
+    assert len(offered) == 2 + 2 + 2  # nothing, their runs, and the way to a further session
+    assert page.runs.count() == 2
+
+
+def test_no_more_is_drawn_than_can_be_seen(reviewing: tuple[MainWindow, ReviewPage], qtbot: QtBot) -> None:
+    _, page = reviewing
+    pixels = int(page.plots.top.getViewBox().width())
+    for width in (39.0, 8.0, 0.5):
+        page.plots.top.setXRange(10.0, 10.0 + min(width, 29.0), padding=0)
+        settle(qtbot, page)
+        for pane in page.plots.panes:
+            for curve in pane.curves.values():
+                x, _ = curve.getData()
+                assert x is None or len(x) <= 2 * pixels
+    # The grid stands at the numbers of the axes, and only the lowest plot has times.
+    shown = [pane for pane in page.plots.panes if pane.plot.isVisible()]
+    assert [pane.plot.getAxis("bottom").isVisible() for pane in shown] == [False] * (len(shown) - 1) + [True]
+    last = shown[-1]
+    times = [time for time, _ in last.plot.getAxis("bottom")._tickLevels[0]]
+    assert times == pytest.approx([10.0 + 0.05 * k for k in range(11)])
+    assert last.grid._columns == pytest.approx(times)
+    assert all(cursor not in pane.plot.items for pane in shown for cursor in pane.cursors)

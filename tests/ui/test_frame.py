@@ -87,7 +87,7 @@ def test_only_tabs_that_exist_are_on_the_rail_in_the_order_of_the_work(make_wind
 def test_rail_and_keys_change_the_tab_and_the_next_start_shows_it(window: MainWindow, make_window) -> None:  # type: ignore[no-untyped-def]
     assert window.current == "notebook"
     QTest.keyClick(window, Qt.Key.Key_6, CONTROL)
-    assert window.work.currentWidget() is lab_of(window).widget
+    assert lab_of(window).widget.isVisible()
     assert child(window, QPushButton, "tab_model_lab").isChecked()
     click(window, "tab_notebook")
     assert notebook(window).told == ["shown", "hidden", "shown"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,9 +10,10 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel
+from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFileDialog, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
+from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.identify.model_file import Model, load_model, save_model
 from fingerlab.identify.prediction.beside import predict_beside
 from fingerlab.identify.results import ParameterEstimate
@@ -169,3 +171,122 @@ def test_a_file_that_is_no_model_is_one_sentence(predicted: MainWindow, tmp_path
     drop(predicted, wrong)
     assert "wrong.json is not a model file" in predicted.desk.log[-1]
     assert predict_of(predicted).numbers.rowCount() == 2
+
+
+def test_the_sweep_is_there_for_every_model_of_one_region(
+    in_contact: Path, model_files: tuple[Path, Path]
+) -> None:
+    """Closed form: leaning by an angle shortens the lever from cos to cos less tan times sine."""
+    found = predict_beside(open_session(in_contact), {"true.json": load_model(model_files[0])})
+    (by_run,) = found.forces.values()
+    distal = MCP + PIP - ALPHA
+    for step in by_run["001"].sweep[:4]:
+        lever = np.cos(distal) - np.tan(np.radians(step.angle_deg)) * np.sin(distal)
+        assert step.peak == pytest.approx(PEAK * np.cos(distal) / lever, rel=5e-3)
+
+
+def test_a_force_that_drifts_has_no_seam_inside_its_period(in_contact: Path, tmp_path: Path) -> None:
+    """The load goes up by a third of its swing over the run; a period is drawn from least to least."""
+    source = open_session(in_contact).runs[0].load()
+    drift = 0.3 * source["time"] / source["time"][-1]
+    lever = 2 * L2 * np.cos(MCP + PIP - ALPHA)
+    source["endpoint_force"] = source["endpoint_force"] + drift
+    source["motor_torque"] = source["motor_torque"] + RADIUS * lever * drift / B
+    path = tmp_path / "drift.h5"
+    with SessionWriter(path, RIG, "drift") as writer:
+        kept = {name: values for name, values in source.items() if name != "time"}
+        writer.add_run("contact", "flexion", RATE, {"kind": "sine", "frequency_hz": 1.0}, kept)
+    parameters = {
+        "flexion/pip/extension/moment_arm": ParameterEstimate(B, "m", B, B),
+        "flexion/pip/extension/friction_loss": ParameterEstimate(LOSS, "N m", LOSS, LOSS),
+    }
+    model = Model("flexion-extension", parameters, ())
+    (by_run,) = predict_beside(open_session(path), {"m": model}).forces.values()
+    steps = np.diff(by_run["001"].modelled_period)
+    # A sine scaled to 0..1 rises by at most pi / k from one of k points to the next.
+    assert np.abs(steps).max() < 1.15 * np.pi / len(by_run["001"].phase)
+    # The step between the ends of the average period is no loading: every phase is found, and misses nothing.
+    errors = by_run["001"].numbers.error_by_phase
+    assert list(errors.values()) == pytest.approx([0.0] * 4, abs=0.01)
+
+
+@pytest.fixture
+def wanting(qtbot: QtBot, predicted: MainWindow) -> MainWindow:
+    """The view of the wanted force, with a torque in it."""
+    click(predicted, "view_wanted")
+    qtbot.waitUntil(lambda: predict_of(predicted).wanted.plan is not None, timeout=PATIENCE)
+    return predicted
+
+
+def test_a_wanted_force_becomes_a_torque(qtbot: QtBot, wanting: MainWindow) -> None:
+    view = predict_of(wanting).wanted
+    assert view.plan is not None
+    lever = 2 * L2 * np.cos(MCP + PIP - ALPHA)
+    torque = RADIUS * (K_PIP * PIP - LOSS + lever * view.plan.force) / B
+    assert view.plan.torque == pytest.approx(torque, rel=2e-3)
+    assert view.plan.force.max() == pytest.approx(1.4)
+    first = view.plan
+    mean = child(wanting, QDoubleSpinBox, "wanted_mean_n")
+    mean.setFocus()
+    mean.selectAll()
+    QTest.keyClicks(mean, "2")
+    QTest.keyClick(mean, Qt.Key.Key_Return)
+    qtbot.waitUntil(lambda: view.plan is not first and view.plan is not None, timeout=PATIENCE)
+    assert view.plan.force.max() == pytest.approx(2.4)
+    assert "mN m" in child(wanting, QLabel, "wantedResult").text()
+
+
+def test_a_force_beyond_the_limits_says_so_and_cannot_be_handed_over(
+    qtbot: QtBot, wanting: MainWindow
+) -> None:
+    view = predict_of(wanting).wanted
+    child(wanting, QDoubleSpinBox, "wanted_mean_n").setValue(9.0)
+    words = child(wanting, QLabel, "wantedLimits")
+    qtbot.waitUntil(lambda: "allow" in words.text(), timeout=PATIENCE)
+    for name in ("saveTorque", "handTorque"):
+        button = child(wanting, QPushButton, name)
+        assert not button.isEnabled()
+        assert "allow" in button.toolTip()
+    child(wanting, QDoubleSpinBox, "wanted_mean_n").setValue(0.1)
+    qtbot.waitUntil(lambda: "only press" in words.text(), timeout=PATIENCE)
+    assert view.plan is None
+
+
+def test_the_torque_is_saved_and_handed_to_acquire(
+    wanting: MainWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "wish.json"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", staticmethod(lambda *_: (str(path), "")))
+    click(wanting, "saveTorque")
+    saved = json.loads(path.read_text(encoding="utf-8"))
+    assert (saved["phase"], saved["cable"], saved["trajectory"]["kind"]) == ("contact", "flexion", "torque")
+    assert read_trajectory(saved["trajectory"]).is_torque
+    handed: list[object] = []
+    wanting.desk.protocol_handed.connect(lambda steps, title: handed.append((steps, title)))
+    click(wanting, "handTorque")
+    ((steps, title),) = handed
+    assert title == "Wanted force, 0.6 to 1.4 N"
+    assert [type(step).__name__ for step in steps] == ["Change", "Record"]
+    assert steps[-1].trajectory == saved["trajectory"]
+
+
+def test_a_wanted_force_from_a_file(
+    qtbot: QtBot, wanting: MainWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = tmp_path / "wish.csv"
+    table.write_text("time,force\n0,0.5\n2,1.5\n4,1.0\n", encoding="utf-8")
+    view = predict_of(wanting).wanted
+    box = child(wanting, QComboBox, "wantedKind")
+    box.setCurrentIndex(box.findText("From a file"))
+    assert "Choose a text table" in wait_for_words(qtbot, wanting)
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", staticmethod(lambda *_: (str(table), "")))
+    click(wanting, "wantedFile")
+    qtbot.waitUntil(lambda: view.plan is not None, timeout=PATIENCE)
+    assert view.plan is not None
+    assert view.plan.force[[0, 250, 750]] == pytest.approx([0.5, 1.0, 1.25])
+
+
+def wait_for_words(qtbot: QtBot, window: MainWindow) -> str:
+    label = child(window, QLabel, "wantedResult")
+    qtbot.waitUntil(lambda: label.text().startswith("Choose"), timeout=PATIENCE)
+    return label.text()

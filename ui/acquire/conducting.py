@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -14,7 +15,6 @@ from fingerlab.errors import UserError
 from ..desk import Desk
 from .panel import Panel
 from .prompt_bar import PromptBar
-from .protocol_form import clock
 from .protocol_run import ProtocolRun
 from .recording import Recording
 
@@ -73,8 +73,8 @@ class Conducting(QObject):
     def _on_progress(self, share: float, words: str, step_left_s: float, left_s: float) -> None:
         panel = self._panel
         panel.progress.setValue(round(1000 * share))
-        step = f": {clock(step_left_s)}" if step_left_s > 0 else ""
-        panel.left.setText(f"{words[:1].upper()}{words[1:]}{step} · in all {clock(left_s)} left")
+        step = f": {countdown(step_left_s)}" if step_left_s > 0 else ""
+        panel.left.setText(f"{words[:1].upper()}{words[1:]}{step} · in all {countdown(left_s)} left")
         self._recording.station.doing = f"protocol, {words}"
 
     def _on_ended(self, how: str) -> None:
@@ -95,3 +95,9 @@ class Conducting(QObject):
             return
         self._panel.by_hand.click()
         self._desk.say(f"Motion set: {title or self._panel.motion.words()}")
+
+
+def countdown(seconds: float) -> str:
+    """Minutes and seconds that are left, as ``1:38``."""
+    whole = math.ceil(seconds)
+    return f"{whole // 60}:{whole % 60:02d}"

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 COLUMN_WIDTH = 640
 BUTTON_WIDTH = 168
 RIG_FILTER = "Rig files (*.toml);;All files (*)"
+DEFAULT_RIG = (
+    "Default rig: wiring and limits as in the thesis, a card in this machine. A rig file names others, and "
+    "the device server of a card in another machine."
+)
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
 
 
@@ -91,10 +95,7 @@ class ConnectPage(QWidget):
         self.again = _button("Look a&gain", "lookAgain")
         self.again.setToolTip("A card was plugged in, or a device server started.")
         self.rig = _button("Rig &file…", "rigFile")
-        self.rig_text = remark(
-            "Default rig: wiring and limits as in the thesis, a card in this machine. A rig file names "
-            "others, and the device server of a card in another machine."
-        )
+        self.rig_text = remark(DEFAULT_RIG)
 
     def _make_replay(self) -> None:
         self.replay = _button("&Replay a recording…", "connectReplay")
@@ -130,6 +131,14 @@ class ConnectPage(QWidget):
     def show_looking(self) -> None:
         """A card is looked for."""
         self.found.setText("Looking for a data acquisition card …")
+
+    def show_not_looked(self) -> None:
+        """The rig file could not be used: the default one is."""
+        self.rig_file = None
+        self.rig_text.setText(DEFAULT_RIG)
+        self._card = ""
+        self.card.setEnabled(False)
+        self.found.setText("No card was looked for; look again, or choose another rig file.")
 
     def show_found(self, found: Sequence[Found]) -> None:
         """The card, and whether it can be used."""

@@ -78,6 +78,12 @@ class FormHistory(QObject):
         self._redo.clear()
         self.changed.emit()
 
+    def given(self, name: str) -> None:
+        """What stands in that form now was not entered by hand, such as a rig's own values: no step."""
+        state = dict(self._forms[name].state())
+        for step in (self._now, *self._undo, *self._redo):
+            step[name] = state
+
     @property
     def can_undo(self) -> bool:
         """Whether there is a step to take back."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -131,7 +132,13 @@ class Recording(QObject):
                 set_up.load_torque,
                 further,
             )
-            bench.recorder.begin(run)
+            try:
+                bench.recorder.begin(run)
+            except UserError:
+                if info is not None:  # nothing is in it yet: let go of its place
+                    with suppress(UserError):
+                        bench.recorder.close()
+                raise
 
         def done(_: object) -> None:
             if info is not None:

@@ -23,6 +23,7 @@ from fingerlab.errors import UserError
 
 from ..desk import Desk
 from ..tab import Tab
+from ..tasks import Failed
 from .caller import Call
 from .comparing import Comparing
 from .conducting import Conducting
@@ -183,6 +184,7 @@ class AcquireTab(Tab):
         if self.can_close():
             self.recording.finish()
             self.station.close()
+            self._look_for_devices()
 
     def _initialise(self) -> None:
         self.station.ask("Initialising", self.panel.initial.command())
@@ -245,7 +247,14 @@ class AcquireTab(Tab):
     def _look_for_devices(self) -> None:
         rig_file = self.connect_page.rig_file
         self.connect_page.show_looking()
-        self.station.caller.call(Call(LOOKING, lambda: self._finder(rig_file), self.connect_page.show_found))
+        self.station.caller.call(
+            Call(LOOKING, lambda: self._finder(rig_file), self.connect_page.show_found, self._on_not_looked)
+        )
+
+    def _on_not_looked(self, failed: Failed) -> None:
+        """The rig file is none: the sentence, and the page as it was before."""
+        self.desk.tell(failed.sentence, failed.details)
+        self.connect_page.show_not_looked()
 
     def _look_for_runs(self, session: Path) -> None:
         self.desk.hush()
@@ -269,11 +278,12 @@ class AcquireTab(Tab):
         opened = self.station.opened
         if opened is None:
             return
+        self.panel.history.note()
         try:
             self.panel.initial.show_command(initial_of(opened.rig))
         except UserError as error:
             self.desk.tell(str(error))
-        self.panel.history.note()
+        self.panel.history.given("initial")
 
     def _on_tick(self) -> None:
         if not self.widget.isVisible():

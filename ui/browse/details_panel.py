@@ -46,7 +46,10 @@ class DetailsPanel(QWidget):
         self.review = QPushButton("&Review runs")
         self.review.setObjectName("review")
         self.review.setProperty("primary", "true")
-        self.review.setToolTip("The runs against time: zoom, cursors, overlay (Return).")
+        self.review.setToolTip(
+            "The runs against time: zoom, cursors (Return). Of several sessions, runs can be laid over one "
+            "another."
+        )
         self.lab = QPushButton("Open in &Model lab")
         self.lab.setObjectName("openInLab")
         self.lab.setToolTip("Open the chosen sessions together in the Model lab (double click).")
@@ -135,7 +138,7 @@ class DetailsPanel(QWidget):
         one = facts is not None and chosen == 1
         for field in (self.tags, self.notes):
             field.setEnabled(one and good)
-        self.review.setEnabled(one)
+        self.review.setEnabled(chosen > 0)
         self.lab.setEnabled(chosen > 0)
         self.export.setEnabled(one and good)
         self.merge.setEnabled(chosen > 1)

@@ -32,7 +32,7 @@ WIDTHS = {MOTOR: 12, RECORDED: 13, LENGTH: 13, PHASES: 13, RIG: 12, QUALITY: 15,
 
 
 class LibraryPage(QWidget):
-    """Signals: folder_asked, again_asked; review_asked(Path), lab_asked(paths); chosen(): other rows."""
+    """Signals: folder_asked, again_asked; review_asked(paths), lab_asked(paths); chosen(): other rows."""
 
     folder_asked = Signal()
     again_asked = Signal()
@@ -204,7 +204,7 @@ class LibraryPage(QWidget):
         self.chosen.emit()
 
     def ask_review(self) -> None:
-        """Ask for the review of the one session that is marked."""
+        """Ask for the review of the sessions that are marked, the first of them in front."""
         paths = self.paths()
-        if len(paths) == 1:
-            self.review_asked.emit(paths[0])
+        if paths:
+            self.review_asked.emit(paths)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,8 @@ RunKey = tuple[Path, str]
 
 class ReviewData(QObject):
     """Signals, all of the layer by its number: filled(number, share); sampled(number, layer);
-    valued(list of time and values), cycled(Cycles), opened(Session), failed(sentence, details).
+    valued(list of time and values), cycled(Cycles), opened(sessions), beside(Session),
+    failed(sentence, details).
     """
 
     filled = Signal(int, float)
@@ -33,6 +34,7 @@ class ReviewData(QObject):
     valued = Signal(object)
     cycled = Signal(object)
     opened = Signal(object)
+    beside = Signal(object)
     failed = Signal(str, str)
 
     def __init__(self, parent: QObject | None = None) -> None:
@@ -50,9 +52,13 @@ class ReviewData(QObject):
         """Whether something is being read."""
         return self._filler.busy or self._reader.busy
 
-    def open(self, path: Path, read: Callable[[Path], Session]) -> None:
-        """Open a session to be reviewed."""
-        self._ask("opened", lambda tell, cancelled: read(path))
+    def open(self, paths: Sequence[Path], read: Callable[[Path], Session]) -> None:
+        """Open sessions to be reviewed."""
+        self._ask("opened", lambda tell, cancelled: tuple(read(path) for path in paths))
+
+    def open_beside(self, path: Path, read: Callable[[Path], Session]) -> None:
+        """Open a session whose runs are to be laid over those of the one under review."""
+        self._ask("beside", lambda tell, cancelled: read(path))
 
     def layer(self, number: int, session: Session, run: Run) -> Layer:
         """A run to draw as the layer of that number; what is not read yet is read now."""
@@ -106,7 +112,8 @@ class ReviewData(QObject):
                 layer.take(samples)
                 self.sampled.emit(key[1], layer)
             return
-        {"valued": self.valued, "cycled": self.cycled, "opened": self.opened}[key].emit(result)
+        signals = {"valued": self.valued, "cycled": self.cycled, "opened": self.opened, "beside": self.beside}
+        signals[key].emit(result)
 
 
 def _fill(run: Run, pyramid: Pyramid, tell: Tell, cancelled: IsCancelled) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime
 
 from PySide6.QtCore import Qt, QTimer, Signal
@@ -29,27 +30,35 @@ from .review_data import ReviewData
 from .review_plots import ReviewPlots
 from .wording import PHASE_WORDS, duration
 
+BESIDE = "beside"
 CURSOR_MS = 60
 FILL_MS = 300
 """While a long run is read, its picture grows this often."""
 
 
 class ReviewPage(QWidget):
-    """Signals: back_asked; cut_asked: between the cursors; changed: another run, or cursors on or off."""
+    """Signals: back_asked; cut_asked: between the cursors; beside_asked: a session whose runs are laid over;
+    changed: another run, or cursors on or off.
+    """
 
     back_asked = Signal()
     cut_asked = Signal()
+    beside_asked = Signal()
     changed = Signal()
 
     def __init__(self, data: ReviewData, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.data = data
         self.session: Session | None = None
+        self._overs: list[tuple[Session, Run]] = []
+        self._over_before = 0
         self.plots = ReviewPlots()
         self.back = _button("reviewBack", "‹ &All sessions", "Back to the table (Alt+Left).")
         self.runs = _choice("reviewRun", "Run shown", "Run shown (Alt+Up, Alt+Down for the next).")
         self.over = _choice(
-            "reviewOver", "Run over it", "Another run over this one, dashed, from its own start."
+            "reviewOver",
+            "Run over it",
+            "Another run over this one, dashed, from its own start; of another session, too.",
         )
         self.strokes = _switch("strokes", "Stro&kes", "The strokes of a sine over one another.")
         self.cursors = _switch("reviewCursors", "&Cursors", "Two cursors to drag, with differences (Ctrl+K).")
@@ -97,7 +106,7 @@ class ReviewPage(QWidget):
         self.back.clicked.connect(self.back_asked)
         self.cut.clicked.connect(self.cut_asked)
         self.runs.currentIndexChanged.connect(self._on_run)
-        self.over.currentIndexChanged.connect(self._show)
+        self.over.currentIndexChanged.connect(self._on_over)
         self.strokes.toggled.connect(self._on_strokes)
         self.cursors.toggled.connect(self._on_cursors)
         self.heights.toggled.connect(self._on_heights)
@@ -112,29 +121,59 @@ class ReviewPage(QWidget):
 
     # what is shown
 
-    def show_session(self, session: Session | None) -> None:
-        """Review another session, from its first run; None lets go of it."""
+    def show_session(self, session: Session | None, others: Sequence[Session] = ()) -> None:
+        """Review another session, from its first run; None lets go of it. Runs of ``others`` are offered."""
         self.data.stop()
         self.session = session
+        self._overs = []
         for field in (self.runs, self.over):
             field.blockSignals(True)
             field.clear()
         if session is not None:
             self.over.addItem("Nothing over it", None)
+            self.over.addItem("A run of another session…", BESIDE)
             for run in session.runs:
                 self.runs.addItem(run_words(run), run.name)
-                self.over.addItem(f"Over it: {run_words(run)}", run.name)
+            for one in (session, *others):
+                self._offer(one)
             self.runs.setCurrentIndex(0)
             self.over.setCurrentIndex(0)
+        self._over_before = 0
         for field in (self.runs, self.over):
             field.blockSignals(False)
         self._on_run()
         self.plots.setFocus()
 
+    def show_beside(self, session: Session) -> None:
+        """Offer the runs of another session, too, and lay the first of them over."""
+        if self.session is not None:
+            row = self.over.count() - 1
+            self._offer(session)
+            self.over.setCurrentIndex(row)
+
+    def _offer(self, session: Session) -> None:
+        """Before the last entry, which asks for a further session."""
+        for run in session.runs:
+            file = "" if session is self.session else f"{session.path.stem}, "
+            self.over.insertItem(self.over.count() - 1, f"Over it: {file}{run_words(run)}", len(self._overs))
+            self._overs.append((session, run))
+
+    def _on_over(self) -> None:
+        if self.over.currentData() != BESIDE:
+            self._over_before = self.over.currentIndex()
+            self._show()
+            return
+        self.over.blockSignals(True)
+        self.over.setCurrentIndex(self._over_before)
+        self.over.blockSignals(False)
+        self.beside_asked.emit()
+
     @property
     def run(self) -> Run | None:
         """The run shown."""
-        return self._run_of(self.runs)
+        name = self.runs.currentData()
+        runs = self.session.runs if self.session is not None else ()
+        return next((run for run in runs if run.name == name), None)
 
     @property
     def began(self) -> datetime | None:
@@ -148,11 +187,6 @@ class ReviewPage(QWidget):
         if 0 <= row < self.runs.count():
             self.runs.setCurrentIndex(row)
 
-    def _run_of(self, field: QComboBox) -> Run | None:
-        name = field.currentData()
-        runs = self.session.runs if self.session is not None else ()
-        return next((run for run in runs if run.name == name), None)
-
     def _on_run(self) -> None:
         for button in (self.strokes, self.cursors):
             button.setChecked(False)
@@ -162,13 +196,14 @@ class ReviewPage(QWidget):
         self.changed.emit()
 
     def _show(self) -> None:
-        run, other, session = self.run, self._run_of(self.over), self.session
+        run, session, number = self.run, self.session, self.over.currentData()
         if run is None or session is None:
             self.plots.show_layers([], None, ())
             return
         layers = [self.data.layer(0, session, run)]
-        if other is not None and other is not run:
-            over = self.data.layer(1, session, other)
+        theirs, other = self._overs[number] if isinstance(number, int) else (session, run)
+        if other is not run:
+            over = self.data.layer(1, theirs, other)
             over.shift = layers[0].pyramid.first_time - over.pyramid.first_time
             layers.append(over)
         self.plots.show_layers(layers, self.began, markers_of(run))

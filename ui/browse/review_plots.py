@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from datetime import datetime
-from html import escape
 from typing import Any
 
 import numpy as np
@@ -16,79 +15,24 @@ from PySide6.QtWidgets import QWidget
 from fingerlab.library.reviewing import Cycles, Marker
 from fingerlab.sessions.model import Array
 
-from ..theme import Colours, colours_of
-from ..widgets.curve import DecimatedCurve
-from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
+from ..theme import colours_of
+from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot
 from ..widgets.time_keys import move_by_key
 from .clock_axis import ClockAxis
 from .layer import MARGIN, Layer, limits_of
 from .quantities import PANES, QUANTITIES, PaneSpec
+from .review_pane import RUN_TIME, ReviewPane
 
 AXIS_WIDTH = 64
 SHORTEST_VIEW = 0.02
 """Seconds: twenty samples at 1 kHz."""
 FEED_MS = 15
 DENSE = 32
-"""Samples a pixel from which curves are drawn thin and not smoothed (half a minute at 1 kHz on a small
-window): wide smoothed lines up and down the whole plot cost many times more time a frame."""
-
-
-class ReviewPane:
-    """One plot of the stack: its curves by layer and channel, its cursors, its markers."""
-
-    def __init__(self, spec: PaneSpec, plot: pg.PlotItem) -> None:
-        self.spec, self.plot = spec, plot
-        self.curves: dict[tuple[int, str], DecimatedCurve] = {}
-        self.strokes: dict[str, pg.PlotCurveItem] = {}
-        names = (
-            {"label": "A", "labelOpts": {"position": 0.06}},
-            {"label": "B", "labelOpts": {"position": 0.06}},
-        )
-        self.cursors = [pg.InfiniteLine(angle=90, movable=True, **name) for name in names]
-        self.markers: list[pg.InfiniteLine] = []
-        self.legend = pg.TextItem(anchor=(0, 0))
-        self.legend.setParentItem(plot.getViewBox())
-        self.legend.setPos(4, 0)
-        self.legend.setZValue(30)
-        for cursor in self.cursors:
-            cursor.hide()
-            cursor.setZValue(20)
-            plot.addItem(cursor, ignoreBounds=True)
-        for name in spec.channels:
-            for number in range(2):
-                self.curves[number, name] = curve = DecimatedCurve()
-                curve.setZValue(number)
-                plot.addItem(curve, ignoreBounds=True)
-            self.strokes[name] = stroke = pg.PlotCurveItem(connect="finite", antialias=True)
-            plot.addItem(stroke, ignoreBounds=True)
-
-    def show_legend(self, present: Collection[str], over: bool, colours: Colours) -> None:
-        """Name the curves where there is more than one, each as it is drawn."""
-        names = [name for name in self.spec.channels if name in present]
-        parts = []
-        for name in names if len(names) > 1 else ():
-            title = escape(QUANTITIES[name].title)
-            title = f"<b>{title}</b>" if name in self.spec.wide else title
-            colour = getattr(colours, self.spec.channels[name])
-            parts.append(f'<span style="color:{colour}">{title}</span>')
-        if over:
-            parts.append(f'<span style="color:{colours.modelled}">the other run</span>')
-        self.legend.setHtml(" &nbsp; ".join(parts))
-        self.legend.fill = pg.mkBrush(tint(colours.surface, 0.75))
-        self.legend.setVisible(bool(parts))
-
-    def show_markers(self, markers: Sequence[Marker], with_text: bool, colour: str) -> None:
-        """A line for each marker; its note beside it in one pane only."""
-        for old in self.markers:
-            self.plot.removeItem(old)
-        self.markers = []
-        for marker in markers:
-            text = (
-                {"label": marker.note, "labelOpts": {"position": 0.18, "color": colour}} if with_text else {}
-            )
-            item = pg.InfiniteLine(marker.time, angle=90, pen=line(colour, 1.0, dashed=True), **text)
-            self.plot.addItem(item, ignoreBounds=True)
-            self.markers.append(item)
+"""Samples a pixel from which curves are drawn thin and whole (half a minute at 1 kHz on a small window): wide
+or dashed lines up and down the whole plot cost many times more time a frame."""
+SMOOTH = 1
+"""Samples a pixel up to which curves are smoothed: more, and it would double the time of a frame for nothing
+that can be seen."""
 
 
 class ReviewPlots(pg.GraphicsLayoutWidget):
@@ -114,7 +58,7 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         self.cycles: Cycles | None = None
         self.clock = ClockAxis()
         self.fits_heights = False
-        self._dense: bool | None = None
+        self._drawn_as: tuple[bool, bool] | None = None
         self._fed = (0.0, 0.0, 0.0)
         self._fed_state: tuple[Any, ...] = ()
         self._cursors: list[float] | None = None
@@ -135,10 +79,17 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         axes = {"top": self.clock} if row == 0 else {}
         plot: pg.PlotItem = self.addPlot(row=row, col=0, enableMenu=False, axisItems=axes)
         prepare_plot(plot)
+        plot.showGrid(x=False, y=False)  # Grid draws it
         plot.getAxis("left").setWidth(AXIS_WIDTH)
+        plot.getAxis("left").setCacheMode(pg.GraphicsObject.CacheMode.DeviceCoordinateCache)
+        for name in ("top", "right"):  # pyqtgraph lets axes follow the view that nobody sees
+            if name != "top" or row != 0:
+                plot.getAxis(name).unlinkFromView()
         plot.setMouseEnabled(x=True, y=False)
         self.ci.layout.setRowStretchFactor(row, spec.share)
         if row == 0:
+            self.clock.enableAutoSIPrefix(False)
+            self.clock.setHeight(bottom_axis_height() // 2)  # one line, always: nothing is laid out anew
             plot.showAxis("top")
             self.clock.setStyle(tickFont=plot.getAxis("left").style["tickFont"], tickTextOffset=2)
             self.clock.setTickDensity(0.7)
@@ -167,9 +118,7 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
             self.ci.layout.setRowStretchFactor(self.panes.index(pane), pane.spec.share if shown else 0)
             last = pane if shown else last
         for pane in self.panes:
-            pane.plot.getAxis("bottom").setStyle(showValues=pane is last)
-            pane.plot.getAxis("bottom").setHeight(bottom_axis_height() if pane is last else 8)
-            pane.plot.setLabel("bottom", "Run time (s)" if pane is last else "")
+            pane.show_time_axis(pane is last, RUN_TIME)
         self._show_markers()
         self._show_legends()
         if not same:
@@ -188,8 +137,8 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
                 item.setData(x, y * factor)
             for curve in pane.curves.values():
                 curve.setVisible(cycles is None)
-            if pane.plot.getAxis("bottom").style["showValues"]:
-                pane.plot.setLabel("bottom", "Run time (s)" if cycles is None else "Time in the stroke (s)")
+            if pane.plot.getAxis("bottom").isVisible():
+                pane.plot.setLabel("bottom", RUN_TIME if cycles is None else "Time in the stroke (s)")
         self._show_markers()
         self._show_legends()
         self.show_whole()
@@ -221,7 +170,8 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
             return
         (left, right), pixels = self.top.viewRange()[0], max(int(self.top.getViewBox().width()), 16)
         rate = self.layers[0].run.sample_rate_hz if self.layers else 1.0
-        self._set_pens(dense=(right - left) * rate > DENSE * pixels)
+        samples = (right - left) * rate / pixels
+        self._set_pens(samples > DENSE, samples <= SMOOTH)
         for number, layer in enumerate(self.layers):
             wanted = layer.wants_samples(left, right, pixels)
             if wanted is not None and wanted != layer.asked:
@@ -305,10 +255,7 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
 
     def _place_cursors(self) -> None:
         for pane in self.panes:
-            for number, cursor in enumerate(pane.cursors):
-                cursor.setVisible(self._cursors is not None)
-                if self._cursors is not None:
-                    cursor.setValue(self._cursors[number])
+            pane.show_cursors(self._cursors)
         if self._cursors is not None:
             self.cursors_moved.emit(*self._cursors)
 
@@ -338,28 +285,29 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
             self._show_markers()
             self._show_legends()
 
-    def _set_pens(self, dense: bool) -> None:
-        if dense == self._dense:
+    def _set_pens(self, dense: bool, smooth: bool) -> None:
+        if (dense, smooth) == self._drawn_as:
             return
-        self._dense = dense
+        self._drawn_as = dense, smooth
         colours, width = colours_of(self), self.devicePixelRatioF()
         for pane in self.panes:
             for (number, name), curve in pane.curves.items():
                 # Of two curves in a plot one is wide; another run is dashed: colour never tells alone.
                 wide = 1.6 * width if name in pane.spec.wide and not dense else width
                 role = pane.spec.channels[name] if number == 0 else "modelled"
-                curve.opts["antialias"] = not dense
+                curve.opts["antialias"] = smooth
                 curve.setPen(line(getattr(colours, role), wide, dashed=number > 0 and not dense))
 
     def _recolour(self) -> None:
-        dense, self._dense = bool(self._dense), None
-        self._set_pens(dense)
+        drawn_as, self._drawn_as = self._drawn_as or (False, False), None
+        self._set_pens(*drawn_as)
         colours, width = colours_of(self), self.devicePixelRatioF()
         self.setBackground(colours.surface)
         self.clock.setPen(colours.muted)
         self.clock.setTextPen(colours.text)
         for pane in self.panes:
             colour_plot(pane.plot, colours)
+            pane.grid.set_colour(colours.line)
             for name, role in pane.spec.channels.items():
                 colour = getattr(colours, role)
                 pane.strokes[name].setPen(line(colour, width))

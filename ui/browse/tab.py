@@ -25,6 +25,7 @@ from .thumbnails import Thumbnails
 from .writer import FORMATS, Writer
 
 SCAN = "scan"
+SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
 
 
 @dataclass(frozen=True)
@@ -93,8 +94,10 @@ class SessionsTab(Tab):
         self.review_page.back_asked.connect(self.show_table)
         self.review_page.changed.connect(self.desk.commands_changed)
         self.review_page.cut_asked.connect(self.cut)
+        self.review_page.beside_asked.connect(self.review_beside)
         self.writer.written.connect(self._on_written)
         self.data.opened.connect(self._on_opened)
+        self.data.beside.connect(self.review_page.show_beside)
         self.data.failed.connect(self.desk.tell)
         self._scanner.told.connect(self._on_told)
         self._scanner.done.connect(self._on_found)
@@ -107,7 +110,7 @@ class SessionsTab(Tab):
             Command("Read a&gain", self.read_again, "F5"),
             Command("&Search", page.search.setFocus, "Ctrl+F"),
             SEPARATOR,
-            Command("&Review runs", page.ask_review, None, lambda: len(page.paths()) == 1),
+            Command("&Review runs", page.ask_review, None, lambda: bool(page.paths())),
             Command(
                 "Open in &Model lab",
                 lambda: self.open_in_lab(self.chosen()),
@@ -221,11 +224,20 @@ class SessionsTab(Tab):
             return [session.path]
         return self.page.paths()
 
-    def review(self, path: Path) -> None:
-        """Open a session and show its runs against time."""
+    def review(self, paths: Sequence[Path]) -> None:
+        """Open sessions and show the runs of the first against time; those of the others can be laid over."""
         self.desk.hush()
         self.page.details.flush()
-        self.data.open(path, read_session)
+        self.data.open(paths, read_session)
+
+    def review_beside(self) -> None:
+        """Choose another session whose runs can be laid over those under review."""
+        name, _ = QFileDialog.getOpenFileName(
+            self.widget, "Session to lay over", str(self.folder), SESSION_FILTER
+        )
+        if name:
+            self.desk.hush()
+            self.data.open_beside(Path(name), read_session)
 
     def show_table(self) -> None:
         """Back to the table."""
@@ -241,9 +253,9 @@ class SessionsTab(Tab):
     def _reviewing(self) -> bool:
         return self.pages.currentWidget() is self.review_page
 
-    def _on_opened(self, session: Session) -> None:
+    def _on_opened(self, sessions: tuple[Session, ...]) -> None:
         self.pages.setCurrentWidget(self.review_page)
-        self.review_page.show_session(session)
+        self.review_page.show_session(sessions[0], sessions[1:])
         self.desk.commands_changed.emit()
 
     def open_in_lab(self, paths: Sequence[Path]) -> None:

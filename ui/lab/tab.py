@@ -18,6 +18,7 @@ from ..header import Header
 from ..tab import SEPARATOR, Command, Tab
 from ..tasks import IsCancelled, Progress
 from .controller import DiagnoseCall, LabController, run_diagnosis
+from .onwards import Onwards
 from .steps_column import STEPS
 from .view import LabView
 from .wording import sessions_text
@@ -41,6 +42,7 @@ class ModelLabTab(Tab):
         for page in (self.empty, self.waiting, self.view):
             self.pages.addWidget(page)
         self.widget = self.pages
+        self.onwards = Onwards(desk, self.controller, self.pages)
         self.header = self.bar = Header()
         self.commands = self._commands()
         self._shown = self._waits = False
@@ -57,6 +59,9 @@ class ModelLabTab(Tab):
         self.empty.recent_asked.connect(lambda path: desk.open_paths([Path(path)]))
         self.waiting.compare_asked.connect(self.controller.compare)
         self.view.report_asked.connect(self.save_report)
+        self.view.truth.hand_asked.connect(self.onwards.hand_experiment)
+        self.view.truth.predict_asked.connect(self.onwards.predict)
+        self.view.truth.save_asked.connect(self.onwards.ask_and_save)
         self.controller.sessions_changed.connect(self._refresh)
         self.controller.result_changed.connect(self._refresh)
         self.controller.activity_changed.connect(self._refresh)
@@ -92,6 +97,11 @@ class ModelLabTab(Tab):
                 "Ctrl+Return",
                 compared,
             ),
+            Command(
+                "&Hand the proposed recording to Acquire", self.view.truth.hand.click, None, self._proposed
+            ),
+            Command("&Predict the force with this model", self.view.truth.predict.click, None, compared),
+            Command("Save &model…", self.onwards.ask_and_save, "Ctrl+Shift+M", compared),
             Command("&Save report page…", self.save_report, "Ctrl+S", compared),
             SEPARATOR,
             Command("&Practise on a hidden effect", self.practise),
@@ -146,6 +156,7 @@ class ModelLabTab(Tab):
         try:
             sealed = [session for session in self.controller.sessions if practice.is_sealed(session)]
             self.desk.tell(" ".join(practice.reveal(session, model) for session in sealed))
+            self.view.show_what_gave_it_away([e for s in sealed for e in practice.hidden_effects(s)])
         except UserError as error:
             self.desk.tell(str(error), traceback.format_exc())
 
@@ -174,6 +185,9 @@ class ModelLabTab(Tab):
         if self._waits and self._shown:
             self._waits = False
             self.controller.compare()
+
+    def _proposed(self) -> bool:
+        return self._compared() and self.view.truth.hand.isEnabled()
 
     def _compared(self) -> bool:
         return self.controller.history is not None

@@ -14,9 +14,16 @@ from .wording import NOTHING, UNKNOWN, next_experiment_words
 
 
 class TruthPanel(QWidget):
-    """Words on the present model; signal ``report_asked``."""
+    """Words on the present model.
+
+    Signals ``hand_asked``: the proposed recording; ``predict_asked``, ``save_asked``: with the present model;
+    ``report_asked``.
+    """
 
     report_asked = Signal()
+    hand_asked = Signal()
+    predict_asked = Signal()
+    save_asked = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -25,22 +32,41 @@ class TruthPanel(QWidget):
         self.held_out = QLabel()
         self.held_out.setWordWrap(True)
         self.next = remark()
-        self.report = QPushButton("Save report page…")
-        self.report.setToolTip("The whole comparison as one self-contained page (Ctrl+S).")
-        self.report.clicked.connect(self.report_asked)
+        self.hand = _button("&Hand it to Acquire", "handExperiment", "The proposed recording as a protocol.")
+        self.predict = _button(
+            "&Predict the force",
+            "predictForce",
+            "Endpoint force of the contact runs by this model, in Predict.",
+        )
+        self.save = _button(
+            "Save &model…", "saveModel", "As a file, for Predict and 'fingerlab predict --model'."
+        )
+        self.report = _button(
+            "Save report page…", "saveReport", "The whole comparison as one self-contained page (Ctrl+S)."
+        )
+        for button, signal in (
+            (self.hand, self.hand_asked),
+            (self.predict, self.predict_asked),
+            (self.save, self.save_asked),
+            (self.report, self.report_asked),
+        ):
+            button.clicked.connect(signal)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(8)
         for widget in (self.title, self.held_out, self.next):
             layout.addWidget(widget)
-        row = QHBoxLayout()
-        row.addWidget(self.report)
-        row.addStretch(1)
-        layout.addLayout(row)
+        for pair in ((self.hand, self.predict), (self.save, self.report)):
+            row = QHBoxLayout()
+            row.setSpacing(8)
+            for button in pair:
+                row.addWidget(button)
+            row.addStretch(1)
+            layout.addLayout(row)
         layout.addStretch(1)
 
-    def show_history(self, history: History | None) -> None:
-        """Say how the present model does on runs that the fit has not seen."""
+    def show_history(self, history: History | None, pressed: bool = False) -> None:
+        """Say how the present model does on runs that the fit has not seen; ``pressed``: some in contact."""
         if history is None:
             for label in (self.title, self.held_out, self.next):
                 label.setText("")
@@ -54,8 +80,25 @@ class TruthPanel(QWidget):
             self.title.setText("Not true yet, and the catalogue cannot make it so")
         else:
             self.title.setText("Not true yet")
-        self.held_out.setText(
-            f"{model} misses runs held out of the fit by {score_text(diagnosis.score)} times the floor; "
-            f"the nominal model missed them by {score_text(history.first.diagnosis.score)} times."
-        )
+        misses = f"{model} misses runs held out of the fit by {score_text(diagnosis.score)} times the floor"
+        before = f"; the nominal model missed them by {score_text(history.first.diagnosis.score)} times"
+        self.held_out.setText(f"{misses}{before if names else ''}.")
         self.next.setText(next_experiment_words(diagnosis))
+        proposed = diagnosis.next_experiment is not None
+        self.hand.setEnabled(proposed)
+        self.hand.setToolTip(
+            "The proposed recording as a protocol in the Acquire tab." if proposed else self.next.text()
+        )
+        self.predict.setEnabled(pressed)
+        self.predict.setToolTip(
+            "Endpoint force of the contact runs by this model, in Predict."
+            if pressed
+            else "These sessions have no contact run, whose force could be predicted."
+        )
+
+
+def _button(text: str, name: str, words: str) -> QPushButton:
+    button = QPushButton(text)
+    button.setObjectName(name)
+    button.setToolTip(words)
+    return button

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QHBoxLayout, QSplitter, QStackedWidget, QVBoxLayout, QWidget
 
@@ -16,7 +18,7 @@ from .legend import LegendRow
 from .path_panel import PathPanel
 from .steps_column import StepsColumn
 from .truth_panel import TruthPanel
-from .wording import NOTHING, UNKNOWN, best_choice, step_results
+from .wording import NOTHING, UNKNOWN, best_choice, find_candidate, step_results
 
 STEPS_WIDTH = 152
 
@@ -114,7 +116,8 @@ class LabView(QWidget):
         self.candidates.show_diagnosis(diagnosis)
         self.evidence.show_choice(best_choice(diagnosis), diagnosis)
         self.path.show_history(history)
-        self.truth.show_history(history)
+        pressed = any(run.phase == "contact" for one in self.controller.sessions for run in one.runs)
+        self.truth.show_history(history, pressed)
         self.steps.set_results(step_results(diagnosis, history))
         if history.now.added or diagnosis.verdict == NOTHING:
             self.steps.set_current("true")
@@ -147,6 +150,20 @@ class LabView(QWidget):
             (target if target.isEnabled() else self.candidates.view).setFocus()
         else:
             self.truth.report.setFocus()
+
+    def show_what_gave_it_away(self, effects: Sequence[str]) -> None:
+        """The fingerprint of a revealed effect, as it was while no model had it."""
+        history = self.controller.history
+        if history is None:
+            return
+        for step in history.done:
+            found = [e for e in effects if e not in step.added and find_candidate(step.diagnosis, e)]
+            if found:
+                self.evidence.show_choice(found[0], step.diagnosis)
+                self.evidence.title.setText(f"What gave it away: {self.evidence.title.text()}")
+                self.right.setCurrentWidget(self.evidence)
+                self.steps.set_current("missing")
+                return
 
     def _show_comparison(self) -> None:
         history, comparison = self.controller.history, self.bar.comparison()

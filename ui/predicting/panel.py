@@ -33,7 +33,6 @@ class PredictPanel(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.setFixedWidth(PANEL_WIDTH)
         self.add = QPushButton("&Add model files…")
         self.add.setObjectName("addModels")
         self.add.setProperty("primary", "true")
@@ -48,6 +47,8 @@ class PredictPanel(QWidget):
         # The style's own empty box cannot be seen on dark.
         self.list.setStyleSheet(
             "QListView::indicator:unchecked { border: 1px solid palette(dark); width: 11px; height: 11px; }"
+            # The sample of the line stays readable in the chosen row.
+            "QListView::item:selected { background: palette(midlight); color: palette(text); }"
         )
         self.remove = QPushButton("&Remove this file")
         self.remove.setObjectName("removeModel")
@@ -58,7 +59,7 @@ class PredictPanel(QWidget):
         run_label.setBuddy(self.run)
         self.remarks = remark("— measured; shaded: 90 % interval, where the model has one.")
         layout = QVBoxLayout(self)
-        layout.setContentsMargins(8, 0, 0, 0)
+        layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(8)
         layout.addWidget(heading("Models"))
         layout.addWidget(self.add)

@@ -60,6 +60,9 @@ def sample(one: Look, colours: Colours) -> QIcon:
     return QIcon(picture)
 
 
+SWEEP_WORDS_PX = 340
+"""Width of a plot in which the words of all angles stand beside each other."""
+
 Shown = Mapping[str, tuple[Look, RunForce]]
 """What is ticked, by predictor, for the run shown."""
 
@@ -72,6 +75,10 @@ class ForcePlot(QuietPlot):
         self.shown: Shown = {}
         self.getPlotItem().setMouseEnabled(x=True, y=False)
         self.name_axes("Endpoint force", NEWTON, "Time in the run (s)")
+        self.setToolTip(
+            "F, N: force of the fingertip on the load cell, compression positive.\n"
+            "Modelled by F = (s·b·T + L2 − LHS2) / lever, thesis (3.18), by the MCP equation, or by both."
+        )
 
     def show_forces(self, shown: Shown) -> None:
         """Other models or another run."""
@@ -85,12 +92,12 @@ class ForcePlot(QuietPlot):
             return
         everything, width = [], 1.5 * self.devicePixelRatioF()
         first = next(iter(self.shown.values()))[1]
-        for one, force in self.shown.values():
-            self._band(force, tint(getattr(colours, one.colour), 0.2))
+        for name, (one, force) in self.shown.items():
+            self._band(force, tint(getattr(colours, one.colour), 0.2), name)
             everything += [force.measured, force.modelled]
-        plot.addItem(_curve(first.time, first.measured, self.pen("measured")))
-        for one, force in self.shown.values():
-            plot.addItem(_curve(force.time, force.modelled, one.pen(colours, width)))
+        plot.addItem(plain_curve(first.time, first.measured, self.pen("measured"), "measured"))
+        for name, (one, force) in self.shown.items():
+            plot.addItem(plain_curve(force.time, force.modelled, one.pen(colours, width), name))
         ends = float(first.time[0]), float(first.time[-1])
         plot.setLimits(xMin=ends[0], xMax=ends[1])
         plot.setRange(xRange=ends, yRange=span_of(np.concatenate(everything)), padding=0)
@@ -99,12 +106,17 @@ class ForcePlot(QuietPlot):
         """The whole run after a zoom."""
         self.redraw()
 
-    def _band(self, force: RunForce, brush: object) -> None:
+    def _band(self, force: RunForce, brush: object, name: str) -> None:
         known = np.isfinite(force.half_width) & np.isfinite(force.modelled)
         if not known.any():
             return
         time, middle, half = force.time[known], force.modelled[known], force.half_width[known]
-        edges = [pg.PlotCurveItem(time, middle + s * half, pen=pg.mkPen(None)) for s in (1, -1)]
+        edges = [
+            plain_curve(
+                time, middle + sign * half, pg.mkPen(None), f"{name}, {side} end of the 90 % interval"
+            )
+            for sign, side in ((1, "upper"), (-1, "lower"))
+        ]
         for edge in edges:
             self.getPlotItem().addItem(edge)
         self.getPlotItem().addItem(pg.FillBetweenItem(*edges, brush=brush))
@@ -130,11 +142,12 @@ class PeriodPlot(QuietPlot):
         periodic = {name: pair for name, pair in self.shown.items() if len(pair[1].phase)}
         if self.shown and not periodic:
             self.write("This run does not repeat: it has no period.", 0.5, 0.5, (0.5, 0.5))
-        for number, (one, force) in enumerate(periodic.values()):
+        for number, (name, (one, force)) in enumerate(periodic.items()):
             if number == 0:
-                plot.addItem(_curve(force.phase, force.measured_period, self.pen("measured")))
+                measured = plain_curve(force.phase, force.measured_period, self.pen("measured"), "measured")
+                plot.addItem(measured)
             pen = one.pen(colours, 1.5 * self.devicePixelRatioF())
-            plot.addItem(_curve(force.phase, force.modelled_period, pen))
+            plot.addItem(plain_curve(force.phase, force.modelled_period, pen, name))
 
 
 class SweepPlot(QuietPlot):
@@ -143,7 +156,8 @@ class SweepPlot(QuietPlot):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("sweepPlot", "Peak of the modelled force against the contact angle", parent)
         self.shown: Shown = {}
-        self.name_axes("Peak force", NEWTON, "Contact force leaning towards the base (°)")
+        self.name_axes("Peak force", NEWTON, "Contact angle (°)")
+        self.setToolTip("Angle by which the contact force leans from the load cell's axis towards the base.")
 
     def show_forces(self, shown: Shown) -> None:
         """Other models or another run."""
@@ -153,31 +167,35 @@ class SweepPlot(QuietPlot):
     def redraw(self) -> None:
         plot, colours = self.getPlotItem(), colours_of(self)
         plot.clear()
-        swept = [(one, force) for one, force in self.shown.values() if force.sweep]
+        swept = [(name, one, force) for name, (one, force) in self.shown.items() if force.sweep]
         if not swept:
             plot.setRange(xRange=(0, 60), yRange=(0, 1), padding=0)
             if self.shown:
-                self.write("Swept for PIP parameters of one region,", 30, 0.5, (0.5, 1.0))
-                self.write("of a model that the Fit tab saved.", 30, 0.5)
+                self.write("Parameters that switch with the region, or a run", 30, 0.5, (0.5, 1.0))
+                self.write("that does not repeat, are not swept.", 30, 0.5)
             return
-        measured = swept[0][1].numbers.prediction.peak_measured
+        measured = swept[0][2].numbers.prediction.peak_measured
         peaks = [measured]
-        for one, force in swept:
+        for name, one, force in swept:
             angles = np.array([step.angle_deg for step in force.sweep])
             heights = np.array([step.peak for step in force.sweep])
             peaks += heights[heights < 4 * max(measured, heights[0])].tolist()
-            plot.addItem(_curve(angles, heights, one.pen(colours, 1.5 * self.devicePixelRatioF())))
+            plot.addItem(plain_curve(angles, heights, one.pen(colours, 1.5 * self.devicePixelRatioF()), name))
         low, high = span_of(np.array(peaks))
         plot.addItem(
             pg.InfiniteLine(pos=measured, angle=0, movable=False, pen=self.pen("measured")), ignoreBounds=True
         )
         plot.setRange(xRange=(-2, 62), yRange=(min(low, 0.0), 1.1 * high), padding=0)
-        for step in swept[0][1].sweep:
+        steps = swept[0][2].sweep
+        # Where there is no room for all the words, the first and the last say it.
+        roomy = self.getViewBox().width() > SWEEP_WORDS_PX
+        for step in steps if roomy else (steps[0], steps[-1]):
             if step.peak < high:
                 words = f"{fixed(step.peak, 2)} N, R² {r2_text(step.r2)}"
                 anchor = (1.0, 1.0) if step.angle_deg > 0 else (0.0, 0.0)
                 self.write(words, step.angle_deg, step.peak, anchor)
 
 
-def _curve(x: Array, y: Array, pen: QPen) -> pg.PlotCurveItem:
-    return pg.PlotCurveItem(x, y, pen=pen, connect="finite", antialias=True)
+def plain_curve(x: Array, y: Array, pen: QPen, name: str) -> pg.PlotCurveItem:
+    """A curve; ``name`` stands over its numbers where they are saved."""
+    return pg.PlotCurveItem(x, y, pen=pen, name=name, connect="finite", antialias=True)

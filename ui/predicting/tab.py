@@ -14,6 +14,7 @@ from PySide6.QtWidgets import (
     QPushButton,
     QSplitter,
     QStackedWidget,
+    QVBoxLayout,
     QWidget,
 )
 
@@ -25,9 +26,11 @@ from ..tab import Command, Tab
 from ..tasks import IsCancelled, Progress
 from ..widgets.invitation import lay_out_invitation
 from ..widgets.labels import ElidedLabel, heading, remark
-from .panel import PredictPanel
+from .panel import PANEL_WIDTH, PredictPanel
 from .plots import ForcePlot, PeriodPlot, SweepPlot
 from .table import NumbersTable
+from .view_choice import ViewChoice
+from .wanted import WantedView
 
 if TYPE_CHECKING:
     from fingerlab.identify.prediction.beside import Beside
@@ -55,6 +58,7 @@ class PredictTab(Tab):
         self.models: dict[str, Model] = {}
         self.found: Beside | None = None
         self._due = self._shown = False
+        self._given: tuple[object, object] = ((), ())
         self.panel = PredictPanel()
         self.force, self.period, self.sweep = ForcePlot(), PeriodPlot(), SweepPlot()
         self.numbers = NumbersTable()
@@ -62,14 +66,18 @@ class PredictTab(Tab):
         self.name.setContentsMargins(16, 0, 8, 0)
         self.header = self.name
         self.widget, self.empty, self.pages = QWidget(), QWidget(), QStackedWidget()
+        self.wanted = WantedView(desk, self)
         self._build()
         self.panel.add_asked.connect(self.ask_and_add)
+        desk.model_handed.connect(lambda model, name: self._predict({**self.models, name: model}))
         self.panel.remove_asked.connect(self.remove)
         self.panel.changed.connect(self._show_choice)
         self.commands = (
             Command("&Add model files…", self.ask_and_add, "Ctrl+M"),
             Command("Next run", lambda: self._step(1), "Alt+Down", lambda: self.found is not None),
             Command("Previous run", lambda: self._step(-1), "Alt+Up", lambda: self.found is not None),
+            Command("&Measured force", lambda: self.views.choose("measured"), "Alt+1"),
+            Command("&Wanted force", lambda: self.views.choose("wanted"), "Alt+2"),
             Command("Whole run", self.force.show_whole, "Alt+Home", lambda: self.found is not None),
         )
         self._refresh()
@@ -91,12 +99,24 @@ class PredictTab(Tab):
             splitter.addWidget(widget)
             splitter.setStretchFactor(splitter.count() - 1, share)
         splitter.setSizes([290, 250, 150])
-        for page in (self.empty, splitter):
+        for page in (self.empty, splitter, self.wanted.widget):
             self.pages.addWidget(page)
+        self.views = ViewChoice((("measured", "&Measured force"), ("wanted", "&Wanted force")))
+        self.views.chosen.connect(lambda _key: self._refresh())
+        self.sides = QStackedWidget()
+        self.sides.addWidget(self.panel)
+        self.sides.addWidget(self.wanted.panel)
+        side = QWidget()
+        side.setFixedWidth(PANEL_WIDTH)
+        column = QVBoxLayout(side)
+        column.setContentsMargins(8, 0, 0, 0)
+        column.setSpacing(8)
+        column.addWidget(self.views)
+        column.addWidget(self.sides, 1)
         across = QHBoxLayout(self.widget)
         across.setContentsMargins(8, 8, 8, 8)
         across.addWidget(self.pages, 1)
-        across.addWidget(self.panel)
+        across.addWidget(side)
 
     # what the frame asks
 
@@ -107,9 +127,11 @@ class PredictTab(Tab):
         self._shown = True
         if self._due:
             self._predict(self.models)
+        self._refresh()
 
     def on_hidden(self) -> None:
         self._shown = False
+        self.wanted.set_shown(False)
 
     def on_session_opened(self, sessions: tuple[Session, ...]) -> None:
         self.sessions, self.found = sessions, None
@@ -192,8 +214,21 @@ class PredictTab(Tab):
         else:
             self.panel.show_models(tuple(found.forces), found.preferred, found.runs)
             self.pages.setCurrentIndex(1)
+        self._show_wanted(found is not None)
         self._show_choice()
         self.desk.commands_changed.emit()
+
+    def _show_wanted(self, predicted: bool) -> None:
+        """The view that is chosen, and whether it has something to work with."""
+        wanted = self.views.current == "wanted"
+        self.sides.setCurrentIndex(1 if wanted else 0)
+        if wanted and predicted:
+            self.pages.setCurrentIndex(2)
+        given = (self.sessions, tuple(self.models.values())) if predicted else ((), ())
+        if given != self._given:
+            self._given = given
+            self.wanted.take(self.sessions[0] if predicted else None, self.models if predicted else {})
+        self.wanted.set_shown(wanted and predicted and self._shown)
 
     def _show_choice(self) -> None:
         found, run = self.found, self.panel.run.currentText()

@@ -10,6 +10,9 @@ from fingerlab.report.screen import ScreenUnit
 
 from ..theme import Colours, small_font
 
+FULL_LABEL = "full_label"
+"""Attribute of an axis with its whole label, which a low plot shortens."""
+
 
 def prepare_plot(plot: pg.PlotItem) -> None:
     """Once for each plot: no auto-ranging, readable ticks."""
@@ -35,6 +38,7 @@ def colour_plot(plot: pg.PlotItem, colours: Colours) -> None:
 def label_left(plot: pg.PlotItem, quantity: str, unit: ScreenUnit) -> None:
     """Quantity and unit along the left axis; the unit alone where the plot is too low for both."""
     text = unit.label(quantity)
+    setattr(plot.getAxis("left"), FULL_LABEL, text)
     metrics = QFontMetricsF(small_font())
     if metrics.horizontalAdvance(text) > 1.05 * plot.getViewBox().height() and unit.symbol:
         text = unit.symbol

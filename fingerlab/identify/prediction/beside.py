@@ -12,11 +12,13 @@ from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.bandwidth import NARROW_RATE_HZ
 from fingerlab.identify.model_file import DIAGNOSIS_METHOD, Model
 from fingerlab.identify.prediction.extended import ExtendedModel
-from fingerlab.identify.prediction.judging import ForceNumbers, judge_stretches
+from fingerlab.identify.prediction.judging import ForceNumbers, fine_grid, judge_stretches
+from fingerlab.identify.prediction.leaning import swept
 from fingerlab.identify.prediction.predict import RunPrediction, predict_extended
 from fingerlab.identify.prediction.storing import extended_model
 from fingerlab.identify.thesis.fitting import Progress
 from fingerlab.identify.thesis.models import parameter_sets
+from fingerlab.identify.thesis.onair import thin
 from fingerlab.identify.thesis.predicting import contact_runs
 from fingerlab.identify.thesis.prediction import (
     AngleStep,
@@ -27,9 +29,10 @@ from fingerlab.identify.thesis.prediction import (
 )
 from fingerlab.identify.thesis.specs import JOINT_TITLES
 from fingerlab.identify.thesis.traces import Traces, trace
+from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Array, Session
 from fingerlab.signals.delays import normalise
-from fingerlab.signals.periods import usable
+from fingerlab.signals.periods import PeriodGrid, usable
 from fingerlab.signals.regions import REGION_TITLES
 
 
@@ -42,8 +45,9 @@ class RunForce:
             interval, NaN without one. About 25 samples a second, of signals low-passed at 5 Hz.
         phase: share of the period from the least measured force, 0 to 1, (k,). measured_period,
             modelled_period: average period, each scaled to 0..1, (k,); empty for a run that does not repeat.
+            Periods are cut where the force is least, so that a force that drifts has no step inside.
         held_out: whether the run was left out of the fit that predicts it; None where the model cannot tell.
-        sweep: contact angles, for a single set of PIP parameters on a run that repeats.
+        sweep: contact angles, on a run that repeats; empty for parameters that switch with the region.
     """
 
     time: Array
@@ -105,9 +109,10 @@ def predict_beside(session: Session, models: Mapping[str, Model], progress: Prog
             forces[name][run.name] = _by_set(traces, one)
     for number, (file, model) in enumerate(given.extended.items()):
         tell(0.7 + 0.3 * number / len(given.extended), f"predicting with {file}")
-        for variant, predictions in predict_extended(session, model, file).runs.items():
-            words = _effects(model) if variant == "extended" else "nominal model"
-            forces[f"{file}: {words}"] = {p.run: _by_variant(p) for p in predictions}
+        for name, predictions in predict_extended(session, model, file).runs.items():
+            words = model.words if name == "extended" else "nominal model"
+            sweeps = swept(model.variants[name], session, content_hash(session), file)
+            forces[f"{file}: {words}"] = {p.run: _by_variant(p, sweeps.get(p.run, ())) for p in predictions}
     names = dict.fromkeys(name for by_run in forces.values() for name in by_run)
     preferred = [name for name in forces if name not in given.sets]
     for file in models:
@@ -137,10 +142,6 @@ def _read(models: Mapping[str, Model]) -> _Given:
     return _Given(sets, extended)
 
 
-def _effects(model: ExtendedModel) -> str:
-    return "nominal model with " + " + ".join(model.effect_ids)
-
-
 def _by_set(traces: Traces, given: ParameterSet) -> RunForce:
     force = predicted_force(traces, given)
     measured = traces.signals.force
@@ -153,31 +154,34 @@ def _by_set(traces: Traces, given: ParameterSet) -> RunForce:
     frequency = traces.frequency_hz if grid is not None else 0.0
     delay = judge_stretches([measured[part]], [force[part]], rate / stride, frequency).delay_s
     numbers = ForceNumbers(judge(traces, force), delay)
-    sweeps = given.joint == "pip" and not given.switches and grid is not None
     return _shown(
         (traces.signals.time[part], measured[part], force[part], np.full(len(force[part]), np.nan)),
         numbers,
+        _period((measured, force), grid),
         None,
-        angle_sweep(traces, given) if sweeps else (),
+        angle_sweep(traces, given) if grid is not None and not given.switches else (),
     )
 
 
-def _by_variant(run: RunPrediction) -> RunForce:
+def _by_variant(run: RunPrediction, sweep: tuple[AngleStep, ...]) -> RunForce:
     parts = [(c.time, c.measured, c.modelled, c.half_width) for c in run.curves]
     time, measured, modelled, half = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    return _shown((time, measured, modelled, half), run.numbers["both"], run.held_out, ())
+    numbers = run.numbers["both"]
+    longest = max(run.curves, key=lambda c: len(c.time))
+    seconds = numbers.prediction.period_s
+    pair, grid = fine_grid(longest.measured, longest.modelled, 1.0 / seconds if seconds > 0 else 0.0)
+    return _shown((time, measured, modelled, half), numbers, _period(pair, grid), run.held_out, sweep)
 
 
 def _shown(
     curves: tuple[Array, Array, Array, Array],
     numbers: ForceNumbers,
+    period: tuple[Array, Array],
     held_out: bool | None,
     sweep: tuple[AngleStep, ...],
 ) -> RunForce:
-    period = numbers.prediction
-    count = len(period.modelled)
-    first = _least(period.measured if np.isfinite(period.measured).any() else period.modelled)
     time, measured, modelled, half_width = (values.copy() for values in curves)
+    count = len(period[0])
     return RunForce(
         time,
         measured,
@@ -185,16 +189,29 @@ def _shown(
         half_width,
         numbers,
         np.arange(count) / max(count, 1),
-        _unit(np.roll(period.measured, -first)),
-        _unit(np.roll(period.modelled, -first)),
+        _unit(period[0]),
+        _unit(period[1]),
         held_out,
         sweep,
     )
 
 
-def _least(values: Array) -> int:
-    """Where the period begins for the eye: at the least force, because stretches begin anywhere."""
-    return int(np.nanargmin(values)) if np.isfinite(values).any() else 0
+def _period(pair: tuple[Array, Array], grid: PeriodGrid | None) -> tuple[Array, Array]:
+    """Average period of both forces, N, (k,) each, cut at the least measured force; empty without periods.
+
+    A second cut, a part of a period later than the first: what differs between the ends of a run then stands
+    at the ends of the picture, too.
+    """
+    if grid is None or grid.count < 2:
+        return np.empty(0), np.empty(0)
+    known = pair[0] if np.isfinite(pair[0]).any() else pair[1]
+    mean = grid.mean(known)
+    if not np.isfinite(mean).any():
+        return np.empty(0), np.empty(0)
+    later = float(np.nanargmin(mean)) / len(mean) * grid.period
+    cut = PeriodGrid(grid.start + later, grid.period, grid.count - 1)
+    measured, modelled = (cut.mean(values) for values in pair)
+    return thin(measured), thin(modelled)
 
 
 def _unit(values: Array) -> Array:

@@ -79,6 +79,11 @@ class ExtendedModel:
         return tuple(c.effect.id for c in self.extended.effects)
 
     @property
+    def words(self) -> str:
+        """The model with effects in words, for a list."""
+        return " + ".join(["nominal model", *(c.effect.title or c.effect.id for c in self.extended.effects)])
+
+    @property
     def variants(self) -> Mapping[str, Variant]:
         """Both by name; the nominal model alone where no effect was added."""
         if not self.extended.effects:

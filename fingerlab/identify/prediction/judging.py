@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from fingerlab.identify.diagnosis.bandwidth import NARROW_RATE_HZ
 from fingerlab.identify.thesis.prediction import Prediction, judge_forces
 from fingerlab.sessions.model import Array
 from fingerlab.signals.delays import cross_correlation_delay
@@ -52,6 +53,17 @@ def judge_stretches(
         y, f, rate = _fine(y), _fine(f), sample_rate_hz * FINE
     grid = _grid(len(f), rate, frequency_hz)
     return ForceNumbers(judge_forces(y, f, rate, grid, (0, len(f))), _delay(y, f, rate, grid))
+
+
+def fine_grid(
+    measured: Array, modelled: Array, frequency_hz: float
+) -> tuple[tuple[Array, Array], PeriodGrid | None]:
+    """Both forces of one stretch between their samples, as they are judged, and their whole periods."""
+    rate = NARROW_RATE_HZ
+    if not (np.isfinite(modelled).all() and len(modelled) > 3):
+        return (measured, modelled), None
+    pair = _fine(measured), _fine(modelled)
+    return pair, _grid(len(pair[1]), rate * FINE, frequency_hz)
 
 
 def _fine(values: Array) -> Array:

@@ -26,8 +26,9 @@ def predictors(model: Model, where: str, cable: str = "flexion") -> Mapping[str,
     """
     if model.method == DIAGNOSIS_METHOD:
         found = extended_model(model, where)
-        words = "nominal model with " + " + ".join(found.effect_ids)
-        return {words if name == "extended" else "nominal model": v for name, v in found.variants.items()}
+        return {
+            found.words if name == "extended" else "nominal model": v for name, v in found.variants.items()
+        }
     sets = [one for one in parameter_sets(model, where).values() if not one.switches]
     sets.sort(key=lambda one: (one.joint != "pip", one.cable != cable, FIRST.index(one.name)))
     return {

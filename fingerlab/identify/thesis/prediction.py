@@ -200,7 +200,8 @@ def _error_by_phase(measured: Array, modelled: Array) -> Mapping[str, float]:
     if len(measured) < 3 or not np.isfinite(measured).all():
         return {name: float("nan") for name in FORCE_PHASES}
     # The average period closes on itself, so the rate does too.
-    rate = (np.roll(measured, -1) - np.roll(measured, 1)) / 2.0
+    even = _closed(measured)
+    rate = (np.roll(even, -1) - np.roll(even, 1)) / 2.0
     labels = recognise(rate, speed_threshold(rate, FORCE_PHASE_THRESHOLD))
     error = modelled - measured
     result = {}
@@ -208,6 +209,15 @@ def _error_by_phase(measured: Array, modelled: Array) -> Mapping[str, float]:
         part = error[(labels == number) & np.isfinite(error)]
         result[name] = float(part.mean()) if len(part) else float("nan")
     return result
+
+
+def _closed(period: Array) -> Array:
+    """An average period without the step between its ends that a drift leaves, shape (n,).
+
+    One step would else be the fastest rise of all, beside which loading and unloading count as standstills.
+    """
+    step = (period[0] - period[-1]) - ((period[1] - period[0]) + (period[-1] - period[-2])) / 2.0
+    return np.asarray(period + step * np.arange(len(period)) / len(period))
 
 
 @dataclass(frozen=True)

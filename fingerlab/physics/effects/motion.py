@@ -92,7 +92,7 @@ class Motion:
 
         How a tip rubs depends on how its force came to be; at a force that is assumed to stay it would not.
         """
-        kept = {
+        kept: dict[object, Array] = {
             key: v for key, v in rubbing._memory.items() if isinstance(key, tuple) and key[0] == "slipping"
         }
         return replace(self, phase="contact", force=force, _memory=kept)

@@ -1,0 +1,109 @@
+"""Reviewing a run of ten hours in Sessions: until it is shown, and each frame of panning and zooming."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from PySide6.QtWidgets import QApplication
+
+from benchmarks.long_session import write_long_session
+from benchmarks.machine import Frame, Share, Watch, timed
+from fingerlab.ui.browse.review_page import ReviewPage
+from fingerlab.ui.browse.tab import SessionsTab
+from fingerlab.ui.window import MainWindow
+
+HOURS = 10.0
+OVER_HOURS = 2.0
+"""A second run, laid over the first."""
+VIEWS_S = {"five hours": 5 * 3600.0, "an hour": 3600.0, "a minute": 60.0, "ten seconds": 10.0}
+"""Width of the view in which is panned, s."""
+PANS = 60
+STEP = 0.02
+"""Each frame of panning moves the view by this share of its width."""
+ZOOMS = 60
+OVER = "with another run over it"
+
+
+@dataclass
+class Reviewed:
+    """Seconds until the review stands, until all is read; frames by what was done."""
+
+    shown: float = 0.0
+    read: float = 0.0
+    frames: dict[str, list[Frame]] = field(default_factory=dict)
+    share: Share | None = None
+
+
+def review(window: MainWindow, app: QApplication, folder: Path, hours: float = HOURS) -> Reviewed:
+    """Open such a session through the tab, pan and zoom."""
+    path = folder / "long.h5"
+    write_long_session(path, hours, OVER_HOURS)
+    tab = window.tab("sessions")
+    assert isinstance(tab, SessionsTab)
+    window.show_tab("sessions")
+    app.processEvents()
+    watch, found, page = Watch(), Reviewed(), tab.review_page
+    started = time.perf_counter()
+    tab.review([path])
+    while page.session is None or not page.plots.layers:
+        app.processEvents()
+    app.processEvents()
+    found.shown = time.perf_counter() - started
+    _settle(app, page)
+    found.read = time.perf_counter() - started
+    for words, width in VIEWS_S.items():
+        found.frames[f"pan, {words} in view"] = _pan(app, page, width)
+        watch.look()
+    found.frames["zoom, from ten hours to a second and back"] = _zoom(app, page)
+    watch.look()
+    page.over.setCurrentIndex(page.over.count() - 2)  # the last of the session's runs
+    _settle(app, page)
+    found.frames[f"pan, an hour in view, {OVER}"] = _pan(app, page, 3600.0)
+    found.frames[f"pan, a minute in view, {OVER}"] = _pan(app, page, 60.0)
+    found.share = watch.share()
+    return found
+
+
+def _frame(
+    app: QApplication, page: ReviewPage, left: float, right: float, into: list[Frame] | None = None
+) -> None:
+    """One frame with all that belongs to it: the curves are fed at once, not a moment later."""
+    with timed(into if into is not None else []):
+        page.plots.top.setXRange(left, right, padding=0)
+        page.plots.feed()
+        app.processEvents()
+
+
+def _settle(app: QApplication, page: ReviewPage) -> None:
+    """Until nothing is read any more."""
+    end = time.perf_counter() + 0.1
+    while page.data.busy or time.perf_counter() < end:
+        app.processEvents()
+        time.sleep(0.005)
+    app.processEvents()
+
+
+def _pan(app: QApplication, page: ReviewPage, width: float) -> list[Frame]:
+    left, span = page.plots.span
+    left += min(600.0, 0.02 * (span - left))
+    _frame(app, page, left, left + width)
+    _settle(app, page)
+    times: list[Frame] = []
+    for number in range(PANS):
+        left += STEP * width * (1 if number < PANS // 2 else -1)
+        _frame(app, page, left, left + width, times)
+    _settle(app, page)
+    return times
+
+
+def _zoom(app: QApplication, page: ReviewPage) -> list[Frame]:
+    first, last = page.plots.span
+    middle = (first + last) / 2
+    times: list[Frame] = []
+    widths = [(last - first) ** (1 - k / ZOOMS) for k in range(ZOOMS + 1)]
+    for width in (*widths, *reversed(widths)):
+        _frame(app, page, middle - width / 2, middle + width / 2, times)
+    _settle(app, page)
+    return times

@@ -1,0 +1,96 @@
+"""Recording in Acquire: before the key, markers, pauses, several runs."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QLineEdit
+from pytestqt.qtbot import QtBot
+
+from fingerlab.sessions import open_session
+
+from .bench_hands import PATIENCE, Rig
+from .hands import child
+
+CONTROL = Qt.KeyboardModifier.ControlModifier
+
+
+def test_pre_trigger_records_what_was_before_the_key(rig: Rig, qtbot: QtBot) -> None:
+    rig.run(3.0)
+    rig.tab.panel.before.setValue(2.0)
+    at = rig.bench.status().index
+    rig.click("record")
+    rig.run(0.5)
+    rig.click("record")
+    rig.run(0.2)
+    rig.click("write")
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+    (run,) = open_session(rig.files()[0]).runs
+    stop = rig.bench.status().index
+    assert 2400 < run.length <= stop - (at - 2000) + 1
+    ring = rig.bench.ring.copy(0, rig.bench.ring.written)[1]
+    from fingerlab.acquisition.columns import COLUMN
+
+    first = run.load(["motor_current"])["motor_current"][:100]
+    start = at + 1 - 2000
+    there = ring[:, COLUMN["index"]]
+    known = ring[(there >= start) & (there < start + 100), COLUMN["motor_current"]]
+    assert first == pytest.approx(known, abs=1e-6)
+
+
+def test_marker_takes_the_moment_of_the_key_and_its_note(rig: Rig, qtbot: QtBot) -> None:
+    began = rig.bench.status().index
+    rig.click("record")
+    rig.run(1.0)
+    rig.key(Qt.Key.Key_M, CONTROL)
+    moment = rig.bench.status().index
+    note = child(rig.window, QLineEdit, "note")
+    assert note.hasFocus()
+    rig.run(0.5)  # the note takes its time
+    QTest.keyClicks(note, "a light touch")
+    QTest.keyClick(note, Qt.Key.Key_Return)
+    rig.run(0.5)
+    rig.click("record")
+    rig.run(0.2)
+    rig.click("write")
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+    (run,) = open_session(rig.files()[0]).runs
+    (marker,) = json.loads(markers) if isinstance(markers := run.attributes["markers"], str) else markers
+    assert marker["note"] == "a light touch"
+    assert marker["time"] == pytest.approx((moment - began) * 1e-3, abs=0.005)
+    assert rig.tab.plots._marks == [(moment / 1000, "a light touch")]
+
+
+def test_a_pause_is_a_gap(rig: Rig, qtbot: QtBot) -> None:
+    rig.click("record")
+    rig.run(0.5)
+    rig.click("pauseRecording")
+    rig.run(0.5)
+    assert rig.button("pauseRecording").text() == "&Go on"
+    assert rig.label("sampleCount").endswith("paused")
+    rig.click("pauseRecording")
+    rig.run(0.5)
+    rig.click("record")
+    rig.run(0.2)
+    rig.click("write")
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+    (run,) = open_session(rig.files()[0]).runs
+    steps = np.diff(run.load(["time"])["time"])
+    assert steps.max() == pytest.approx(0.5, abs=0.1)
+    assert np.median(steps) == pytest.approx(1e-3)
+
+
+def test_several_runs_in_one_file(rig: Rig, qtbot: QtBot) -> None:
+    for _ in range(2):
+        rig.click("record")
+        rig.run(0.3)
+        rig.click("record")
+        rig.run(0.2)
+    assert rig.label("recordedText") == "2 runs, not yet written"
+    rig.key(Qt.Key.Key_S, CONTROL)
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+    assert len(open_session(rig.files()[0]).runs) == 2

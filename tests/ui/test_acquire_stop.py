@@ -1,0 +1,154 @@
+"""STOP in every state of the bench, by its button and its key; faults."""
+
+from __future__ import annotations
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QLabel
+from pytestqt.qtbot import QtBot
+
+from fingerlab.acquisition.machine import Mode
+from fingerlab.devices.faults import Faults
+from fingerlab.sessions import open_session
+from fingerlab.ui.registry import TABS
+
+from .bench_hands import PATIENCE, Rig
+from .hands import LEFT, child
+
+CONTROL = Qt.KeyboardModifier.ControlModifier
+
+
+@pytest.mark.parametrize("state", ["idle", "initialised", "enabled", "running", "stopping", "recording"])
+def test_stop_in_every_state(rig: Rig, state: str, qtbot: QtBot) -> None:
+    if state == "initialised":
+        rig.click("initialise")
+    elif state == "enabled":
+        rig.enable()
+    elif state != "idle":
+        rig.start()
+        rig.run(0.5)
+    if state == "stopping":
+        rig.click("finish")
+    if state == "recording":
+        rig.click("record")
+        rig.run(0.5)
+    rig.click("stop")
+    status = rig.bench.status()
+    assert status.latched
+    assert not status.enabled
+    assert rig.bench.device.driven_current == 0.0  # type: ignore[attr-defined]
+    rig.run(0.1)
+    assert rig.label("rigState") == "Stopped, idle"
+    assert rig.window.header.lamp.light == "fault"
+    if state == "recording":
+        qtbot.waitUntil(lambda: rig.bench.status().recording == 0, timeout=PATIENCE)
+        rig.run(0.1)
+        rig.click("write")
+        qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+        assert open_session(rig.files()[0]).runs[0].length > 400
+    rig.settle()
+    rig.click("initialise")
+    rig.run(0.1)
+    assert not rig.button("enable").isEnabled()
+    assert rig.button("enable").toolTip() == "The stop is latched; release it first, then enable."
+    rig.click("release")
+    rig.run(0.1)
+    rig.click("enable")
+    rig.run(0.1)
+    assert rig.mode is Mode.ENABLED
+
+
+def test_stop_in_fault_and_when_stopped_already(connect_rig) -> None:  # type: ignore[no-untyped-def]
+    rig = connect_rig(Faults(late={2500: 0.05}))
+    rig.start()
+    rig.run(2.5)
+    assert rig.mode is Mode.FAULT
+    for _ in range(2):
+        rig.click("stop")
+        rig.run(0.1)
+        status = rig.bench.status()
+        assert (status.mode, status.latched, status.enabled) == (Mode.FAULT, True, False)
+        assert rig.bench.device.driven_current == 0.0
+    rig.click("release")
+    rig.run(0.1)
+    rig.click("resetFault")
+    rig.run(0.1)
+    assert rig.mode is Mode.IDLE
+    rig.click("stop")
+    rig.run(0.1)
+    assert rig.label("rigState") == "Stopped, idle"
+    assert not rig.button("enable").isEnabled()
+
+
+def test_stop_stands_in_every_tab(rig: Rig) -> None:
+    for tab in TABS:
+        rig.window.show_tab("acquire")
+        rig.settle()
+        rig.start()
+        assert rig.bench.status().enabled
+        rig.window.show_tab(tab.key)
+        assert rig.window.current == tab.key
+        rig.click("stop")
+        assert not rig.bench.status().enabled
+        assert rig.bench.device.driven_current == 0.0  # type: ignore[attr-defined]
+        rig.window.show_tab("acquire")
+        rig.run(0.1)
+        rig.click("release")
+        rig.run(0.1)
+
+
+def test_stop_while_a_protocol_records(rig: Rig, qtbot: QtBot) -> None:
+    rig.click("byProtocol")
+    rig.choose("protocol", "own_on_air")
+    rig.tab.panel.protocol.seconds.setValue(3600.0)
+    rig.click("runProtocol")
+    qtbot.waitUntil(rig.tab.prompt.isVisible, timeout=PATIENCE)
+    QTest.mouseClick(rig.tab.prompt.button, LEFT)
+    qtbot.waitUntil(lambda: rig.bench.status().recorded > 1000, timeout=PATIENCE)
+    rig.click("stop")
+    qtbot.waitUntil(lambda: not rig.recording.in_protocol, timeout=PATIENCE)
+    status = rig.bench.status()
+    assert (status.latched, status.enabled) == (True, False)
+    assert "what was recorded is in" in rig.label("message")
+    assert open_session(rig.files()[0]).runs[0].length > 1000
+
+
+def test_escape_stops_from_another_tab_and_from_a_field(rig: Rig) -> None:
+    rig.start()
+    rig.window.show_tab("model_lab")
+    rig.key(Qt.Key.Key_Escape)
+    assert not rig.bench.status().enabled
+    rig.window.show_tab("acquire")
+    rig.run(0.1)
+    rig.click("release")
+    rig.settle()
+    rig.start()
+    field = rig.tab.panel.motion.numbers["amplitude_deg"]
+    field.setFocus()
+    QTest.keyClick(field, Qt.Key.Key_Escape)
+    assert not rig.bench.status().enabled
+
+
+def test_recording_shows_in_the_header_of_another_tab(rig: Rig) -> None:
+    rig.click("record")
+    rig.window.show_tab("model_lab")
+    rig.run(1.0)
+    text = child(rig.window, QLabel, "sampleCount")
+    assert text.isVisible()
+    assert int(text.text().removesuffix(" samples").replace("\u202f", "")) > 500
+
+
+def test_a_fault_is_one_sentence_and_only_a_reset_leads_on(connect_rig) -> None:  # type: ignore[no-untyped-def]
+    rig = connect_rig(Faults(late={2500: 0.05}))
+    rig.start()
+    rig.run(2.5)
+    assert rig.mode is Mode.FAULT
+    assert rig.window.message.isVisible()
+    assert rig.label("message") == rig.bench.status().fault
+    assert rig.label("rigState") == "In fault"
+    rig.tab.panel.refresh()
+    assert not rig.button("initialise").isEnabled()
+    rig.click("resetFault")
+    rig.run(0.1)
+    assert rig.mode is Mode.IDLE

@@ -1,0 +1,163 @@
+"""The view "Wanted force": asks for the torque, shows it, saves it, and hands it to Acquire."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from PySide6.QtCore import QObject, Qt, QTimer
+from PySide6.QtWidgets import QFileDialog, QSplitter
+
+from fingerlab.errors import UserError
+from fingerlab.identify.model_file import Model
+
+from ..desk import Desk
+from ..tasks import IsCancelled, Progress
+from .wanted_panel import WantedPanel
+from .wanted_plots import TorquePlot, WantedForcePlot
+
+if TYPE_CHECKING:
+    from fingerlab.identify.prediction.inverse import Predictor, TorquePlan
+    from fingerlab.sessions.model import Session
+
+OWNER = "wanted force"
+SETTLE_MS = 250
+"""After an edit, before the torque is asked for anew."""
+
+TRAJECTORIES = "Trajectories (*.json)"
+
+
+class WantedView(QObject):
+    """``widget`` is the work area, ``panel`` the side panel."""
+
+    def __init__(self, desk: Desk, parent: QObject) -> None:
+        super().__init__(parent)
+        self._desk = desk
+        self._session: Session | None = None
+        self._predictors: dict[str, tuple[str, Predictor]] = {}
+        self._shown = False
+        self.plan: TorquePlan | None = None
+        self.panel = WantedPanel()
+        self.force, self.torque = WantedForcePlot(), TorquePlot()
+        self.widget = QSplitter(Qt.Orientation.Vertical)
+        self.widget.setChildrenCollapsible(False)
+        for plot, share in ((self.force, 2), (self.torque, 3)):
+            self.widget.addWidget(plot)
+            self.widget.setStretchFactor(self.widget.count() - 1, share)
+        self._timer = QTimer(self)
+        self._timer.setSingleShot(True)
+        self._timer.setInterval(SETTLE_MS)
+        self._timer.timeout.connect(self._ask)
+        self.panel.changed.connect(self._timer.start)
+        self.panel.save_asked.connect(self.ask_and_save)
+        self.panel.hand_asked.connect(self.hand)
+
+    def take(self, session: Session | None, models: Mapping[str, Model]) -> None:
+        """Another session, or other models."""
+        from fingerlab.identify.prediction.force import contact_runs
+        from fingerlab.identify.prediction.predictors import predictors
+
+        self._session = session
+        self._predictors = {}
+        for file, model in models.items():
+            for words, one in predictors(model, file).items():
+                self._predictors[f"{file}: {words}"] = (file, one)
+        runs = [run.name for run in contact_runs(session)] if session is not None else []
+        self.panel.show_choices(tuple(self._predictors), runs)
+        self._show(None)
+        if self._shown:
+            self._timer.start()
+
+    def set_shown(self, shown: bool) -> None:
+        """The view has come to the front, or has gone."""
+        self._shown = shown
+        if shown and self.plan is None:
+            self._timer.start()
+
+    def _ask(self) -> None:
+        session = self._session
+        chosen = self._predictors.get(self.panel.model.currentText())
+        name = self.panel.pose.currentText()
+        if session is None or chosen is None or not name or not self._shown:
+            return
+        if self.panel.waits_for_file:
+            self._show(None)
+            self.panel.show_outcome("Choose a text table of time (s) and force (N).", "", False)
+            return
+        file, predictor = chosen
+        settings: dict[str, Any] = self.panel.settings()
+        run = next(run for run in session.runs if run.name == name)
+
+        def work(progress: Progress, cancelled: IsCancelled) -> TorquePlan | str:
+            from fingerlab.identify.prediction.inverse import needed_torque
+            from fingerlab.identify.prediction.pose import pose_of_run
+            from fingerlab.identify.prediction.wanted import wanted_force
+
+            try:
+                return needed_torque(wanted_force(settings), predictor, pose_of_run(run), session.rig, file)
+            except UserError as error:
+                return str(error)  # stands beside the fields that it is about
+
+        def done(found: TorquePlan | str) -> None:
+            if self._session is session and not self._timer.isActive():
+                if isinstance(found, str):
+                    self._show(None)
+                    self.panel.show_outcome("", found, False)
+                else:
+                    self._show(found)
+
+        self._desk.tasks.start("Asking for the motor torque", work, done, OWNER)
+
+    def _show(self, plan: TorquePlan | None) -> None:
+        self.plan = plan
+        self.force.show_plan(plan)
+        self.torque.show_plan(plan)
+        if plan is None:
+            self.panel.show_outcome("", "", False)
+        else:
+            self.panel.show_outcome(
+                outcome_words(plan), "\n".join((*plan.beyond, *plan.warnings)), not plan.beyond
+            )
+
+    # what is done with it
+
+    def ask_and_save(self) -> None:
+        """Write the torque as a trajectory file."""
+        plan = self.plan
+        if plan is None or plan.beyond:
+            return
+        start = Path(self._desk.settings.folder()) / "wanted-force.json"
+        name, _ = QFileDialog.getSaveFileName(self.widget, "Save trajectory", str(start), TRAJECTORIES)
+        if not name:
+            return
+        path = Path(name)
+        try:
+            path.write_text(json.dumps(plan.experiment(), indent=1) + "\n", encoding="utf-8")
+        except OSError as error:
+            self._desk.tell(f"{path} cannot be written ({error.strerror}); choose another folder.")
+            return
+        self._desk.tell(f"Trajectory saved: {path}")
+
+    def hand(self) -> None:
+        """One contact run with this torque, as a protocol in Acquire."""
+        plan = self.plan
+        if plan is None or plan.beyond:
+            return
+        from fingerlab.acquisition.protocol import plan_steps
+        from fingerlab.twin.protocols import RunPlan
+
+        run = RunPlan("contact", plan.pose.cable, plan.trajectory())
+        words = f"Wanted force, {plan.force.min():.2g} to {plan.force.max():.2g} N"
+        self._desk.hand_protocol(plan_steps([run], contact_force=float(plan.force.mean())), words)
+
+
+def outcome_words(plan: TorquePlan) -> str:
+    """Torque with interval, and current."""
+    half = 1e3 * float(plan.half_width.mean())
+    spread = f" ± {half:.2g}" if half == half else ""
+    return (
+        f"{1e3 * plan.torque.min():.3g} to {1e3 * plan.torque.max():.3g}{spread} mN m, "
+        f"{plan.current.min():.2g} to {plan.current.max():.2g} A"
+    )
