@@ -64,8 +64,9 @@ SIZES = ((1280, 800), (1920, 1080))
 LOOKS = ("light", "dark")
 MAIN_STATES = ("running", "hold", "result", "review", "")
 """States that are kept in every size; the others in the smallest alone."""
-COLOURS = 256
-"""Of a picture's palette: a window has few, and a file of them is a third of one with all."""
+COLOURS, EXACT = 256, 192
+"""Of a picture's palette, and how many of them are the most frequent ones as they are: a window has few
+colours, and a file with a palette is a third of one without."""
 HIDDEN_SEED = 7
 FACTS: dict[str, str] = {}
 """What the window said, by ``tab.name``, filled while the pictures are taken."""
@@ -130,8 +131,13 @@ def save(window: MainWindow, path: Path) -> None:
     buffer.open(QBuffer.OpenModeFlag.ReadWrite)
     window.grab().save(buffer, "PNG")
     picture = Image.open(io.BytesIO(bytes(buffer.data().data()))).convert("RGB")
-    few = picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    few.save(path, optimize=True)
+    most = sorted(picture.getcolors(picture.width * picture.height), reverse=True)[:EXACT]
+    rest = picture.quantize(
+        COLOURS - EXACT, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
+    ).getpalette()
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*(part for _, colour in most for part in colour), *(rest or [])])
+    picture.quantize(palette=palette, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def acquire_states(window: MainWindow, folder: Path) -> Iterator[str]:
