@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.identify.diagnosis.bandwidth import WIDE_RATE_HZ
+from fingerlab.identify.diagnosis.bandwidth import WIDE_RATE_HZ, narrow
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
 from fingerlab.identify.diagnosis.stretches import SETTLING_S, stretches
 from fingerlab.physics import nominal
@@ -104,13 +104,14 @@ def _press(motion: Motion, told: float) -> Press | None:
     if joints is None or force is None:
         return None
     pull = motion.tension - inertia * motion.inertial_pull
-    seen = np.stack((motion.position, pull, force, joints.mcp, joints.pip))[:, motion.lead :]
+    # A pressing finger hardly moves: at the wide bandwidth the motion would be half noise.
+    seen = narrow(np.stack((motion.position, pull, force, joints.mcp, joints.pip))[:, motion.lead :])
     mean = seen.mean(axis=1)
     around = seen - mean[:, None]
     square = float(around[0] @ around[0])
     if square <= 0:
         return None
-    reach = float(np.quantile(np.abs(around[0]), 0.98))
+    reach = float(np.sqrt(2.0 * square / around.shape[1]))  # of the sine that moves as much
     return Press(told, reach / np.radians(told), mean, around[1:] @ around[0] / square)
 
 

@@ -79,7 +79,7 @@ def test_a_pressing_finger_is_imagined_as_it_was_seen() -> None:
     rng = np.random.default_rng(2)
     run = made.contact_run(made.Bench(), 1.2, swing, 1.0, rng, 10.0, "001")
     cycle = run.channel("motor_position").reshape(10, -1).mean(axis=0)  # no pure sine: the tip's way bends
-    told = float(np.degrees(np.quantile(np.abs(cycle - cycle.mean()), 0.98)))
+    told = float(np.degrees(np.sqrt(2.0) * cycle.std()))
     run = replace(run, trajectory={**run.trajectory, "amplitude_deg": told})
     press = seen_press([Session(Path("press.h5"), "", "", made.RIG, (run,))])
     assert press is not None
