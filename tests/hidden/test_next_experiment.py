@@ -6,6 +6,7 @@ The full count over the catalogue is the sweep's kind ``after``.
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +23,15 @@ def run(*arguments: str | Path) -> Any:
     return result
 
 
-@pytest.mark.parametrize(
-    ("effect", "strength", "seed"),
-    [("varying_moment_arm", "x0.9346", 101), ("spring_hardening", "x1.1", 103)],
-)
-def test_the_proposed_run_settles_what_the_thesis_protocol_leaves_open(
-    effect: str, strength: str, seed: int, tmp_path: Path
-) -> None:
-    bench = ["--effect", f"{effect}={strength}", "--seed", str(seed)]
+def odds(told: dict[str, Any], one: str, other: str) -> float:
+    """Log odds of one effect against another, nats."""
+    known = {c["effect"]: c["probability"] for c in told["candidates"]}
+    return math.log(known[one]) - math.log(known[other])
+
+
+def test_the_proposed_run_tells_for_the_effect_that_is_there(tmp_path: Path) -> None:
+    """Motor friction under the thesis' protocol: its kinds stand in one set, the wrong one first."""
+    effect, bench = "motor_coulomb_friction", ["--effect", "motor_coulomb_friction=x0.6059", "--seed", "102"]
     first, answer = tmp_path / "thesis.h5", tmp_path / "answer.json"
     run("simulate", "--protocol", "thesis", *bench, "--out", first)
     run("diagnose", first, "--json", answer)
@@ -39,6 +41,7 @@ def test_the_proposed_run_settles_what_the_thesis_protocol_leaves_open(
     assert len(before["set"]) > 1
     proposal = before["next_experiment"]
     assert set(proposal["separates"]) <= set(before["set"])
+    (rival,) = set(proposal["separates"]) - {effect}
 
     second = tmp_path / "proposed.h5"
     run("simulate", "--trajectory", answer, *bench, "--out", second)  # the diagnosis as it is
@@ -48,7 +51,9 @@ def test_the_proposed_run_settles_what_the_thesis_protocol_leaves_open(
 
     after = json.loads(run("diagnose", first, second, "--json", "-").stdout)
     assert after["verdict"] == "missing_effect"
-    assert after["set"] == [effect]
+    assert after["candidates"][0]["effect"] == effect
+    assert set(after["set"]) <= set(before["set"])
+    assert odds(after, effect, rival) > odds(before, effect, rival) + 1.0
 
 
 LOADED = {"kind": "sine", "frequency_hz": 0.5, "amplitude_deg": 30.0, "offset_deg": 35.0, "duration_s": 2.0}
