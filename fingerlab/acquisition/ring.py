@@ -1,9 +1,9 @@
 """The ring between the control loop and all who read it: one writer, many readers, nobody waits.
 
 Each row is framed by its sequence number, before and after. The writer publishes a row by raising the
-count of written rows afterwards. A reader copies and then looks whether what it copied carries the numbers
-that it should: a row that was overwritten meanwhile (overrun) or is not wholly there yet (torn) is never
-handed out.
+count of written rows afterwards. A reader copies and then looks how far the writer is, and whether what it
+copied carries the numbers that it should: a row that was overwritten meanwhile (overrun) or is not wholly there
+yet (torn) is never handed out.
 """
 
 from __future__ import annotations
@@ -98,7 +98,10 @@ class Ring:
         """Rows ``first`` to ``stop`` as far as they are whole: sequence number of the first, and the rows."""
         numbers = np.arange(first, stop)
         rows = self._table[numbers % self.rows]
-        whole = (rows[:, 0] == numbers) & (rows[:, -1] == numbers)
+        # The frames alone do not do: a copy may take the end of a row before its beginning. What the writer
+        # can have touched by now is told by how far it is afterwards.
+        untouched = numbers > self.written - self.rows
+        whole = (rows[:, 0] == numbers) & (rows[:, -1] == numbers) & untouched
         if whole.all():
             return first, rows[:, 1:-1]
         start = int(np.argmax(whole)) if whole.any() else len(whole)

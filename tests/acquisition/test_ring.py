@@ -49,6 +49,25 @@ def test_a_row_that_is_being_overwritten_is_not_handed_out() -> None:
     np.testing.assert_array_equal(rows[:, 0], np.arange(1, 64))
 
 
+def test_a_row_with_both_frames_right_is_not_handed_out_if_the_writer_passed_meanwhile() -> None:
+    """A copy may take a row's end, then its beginning, and be overtaken in the middle."""
+    ring = Ring.make(64, 3, shared=False)
+    for number in range(64):
+        ring.write(row(number))
+
+    class Overtaken:
+        def __getitem__(self, index: np.ndarray) -> np.ndarray:
+            rows = table[index]
+            ring.write(row(64))
+            rows[0, 1] = 0.0  # what the writer clears before it fills the row
+            return rows
+
+    table, ring._table = ring._table, Overtaken()  # type: ignore[assignment]
+    first, rows = ring.copy(0, 64)
+    assert first == 1
+    np.testing.assert_array_equal(rows[:, 0], np.arange(1, 64))
+
+
 def test_a_row_that_is_not_wholly_there_yet_is_left_for_later() -> None:
     ring = Ring.make(64, 3, shared=False)
     reader = ring.reader()
