@@ -42,25 +42,32 @@ def _creep(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _stop(motion: Motion, shape: Shape) -> list[Term]:
-    _, joints = motion.finger_and_joints
-    edge = float(np.radians(shape["edge_deg"]))
+    """A stop whose torque grows with the depth or, as of two round faces (Hertz), with its power 1.5.
 
+    The depth counts in units of 1 rad, so that the stiffness is N m/rad under either law. Damped in
+    proportion to its torque (Hunt and Crossley 1975).
+    """
+    _, joints = motion.finger_and_joints
+    edge, power = float(np.radians(shape["edge_deg"])), 1.5 if shape["hertz"] else 1.0
     side = 1.0 if edge > 0 else -1.0
 
-    def beyond(angle: Array) -> Array:
-        return np.asarray(side * np.maximum(side * (angle - edge), 0.0))
+    def depth(angle: Array) -> Array:
+        return np.maximum(side * (angle - edge), 0.0)
 
-    def reached(angle: Array) -> Array:
-        return np.asarray(side * (side * (angle - edge) > 0))
+    def pressed(angle: Array) -> Array:
+        return np.asarray(side * depth(angle) ** power)
 
-    def harder(angle: Array) -> Array:
-        return np.asarray(side * beyond(angle) ** 2)
+    def moved(angle: Array) -> Array:
+        # To first order, what the edge does that lies between two points of the grid.
+        return np.asarray(side * (depth(angle) > 0) * depth(angle) ** (power - 1.0))
 
-    # The step moves the edge between the points of the grid: to first order, stiffness times the shift.
+    mcp, pip = joints.mcp, joints.pip
     return (
-        joint_terms("stop", beyond(joints.mcp), beyond(joints.pip))
-        + joint_terms("hard", harder(joints.mcp), harder(joints.pip))
-        + joint_terms("shift", reached(joints.mcp), reached(joints.pip))
+        joint_terms("stop", pressed(mcp), pressed(pip))
+        + joint_terms("shift", moved(mcp), moved(pip))
+        + joint_terms(
+            "damp", side * pressed(mcp) * joints.mcp_velocity, side * pressed(pip) * joints.pip_velocity
+        )
     )
 
 
@@ -116,14 +123,18 @@ EFFECTS = (
         title="Stiff end of travel",
         acts_on=("joint_torque",),
         gains=both("stop", Gain("N m/rad", 0.0, 5.0, 0.2, title="stop stiffness"))
-        | both("hard", Gain("N m/rad^2", 0.0, 50.0, 2.0, title="growth of the stop stiffness"))
-        | both("shift", Gain("N m", -0.05, 0.05, 0.002, title="stop stiffness times shift of the edge")),
+        | both("shift", Gain("N m", -0.05, 0.05, 0.002, title="stop stiffness times shift of the edge"))
+        | both("damp", Gain("N m s/rad^2", 0.0, 5.0, 0.1, title="damping of the stop")),
         columns=_stop,
         coordinate="joint angle",
         equation=Row.PIP,
         explanation="Beyond a certain angle the joint is suddenly much stiffer.",
         reveal="a slow sine of larger amplitude",
-        shapes=tuple({"edge_deg": 5.0 * k} for k in (*range(-8, 0), *range(2, 10))),
+        shapes=tuple(
+            {"edge_deg": 5.0 * k, "hertz": hertz}
+            for hertz in (0.0, 1.0)
+            for k in (*range(-8, 0), *range(2, 10))
+        ),
         shape_units={"edge_deg": "deg"},
     ),
 )

@@ -20,7 +20,7 @@ from .moving import bench, moving
 FAMILIES = {"joint_torque", "cable_kinematics", "motor_torque", "endpoint_force"}
 SI_UNITS = {
     "1", "tan", "rad", "rad/s", "1/rad", "s", "m", "m/N", "m s/N", "kg", "kg m^2", "N m", "N m/rad",
-    "N m/rad^2", "N m/rad^3", "1/rad^2", "N m s/rad",
+    "N m/rad^2", "N m/rad^3", "1/rad^2", "N m s/rad", "N m s/rad^2",
 }  # fmt: skip
 OF_FINGER = sorted(CATALOGUE)
 OF_BENCH = sorted(name for name, e in CATALOGUE.items() if e.bench)

@@ -85,22 +85,25 @@ def test_hardening_stiffness_and_coupling() -> None:
     assert column(coupling, Row.PIP) == pytest.approx(q.pip - q.mcp)
 
 
-@pytest.mark.parametrize("edge", [s["edge_deg"] for s in CATALOGUE["joint_stop"].shapes])
-def test_stop_is_nothing_within_and_a_spring_beyond(edge: float) -> None:
-    q = moving().joints
+@pytest.mark.parametrize("shape", CATALOGUE["joint_stop"].shapes)
+def test_stop_is_nothing_within_and_pushes_back_beyond(shape: dict[str, float]) -> None:
+    """The depth itself or, of two round faces, its power 1.5 (Hertz 1882); damped as it presses."""
+    motion, edge, power = moving(), shape["edge_deg"], 1.5 if shape["hertz"] else 1.0
+    q = motion.joints
     assert q is not None
-    terms = CATALOGUE["joint_stop"].columns(moving(), {"edge_deg": edge})
+    terms = CATALOGUE["joint_stop"].columns(motion, shape)
     reached = q.pip > np.radians(edge) if edge > 0 else q.pip < np.radians(edge)  # one end of the travel
-    beyond = q.pip - np.radians(edge)
+    depth = np.where(reached, np.abs(q.pip - np.radians(edge)), 0.0)
     stop = column(terms, Row.PIP, "stop_pip")
-    assert stop == pytest.approx(np.where(reached, beyond, 0.0), abs=1e-12)
-    # An edge that lies a little further in adds stiffness times the shift, wherever it is passed.
+    assert stop == pytest.approx(np.sign(edge) * depth**power, abs=1e-12)
+    # An edge that lies a little further in adds its share wherever it is passed.
     shift = column(terms, Row.PIP, "shift_pip")
-    nearer = q.pip - np.sign(edge) * (np.radians(abs(edge)) - 1e-6)
-    assert shift[reached] == pytest.approx((nearer - beyond)[reached] / 1e-6)
+    clear = depth > 1e-3
+    nearer = np.sign(edge) * ((depth + 1e-7) ** power - depth**power) / 1e-7 / power
+    assert shift[clear] == pytest.approx(nearer[clear], rel=1e-3)
     assert not shift[~reached].any()
-    hard = column(terms, Row.PIP, "hard_pip")
-    assert hard == pytest.approx(np.where(reached, np.sign(edge) * beyond**2, 0.0), abs=1e-12)
+    damp = column(terms, Row.PIP, "damp_pip")
+    assert damp == pytest.approx(depth**power * q.pip_velocity, abs=1e-12)
 
 
 @pytest.mark.parametrize("time_constant", [0.1, 0.3, 1.0, 3.0])
