@@ -2,8 +2,8 @@
 
 Each row is framed by its sequence number, before and after. The writer publishes a row by raising the
 count of written rows afterwards. A reader copies and then looks how far the writer is, and whether what it
-copied carries the numbers that it should: a row that was overwritten meanwhile (overrun) or is not wholly there
-yet (torn) is never handed out.
+copied carries the numbers that it should: a row that was overwritten meanwhile (overrun) or is not wholly
+there yet (torn) is never handed out.
 """
 
 from __future__ import annotations

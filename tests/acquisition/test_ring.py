@@ -64,8 +64,8 @@ def test_a_row_with_both_frames_right_is_not_handed_out_if_the_writer_passed_mea
 
     table, ring._table = ring._table, Overtaken()  # type: ignore[assignment]
     first, rows = ring.copy(0, 64)
-    assert first == 1
-    np.testing.assert_array_equal(rows[:, 0], np.arange(1, 64))
+    assert first == 2  # row 1 may be under way by now
+    np.testing.assert_array_equal(rows[:, 0], np.arange(2, 64))
 
 
 def test_a_row_that_is_not_wholly_there_yet_is_left_for_later() -> None:
