@@ -23,7 +23,7 @@ from fingerlab.physics.effects.base import Effect, Gain, Row, Scale
 from fingerlab.physics.effects.hysteresis import rubbing_force
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.sensing import lateral_levers
-from fingerlab.physics.effects.tip import TOUCHING_FORCE_N, tip_depth, tip_reach, while_pressed
+from fingerlab.physics.effects.tip import pressed, tip_depth, tip_reach, while_pressed
 from fingerlab.rig import Finger, Rig
 from fingerlab.sessions.model import Array
 
@@ -176,7 +176,7 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
     ]
     columns += [
         (Feature(term.row, name, scale="joint"), values * term.values)
-        for name, values in _tangential_forces(finger, motion).items()
+        for name, values in _tangential_forces(motion).items()
         for term in lateral_levers(motion, name)
     ]
     return columns
@@ -195,7 +195,7 @@ def _tip_columns(motion: Motion, force: Array) -> list[tuple[Feature, Array]]:
     ]
 
 
-def _tangential_forces(finger: Finger, motion: Motion) -> dict[str, Array]:
+def _tangential_forces(motion: Motion) -> dict[str, Array]:
     """Shapes of the unknown force along the load cell's face in contact, where the tip sticks and drags.
 
     A share of the normal force (N), a constant that the tip was set down with (times 1 N), a spring on the
@@ -203,13 +203,9 @@ def _tangential_forces(finger: Finger, motion: Motion) -> dict[str, Array]:
     by the tip's own travel, which the angle sensors hardly resolve where it turns round, and by the normal
     force, with which the sideways one changes in proportion until the tip gives way.
     """
-    _, q = motion.finger_and_joints
     if motion.force is None:
         return dict.fromkeys(_LATERAL, np.zeros_like(motion.time))
-    tip = 2 * finger.proximal_half_length * np.cos(finger.wrist_angle - q.mcp) + 2 * (
-        finger.distal_half_length * np.cos(q.mcp + q.pip - finger.wrist_angle)
-    )
-    touching = _touching(motion.force, finger, q)
+    tip, touching = tip_reach(motion), _touching(motion)
     touched = max(float(touching.sum()), 1.0)
     set_down = float(tip @ touching) / touched
     columns = (
@@ -225,20 +221,18 @@ def _tangential_forces(finger: Finger, motion: Motion) -> dict[str, Array]:
 _LATERAL = ("lateral", "lateral_spring", "lateral_rub", *(name for law in TIP_LAWS.values() for name in law))
 
 
-def _touching(force: Array, finger: Finger, q: nominal.JointMotion) -> Array:
+def _touching(motion: Motion) -> Array:
     """1 where the tip is on the load cell, 0 where it is off, shape (n,).
 
     A force of zero is not enough to let go: a tip that stays at the same height still sticks sideways.
     """
-    pressed = np.asarray(np.clip(force / TOUCHING_FORCE_N, 0.0, 1.0))
-    on = pressed >= 1.0
+    share = pressed(motion)
+    on = share >= 1.0
     if not on.any() or on.all():
-        return pressed
-    height = 2 * finger.proximal_half_length * np.sin(q.mcp - finger.wrist_angle) + 2 * (
-        finger.distal_half_length * np.sin(q.mcp + q.pip - finger.wrist_angle)
-    )
-    away = np.abs(height - np.median(height[on])) / LIFTED_M
-    return np.asarray(np.maximum(pressed, np.clip(2.0 - away, 0.0, 1.0)))
+        return share
+    depth = tip_depth(motion)
+    away = np.abs(depth - np.median(depth[on])) / LIFTED_M
+    return np.asarray(np.maximum(share, np.clip(2.0 - away, 0.0, 1.0)))
 
 
 def shifted_columns(motion: Motion) -> list[tuple[Feature, Array]]:

@@ -18,7 +18,6 @@ from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.bandwidth import narrow
 from fingerlab.identify.diagnosis.features import (
     SLIP_STIFFNESSES,
-    TOUCHING_FORCE_N,
     Feature,
     base_columns,
     shifted_columns,
@@ -29,6 +28,7 @@ from fingerlab.identify.diagnosis.stretches import stretches
 from fingerlab.physics.effects.base import Effect, Row
 from fingerlab.physics.effects.mass import TURNED_SLIP_STIFFNESS
 from fingerlab.physics.effects.motion import Motion
+from fingerlab.physics.effects.tip import TOUCHING_FORCE_N
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.signals.periods import MAXIMUM_UNREPEATED, MINIMUM_PERIODS, PeriodGrid
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.bandwidth import WIDE_RATE_HZ
-from fingerlab.identify.diagnosis.features import TOUCHING_FORCE_N
 from fingerlab.identify.diagnosis.stretches import SETTLING_S
 from fingerlab.physics.effects.motion import Motion
+from fingerlab.physics.effects.tip import TOUCHING_FORCE_N
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig import Rig
 from fingerlab.sessions.model import Array, Run

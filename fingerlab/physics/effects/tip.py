@@ -27,6 +27,10 @@ def tip_depth(motion: Motion) -> Array:
 
 def tip_reach(motion: Motion) -> Array:
     """How far the tip is in front of the MCP joint, along the load cell's face, m, shape (n,)."""
+    return motion.remember("tip reach", lambda: _reach(motion))
+
+
+def _reach(motion: Motion) -> Array:
     f, q = motion.finger_and_joints
     return np.asarray(
         2.0 * f.proximal_half_length * np.cos(f.wrist_angle - q.mcp)
