@@ -13,7 +13,7 @@ from fingerlab.identify.diagnosis.fitting import Weights
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.reduction import Progress
 from fingerlab.identify.diagnosis.sketch import Promise, Sketch
-from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study, Trial
 from fingerlab.physics.effects.base import Effect
 
 HELD_OUT_TRIALS = 4
@@ -28,7 +28,7 @@ SAME_SHARE = 1e-3
 """Effects whose costs differ by less than this share leave the same noise, and set the same weights."""
 LONGEST_PATH = 4
 """At most this many effects are added."""
-SCREEN_ITERATIONS, FULL_ITERATIONS = 3, 8
+SCREEN_ITERATIONS = 3
 
 
 @dataclass(frozen=True)

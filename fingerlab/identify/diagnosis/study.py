@@ -36,7 +36,7 @@ WANDER = 0.05
 TIP_FRICTION_SPREAD = 0.3
 """Share of its friction at the fingertip that a tip which slides holds back or adds at will, one standard
 deviation; assumed. It is as good as noise to all else: only the tip's own law could tell it."""
-TO_THE_END = 8
+FULL_ITERATIONS = 8
 """A fit of so many iterations is meant to end, not to look round."""
 LEAST_TENSION_SPREAD_N = 1e-3
 LEAST_LENGTH_SPREAD_M = 5e-7
@@ -125,7 +125,7 @@ class Study:
         A fit to the end takes the law of the tip that fits best, others that of ``like``.
         """
         trial = self.fit_like(choices, like, iterations)
-        return trial if iterations < TO_THE_END else self.with_best_law(trial, iterations)
+        return trial if iterations < FULL_ITERATIONS else self.with_best_law(trial, iterations)
 
     def fit_like(self, choices: Sequence[Choice], like: Trial | None, iterations: int) -> Trial:
         """The same with the law of the tip that ``like`` has."""

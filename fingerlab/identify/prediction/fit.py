@@ -20,7 +20,7 @@ from fingerlab.identify.diagnosis.reduction import (
     runs_to_analyse,
 )
 from fingerlab.identify.diagnosis.search import refine
-from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study, Trial
 from fingerlab.identify.diagnosis.wording import Z90, deviations
 from fingerlab.identify.model_file import hash_sessions
 from fingerlab.identify.prediction.extended import ChosenEffect, ExtendedModel, HeldOut, Variant
@@ -30,8 +30,6 @@ from fingerlab.identify.results import ParameterEstimate
 from fingerlab.physics.effects import effect
 from fingerlab.physics.effects.base import Effect
 from fingerlab.sessions.model import Session
-
-FULL_ITERATIONS = 8
 
 
 def fit_extended(
