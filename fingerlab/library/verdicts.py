@@ -17,8 +17,9 @@ class Verdict:
     """A session's diagnosis as a table of ``fingerlab batch`` holds it.
 
     Attributes:
-        words: ``found``, ``nothing_missing``, ``not_in_catalogue`` ..., as in the table; ``effects``: which.
-        probability: of the verdict. error: final error over its floor, None where there is none.
+        verdict: ``missing_effect``, ``nothing_missing`` or ``not_in_catalogue``, as in the table.
+        effects: one of which is missing; where nothing is, those that the session could not have shown.
+        probability: of the verdict. score: final error over its floor, None where there is none.
         table: the file it stands in. outdated: whether the session was written after the table.
     """
 
