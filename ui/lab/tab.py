@@ -38,6 +38,7 @@ class ModelLabTab(Tab):
         self.empty = EmptyView()
         self.waiting = WaitingView()
         self.view = LabView(self.controller)
+        self.view.panes.remember(desk.settings)
         self.pages = QStackedWidget()
         for page in (self.empty, self.waiting, self.view):
             self.pages.addWidget(page)
