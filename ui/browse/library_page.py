@@ -27,7 +27,7 @@ from .details_panel import DetailsPanel
 from .table_model import LENGTH, MOTOR, NAME, PHASES, QUALITY, RECORDED, RIG, TAGS, VERDICT, SessionTable
 from .thumbnails import ThumbnailDelegate, Thumbnails
 
-WIDTHS = {MOTOR: 12, RECORDED: 13, LENGTH: 13, PHASES: 13, RIG: 12, QUALITY: 15, VERDICT: 17, TAGS: 9}
+WIDTHS = {MOTOR: 12, RECORDED: 13, LENGTH: 13, PHASES: 12, RIG: 10, QUALITY: 14, VERDICT: 21, TAGS: 10}
 """Widths in characters; the name takes the rest."""
 
 

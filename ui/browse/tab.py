@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtWidgets import QFileDialog, QStackedWidget
@@ -22,6 +23,7 @@ from .library_page import LibraryPage
 from .review_data import ReviewData
 from .review_page import ReviewPage
 from .thumbnails import Thumbnails
+from .undoing import EditHistory, FileEdit, NoteEdit
 from .writer import FORMATS, Writer
 
 SCAN = "scan"
@@ -70,6 +72,7 @@ class SessionsTab(Tab):
         self.widget = self.pages
         self.writer = Writer(desk, self.widget, self)
         self.notebook = Notebook(self.folder)
+        self.history = EditHistory(self)
         self._scanner = Background(self)
         self._looked = False
         self._choose_next: Path | None = None
@@ -96,6 +99,7 @@ class SessionsTab(Tab):
         self.review_page.cut_asked.connect(self.cut)
         self.review_page.beside_asked.connect(self.review_beside)
         self.writer.written.connect(self._on_written)
+        self.history.changed.connect(self.desk.commands_changed)
         self.data.opened.connect(self._on_opened)
         self.data.beside.connect(self.review_page.show_beside)
         self.data.failed.connect(self.desk.tell)
@@ -162,6 +166,34 @@ class SessionsTab(Tab):
         self._scanner.shut_down()
         self.thumbnails.shut_down()
         self.data.shut_down()
+
+    # undo
+
+    def undo(self) -> None:
+        """Tags and notes as they were before, or a new file to the trash."""
+        self.page.details.flush()  # what was just typed is the last thing done
+        self._step(self.history.undo, "Undone")
+
+    def redo(self) -> None:
+        self.page.details.flush()
+        self._step(self.history.redo, "Done again")
+
+    @property
+    def can_undo(self) -> bool:
+        return self.history.can_undo
+
+    @property
+    def can_redo(self) -> bool:
+        return self.history.can_redo
+
+    def _step(self, step: Callable[[], str], word: str) -> None:
+        self.desk.hush()
+        try:
+            self.desk.say(f"{word}: {step()}")
+        except UserError as error:
+            self.desk.tell(str(error))
+        self.page.refresh_details()
+        self.read_again()
 
     # folder
 
@@ -294,15 +326,31 @@ class SessionsTab(Tab):
             self.writer.copy_with_note(facts, self.page.model.note(facts.path))
 
     def _on_written(self, path: Path) -> None:
+        if path.is_file():
+            self.history.note(FileEdit(path, self._in_use))
         if path.is_file() and path.resolve().is_relative_to(self.folder.resolve()):
             self.read_again(path)
 
+    def _in_use(self, path: Path) -> bool:
+        """Whether a session file is open in a tab."""
+        reviewed = self.review_page.session
+        opened = [*self.desk.sessions, *([] if reviewed is None else [reviewed])]
+        return any(session.path.resolve() == path.resolve() for session in opened)
+
     def _keep_note(self, facts: SessionFacts, note: Note) -> None:
+        before, notebook = self.page.model.note(facts.path), self.notebook
         try:
-            self.notebook.write(facts, note, {one.name for one in self.page.model.all_facts()})
+            self._write_note(notebook, facts, note)
         except UserError as error:
             self.desk.tell(str(error))
             return
-        self.page.model.show_note(facts.path, note)
         self.page.details.kept(note)
+        self.history.note(NoteEdit(facts, before, note, partial(self._write_note, notebook)))
         self.desk.say(f"Tags and notes of {facts.name} kept")
+
+    def _write_note(self, notebook: Notebook, facts: SessionFacts, note: Note) -> None:
+        """Into the side file of the folder in which the session was; and into the table, if it is there."""
+        here = notebook.folder == self.folder
+        notebook.write(facts, note, {one.name for one in self.page.model.all_facts()} if here else ())
+        if self.page.model.facts(facts.path) is not None:
+            self.page.model.show_note(facts.path, note)
