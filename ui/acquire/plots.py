@@ -10,6 +10,8 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QScrollBar, QVBoxLayout, QWidget
 
+from fingerlab.report.screen import with_minus
+
 from .channels import PLOTS, QUANTITIES
 from .history import History
 from .pane import Pane
@@ -33,10 +35,10 @@ class Trigger:
 
 
 class LivePlots(QWidget):
-    """Signals: held_changed(on); cursors_told(differences, values): at the cursors; empty for none."""
+    """Signals: held_changed(on); cursors_told(times, differences, values): empty for no cursors."""
 
     held_changed = Signal(bool)
-    cursors_told = Signal(str, str)
+    cursors_told = Signal(str, str, str)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -230,12 +232,12 @@ class LivePlots(QWidget):
 
     def _tell_cursors(self) -> None:
         if self._cursors is None or self.history is None:
-            self.cursors_told.emit("", "")
+            self.cursors_told.emit("", "", "")
             return
         a, b = self._cursors
-        head = f"A {a:.3f} s, B {b:.3f} s"
-        change = f"{b - a:+.3f} s" + (f" ({1 / abs(b - a):.2f} Hz)" if b != a else "")
-        history, values, differences = self.history, [head], [change]
+        times = f"A {a:.3f} s, B {b:.3f} s, B − A: {b - a:+.3f} s"
+        times += f" ({1 / abs(b - a):.2f} Hz)" if b != a else ""
+        history, values, differences = self.history, [times], []
         for pane in self.panes.values():
             for column in pane.spec.readings:
                 at = [history.value(column, round(time * history.rate_hz)) for time in (a, b)]
@@ -244,8 +246,8 @@ class LivePlots(QWidget):
                     values.append(f"{quantity.title}: A {quantity.text(at[0])}, B {quantity.text(at[1])}")
                     title = quantity.title if quantity.title.isupper() else quantity.title.lower()
                     differences.append(f"{title} {quantity.text(at[1] - at[0])}")
-        text = f"{head}; B − A: {', '.join(differences)}"
-        self.cursors_told.emit(text.replace("-", "−"), "\n".join(values).replace("-", "−"))
+        told = (times, f"B − A: {', '.join(differences)}", "\n".join(values))
+        self.cursors_told.emit(*(with_minus(text) for text in told))
 
 
 def last_crossing(history: History, trigger: Trigger, before: int) -> int | None:
