@@ -108,17 +108,21 @@ class LivePlots(QWidget):
             for pane in self.panes.values():
                 pane.show_marks(self._marks)
 
-    def tick(self) -> None:
-        """New samples may be there."""
+    def tick(self, numbers: bool = True) -> None:
+        """New samples may be there; ``numbers``: show the readings and the scroll bar, too."""
         history = self.history
         if history is None or not self.isVisible():
+            return
+        if not self.held:
+            self._stop = self._live_stop(history)
+            self._draw()
+        if not numbers:
             return
         for pane in self.panes.values():
             for column, reading in pane.readings.items():
                 reading.show_value(history.value(column, history.stop - 1))
-        if not self.held:
-            self._stop = self._live_stop(history)
-            self._draw()
+        if self._cursors is not None and not self.held:
+            self._tell_cursors()
         self._show_scroll(history)
 
     def refresh(self) -> None:
@@ -143,8 +147,6 @@ class LivePlots(QWidget):
         for pane in self.panes.values():
             if not pane.isHidden():
                 pane.show_part(self.history, start, stop)
-        if self._cursors is not None:
-            self._tell_cursors()
 
     def _live_stop(self, history: History) -> int:
         if not self.trigger.on:

@@ -29,6 +29,9 @@ from .opening import OpenBench, OpenCall, Wanted, open_bench
 TICK_MS = 33
 """At most 30 looks a second, each followed by one repaint."""
 
+NUMBERS_EVERY = 3
+"""Looks from one showing of the numbers to the next: ten a second, more than one can read."""
+
 LITTLE_ROOM_S = 1800.0
 """Half an hour of recording, a protocol of the thesis and more (assumed)."""
 
@@ -45,6 +48,9 @@ _LIGHTS: dict[Mode, Light] = {
 
 class Station(QObject):
     """One bench at a time.
+
+    Attributes:
+        numbers_due: whether this look's numbers are to be shown: each third, and wherever a state changes.
 
     Signals:
         changed: another bench, or none, or something is being asked of it. ticked: new samples may be there.
@@ -71,6 +77,8 @@ class Station(QObject):
         self._opener = opener
         self._reader: RingReader | None = None
         self._seen: Status | None = None
+        self.numbers_due = True
+        self._looks = 0
         self._timer = QTimer(self)
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)
         self._timer.setInterval(TICK_MS)
@@ -247,10 +255,13 @@ class Station(QObject):
             bench.step(round(TICK_MS * 1e-3 * bench.rate_hz))
         bench.beat()
         piece = reader.read()
-        self.status = bench.status()
+        before, self.status = self.status, bench.status()
         if len(piece.rows):
             self._take(piece.rows)
-        self._show()
+        self._looks += 1
+        self.numbers_due = self._looks % NUMBERS_EVERY == 0 or _state(before) != _state(self.status)
+        if self.numbers_due:
+            self._show()
         self._complain(self.status)
         self.ticked.emit()
 
@@ -342,6 +353,11 @@ class Station(QObject):
 
     def _on_failed(self, failed: Failed) -> None:
         self.desk.tell(failed.sentence, failed.details)
+
+
+def _state(status: Status | None) -> Status | None:
+    """A status without what counts on all the time."""
+    return status and replace(status, index=0, cycles=0, late=0, run_start=0, recorded=0, free_bytes=0)
 
 
 def changed_set_up(before: SetUp, **values: Any) -> SetUp:
