@@ -41,9 +41,9 @@ NICE, HIGH_PRIORITY_CLASS = -10, 0x80
 """Priority that loop and recorder ask for (setpriority(2); SetPriorityClass of the Windows API)."""
 
 REAL_TIME = 10
-"""Priority in the class of real-time programs that a loop paced by a clock asks for where there is such a class
-(Linux, sched(7)): before every ordinary program, after the system's own (assumed). In the ordinary class even
-the most favoured program waits for a running one to use up its slice, some 3 ms."""
+"""Priority in the class of real-time programs (Linux, sched(7)) that a loop paced by a clock asks for: before
+every ordinary program, after the system's own (assumed). In the ordinary class even the most favoured program
+waits for a running one to use up its slice, some 3 ms."""
 
 GRACE_S = 2.0
 """How long the recorder waits for the loop to end when the window is lost."""
