@@ -59,6 +59,8 @@ def sample(one: Look, colours: Colours) -> QIcon:
     return QIcon(picture)
 
 
+MOST_PEAKS = 4.0
+"""A force of so many measured peaks is none that a finger would press with (assumed)."""
 SWEEP_WORDS_PX = 340
 """Width of a plot in which the words of all angles stand beside each other."""
 
@@ -142,7 +144,10 @@ class SweepPlot(ShownPlot):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("sweepPlot", "Peak of the modelled force against the contact angle", parent)
         self.name_axes("Peak force", NEWTON, "Contact angle (°)")
-        self.setToolTip("Angle by which the contact force leans from the load cell's axis towards the base.")
+        self.setToolTip(
+            "Angle by which the contact force leans from the load cell's axis towards the base.\n"
+            "A line ends where the force would grow beyond all bounds, as its lever vanishes."
+        )
 
     def redraw(self) -> None:
         plot, colours = self.getPlotItem(), colours_of(self)
@@ -159,7 +164,9 @@ class SweepPlot(ShownPlot):
         for name, one, force in swept:
             angles = np.array([step.angle_deg for step in force.sweep])
             heights = np.array([step.peak for step in force.sweep])
-            peaks += heights[heights < 4 * max(measured, heights[0])].tolist()
+            # Where the force's line comes to pass through the joint, the force has no end: the curve ends.
+            heights = np.where(heights < MOST_PEAKS * max(measured, heights[0]), heights, np.nan)
+            peaks += heights[np.isfinite(heights)].tolist()
             plot.addItem(plain_curve(angles, heights, one.pen(colours, 1.5 * self.devicePixelRatioF()), name))
         low, high = span_of(np.array(peaks))
         plot.addItem(
