@@ -8,11 +8,12 @@ that samples a cycle apart are not new evidence. Temperature 1 is white noise at
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fingerlab.identify.diagnosis.study import Trial
+from fingerlab.identify.diagnosis.unseen import AS_LIKELY, bayes_factor, with_unseen
 from fingerlab.sessions.model import Array
 
 CORRELATED_VALUES = 16.0
@@ -66,6 +67,15 @@ class Evidence:
     nothing: float
     unknown: float
     temperature: float
+    unseen: Array = field(default_factory=lambda: np.zeros(0))
+    """Probabilities of effects that are not found because they could not show, (trials,); see ``unseen``."""
+    factors: Array = field(default_factory=lambda: np.zeros(0))
+    """How much likelier the data are with a plausible strength of each effect than with none, (trials,)."""
+
+    @property
+    def told(self) -> Array:
+        """Probability of each trial's last effect, seen or unseen, (trials,)."""
+        return self.probabilities + self.unseen if len(self.unseen) else self.probabilities
 
 
 def freedom(trial: Trial) -> int:
@@ -153,6 +163,37 @@ def distrusted(evidence: Evidence) -> Evidence:
     )
 
 
+def unseen(evidence: Evidence) -> Evidence:
+    """The evidence with a share for every effect that these data could not have shown.
+
+    A cable that was never slack has shown that it was not.
+    """
+    base = evidence.base
+    factors = []
+    for trial in evidence.trials:
+        if trial.model.choices[-1].effect.special == "slack":
+            factors.append(0.0)
+        else:
+            fall = base.misfit - trial.misfit - charge(base, trial)
+            factors.append(bayes_factor(trial, fall, needed(evidence, trial)))
+    prior = PRIOR_EFFECTS / max(len(factors), 1) / PRIOR_NOTHING
+    return with_unseen(evidence, factors, prior)
+
+
+def needed(evidence: Evidence, trial: Trial) -> float:
+    """By how much the misfit must fall for a trial's last effect to be told, beside the best model found."""
+    base = evidence.base
+    remaining = min([base.misfit, *(t.misfit for t in evidence.trials)])
+    in_contact = CONTACT_CHARGE if _reaches_contact_alone(trial) else 0.0
+    least = max(LEAST_SHARE * max(remaining, 0.0), LEAST_FALL * base.count) + in_contact * base.count
+    return max(least, 2.0 * LEAST_LOG_ODDS * evidence.temperature)
+
+
+def _reaches_contact_alone(trial: Trial) -> bool:
+    falls = trial.reach.falls
+    return bool(len(falls)) and float(falls[trial.touching].sum()) > CONTACT_SHARE * float(falls.sum())
+
+
 def alike(evidence: Evidence) -> list[int]:
     """Indices of the trials that these data cannot tell apart, best first."""
     order = np.argsort(-evidence.probabilities, kind="stable")
@@ -166,6 +207,12 @@ def alike(evidence: Evidence) -> list[int]:
         chosen.append(int(i))
         covered += float(evidence.probabilities[i])
     return chosen
+
+
+def hidden(evidence: Evidence) -> list[int]:
+    """Indices of the trials whose effect could be there although nothing is seen of it, likeliest first."""
+    order = np.argsort(-evidence.unseen, kind="stable")
+    return [int(i) for i in order if evidence.factors[i] >= AS_LIKELY]
 
 
 def least_share(base: Trial) -> float:

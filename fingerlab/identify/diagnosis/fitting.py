@@ -28,6 +28,9 @@ SLACK_SPREAD_M = 1e-4
 Weights = Mapping[GroupKey, Array]
 """Inverse covariance of the equations' noise for each group, (5, 5) over :class:`Row`."""
 
+Part = tuple[int, ...]
+"""Folds of a group, by number."""
+
 
 @dataclass(frozen=True)
 class Weighted:
@@ -50,22 +53,29 @@ class Data:
     def __init__(self, groups: Sequence[Group]) -> None:
         self.groups = groups
         self.clean = [[f.without(_noise_of_a_sample(g)) for f in g.folds] for g in groups]
-        self._totals = [total(folds) for folds in self.clean]
+        self._joined: dict[tuple[int, Part], tuple[Sums, Sums]] = {}
+        for i, group in enumerate(groups):
+            self._joined[i, tuple(range(len(group.folds)))] = (group.whole, total(self.clean[i]))
 
-    def raw(self, i: int, k: int | None) -> Sums:
-        """Fold ``k`` of group ``i``, or all its folds as one."""
-        return self.groups[i].whole if k is None else self.groups[i].folds[k]
+    def of(self, i: int, part: Part | None) -> tuple[Sums, Sums]:
+        """Sums over some folds of group ``i``, or over all, with noise and without."""
+        part = tuple(range(len(self.clean[i]))) if part is None else part
+        if (i, part) not in self._joined:
+            raw, clean = self.groups[i].folds, self.clean[i]
+            alone = len(part) == 1
+            self._joined[i, part] = (
+                (raw[part[0]], clean[part[0]])
+                if alone
+                else (total([raw[k] for k in part]), total([clean[k] for k in part]))
+            )
+        return self._joined[i, part]
 
-    def noiseless(self, i: int, k: int | None) -> Sums:
-        """The same without noise."""
-        return self._totals[i] if k is None else self.clean[i][k]
-
-    def weighted(self, i: int, k: int | None, model: Model, weights: Array, standing: Array) -> Weighted:
-        """What a fit needs of group ``i``, or of its fold ``k``; a slack cable costs unless it may be so.
+    def weighted(self, i: int, part: Part | None, model: Model, weights: Array, standing: Array) -> Weighted:
+        """What a fit needs of group ``i``, or of a part of it; a slack cable costs unless it may be so.
 
         ``standing`` changes the weights where the motor stands; both (5, 5).
         """
-        raw, clean = self.raw(i, k), self.noiseless(i, k)
+        raw, clean = self.of(i, part)
         weight = EFFECTIVE_SHARE * feature_weights(weights, model.rows)
         curvature, matrix = raw.of(model.pick) * weight, clean.of(model.pick) * weight
         still, quiet = raw.at_rest(model.pick), clean.at_rest(model.pick)
@@ -184,7 +194,7 @@ class Fitter:
         self.data = data
         self.weights = weights
         self.sums: list[Weighted] = []
-        self._parts: dict[tuple[int, int | None], Weighted] = {}
+        self._parts: dict[tuple[int, Part | None], Weighted] = {}
         self._whole: tuple[Array, list[tuple[Array, Array]], tuple[Array, Array]] | None = None
         self.sticks = bool(model.sticking) and any(g.whole.rest is not None for g in data.groups)
         self.widening = 0.0  # see Data.held, all groups together
@@ -200,12 +210,12 @@ class Fitter:
         self.sums = [self.part(i, None) for i in range(len(self.data.groups))]
         self._whole = None
 
-    def part(self, i: int, k: int | None) -> Weighted:
-        """Weighted products over group ``i``, or over its fold ``k``."""
-        if (i, k) not in self._parts:
+    def part(self, i: int, part: Part | None) -> Weighted:
+        """Weighted products over group ``i``, or over some of its folds."""
+        if (i, part) not in self._parts:
             weights = self.weights[self.data.groups[i].key]
-            self._parts[i, k] = self.data.weighted(i, k, self.model, weights, self.standing(i))
-        return self._parts[i, k]
+            self._parts[i, part] = self.data.weighted(i, part, self.model, weights, self.standing(i))
+        return self._parts[i, part]
 
     def standing(self, i: int) -> Array:
         """How the weights of group ``i`` change where the motor stands, (5, 5)."""
@@ -302,18 +312,18 @@ class Fitter:
                 break
         return values, gain
 
-    def without(self, values: Array, k: int) -> Array:
-        """One step from the fit ``values`` to that of the runs without fold ``k`` of any group, (p,).
+    def without(self, values: Array, turn: int) -> Array:
+        """One step from the fit ``values`` to that of the runs without the folds of a turn, (p,).
 
-        A group with one fold only stays in.
+        A group of which nothing would be left stays in.
         """
         if self._whole is None or not np.array_equal(self._whole[0], values):
             coefficients = [self.model.coefficients(values, g) for g in self.data.groups]
             self._whole = (values, coefficients, self.normal_equations(values))
         _, coefficients, (gradient, information) = self._whole
         for i, group in enumerate(self.data.groups):
-            if 1 < len(group.folds) > k:
-                fold = self.part(i, k)
+            for k in group.of_turn(turn):
+                fold = self.part(i, (k,))
                 h, jacobian = coefficients[i]
                 gradient = gradient - (h @ fold.matrix) @ jacobian
                 information = information - jacobian.T @ (fold.curvature @ jacobian)

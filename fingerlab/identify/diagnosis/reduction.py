@@ -7,10 +7,10 @@ effects then cost nothing that grows with the recording.
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +25,7 @@ from fingerlab.identify.diagnosis.bandwidth import (
     narrow,
     narrow_count,
 )
+from fingerlab.identify.diagnosis.conditions import Fold, deal
 from fingerlab.identify.diagnosis.features import (
     NO_SHIFT,
     SHIFTS_S,
@@ -46,7 +47,7 @@ from fingerlab.sessions.model import Array, Run, Session
 Progress = Callable[[float, str], None]
 
 FOLDS = 10
-"""Runs of a group are dealt to at most this many folds; ten runs or fewer are held out one by one."""
+"""Runs of a condition are dealt to at most this many folds; ten runs or fewer are held out one by one."""
 SLACK_TENSION_N = 0.12
 """Below this tension the cable may be slack, N; assumed: a few times the noise of the current at 8 Hz."""
 
@@ -60,7 +61,8 @@ GroupKey = tuple[str, str]
 class Group:
     """Runs of one routing and phase: they share moment arms, losses and noise.
 
-    ``noise`` (signals, signals) holds products of what does not repeat from cycle to cycle.
+    ``noise`` (signals, signals) holds products of what does not repeat from cycle to cycle. ``dealt`` says of
+    every fold which runs it holds; empty: every fold has its turn, all runs are of one condition.
     """
 
     key: GroupKey
@@ -69,11 +71,35 @@ class Group:
     noise: Array
     noise_samples: float = 0.0
     encoder_variance: float = 0.0  # m^2 of cable: what a standing encoder's step leaves open
+    dealt: list[Fold] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.dealt = self.dealt or [Fold(0, k) for k in range(len(self.folds))]
 
     @cached_property
     def whole(self) -> Sums:
         """Sums over all folds; asked for when all runs are in."""
         return total(self.folds)
+
+    @property
+    def conditions(self) -> list[int]:
+        """The conditions that its runs were recorded under."""
+        return sorted({fold.condition for fold in self.dealt})
+
+    def of_turn(self, turn: int) -> list[int]:
+        """Indices of the folds that are left out in this turn; none where nothing else would be left."""
+        found = [k for k, fold in enumerate(self.dealt) if fold.turn == turn]
+        return found if len(found) < len(self.folds) else []
+
+    def without(self, k: int) -> Group:
+        """The group less one of its folds."""
+        folds, dealt = list(self.folds), list(self.dealt)
+        del folds[k], dealt[k]
+        return replace(self, folds=folds, dealt=dealt)
+
+    def of_condition(self, condition: int) -> list[int]:
+        """Indices of a condition's folds."""
+        return [k for k, fold in enumerate(self.dealt) if fold.condition == condition]
 
     @property
     def samples(self) -> int:
@@ -238,6 +264,19 @@ def group_key(run: Run) -> GroupKey:
     return (run.cable, "contact" if run.phase == "contact" else "free")
 
 
+def deal_runs(runs: Sequence[Run]) -> tuple[dict[GroupKey, list[Fold]], list[int]]:
+    """The folds of every group of runs, and for each run which of its group's folds holds it."""
+    members: dict[GroupKey, list[int]] = {}
+    for number, run in enumerate(runs):
+        members.setdefault(group_key(run), []).append(number)
+    folds, places = {}, [0] * len(runs)
+    for key, mine in members.items():
+        folds[key], found = deal([runs[i] for i in mine], FOLDS)
+        for i, place in zip(mine, found, strict=True):
+            places[i] = place
+    return folds, places
+
+
 def reduce_sessions(
     sessions: Sequence[Session],
     effects: Sequence[Effect],
@@ -258,8 +297,7 @@ def reduce_sessions(
     phases, cables = {run.phase for _, run in pairs}, {run.cable for _, run in pairs}
     effects = [e for e in effects if (e.bench or not on_bench) and (not e.phases or phases & set(e.phases))]
     effects = [e for e in effects if cables >= set(e.cables)]
-    totals = Counter(group_key(run) for _, run in pairs)
-    seen: Counter[GroupKey] = Counter()
+    dealt, places = deal_runs([run for _, run in pairs])
     groups: dict[GroupKey, Group] = {}
     layout: Layout | None = None
     parts = _in_turn(pairs, effects, executor if keep is None else None, keep)
@@ -271,17 +309,17 @@ def reduce_sessions(
         layout, sums = next(parts)
         key = group_key(run)
         if key not in groups:
-            groups[key] = _empty_group(run, layout, min(FOLDS, totals[key]))
-        _add(groups[key], seen[key] % len(groups[key].folds), sums)
-        seen[key] += 1
+            groups[key] = _empty_group(run, layout, dealt[key])
+        _add(groups[key], places[number], sums)
     assert layout is not None
     radius = 1.0 if on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
     return Reduced(layout, list(groups.values()), on_bench, radius)
 
 
-def _empty_group(run: Run, layout: Layout, count: int) -> Group:
+def _empty_group(run: Run, layout: Layout, dealt: list[Fold]) -> Group:
     size = layout.signal_count
-    return Group(group_key(run), run.cable_sign, [empty(size) for _ in range(count)], np.zeros((size, size)))
+    folds = [empty(size) for _ in dealt]
+    return Group(group_key(run), run.cable_sign, folds, np.zeros((size, size)), dealt=dealt)
 
 
 @dataclass

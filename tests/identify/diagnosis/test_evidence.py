@@ -96,8 +96,8 @@ def test_a_step_must_explain_a_share_of_what_is_left() -> None:
 
 def test_more_independent_values_make_a_verdict_surer() -> None:
     few = judged(1.5, viscous_friction=1.38)
-    trials = [Trial(t.model, t.fit, t.misfits * 10, True) for t in few.trials]
-    many = judge(Trial(few.base.model, few.base.fit, few.base.misfits * 10, True), trials)
+    trials = [Trial(t.model, t.fit, t.misfits * 10, held_out=True) for t in few.trials]
+    many = judge(Trial(few.base.model, few.base.fit, few.base.misfits * 10, held_out=True), trials)
     assert max(many.nothing, named(many, "viscous_friction")) >= max(
         few.nothing, named(few, "viscous_friction")
     )
