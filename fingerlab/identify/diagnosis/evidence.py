@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fingerlab.identify.diagnosis.study import Trial
-from fingerlab.identify.diagnosis.unseen import AS_LIKELY, bayes_factor, with_unseen
+from fingerlab.identify.diagnosis.unseen import AS_LIKELY, bayes_factor, least_strength, with_unseen
 from fingerlab.sessions.model import Array
 
 CORRELATED_VALUES = 16.0
@@ -142,7 +142,28 @@ def among(base: Trial, trials: Sequence[Trial]) -> Array:
     log = -0.5 * SYSTEMATIC_VALUES * np.log(law_error + left - left.min())
     log -= COST_OF_A_GAIN * np.array([freedom(t) for t in trials])
     log -= 0.5 * np.array([t.surprise for t in trials])
+    log -= np.array([small_excess(t) for t in trials])
     return np.asarray(log - log.max())
+
+
+LEAST_EXCESS = 0.2
+"""Share of a friction by which that at low speed is usually larger at least where one speaks of Stribeck's;
+assumed. The unevenness of a simple law of friction is taken up by a smaller one."""
+EXCESS_SPREAD = 0.3
+"""How far below it may lie, one standard deviation of its logarithm; assumed."""
+
+
+def small_excess(trial: Trial) -> float:
+    """Log odds against a last effect whose excess is so small that the simpler effect would be named."""
+    effect = trial.model.choices[-1].effect
+    if not effect.excess:
+        return 0.0
+    index = trial.model.index
+    names = [(index[f"{effect.id}.{a}"], index[f"{effect.id}.{b}"]) for a, b in effect.excess.items()]
+    extra = sum(abs(float(trial.fit.values[a])) for a, _ in names)
+    under = sum(abs(float(trial.fit.values[b])) for _, b in names)
+    short = np.log(LEAST_EXCESS * under / max(extra, 1e-300)) if under > 0 else 0.0
+    return float(min(0.5 * (max(short, 0.0) / EXCESS_SPREAD) ** 2, 2.0 * LEAST_LOG_ODDS))
 
 
 NOT_BORNE_OUT = 0.05
@@ -210,9 +231,18 @@ def alike(evidence: Evidence) -> list[int]:
 
 
 def hidden(evidence: Evidence) -> list[int]:
-    """Indices of the trials whose effect could be there although nothing is seen of it, likeliest first."""
+    """Indices of the trials whose effect could be there although no verdict says so, likeliest first.
+
+    These are effects of which the data speak rather for than against, and such as a typical strength of
+    would not have shown and the data hardly speak against.
+    """
     order = np.argsort(-evidence.unseen, kind="stable")
-    return [int(i) for i in order if evidence.factors[i] >= AS_LIKELY]
+    return [int(i) for i in order if evidence.factors[i] >= 1.0 or _could_hide(evidence, int(i))]
+
+
+def _could_hide(evidence: Evidence, i: int) -> bool:
+    trial = evidence.trials[i]
+    return evidence.factors[i] >= AS_LIKELY and least_strength(trial, needed(evidence, trial)) > 1.0
 
 
 def least_share(base: Trial) -> float:

@@ -299,8 +299,11 @@ class Fitter:
     ) -> tuple[Array, float]:
         """The best point found along the step that ``curvature`` tells, and by how much the cost falls there.
 
-        A change by less than ``least`` either way is taken for the end.
+        A change by less than ``least`` either way is taken for the end. Where the curvature is that of no
+        minimum there is no such step, and the gain is minus infinity.
         """
+        if float(np.min(np.diag(curvature))) <= 0.0:
+            return values, -np.inf
         step = bounded_step(values, gradient, curvature, self._low, self._high)
         gain = 0.0
         for fraction in (1.0, 0.5, 0.2, 0.05):

@@ -40,6 +40,8 @@ from fingerlab.sessions.model import Array, Session
 BENCH_LOADS_NM = (0.0, 0.05, 0.1)
 """Known loads that a motor bench is proposed with, N m; assumed."""
 WEAK_PRIOR = 1e-4
+LEAST_SEPARATION = 0.5
+"""A run that is expected to bring less (nats) is not worth the operator's time."""
 RIVALS = 4
 """So many effects of the set are separated from its first by one run; more are rarely left."""
 EQUATIONS = 3  # of a finger's run
@@ -77,7 +79,7 @@ def propose(
         if best is None or worth > best[0]:
             worst = int(np.argmin(gains))
             best = (worth, proposal, rivals[worst], gains[worst])
-    if best is None or best[3] <= 0:
+    if best is None or best[3] < LEAST_SEPARATION:
         return None
     _, proposal, rival, gain = best
     return {
@@ -237,7 +239,9 @@ class Imagined:
 
 def _imagine(session: Session, motion: Motion, effects: Sequence[Effect]) -> Imagined:
     layout = layout_of(motion, session, effects)
-    columns = narrow_columns(motion, effects, layout.signals).columns
+    low = narrow_columns(motion, effects, layout.signals)
+    # A trace of friction may hold a standing finger anywhere: what is seen at rest decides little.
+    columns = low.columns[~low.rest]
     return Imagined(motion, layout, Sums(columns.T @ columns, taut_samples=len(columns)), _group(motion))
 
 

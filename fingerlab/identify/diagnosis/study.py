@@ -73,7 +73,7 @@ class Trial:
 
     @property
     def misfit(self) -> float:
-        """Chi-square without noise, every condition counting alike."""
+        """Chi-square without noise, every condition counting with the root of its length."""
         return float(self.misfits[:, 0] @ condition_weights(self.misfits[:, 1]))
 
     @property
@@ -100,19 +100,18 @@ class Trial:
         return float(np.sqrt(1.0 + max(float(self.misfits[:, 0].sum()), 0.0) / max(self.count, 1.0)))
 
 
-MOST_WEIGHT = 10.0
-"""A condition that was recorded for a short time counts at most this much more for each of its values."""
-
-
 def condition_weights(counts: Array) -> Array:
-    """What each value of a condition counts, (conditions,), so that conditions count alike; 1 on average.
+    """What each value of a condition counts, (conditions,); 1 on average.
+
+    What no model explains is partly the same in every run of a condition, and partly another in each: a
+    condition counts with the root of its length.
 
     Args:
         counts: independent values of each condition, (conditions,).
     """
     if not len(counts) or counts.sum() <= 0:
         return np.ones(len(counts))
-    weights = np.minimum(counts.sum() / (len(counts) * np.maximum(counts, 1.0)), MOST_WEIGHT)
+    weights = 1.0 / np.sqrt(np.maximum(counts, 1.0))
     return np.asarray(weights * counts.sum() / float(weights @ counts))
 
 

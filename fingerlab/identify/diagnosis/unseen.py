@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 WEAKEST, STRONGEST = 0.5, 2.0
 """Multiples of its typical strength between which an effect that is there is thought to lie, evenly in their
 logarithm; assumed."""
-MOST_ODDS = np.e**2
+MOST_ODDS = float(np.exp(2.0))
 """What is below a verdict's threshold speaks for an effect by at most this factor; assumed."""
 AS_LIKELY = np.exp(-1.0)
 """An effect of which the data say that it is less likely by more than this factor has not stayed unseen."""

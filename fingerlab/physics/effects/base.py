@@ -100,6 +100,8 @@ class Effect:
         wanders: whether its strength differs by some per cent from run to run, as friction does.
         offsets: gains of a constant that the joints' losses could be as well: no misfit tells them apart, but
             losses that one such gain makes small at all joints and routings do.
+        excess: gains that are what comes on top of another gain of the effect, and that one's name; nobody
+            would speak of an excess that is a small share of it.
     """
 
     id: str
@@ -121,3 +123,4 @@ class Effect:
     wanders: bool = False
     sticks: bool = False
     offsets: tuple[str, ...] = ()
+    excess: Mapping[str, str] = field(default_factory=dict)

@@ -155,6 +155,7 @@ EFFECTS = (
         title="Stribeck friction in motor and gearbox",
         acts_on=("motor_torque",),
         gains={"coulomb": FRICTION, "extra": FRICTION},
+        excess={"extra": "coulomb"},
         columns=_stribeck,
         coordinate="motor speed",
         equation=Row.PIP,

@@ -104,6 +104,7 @@ EFFECTS = (
         title="Stribeck joint friction",
         acts_on=("joint_torque",),
         gains=both("coulomb", COULOMB_GAIN) | both("extra", COULOMB_GAIN),
+        excess={"extra_mcp": "coulomb_mcp", "extra_pip": "coulomb_pip"},
         columns=_stribeck,
         coordinate="joint speed",
         equation=Row.PIP,

@@ -2,41 +2,72 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.tip import tip_reach, while_pressed
+from fingerlab.sessions.model import Array
 
 TURNED_SLIP_STIFFNESS = 18.0
 """Sideways over normal force, and over the friction coefficient, of a tip that sticks; assumed."""
 
 
 def _tilt(motion: Motion, shape: Shape) -> list[Term]:
-    """Derivative of the gravity torques with the wrist angle.
+    """Gravity torques of a base that stands at another angle, to first order ``about`` an angle (rad).
 
     A load cell that stands on a base of its own (``cell_stays``) then presses from another direction, too:
-    the levers of the contact force turn with the finger (derivative of thesis equation 3.18).
+    the levers of the contact force turn with the finger (thesis equation 3.18).
     """
     f, q = motion.finger_and_joints
-    proximal = f.wrist_angle - q.mcp
-    distal = q.mcp + q.pip - f.wrist_angle
-    pip = -f.distal_mass * f.gravity * f.distal_half_length * np.sin(distal)
-    mcp = (f.proximal_mass + 2 * f.distal_mass) * f.gravity * f.proximal_half_length * np.sin(proximal) + pip
+    about, stays = shape.get("about", 0.0), bool(shape.get("cell_stays")) and motion.force is not None
+    mcp, pip = _standing_torques(motion, 0.0, stays)
+    there_mcp, there_pip = _standing_torques(motion, about, stays)
+    turn_mcp, turn_pip = _turn_of_torques(motion, about, stays)
     rubbing, level = np.zeros_like(pip), np.zeros_like(pip)
-    if shape.get("cell_stays") and motion.force is not None:
-        turned = 2.0 * f.distal_half_length * np.sin(distal)
-        pip = pip + motion.force * turned
-        mcp = mcp + motion.force * (turned - 2.0 * f.proximal_half_length * np.sin(proximal))
+    if stays:
         rubbing, level = motion.slipping(TURNED_SLIP_STIFFNESS), while_pressed(motion, tip_reach(motion))
-    return [
-        Term(Row.MCP, "tilt", mcp, "joint"),
-        Term(Row.PIP, "tilt", pip, "joint"),
+    terms = [
+        Term(Row.MCP, "tilt", turn_mcp, "joint"),
+        Term(Row.PIP, "tilt", turn_pip, "joint"),
         Term(Row.TIP, "tilt", level),
         Term(Row.MCP, "rubbing", rubbing * nominal.contact_lever_mcp(f, q.mcp, q.pip), "joint"),
         Term(Row.PIP, "rubbing", rubbing * nominal.contact_lever_pip(f, q.mcp, q.pip), "joint"),
     ]
+    if about:
+        terms += [
+            Term(Row.MCP, "", there_mcp - mcp - about * turn_mcp, "joint", constant=1.0),
+            Term(Row.PIP, "", there_pip - pip - about * turn_pip, "joint", constant=1.0),
+        ]
+    return terms
+
+
+def _standing_torques(motion: Motion, tilt: float, stays: bool) -> tuple[Array, Array]:
+    """What gravity, and the force of a load cell that stays, do to the joints on a tilted base, N m, (n,)."""
+    f, q = motion.finger_and_joints
+    tilted = replace(f, wrist_angle=f.wrist_angle + tilt)
+    mcp, pip = nominal.mcp_torque(tilted, q).gravity, nominal.pip_torque(tilted, q).gravity
+    if stays and motion.force is not None:
+        mcp = mcp + motion.force * nominal.contact_lever_mcp(tilted, q.mcp, q.pip)
+        pip = pip + motion.force * nominal.contact_lever_pip(tilted, q.mcp, q.pip)
+    return mcp, pip
+
+
+def _turn_of_torques(motion: Motion, tilt: float, stays: bool) -> tuple[Array, Array]:
+    """Derivative of the same with the tilt, N m/rad, (n,)."""
+    f, q = motion.finger_and_joints
+    proximal = f.wrist_angle + tilt - q.mcp
+    distal = q.mcp + q.pip - f.wrist_angle - tilt
+    pip = -f.distal_mass * f.gravity * f.distal_half_length * np.sin(distal)
+    mcp = (f.proximal_mass + 2 * f.distal_mass) * f.gravity * f.proximal_half_length * np.sin(proximal) + pip
+    if stays and motion.force is not None:
+        turned = 2.0 * f.distal_half_length * np.sin(distal)
+        pip = pip + motion.force * turned
+        mcp = mcp + motion.force * (turned - 2.0 * f.proximal_half_length * np.sin(proximal))
+    return mcp, pip
 
 
 def _point_mass(motion: Motion, shape: Shape) -> list[Term]:
@@ -87,7 +118,9 @@ EFFECTS = (
         equation=Row.MCP,
         explanation="The missing torques are those of gravity from another direction.",
         reveal="slow steps over the whole travel",
-        shapes=({"cell_stays": 0.0}, {"cell_stays": 1.0}),
+        shapes=tuple(
+            {"cell_stays": stays, "about": about} for stays in (0.0, 1.0) for about in (-0.3, 0.0, 0.3)
+        ),
     ),
     Effect(
         id="added_mass",
