@@ -18,7 +18,7 @@ from fingerlab.identify.diagnosis.standing import (
     encoder_spread,
     log_widening,
 )
-from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Sums, total
+from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Sums
 from fingerlab.physics.effects.base import Row
 from fingerlab.sessions.model import Array
 
@@ -49,26 +49,27 @@ class Data:
 
     def __init__(self, groups: Sequence[Group]) -> None:
         self.groups = groups
-        self.clean = [[f.without(_noise_of_a_sample(g)) for f in g.folds] for g in groups]
-        self._totals = [total(folds) for folds in self.clean]
+        self._noise = [_noise_of_a_sample(g) for g in groups]
 
     def raw(self, i: int, k: int | None) -> Sums:
         """Fold ``k`` of group ``i``, or all its folds as one."""
         return self.groups[i].whole if k is None else self.groups[i].folds[k]
 
-    def noiseless(self, i: int, k: int | None) -> Sums:
-        """The same without noise."""
-        return self._totals[i] if k is None else self.clean[i][k]
+    @cached_property
+    def noiseless(self) -> list[Sums]:
+        """All folds of every group as one, without noise."""
+        return [g.whole.without(noise) for g, noise in zip(self.groups, self._noise, strict=True)]
 
     def weighted(self, i: int, k: int | None, model: Model, weights: Array, standing: Array) -> Weighted:
         """What a fit needs of group ``i``, or of its fold ``k``; a slack cable costs unless it may be so.
 
         ``standing`` changes the weights where the motor stands; both (5, 5).
         """
-        raw, clean = self.raw(i, k), self.noiseless(i, k)
+        raw, pick = self.raw(i, k), model.pick
+        noise = self._noise[i][pick.square]
         weight = EFFECTIVE_SHARE * feature_weights(weights, model.rows)
-        curvature, matrix = raw.of(model.pick) * weight, clean.of(model.pick) * weight
-        still, quiet = raw.at_rest(model.pick), clean.at_rest(model.pick)
+        curvature, matrix = raw.of(pick) * weight, raw.of(pick, noise) * weight
+        still, quiet = raw.at_rest(pick), raw.at_rest(pick, noise)
         if still is not None and quiet is not None:
             less = EFFECTIVE_SHARE * feature_weights(standing, model.rows)
             curvature, matrix = curvature + still * less, matrix + quiet * less
@@ -183,22 +184,20 @@ class Fitter:
         self.model = model
         self.data = data
         self.weights = weights
-        self.sums: list[Weighted] = []
         self._parts: dict[tuple[int, int | None], Weighted] = {}
         self._whole: tuple[Array, list[tuple[Array, Array]], tuple[Array, Array]] | None = None
         self.sticks = bool(model.sticking) and any(g.whole.rest is not None for g in data.groups)
         self.widening = 0.0  # see Data.held, all groups together
         self._held: list[Array | None] = [None] * len(data.groups)
         self._still = [data.standing(i, weights[g.key]) for i, g in enumerate(data.groups)]
-        self._weigh()
         self._mean = model.start()
         self._stiffness = self._prior_weight() / model.spread**2
         self._low, self._high = model.low, model.high
 
-    def _weigh(self) -> None:
-        self._parts.clear()
-        self.sums = [self.part(i, None) for i in range(len(self.data.groups))]
-        self._whole = None
+    @property
+    def sums(self) -> list[Weighted]:
+        """Weighted products over each group."""
+        return [self.part(i, None) for i in range(len(self.data.groups))]
 
     def part(self, i: int, k: int | None) -> Weighted:
         """Weighted products over group ``i``, or over its fold ``k``."""
@@ -221,7 +220,8 @@ class Fitter:
         ]
         self._held = [None if one is None else one[0] for one in found]
         self.widening = sum(one[1] for one in found if one is not None)
-        self._weigh()
+        self._parts.clear()
+        self._whole = None
 
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""

@@ -37,7 +37,7 @@ from fingerlab.identify.diagnosis.features import (
 )
 from fingerlab.identify.diagnosis.routing import spread_of
 from fingerlab.identify.diagnosis.stretches import stretches
-from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Sums, empty, total
+from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, PackedSums, RunSums, Sums, empty, total
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.base import Effect
 from fingerlab.physics.effects.motion import Motion
@@ -95,7 +95,7 @@ class Reduced:
 class Narrow:
     """Signals of one stretch, decimated: ``columns`` (n, signals), ``taut`` (n,) bool, ``time`` (n,) s.
 
-    ``rest`` (n,) tells where the motor stands.
+    ``rest`` (n,) tells where the motor stands; ``live`` are the signals that are not zero throughout.
     """
 
     columns: Array
@@ -103,6 +103,7 @@ class Narrow:
     time: Array
     wide: Motion
     rest: BoolArray
+    live: IntArray
 
 
 MARGIN = round(max(abs(s) for s in SHIFTS_S) * WIDE_RATE_HZ)
@@ -165,14 +166,22 @@ def narrow_columns(motion: Motion, effects: Sequence[Effect], signals: IntArray)
     """
     inner = counted(motion)
     columns: list[Array] = []
+    live: list[int] = []
+    count = 0
     for place, (feature, values, _) in zip(signals, _columns(motion, effects), strict=True):
-        if place == len(columns):
-            columns.append(_shifted(values, feature.shift, motion.sample_rate_hz)[inner])
+        if place == count:
+            count += 1
+            column = _shifted(values, feature.shift, motion.sample_rate_hz)[inner]
+            if (
+                column[len(column) // 2] != 0 or column.any()
+            ):  # a force where nothing is touched, a stop that no joint reaches
+                columns.append(column)
+                live.append(place)
+    time = narrow(motion.time[inner])
+    low = np.zeros((count, len(time)))
     # Single precision is a hundred times finer than the sensors, and twice as fast.
-    low = narrow(np.stack(columns, dtype=np.float32, casting="same_kind"))
-    return Narrow(
-        low.T, _taut(motion, inner), narrow(motion.time[inner]), motion, _at_rest(motion.position[inner])
-    )
+    low[live] = narrow(np.stack(columns, dtype=np.float32, casting="same_kind"))
+    return Narrow(low.T, _taut(motion, inner), time, motion, _at_rest(motion.position[inner]), np.array(live))
 
 
 AT_REST_DEG = 0.1
@@ -284,16 +293,6 @@ def _empty_group(run: Run, layout: Layout, count: int) -> Group:
     return Group(group_key(run), run.cable_sign, [empty(size) for _ in range(count)], np.zeros((size, size)))
 
 
-@dataclass
-class RunSums:
-    """Sums of signal products over one run; ``noise`` is None where nothing in the run repeats."""
-
-    sums: Sums
-    noise: Array | None = None
-    noise_samples: float = 0.0
-    encoder_variance: float = 0.0
-
-
 def _in_turn(
     pairs: Sequence[tuple[Session, Run]],
     effects: Sequence[Effect],
@@ -311,7 +310,7 @@ def _in_turn(
     if any(CATALOGUE.get(e.id) is not e for e in effects):
         executor = None  # a user's own effect lives in this process only
     waiting = deque(range(len(pairs)))
-    ahead: dict[int, Future[RunSums]] = {}
+    ahead: dict[int, Future[PackedSums]] = {}
     done: dict[int, RunSums] = {}
     try:
         for number in range(len(pairs)):
@@ -324,7 +323,7 @@ def _in_turn(
                     own = waiting.popleft()
                     done[own] = run_sums(*pairs[own], effects, signals, keep)
                 else:
-                    done[number] = ahead.pop(number).result()
+                    done[number] = ahead.pop(number).result().unpacked()
             yield layout, done.pop(number)
     finally:
         for future in ahead.values():
@@ -333,7 +332,7 @@ def _in_turn(
 
 def _refill(
     executor: Executor | None,
-    ahead: dict[int, Future[RunSums]],
+    ahead: dict[int, Future[PackedSums]],
     waiting: deque[int],
     pairs: Sequence[tuple[Session, Run]],
     constants: tuple[Sequence[str], IntArray],
@@ -348,9 +347,9 @@ def _refill(
         ahead[number] = executor.submit(_elsewhere, replace(session, runs=()), run, *constants)
 
 
-def _elsewhere(session: Session, run: Run, ids: Sequence[str], signals: IntArray) -> RunSums:
+def _elsewhere(session: Session, run: Run, ids: Sequence[str], signals: IntArray) -> PackedSums:
     """What the second process does."""
-    return run_sums(session, run, [CATALOGUE[name] for name in ids], signals, None)
+    return run_sums(session, run, [CATALOGUE[name] for name in ids], signals, None).packed()
 
 
 def run_sums(
@@ -369,7 +368,7 @@ def run_sums(
     for motion in stretches(run, session.rig):
         low = narrow_columns(motion, effects, signals)
         part = _products(low)
-        result.sums.add(part)
+        result.sums.add(part, low.live)
         _add_noise(result, low, run, part.products)
         result.encoder_variance = (motion.radius * motion.position_step) ** 2 / 12.0
         if keep is not None:
@@ -378,11 +377,11 @@ def run_sums(
 
 
 def _products(low: Narrow) -> Sums:
-    """Sums over one stretch."""
-    taut = int(low.taut.sum())
-    loose, still = low.columns[~low.taut], low.columns[low.taut & low.rest]
+    """Sums over one stretch, of its live signals."""
+    taut, columns = int(low.taut.sum()), low.columns[:, low.live]
+    loose, still = columns[~low.taut], columns[low.taut & low.rest]
     return Sums(
-        low.columns.T @ low.columns,
+        columns.T @ columns,
         loose.T @ loose if len(loose) else None,
         taut,
         len(low.taut) - taut,
@@ -402,9 +401,10 @@ def _add_noise(result: RunSums, low: Narrow, run: Run, products: Array) -> None:
     phase = 2 * np.pi * frequency * np.outer(low.time, np.arange(1, count + 1))
     harmonics = np.hstack((np.ones((len(phase), 1)), np.cos(phase), np.sin(phase)))
     basis, _ = np.linalg.qr(harmonics)
-    cyclic = basis.T @ low.columns
-    noise = products - cyclic.T @ cyclic
-    result.noise = noise if result.noise is None else result.noise + noise
+    cyclic = basis.T @ low.columns[:, low.live]
+    if result.noise is None:
+        result.noise = np.zeros_like(result.sums.products)
+    result.noise[np.ix_(low.live, low.live)] += products - cyclic.T @ cyclic
     result.noise_samples += len(low.time) - basis.shape[1]
 
 

@@ -72,32 +72,52 @@ class Sums:
     def samples(self) -> int:
         return self.taut_samples + self.slack_samples
 
-    def add(self, other: Sums) -> None:
-        """Count the samples of ``other`` too."""
-        self.products += other.products
+    def add(self, other: Sums, live: IntArray | None = None) -> None:
+        """Count the samples of ``other`` too; it may hold the products of the signals ``live`` alone."""
+        among: Any = slice(None) if live is None else np.ix_(live, live)
+        self.products[among] += other.products
         if other.loose is not None:
-            self.loose = other.loose.copy() if self.loose is None else self.loose + other.loose
+            if self.loose is None:
+                self.loose = np.zeros_like(self.products)
+            self.loose[among] += other.loose
         if other.rest is not None:
-            self.rest = other.rest.copy() if self.rest is None else self.rest + other.rest
+            if self.rest is None:
+                self.rest = np.zeros_like(self.products)
+            self.rest[among] += other.rest
         self.rest_samples += other.rest_samples
         self.taut_samples += other.taut_samples
         self.slack_samples += other.slack_samples
         self.runs += other.runs
 
-    def of(self, pick: Pick) -> Array:
-        """Products of features, (k, k), as the equations see them: none of the cable at slack moments."""
+    def at(self, among: tuple[IntArray, ...]) -> Sums:
+        """The same of some signals, whose square ``among`` indexes."""
+        loose = None if self.loose is None else self.loose[among]
+        rest = None if self.rest is None else self.rest[among]
+        return replace(self, products=self.products[among], loose=loose, rest=rest)
+
+    def of(self, pick: Pick, noise: Array | None = None) -> Array:
+        """Products of features, (k, k), as the equations see them: none of the cable at slack moments.
+
+        Args:
+            noise: what it adds to the features' products at one sample, (k, k), to be taken away.
+        """
         found = self.products[pick.square]
         if self.loose is not None:
-            found = found - self.loose[pick.square] * pick.in_cable
+            found -= self.loose[pick.square] * pick.in_cable
+        if noise is not None:
+            found -= noise * (self.samples - self.slack_samples * pick.in_cable)
         return found
 
     def slack(self, pick: Pick) -> Array | None:
         """Products of the cable equation's features at slack moments, (k, k); None: there are none."""
         return None if self.loose is None else self.loose[pick.square] * pick.both_cable
 
-    def at_rest(self, pick: Pick) -> Array | None:
-        """Products of features where the motor stands, (k, k); None: it never does."""
-        return None if self.rest is None else self.rest[pick.square]
+    def at_rest(self, pick: Pick, noise: Array | None = None) -> Array | None:
+        """Products of features where the motor stands, (k, k), less noise; None: it never does."""
+        if self.rest is None:
+            return None
+        found = self.rest[pick.square]
+        return found if noise is None else found - self.rest_samples * noise
 
     def taut(self) -> Array:
         """Products where the cable is taut, (signals, signals)."""
@@ -144,3 +164,38 @@ def total(parts: Sequence[Sums]) -> Sums:
 def empty(size: int) -> Sums:
     """Sums over no samples of ``size`` signals."""
     return Sums(np.zeros((size, size)))
+
+
+@dataclass
+class RunSums:
+    """Sums of signal products over one run; ``noise`` is None where nothing in the run repeats."""
+
+    sums: Sums
+    noise: Array | None = None
+    noise_samples: float = 0.0
+    encoder_variance: float = 0.0
+
+    def packed(self) -> PackedSums:
+        """The same without the signals that are zero throughout."""
+        live = np.flatnonzero(np.diag(self.sums.products))
+        among = np.ix_(live, live)
+        noise = None if self.noise is None else self.noise[among]
+        return PackedSums(live, len(self.sums.products), replace(self, sums=self.sums.at(among), noise=noise))
+
+
+@dataclass
+class PackedSums:
+    """Sums on their way between the processes: of the ``live`` ones of ``size`` signals."""
+
+    live: IntArray
+    size: int
+    sums: RunSums
+
+    def unpacked(self) -> RunSums:
+        """Of all signals again."""
+        sums, noise = empty(self.size), None
+        sums.add(self.sums.sums, self.live)
+        if self.sums.noise is not None:
+            noise = np.zeros((self.size, self.size))
+            noise[np.ix_(self.live, self.live)] = self.sums.noise
+        return replace(self.sums, sums=sums, noise=noise)
