@@ -89,12 +89,6 @@ class Sums:
         self.slack_samples += other.slack_samples
         self.runs += other.runs
 
-    def at(self, among: tuple[IntArray, ...]) -> Sums:
-        """The same of some signals, whose square ``among`` indexes."""
-        loose = None if self.loose is None else self.loose[among]
-        rest = None if self.rest is None else self.rest[among]
-        return replace(self, products=self.products[among], loose=loose, rest=rest)
-
     def of(self, pick: Pick, noise: Array | None = None) -> Array:
         """Products of features, (k, k), as the equations see them: none of the cable at slack moments.
 
@@ -167,35 +161,33 @@ def empty(size: int) -> Sums:
 
 
 @dataclass
-class RunSums:
-    """Sums of signal products over one run; ``noise`` is None where nothing in the run repeats."""
+class Part:
+    """Sums over one or more stretches in which the same signals are ``live``, and of those alone.
 
+    ``noise`` is None where nothing repeats.
+    """
+
+    live: IntArray
     sums: Sums
     noise: Array | None = None
     noise_samples: float = 0.0
-    encoder_variance: float = 0.0
-
-    def packed(self) -> PackedSums:
-        """The same without the signals that are zero throughout."""
-        live = np.flatnonzero(np.diag(self.sums.products))
-        among = np.ix_(live, live)
-        noise = None if self.noise is None else self.noise[among]
-        return PackedSums(live, len(self.sums.products), replace(self, sums=self.sums.at(among), noise=noise))
 
 
 @dataclass
-class PackedSums:
-    """Sums on their way between the processes: of the ``live`` ones of ``size`` signals."""
+class RunSums:
+    """Sums of signal products over one run."""
 
-    live: IntArray
-    size: int
-    sums: RunSums
+    run: str
+    parts: list[Part] = field(default_factory=list)
+    encoder_variance: float = 0.0
 
-    def unpacked(self) -> RunSums:
-        """Of all signals again."""
-        sums, noise = empty(self.size), None
-        sums.add(self.sums.sums, self.live)
-        if self.sums.noise is not None:
-            noise = np.zeros((self.size, self.size))
-            noise[np.ix_(self.live, self.live)] = self.sums.noise
-        return replace(self.sums, sums=sums, noise=noise)
+    def add(self, part: Part) -> None:
+        """Count another stretch; what is alike is added up, so that a long run takes no more room."""
+        for mine in self.parts:
+            if np.array_equal(mine.live, part.live) and (mine.noise is None) == (part.noise is None):
+                mine.sums.add(part.sums)
+                if mine.noise is not None and part.noise is not None:
+                    mine.noise += part.noise
+                mine.noise_samples += part.noise_samples
+                return
+        self.parts.append(part)

@@ -16,7 +16,7 @@ RELAXING_S = (0.1, 0.2, 0.35, 0.6, 1.1, 1.9, 3.3)
 
 def _hardening(motion: Motion, shape: Shape) -> list[Term]:
     _, joints = motion.finger_and_joints
-    return joint_terms("cubic", joints.mcp**3, joints.pip**3)
+    return joint_terms("cubic", joints.mcp * joints.mcp * joints.mcp, joints.pip * joints.pip * joints.pip)
 
 
 def _linear(motion: Motion, shape: Shape) -> list[Term]:
@@ -54,20 +54,21 @@ def _stop(motion: Motion, shape: Shape) -> list[Term]:
     """
     _, joints = motion.finger_and_joints
     edge, hertz = float(np.radians(shape["edge_deg"])), bool(shape["hertz"])
-    mcp = _pressed(joints.mcp, joints.mcp_velocity, edge, hertz)
-    pip = _pressed(joints.pip, joints.pip_velocity, edge, hertz)
+    mcp = _pressed(motion, "mcp", edge, hertz, joints.mcp_velocity)
+    pip = _pressed(motion, "pip", edge, hertz, joints.pip_velocity)
     names = "stop", "shift", "damp"
     return [t for name, *pair in zip(names, mcp, pip, strict=True) for t in joint_terms(name, *pair)]
 
 
-def _pressed(angle: Array, velocity: Array, edge: float, hertz: bool) -> list[Array]:
+def _pressed(motion: Motion, joint: str, edge: float, hertz: bool, velocity: Array) -> list[Array]:
     """Torque of a joint's stop, its change with the edge and its damping, each for a gain of 1; (n,)."""
     side = 1.0 if edge > 0 else -1.0
-    depth = np.maximum(side * (angle - edge), 0.0)
-    inside = depth > 0
-    if not inside.any():
-        return [np.zeros_like(angle) for _ in range(3)]  # three signals, although all are zero here
-    slope = np.sqrt(depth) if hertz else inside.astype(float)
+    angle: Array = getattr(motion.finger_and_joints[1], joint)
+    lowest, highest = motion.remember(("reach", joint), lambda: np.array((angle.min(), angle.max())))
+    if lowest >= edge if side < 0 else highest <= edge:
+        return [np.zeros(len(angle)) for _ in range(3)]  # three signals, although all are zero here
+    depth = motion.remember(("depth", joint, edge), lambda: np.maximum(side * (angle - edge), 0.0))
+    slope = np.sqrt(depth) if hertz else (depth > 0).astype(float)
     torque = depth * slope
     # The change is, to first order, what the edge does that lies between two points of the grid.
     return [side * torque, side * slope, torque * velocity]

@@ -32,7 +32,8 @@ def _joined(blocks: Array, length: int) -> Array:
 
 
 def _clamp(values: Array, low: Array, high: Array) -> Array:
-    return np.minimum(np.maximum(values, low), high)
+    result = np.maximum(values, low)
+    return np.minimum(result, high, out=result)
 
 
 def _column(values: Sequence[float] | Array) -> Array:
@@ -51,6 +52,11 @@ def stop_operators(position: Array, travels: Sequence[float] | Array) -> Array:
     Prandtl's stop operator (Visintin, "Differential Models of Hysteresis", 1994, section III.1). It starts at
     zero.
     """
+    return (position - _plays(position, travels)) / _column(travels)
+
+
+def _plays(position: Array, travels: Sequence[float] | Array) -> Array:
+    """Where the sticking ends of the springs stand, (m, n): Prandtl's play operator."""
     travel, path = _column(travels), _blocked(position[None])
     low, high = path - travel, path + travel
     for k in range(1, BLOCK):
@@ -59,7 +65,7 @@ def stop_operators(position: Array, travels: Sequence[float] | Array) -> Array:
         np.minimum(new_low, high[k], out=low[k])
         np.minimum(new_high, high[k], out=high[k])
     start = _handed_on(np.zeros_like(low[-1]), low[-1], high[-1], position[0])
-    return _joined((path - _clamp(start, low, high)) / travel, len(position))
+    return _joined(_clamp(start, low, high), len(position))
 
 
 def stop_operator(position: Array, travel: float) -> Array:
@@ -120,23 +126,25 @@ Stops = Callable[[Array, Array], Array]
 """Gives the states of sliders, (m, n), from a position, (n,), and their travels, (m,)."""
 
 
-def slip_states(
-    position: Array, travels: Sequence[float] | Array, stops: Stops = stop_operators
-) -> list[Array]:
-    """Friction states in [-1, 1], (n,) each, that relax towards sliding by exp(-x / travel) on a reversal.
+def slip_states(position: Array, travels: Sequence[float] | Array, stops: Stops | None = None) -> Array:
+    """Friction states in [-1, 1], (m, n), that relax towards sliding by exp(-x / travel) on a reversal.
 
     Spring-sliders in parallel (Maxwell slip; Al-Bender, Lampaert and Swevers 2005). Large moves look like
     Dahl's law; unlike it, a small shake (a sensor's noise, an encoder's flicker) leaves the state alone.
-    Sliders that several travels have in common are followed once.
+    Sliders that several travels have in common are followed once; ``stops`` may give them otherwise than
+    :func:`stop_operators`.
     """
     reach = 0.5 * SLIP_LEAST * np.outer(travels, SLIP_RATIO ** np.arange(len(SLIP_SHARES)))
     sliders, places = np.unique(reach, return_inverse=True)
-    states = stops(position, sliders)
-    shares = np.asarray(SLIP_SHARES)
-    return [shares @ states[chosen] for chosen in places.reshape(reach.shape)]
+    mixed = np.zeros((len(reach), len(sliders)))
+    np.put_along_axis(mixed, places.reshape(reach.shape), np.asarray([SLIP_SHARES]), axis=1)
+    if stops is not None:
+        return np.asarray(mixed @ stops(position, sliders))
+    mixed /= sliders  # of springs: the force is the way over the travel
+    return np.asarray(mixed.sum(axis=1)[:, None] * position - mixed @ _plays(position, sliders))
 
 
-def slip_state(position: Array, travel: float, stops: Stops = stop_operators) -> Array:
+def slip_state(position: Array, travel: float, stops: Stops | None = None) -> Array:
     """The state of :func:`slip_states` for one travel, (n,)."""
     return slip_states(position, [travel], stops)[0]
 
