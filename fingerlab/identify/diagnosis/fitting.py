@@ -40,6 +40,20 @@ class Weighted:
     matrix: Array
 
 
+@dataclass(frozen=True)
+class Gathered:
+    """Products of a model's features in one group or fold, (k, k) each: see :class:`Sums`.
+
+    All samples with noise and without, those at rest with noise and without, and those of a slack cable.
+    """
+
+    raw: Array
+    clean: Array
+    still: Array | None
+    quiet: Array | None
+    slack: Array | None
+
+
 class Data:
     """Sums over the runs that a fit may see, with noise and without.
 
@@ -50,6 +64,7 @@ class Data:
     def __init__(self, groups: Sequence[Group]) -> None:
         self.groups = groups
         self._noise = [_noise_of_a_sample(g) for g in groups]
+        self._kept: dict[tuple[int, int], tuple[Model, Gathered]] = {}
 
     def raw(self, i: int, k: int | None) -> Sums:
         """Fold ``k`` of group ``i``, or all its folds as one."""
@@ -65,19 +80,36 @@ class Data:
 
         ``standing`` changes the weights where the motor stands; both (5, 5).
         """
-        raw, pick = self.raw(i, k), model.pick
-        noise = self._noise[i][pick.square]
+        found = self.gathered(i, k, model)
         weight = EFFECTIVE_SHARE * feature_weights(weights, model.rows)
-        curvature, matrix = raw.of(pick) * weight, raw.of(pick, noise) * weight
-        still, quiet = raw.at_rest(pick), raw.at_rest(pick, noise)
-        if still is not None and quiet is not None:
+        curvature, matrix = found.raw * weight, found.clean * weight
+        if found.still is not None and found.quiet is not None:
             less = EFFECTIVE_SHARE * feature_weights(standing, model.rows)
-            curvature, matrix = curvature + still * less, matrix + quiet * less
-        slack = None if model.slack_free else raw.slack(model.pick)
-        if slack is not None:
-            charge = slack * (EFFECTIVE_SHARE / SLACK_SPREAD_M**2)
-            curvature, matrix = curvature + charge, matrix + charge
+            curvature += found.still * less
+            matrix += found.quiet * less
+        if found.slack is not None and not model.slack_free:
+            charge = found.slack * (EFFECTIVE_SHARE / SLACK_SPREAD_M**2)
+            curvature += charge
+            matrix += charge
         return Weighted(curvature, matrix)
+
+    def gathered(self, i: int, k: int | None, model: Model) -> Gathered:
+        """Products of the model's features; those over whole groups are kept: they are asked for often."""
+        known = self._kept.get((id(model), i)) if k is None else None
+        if known is not None:
+            return known[1]
+        sums, pick = self.raw(i, k), model.pick
+        noise = self._noise[i][pick.square]
+        found = Gathered(
+            sums.of(pick),
+            sums.of(pick, noise),
+            sums.at_rest(pick),
+            sums.at_rest(pick, noise),
+            sums.slack(pick),
+        )
+        if k is None:
+            self._kept[id(model), i] = model, found  # with the model, so that its identity stays its own
+        return found
 
     def standing(self, i: int, weights: Array) -> Array:
         """How the encoder's step changes the weights of group ``i`` where the motor stands, (5, 5)."""
@@ -92,7 +124,7 @@ class Data:
         group = self.groups[i]
         if group.whole.rest is None or not model.sticking:
             return None
-        products = group.whole.of(model.pick)
+        products = self.gathered(i, None, model).raw
         spread = encoder_spread(group.encoder_variance)
         own = np.zeros((5, 5))
         for mine in model.sticking:
@@ -174,7 +206,7 @@ class Fit:
 
 def feature_weights(weights: Array, rows: IntArray) -> Array:
     """Weight of each product of features, (k, k)."""
-    return np.asarray(weights[rows[:, None], rows])
+    return weights.take(rows, axis=0).take(rows, axis=1)
 
 
 class Fitter:
@@ -185,7 +217,9 @@ class Fitter:
         self.data = data
         self.weights = weights
         self._parts: dict[tuple[int, int | None], Weighted] = {}
-        self._whole: tuple[Array, list[tuple[Array, Array]], tuple[Array, Array]] | None = None
+        self._stacked: Weighted | None = None
+        self._cables = tuple(g.cable_sign for g in data.groups)
+        self._whole: tuple[Array, tuple[Array, Array], tuple[Array, Array]] | None = None
         self.sticks = bool(model.sticking) and any(g.whole.rest is not None for g in data.groups)
         self.widening = 0.0  # see Data.held, all groups together
         self._held: list[Array | None] = [None] * len(data.groups)
@@ -198,6 +232,15 @@ class Fitter:
     def sums(self) -> list[Weighted]:
         """Weighted products over each group."""
         return [self.part(i, None) for i in range(len(self.data.groups))]
+
+    def stacked(self) -> Weighted:
+        """The same for all groups together, (groups, k, k)."""
+        if self._stacked is None:
+            sums = self.sums
+            self._stacked = Weighted(
+                np.stack([s.curvature for s in sums]), np.stack([s.matrix for s in sums])
+            )
+        return self._stacked
 
     def part(self, i: int, k: int | None) -> Weighted:
         """Weighted products over group ``i``, or over its fold ``k``."""
@@ -221,16 +264,17 @@ class Fitter:
         self._held = [None if one is None else one[0] for one in found]
         self.widening = sum(one[1] for one in found if one is not None)
         self._parts.clear()
-        self._whole = None
+        self._stacked = self._whole = None
 
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""
         result = float(np.sum((values - self._mean) ** 2 * self._stiffness))
         if self.model.tie is not None:
             result += self.model.tie.cost(values)
-        for group, sums in zip(self.data.groups, self.sums, strict=True):
-            h = self.model.features(values, group)
-            result += float(h @ sums.matrix @ h)
+        for h, matrix in zip(
+            self.model.features_of(values, self._cables), self.stacked().matrix, strict=True
+        ):
+            result += float(h @ matrix @ h)
         return result
 
     def _prior_weight(self) -> Array:
@@ -308,13 +352,13 @@ class Fitter:
         A group with one fold only stays in.
         """
         if self._whole is None or not np.array_equal(self._whole[0], values):
-            coefficients = [self.model.coefficients(values, g) for g in self.data.groups]
+            coefficients = self.model.coefficients_of(values, self._cables)
             self._whole = (values, coefficients, self.normal_equations(values))
-        _, coefficients, (gradient, information) = self._whole
+        _, (features, jacobians), (gradient, information) = self._whole
         for i, group in enumerate(self.data.groups):
             if 1 < len(group.folds) > k:
                 fold = self.part(i, k)
-                h, jacobian = coefficients[i]
+                h, jacobian = features[i], jacobians[i]
                 gradient = gradient - (h @ fold.matrix) @ jacobian
                 information = information - jacobian.T @ (fold.curvature @ jacobian)
         step = bounded_step(values, gradient, information, self._low, self._high)
@@ -332,14 +376,12 @@ class Fitter:
         if self.model.tie is not None:
             pull, hold = self.model.tie.expansion(values)
             gradient, information = gradient + pull, information + hold
-        bend = information
-        for group, sums in zip(self.data.groups, self.sums, strict=True):
-            h, jacobian = self.model.coefficients(values, group)
-            slopes = sums.matrix @ jacobian
-            gradient = gradient + h @ slopes
-            information = information + jacobian.T @ (sums.curvature @ jacobian)
-            bend = bend + jacobian.T @ slopes
-        return gradient, information, bend
+        sums = self.stacked()
+        h, jacobian = self.model.coefficients_of(values, self._cables)
+        across = jacobian.reshape(-1, len(values)).T
+        slopes = (sums.matrix @ jacobian).reshape(-1, len(values))
+        bent = (sums.curvature @ jacobian).reshape(-1, len(values))
+        return gradient + h.reshape(-1) @ slopes, information + across @ bent, information + across @ slopes
 
 
 def bounded_step(values: Array, gradient: Array, information: Array, low: Array, high: Array) -> Array:
@@ -351,7 +393,7 @@ def bounded_step(values: Array, gradient: Array, information: Array, low: Array,
     step = np.zeros(len(values))
     # What stands at a bound and is pushed outwards starts fixed; it is let go below if that was wrong.
     fixed = ((floor > -1e-12) & (slope > 0)) | ((ceiling < 1e-12) & (slope < 0))
-    quick = _pivoted(matrix, slope, floor, ceiling, fixed)
+    quick = _pivoted(matrix, slope, floor, ceiling)
     if quick is not None:
         return quick * scale
     for _ in range(6 * len(values)):
@@ -382,19 +424,18 @@ def bounded_step(values: Array, gradient: Array, information: Array, low: Array,
 
 
 PIVOTING_ROUNDS = 40
-PATIENCE = 2
-"""Rounds in which all wrong bounds are exchanged without their number falling, before it is one at a time."""
 
 
-def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array, outwards: BoolArray) -> Array | None:
+def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array) -> Array | None:
     """The same minimiser by exchanging all wrong bounds at once; None where that does not settle.
 
     Block principal pivoting (Judice and Pires 1994): nearly always two or three solves. Where their number
-    does not fall any more, only the last of the wrong bounds is exchanged, which cannot go in circles.
-    ``outwards`` are the unknowns that stand at a bound and are pushed out of it.
+    does not fall, only the last of the wrong bounds is exchanged, which cannot go in circles. What stands at
+    a bound starts there: between two steps of a fit, or two models that are alike, that hardly changes.
     """
-    at_floor, at_ceiling = outwards & (floor > -1e-12), outwards & (ceiling < 1e-12)
-    fewest, patience = len(slope) + 1, PATIENCE
+    at_floor = floor > -1e-12
+    at_ceiling = (ceiling < 1e-12) & ~at_floor
+    fewest = len(slope) + 1
     for _ in range(PIVOTING_ROUNDS):
         step = np.where(at_floor, floor, 0.0)
         step[at_ceiling] = ceiling[at_ceiling]
@@ -410,10 +451,7 @@ def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array, outwards
         if len(wrong) == 0:
             return np.asarray(step)
         if len(wrong) < fewest:
-            fewest, patience = len(wrong), PATIENCE
-        else:
-            patience -= 1
-        if patience >= 0:
+            fewest = len(wrong)
             at_floor, at_ceiling = now_floor, now_ceiling
         else:
             last = wrong[-1]

@@ -85,9 +85,10 @@ def refine(study: Study, trial: Trial) -> Trial:
     tried: dict[int, Trial] = {}
     best = last.shape
     while True:
-        for i in (best - 1, best, best + 1):
+        for i in (best, best - 1, best + 1):
             if 0 <= i < len(last.effect.shapes) and i not in tried:
-                tried[i] = study.fit_like([*given, Choice(last.effect, i)], trial, FULL_ITERATIONS)
+                near = tried.get(best, trial)
+                tried[i] = study.fit_like([*given, Choice(last.effect, i)], near, FULL_ITERATIONS)
         found = min(tried, key=lambda i: tried[i].fit.cost)
         if found == best:
             return study.with_best_law(tried[best], FULL_ITERATIONS)
