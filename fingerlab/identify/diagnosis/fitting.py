@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -75,16 +75,18 @@ class Data:
         """All folds of every group as one, without noise."""
         return [g.whole.without(noise) for g, noise in zip(self.groups, self._noise, strict=True)]
 
-    def weighted(self, i: int, k: int | None, model: Model, weights: Array, standing: Array) -> Weighted:
+    def weighted(
+        self, i: int, k: int | None, model: Model, weights: Array, standing: Callable[[], Array]
+    ) -> Weighted:
         """What a fit needs of group ``i``, or of its fold ``k``; a slack cable costs unless it may be so.
 
-        ``standing`` changes the weights where the motor stands; both (5, 5).
+        ``weights`` (5, 5); ``standing`` gives how they change where the motor stands, if it ever does.
         """
         found = self.gathered(i, k, model)
         weight = EFFECTIVE_SHARE * feature_weights(weights, model.rows)
         curvature, matrix = found.raw * weight, found.clean * weight
         if found.still is not None and found.quiet is not None:
-            less = EFFECTIVE_SHARE * feature_weights(standing, model.rows)
+            less = EFFECTIVE_SHARE * feature_weights(standing(), model.rows)
             curvature += found.still * less
             matrix += found.quiet * less
         if found.slack is not None and not model.slack_free:
@@ -126,9 +128,12 @@ class Data:
             return None
         products = self.gathered(i, None, model).raw
         spread = encoder_spread(group.encoder_variance)
-        own = np.zeros((5, 5))
-        for mine in model.sticking:
-            own += HELD_SHARE * row_covariance(model, values, group, products, group.samples, mine)
+        h, own = model.features(values, group), np.zeros((5, 5))
+        for mine in map(np.flatnonzero, model.sticking):
+            share = np.zeros((len(mine), 5))
+            share[np.arange(len(mine)), model.rows[mine]] = h[mine]
+            own += share.T @ products[mine[:, None], mine] @ share
+        own *= HELD_SHARE / max(group.samples, 1.0)
         change = change_of_weight(weights, spread + own) - change_of_weight(weights, spread)
         widening = log_widening(weights, spread + own) - log_widening(weights, spread)
         return change, EFFECTIVE_SHARE * group.whole.rest_samples * widening
@@ -223,7 +228,7 @@ class Fitter:
         self.sticks = bool(model.sticking) and any(g.whole.rest is not None for g in data.groups)
         self.widening = 0.0  # see Data.held, all groups together
         self._held: list[Array | None] = [None] * len(data.groups)
-        self._still = [data.standing(i, weights[g.key]) for i, g in enumerate(data.groups)]
+        self._still: dict[int, Array] = {}
         self._mean = model.start()
         self._stiffness = self._prior_weight() / model.spread**2
         self._low, self._high = model.low, model.high
@@ -246,11 +251,13 @@ class Fitter:
         """Weighted products over group ``i``, or over its fold ``k``."""
         if (i, k) not in self._parts:
             weights = self.weights[self.data.groups[i].key]
-            self._parts[i, k] = self.data.weighted(i, k, self.model, weights, self.standing(i))
+            self._parts[i, k] = self.data.weighted(i, k, self.model, weights, partial(self.standing, i))
         return self._parts[i, k]
 
     def standing(self, i: int) -> Array:
         """How the weights of group ``i`` change where the motor stands, (5, 5)."""
+        if i not in self._still:
+            self._still[i] = self.data.standing(i, self.weights[self.data.groups[i].key])
         held = self._held[i]
         return self._still[i] if held is None else self._still[i] + held
 

@@ -96,14 +96,16 @@ class Model:
     @cached_property
     def sticking(self) -> list[BoolArray]:
         """For every gain of a friction that sticks, which of the active features are its own, (k,) each."""
+        return self._features_of_gains([c.effect for c in self.choices if c.effect.sticks])
+
+    @cached_property
+    def wandering(self) -> list[BoolArray]:
+        """The same for every gain that differs from run to run."""
+        return self._features_of_gains([c.effect for c in self.choices if c.effect.wanders])
+
+    def _features_of_gains(self, effects: Sequence[Effect]) -> list[BoolArray]:
         owned = [(self.layout.features[i].owner, self.layout.features[i].parameter) for i in self.active]
-        gains = [
-            (c.effect.id, gain)
-            for c in self.choices
-            if c.effect.sticks
-            for gain in c.effect.gains
-            if gain not in c.effect.offsets
-        ]
+        gains = [(e.id, gain) for e in effects for gain in e.gains if gain not in e.offsets]
         return [np.array([mine == gain for mine in owned]) for gain in gains if gain in owned]
 
     def start(self) -> Array:

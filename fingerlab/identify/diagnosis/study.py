@@ -7,6 +7,7 @@ what noise alone would give has been taken away. It is reproducible by construct
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -101,8 +102,8 @@ class Study:
     def __post_init__(self) -> None:
         self.arms = starting_arms(self.reduced.layout, self.reduced.groups)
         _fill_missing_noise(self.reduced.groups)
-        for group in self.reduced.groups:
-            limit_noise(group)
+        with ThreadPoolExecutor() as threads:  # large matrices, for once: a core each
+            list(threads.map(limit_noise, self.reduced.groups))
         if not self.weights:
             self.weights = {g.key: _first_weights() for g in self.reduced.groups}
         self.data = Data(self.reduced.groups)
@@ -267,17 +268,9 @@ class Study:
 
     def _wandering(self, model: Model, h: Array, sums: Weighted) -> float:
         """What the run's own friction explains when it may differ by WANDER from the common value."""
-        gains = [
-            (c.effect.id, name)
-            for c in model.choices
-            if c.effect.wanders
-            for name in c.effect.gains
-            if name not in c.effect.offsets
-        ]
-        if not gains:
+        if not model.wandering:
             return 0.0
-        owners = [self.reduced.layout.features[i] for i in model.active]
-        parts = [np.where([(f.owner, f.parameter) == gain for f in owners], h, 0.0) for gain in gains]
+        parts = [np.where(mine, h, 0.0) for mine in model.wandering]
         columns = np.stack([part for part in parts if part.any()] or [np.zeros_like(h)], axis=1)
         pull = columns.T @ sums.matrix @ h
         stiffness = columns.T @ sums.curvature @ columns + np.eye(columns.shape[1]) / WANDER**2
