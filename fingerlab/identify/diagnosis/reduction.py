@@ -194,7 +194,9 @@ AT_ONCE = 64
 
 
 def _is_zero(values: Array) -> bool:
-    return len(values) == 0 or (values[len(values) // 2] == 0.0 and not values.any())
+    if len(values) == 0 or values.strides == (0,):  # one value all along
+        return len(values) == 0 or bool(values[0] == 0.0)
+    return bool(values[len(values) // 2] == 0.0 and not values.any())
 
 
 AT_REST_DEG = 0.1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
+from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term, nothing
 from fingerlab.physics.effects.friction import both, joint_terms
 from fingerlab.physics.effects.hysteresis import first_order_lags, with_grid
 from fingerlab.physics.effects.motion import Motion
@@ -66,7 +66,7 @@ def _pressed(motion: Motion, joint: str, edge: float, hertz: bool, velocity: Arr
     angle: Array = getattr(motion.finger_and_joints[1], joint)
     lowest, highest = motion.remember(("reach", joint), lambda: np.array((angle.min(), angle.max())))
     if lowest >= edge if side < 0 else highest <= edge:
-        return [np.zeros(len(angle)) for _ in range(3)]  # three signals, although all are zero here
+        return [nothing(len(angle)) for _ in range(3)]  # three signals, although all are zero here
     depth = motion.remember(("depth", joint, edge), lambda: np.maximum(side * (angle - edge), 0.0))
     slope = np.sqrt(depth) if hertz else (depth > 0).astype(float)
     torque = depth * slope

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerlab.physics.effects.base import Row, Term
+from fingerlab.physics.effects.base import Row, Term, nothing
 from fingerlab.physics.effects.hysteresis import rubbing_forces, with_grid
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
@@ -65,7 +65,7 @@ def while_pressed(motion: Motion, values: Array) -> Array:
     Where the load cell's face stands is not known, and may be another place in each run.
     """
     if motion.force is None:
-        return np.zeros_like(values)
+        return nothing(len(values))
     share = motion.remember("pressed", lambda: pressed(motion))
     counted = motion.remember("pressed, counted", lambda: share[motion.lead :] ** 2)
     mean = float(counted @ values[motion.lead :]) / max(float(counted.sum()), 1e-12)
