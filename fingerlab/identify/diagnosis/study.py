@@ -7,6 +7,7 @@ what noise alone would give has been taken away. It is reproducible by construct
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -128,8 +129,8 @@ class Study:
     def __post_init__(self) -> None:
         self.arms = starting_arms(self.reduced.layout, self.reduced.groups)
         _fill_missing_noise(self.reduced.groups)
-        for group in self.reduced.groups:
-            limit_noise(group)
+        with ThreadPoolExecutor() as threads:  # large matrices, for once: a core each
+            list(threads.map(limit_noise, self.reduced.groups))
         if not self.weights:
             self.weights = {g.key: _first_weights() for g in self.reduced.groups}
         self.data = Data(self.reduced.groups)
@@ -286,7 +287,7 @@ class Study:
 
     def _square(self, fitter: Fitter, values: Array, i: int, part: Part) -> tuple[float, float]:
         """Reproducible chi-square of some folds of group i, and the independent values behind it."""
-        (fold, _), sums = self.data.of(i, part), fitter.part(i, part)
+        fold, sums = self.data.raw(i, part), fitter.part(i, part)
         h = fitter.model.features(values, self.reduced.groups[i])
         square = float(h @ sums.matrix @ h) - self._wandering(fitter.model, h, sums)
         equations = 1 if self.reduced.on_bench else 3
@@ -303,17 +304,9 @@ class Study:
 
     def _wandering(self, model: Model, h: Array, sums: Weighted) -> float:
         """What the run's own friction explains when it may differ by WANDER from the common value."""
-        gains = [
-            (c.effect.id, name)
-            for c in model.choices
-            if c.effect.wanders
-            for name in c.effect.gains
-            if name not in c.effect.offsets
-        ]
-        if not gains:
+        if not model.wandering:
             return 0.0
-        owners = [self.reduced.layout.features[i] for i in model.active]
-        parts = [np.where([(f.owner, f.parameter) == gain for f in owners], h, 0.0) for gain in gains]
+        parts = [np.where(mine, h, 0.0) for mine in model.wandering]
         columns = np.stack([part for part in parts if part.any()] or [np.zeros_like(h)], axis=1)
         pull = columns.T @ sums.matrix @ h
         stiffness = columns.T @ sums.curvature @ columns + np.eye(columns.shape[1]) / WANDER**2

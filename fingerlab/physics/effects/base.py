@@ -22,6 +22,8 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Literal
 
+import numpy as np
+
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -34,6 +36,11 @@ class Row(IntEnum):
     CABLE = 2
     BENCH = 3
     TIP = 4
+
+
+def nothing(length: int) -> Array:
+    """Zeros, shape (length,), read-only and without memory of their own; another array at every call."""
+    return np.ndarray((length,), np.float64, bytes(8), 0, (0,))
 
 
 Scale = Literal["joint", "direct", "arm_mcp", "arm_pip", "compliance"]

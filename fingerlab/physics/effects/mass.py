@@ -16,7 +16,7 @@ TURNED_SLIP_STIFFNESS = 18.0
 """Sideways over normal force, and over the friction coefficient, of a tip that sticks; assumed."""
 
 LARGE_TILT_RAD = 0.3
-"""About this tilt, or none, the torques are taken as straight: up to 0.45 rad that errs by 1 per cent at most."""
+"""About this tilt, or none, the torques are taken as straight; up to 0.45 rad that errs by 1 per cent."""
 
 
 def _tilt(motion: Motion, shape: Shape) -> list[Term]:

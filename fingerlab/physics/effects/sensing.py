@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.cable import _no_columns
 from fingerlab.physics.effects.motion import Motion
@@ -40,25 +39,22 @@ def _drift(motion: Motion, shape: Shape) -> list[Term]:
     return _angle_error_terms(motion, "rate", motion.time, motion.time)
 
 
-def _touch(motion: Motion) -> Array:
-    return np.zeros_like(motion.time) if motion.force is None else motion.force
-
-
 def _force_gain(motion: Motion, shape: Shape) -> list[Term]:
-    f, q = motion.finger_and_joints
-    force = _touch(motion)
-    return [
-        Term(Row.MCP, "gain", force * nominal.contact_lever_mcp(f, q.mcp, q.pip), "joint"),
-        Term(Row.PIP, "gain", force * nominal.contact_lever_pip(f, q.mcp, q.pip), "joint"),
-    ]
+    mcp, pip = motion.contact_torques
+    return [Term(Row.MCP, "gain", mcp, "joint"), Term(Row.PIP, "gain", pip, "joint")]
 
 
 def lateral_levers(motion: Motion, gain: str) -> list[Term]:
     """Levers (m) of a force along the load cell's face about both joints."""
     f, q = motion.finger_and_joints
-    distal = q.mcp + q.pip - f.wrist_angle
-    pip = 2.0 * f.distal_half_length * np.sin(distal)
-    mcp = pip - 2.0 * f.proximal_half_length * np.sin(f.wrist_angle - q.mcp)
+
+    def distal() -> Array:
+        return np.asarray(2.0 * f.distal_half_length * np.sin(q.mcp + q.pip - f.wrist_angle))
+
+    pip = motion.remember("lateral pip", distal)
+    mcp = motion.remember(
+        "lateral mcp", lambda: pip - 2.0 * f.proximal_half_length * np.sin(f.wrist_angle - q.mcp)
+    )
     return [Term(Row.MCP, gain, mcp, "joint"), Term(Row.PIP, gain, pip, "joint")]
 
 
