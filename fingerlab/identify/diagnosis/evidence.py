@@ -195,7 +195,7 @@ def unseen(evidence: Evidence) -> Evidence:
         if trial.model.choices[-1].effect.special == "slack":
             factors.append(0.0)
         else:
-            fall = base.misfit - trial.misfit - charge(base, trial)
+            fall = base.misfit_in_sample - trial.misfit_in_sample - charge(base, trial)
             factors.append(bayes_factor(trial, fall, needed(evidence, trial)))
     prior = PRIOR_EFFECTS / max(len(factors), 1) / PRIOR_NOTHING
     return with_unseen(evidence, factors, prior)

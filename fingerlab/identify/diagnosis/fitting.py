@@ -70,6 +70,11 @@ class Data:
         self._kept: dict[tuple[int, int], tuple[Model, Gathered]] = {}
         self._joined: dict[tuple[int, Part], Sums] = {}
 
+    @property
+    def count(self) -> float:
+        """Decimated samples of all groups, as independent values of one equation."""
+        return EFFECTIVE_SHARE * sum(group.samples for group in self.groups)
+
     def raw(self, i: int, part: Part | None) -> Sums:
         """Sums over some folds of group ``i``, or over all."""
         group = self.groups[i]
@@ -214,11 +219,16 @@ class Fit:
     cost: float
 
     @cached_property
+    def covariance(self) -> Array:
+        """Of the unknowns, (p, p)."""
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(self.information), 1e-300))
+        scaled = np.linalg.pinv(self.information * np.outer(scale, scale), hermitian=True)
+        return np.asarray(scaled * np.outer(scale, scale))
+
+    @cached_property
     def deviations(self) -> Array:
         """Standard deviation of every unknown, given what else is unknown, (p,)."""
-        scale = 1.0 / np.sqrt(np.diag(self.information))
-        covariance = np.linalg.pinv(self.information * np.outer(scale, scale), hermitian=True)
-        return np.asarray(scale * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
 
 def feature_weights(weights: Array, rows: IntArray) -> Array:

@@ -99,7 +99,7 @@ def reveal(
     What is expected is told for the likeliest effect that the run would show at its typical strength.
     """
     base = evidence.base
-    unseen = [i for i in unseen if evidence.trials[i].reach.strengths]
+    unseen = [i for i in unseen if evidence.trials[i].reach.strengths][:RIVALS]
     shares = [evidence.unseen[i] for i in unseen]
     pairs = [_present_and_absent(study, base, evidence.trials[i]) for i in unseen]
     best: tuple[float, Proposal, list[float]] | None = None
@@ -316,9 +316,11 @@ def _known(model: Model, trial: Trial, heat: float) -> Array:
     places = [(i, old[u.key]) for i, u in enumerate(model.unknowns) if u.key in old]
     mine, theirs = [p[0] for p in places], [p[1] for p in places]
     # Unknowns of the old runs that the new one lacks are integrated out, not held.
-    covariance = np.linalg.pinv(trial.fit.information / heat, hermitian=True)
     if mine:
-        result[np.ix_(mine, mine)] = np.linalg.pinv(covariance[np.ix_(theirs, theirs)], hermitian=True)
+        covariance = trial.fit.covariance[np.ix_(theirs, theirs)] * heat
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        scaled = np.linalg.pinv(covariance * np.outer(scale, scale), hermitian=True)
+        result[np.ix_(mine, mine)] = scaled * np.outer(scale, scale)
     for i, unknown in enumerate(model.unknowns):
         if unknown.key not in old:
             result[i, i] = WEAK_PRIOR / unknown.gain.typical**2

@@ -15,6 +15,7 @@ from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.polynomial.legendre import legvander
 
 from fingerlab.errors import Cancelled, UserError
 from fingerlab.identify.diagnosis.bandwidth import (
@@ -445,8 +446,9 @@ def _products(low: Narrow, live: Array) -> Sums:
 
 
 def _noise(low: Narrow, live: Array, run: Run, products: Array) -> tuple[Array | None, float]:
-    """Products of what is left of the live signals without the harmonics of the run's cycle, and samples.
+    """Products of what is left of the live signals without the run's cycle and its slow trend, and samples.
 
+    A trend (a sensor that warms up, a spring that creeps) is no noise of the cycles: it can be explained.
     None where there is no cycle that repeats often enough.
     """
     frequency = run.trajectory.get("frequency_hz")
@@ -462,12 +464,17 @@ def _noise(low: Narrow, live: Array, run: Run, products: Array) -> tuple[Array |
 
 @lru_cache(maxsize=4)
 def _harmonics(frequency: float, count: int, first: float, last: float, samples: int) -> Array:
-    """Orthonormal basis, (samples, 2 count + 1), of a constant and harmonics; the runs of a session share it.
+    """Orthonormal basis, (samples, 2 count + 4), of slow trend and harmonics; the runs of a session share it.
 
     ``frequency`` in Hz, ``first`` and ``last`` sample in s.
     """
     phase = 2 * np.pi * frequency * np.outer(np.linspace(first, last, samples), np.arange(1, count + 1))
-    return np.linalg.qr(np.hstack((np.ones((samples, 1)), np.cos(phase), np.sin(phase))))[0]
+    trend = legvander(np.linspace(-1.0, 1.0, samples), TREND_DEGREE)
+    return np.linalg.qr(np.hstack((trend, np.cos(phase), np.sin(phase))))[0]
+
+
+TREND_DEGREE = 3
+"""Of the polynomial over a stretch that counts as its slow trend."""
 
 
 def _add(group: Group, k: int, found: RunSums) -> None:

@@ -63,6 +63,8 @@ class Trial:
     misfits: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (conditions, 2); empty: not counted
     touching: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (conditions,): in contact
     held_out: bool = False
+    in_sample: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    """As ``misfits``, always of the fit to all runs: where trials are compared that are not all held out."""
     residuals: Mapping[GroupKey, Array] = field(default_factory=dict)
     """Mean products of the equations' residuals for each group, (5, 5) over ``Row``, noise included."""
     widening: float = 0.0
@@ -82,6 +84,11 @@ class Trial:
         """The part of it that lies in contact."""
         weighted = self.misfits[:, 0] * condition_weights(self.misfits[:, 1])
         return float(weighted[self.touching].sum())
+
+    @property
+    def misfit_in_sample(self) -> float:
+        """As ``misfit``, of the fit to all runs."""
+        return float(self.in_sample[:, 0] @ condition_weights(self.in_sample[:, 1]))
 
     @property
     def fall_in_reach(self) -> float:
@@ -182,19 +189,26 @@ class Study:
     def count(self, trial: Trial) -> Trial:
         """The trial with its misfit on every group of runs, in sample."""
         fitter = self._fitter(trial)
-        misfits = [
-            self._square(fitter, trial.fit.values, i, tuple(group.of_condition(c)))
-            for i, group in enumerate(self.reduced.groups)
-            for c in group.conditions
-        ]
+        misfits = self._in_sample(fitter, trial)
         return replace(
             trial,
-            misfits=np.array(misfits),
+            misfits=misfits,
+            in_sample=misfits,
             touching=self._touching(),
             held_out=False,
             widening=fitter.widening,
             surprise=self._surprise(trial),
             reach=reach(fitter, trial),
+        )
+
+    def _in_sample(self, fitter: Fitter, trial: Trial) -> Array:
+        """Chi-square without noise and independent values of each condition, (conditions, 2)."""
+        return np.array(
+            [
+                self._square(fitter, trial.fit.values, i, tuple(group.of_condition(c)))
+                for i, group in enumerate(self.reduced.groups)
+                for c in group.conditions
+            ]
         )
 
     def hold_out(self, trial: Trial, residuals: bool = False) -> Trial:
@@ -221,6 +235,7 @@ class Study:
         return replace(
             trial,
             misfits=np.array(misfits),
+            in_sample=self._in_sample(fitter, trial),
             touching=self._touching(),
             held_out=True,
             residuals=means if residuals else {},

@@ -27,6 +27,8 @@ MOST_ODDS = float(np.exp(2.0))
 """What is below a verdict's threshold speaks for an effect by at most this factor; assumed."""
 AS_LIKELY = np.exp(-1.0)
 """An effect of which the data say that it is less likely by more than this factor has not stayed unseen."""
+CLEARLY_SHOWN = 0.5
+"""An effect whose typical strength changes the squared score by more than this is seen in any case."""
 DECIDING_LOG_ODDS = 5.0
 """Log odds that decide (about 150 to 1)."""
 
@@ -68,12 +70,20 @@ def reach(fitter: Fitter, trial: Trial) -> Reach:
     patterns = list(np.diag(typical)) + ([typical] if len(places) > 1 else [])
     best = NO_REACH
     for pattern in patterns:
-        moved = _moved(trial, trial.fit.values, places, pattern)
-        falls = _falls(fitter, trial, moved)
+        falls = _falls(fitter, trial, _unbound(trial, places, pattern))
+        if falls.sum() < CLEARLY_SHOWN * fitter.data.count:
+            falls = _falls(fitter, trial, _moved(trial, trial.fit.values, places, pattern))
         if not len(best.falls) or falls.sum() > best.falls.sum():
             strengths = {key: float(s) for (_, key), s in zip(names, pattern, strict=True) if s}
             best = Reach(falls, strengths)
     return best
+
+
+def _unbound(trial: Trial, places: list[int], strengths: Array) -> Array:
+    """As ``_moved``, but beyond the bounds of the others: what is seen then is seen the more within them."""
+    covariance = trial.fit.covariance
+    own = np.linalg.lstsq(covariance[np.ix_(places, places)], strengths, rcond=None)[0]
+    return np.asarray(covariance[:, places] @ own)
 
 
 def hidden_values(trial: Trial, values: Array) -> Array:

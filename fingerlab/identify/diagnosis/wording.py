@@ -126,6 +126,8 @@ BOTH_JOINTS, ON_BENCH = "Both joints miss the same tension", "The motor's equati
 def _grid_value(estimate: ParameterEstimate) -> str:
     """A value that was only tried on a grid has no interval worth a sign."""
     factor, unit = SCREEN_UNITS.get(estimate.unit, (1.0, estimate.unit))
+    if estimate.unit == "s" and estimate.value >= 1.0:
+        factor, unit = 1.0, "s"
     return f"about {estimate.value * factor:.3g} {unit}"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -27,12 +27,10 @@ def _tilt(motion: Motion, shape: Shape) -> list[Term]:
     """
     f, q = motion.finger_and_joints
     about = LARGE_TILT_RAD * (shape.get("forwards", 0.0) - shape.get("backwards", 0.0))
-    stays = bool(shape.get("cell_stays")) and motion.force is not None
-    mcp, pip = _standing_torques(motion, 0.0, stays)
-    there_mcp, there_pip = _standing_torques(motion, about, stays)
-    turn_mcp, turn_pip = _turn_of_torques(motion, about, stays)
+    force = motion.force if shape.get("cell_stays") else None
+    (mcp, pip), (turn_mcp, turn_pip) = _standing_torques(motion, force, about)
     rubbing, level = np.zeros_like(pip), np.zeros_like(pip)
-    if stays:
+    if force is not None:
         rubbing, level = motion.slipping(TURNED_SLIP_STIFFNESS), while_pressed(motion, tip_reach(motion))
     terms = [
         Term(Row.MCP, "tilt", turn_mcp, "joint"),
@@ -42,36 +40,41 @@ def _tilt(motion: Motion, shape: Shape) -> list[Term]:
         Term(Row.PIP, "rubbing", rubbing * nominal.contact_lever_pip(f, q.mcp, q.pip), "joint"),
     ]
     if about:
+        (flat_mcp, flat_pip), _ = _standing_torques(motion, force, 0.0)
         terms += [
-            Term(Row.MCP, "", there_mcp - mcp - about * turn_mcp, "joint", constant=1.0),
-            Term(Row.PIP, "", there_pip - pip - about * turn_pip, "joint", constant=1.0),
+            Term(Row.MCP, "", mcp - flat_mcp - about * turn_mcp, "joint", constant=1.0),
+            Term(Row.PIP, "", pip - flat_pip - about * turn_pip, "joint", constant=1.0),
         ]
     return terms
 
 
-def _standing_torques(motion: Motion, tilt: float, stays: bool) -> tuple[Array, Array]:
-    """What gravity, and the force of a load cell that stays, do to the joints on a tilted base, N m, (n,)."""
-    f, q = motion.finger_and_joints
-    tilted = replace(f, wrist_angle=f.wrist_angle + tilt)
-    mcp, pip = nominal.mcp_torque(tilted, q).gravity, nominal.pip_torque(tilted, q).gravity
-    if stays and motion.force is not None:
-        mcp = mcp + motion.force * nominal.contact_lever_mcp(tilted, q.mcp, q.pip)
-        pip = pip + motion.force * nominal.contact_lever_pip(tilted, q.mcp, q.pip)
-    return mcp, pip
+Pair = tuple[Array, Array]
 
 
-def _turn_of_torques(motion: Motion, tilt: float, stays: bool) -> tuple[Array, Array]:
-    """Derivative of the same with the tilt, N m/rad, (n,)."""
+def _standing_torques(motion: Motion, force: Array | None, tilt: float) -> tuple[Pair, Pair]:
+    """What gravity and the force (N) do to MCP and PIP on a tilted base, N m, and its slope with the tilt.
+
+    Thesis equations 3.16 to 3.18; the tilt comes on top of the wrist angle.
+    """
     f, q = motion.finger_and_joints
-    proximal = f.wrist_angle + tilt - q.mcp
-    distal = q.mcp + q.pip - f.wrist_angle - tilt
-    pip = -f.distal_mass * f.gravity * f.distal_half_length * np.sin(distal)
-    mcp = (f.proximal_mass + 2 * f.distal_mass) * f.gravity * f.proximal_half_length * np.sin(proximal) + pip
-    if stays and motion.force is not None:
-        turned = 2.0 * f.distal_half_length * np.sin(distal)
-        pip = pip + motion.force * turned
-        mcp = mcp + motion.force * (turned - 2.0 * f.proximal_half_length * np.sin(proximal))
-    return mcp, pip
+    proximal, distal = f.wrist_angle - q.mcp, q.mcp + q.pip - f.wrist_angle
+    sines = {
+        name: motion.remember(("tilt", name), partial(wave, angle))
+        for name, wave, angle in (
+            ("sin p", np.sin, proximal), ("cos p", np.cos, proximal),
+            ("sin d", np.sin, distal), ("cos d", np.cos, distal),
+        )
+    }  # fmt: skip
+    c, s = np.cos(tilt), np.sin(tilt)
+    pressed: Array | float = 0.0 if force is None else force
+    near = 2.0 * f.proximal_half_length * pressed
+    near = near - (f.proximal_mass + 2.0 * f.distal_mass) * f.gravity * f.proximal_half_length
+    far = 2.0 * f.distal_half_length * pressed - f.distal_mass * f.gravity * f.distal_half_length
+    pip = far * (c * sines["cos d"] + s * sines["sin d"])
+    turn_pip = far * (c * sines["sin d"] - s * sines["cos d"])
+    mcp = near * (c * sines["cos p"] - s * sines["sin p"]) + pip
+    turn_mcp = turn_pip - near * (c * sines["sin p"] + s * sines["cos p"])
+    return (mcp, pip), (turn_mcp, turn_pip)
 
 
 def _point_mass(motion: Motion, shape: Shape) -> list[Term]:

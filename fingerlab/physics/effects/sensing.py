@@ -36,7 +36,14 @@ def _nonlinearity(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _drift(motion: Motion, shape: Shape) -> list[Term]:
-    return _angle_error_terms(motion, "rate", motion.time, motion.time)
+    """A sensor that warms up since the run began: fast at first and ever slower, with a time constant (s)."""
+    warm = shape["time_constant"]
+    drifted = -warm * np.expm1(-motion.time / warm)
+    return _angle_error_terms(motion, "rate", drifted, drifted)
+
+
+STEADY_S = 1e4
+"""A sensor that warms up so slowly drifts steadily, s."""
 
 
 def _force_gain(motion: Motion, shape: Shape) -> list[Term]:
@@ -94,15 +101,17 @@ EFFECTS = (
         acts_on=("joint_torque", "cable_kinematics"),
         gains={
             f"rate_{joint}": Gain(
-                "rad/s", -0.004, 0.004, 0.0005, source="KMA210 data sheet: 0.64 degree", title="drift rate"
+                "rad/s", -0.01, 0.01, 0.0005, source="KMA210 data sheet: 0.64 degree", title="drift rate"
             )
             for joint in ("mcp", "pip")
         },
         columns=_drift,
         coordinate="time",
         equation=Row.CABLE,
-        explanation="The misfit grows steadily over each run.",
+        explanation="The misfit grows over each run, whatever the motion.",
         reveal="a run of several minutes at rest",
+        shapes=tuple({"time_constant": value} for value in (5.0, 10.0, 20.0, 40.0, STEADY_S)),
+        shape_units={"time_constant": "s"},
     ),
     Effect(
         id="load_cell_gain",
