@@ -26,9 +26,6 @@ STEP_PROMISE = 0.25
 """An effect that promises less than this share of what a further step must reach is no candidate for it."""
 SAME_SHARE = 1e-3
 """Effects whose costs differ by less than this share leave the same noise, and set the same weights."""
-REACH_SHARE, REACH_LEAST = 0.1, 100.0
-"""A grid point whose cost is by this share (and this much) above its neighbour's behind the first step stays
-above it: in blind trials those that came out below had 1.5 % to go at most."""
 LONGEST_PATH = 4
 """At most this many effects are added."""
 SCREEN_ITERATIONS = 3
@@ -88,23 +85,13 @@ def refine(study: Study, trial: Trial) -> Trial:
     tried: dict[int, Trial] = {}
     best = last.shape
     while True:
-        for i in (best, best - 1, best + 1):
+        for i in (best - 1, best, best + 1):
             if 0 <= i < len(last.effect.shapes) and i not in tried:
-                tried[i] = _tried(study, [*given, Choice(last.effect, i)], tried.get(best), trial)
+                tried[i] = study.fit_like([*given, Choice(last.effect, i)], trial, FULL_ITERATIONS)
         found = min(tried, key=lambda i: tried[i].fit.cost)
         if found == best:
             return study.with_best_law(tried[best], FULL_ITERATIONS)
         best = found
-
-
-def _tried(study: Study, choices: Sequence[Choice], beside: Trial | None, like: Trial) -> Trial:
-    """A grid point fitted to the end; one beside a fitted one only if a first step leaves it in reach."""
-    if beside is None:
-        return study.fit_like(choices, like, FULL_ITERATIONS)
-    first = study.fit_like(choices, beside, 1)
-    reach = max(REACH_SHARE * abs(beside.fit.cost), REACH_LEAST)
-    far = first.fit.cost - beside.fit.cost > reach
-    return first if far else study.fit_like(choices, first, FULL_ITERATIONS)
 
 
 def weigh(
