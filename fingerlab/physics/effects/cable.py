@@ -6,7 +6,7 @@ import numpy as np
 
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.hysteresis import first_order_lag, slip_state, stop_operator
+from fingerlab.physics.effects.hysteresis import first_order_lags, slip_states, stop_operators, with_grid
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -14,17 +14,18 @@ STICKING_TRAVELS_DEG = (0.15, 0.21, 0.3, 0.42, 0.6, 0.84)
 """Travel over which friction of motor or sheath reverses by 63 %, degrees at the pulley: from a few steps of
 the encoder to the wind-up of a gearbox; assumed."""
 USUAL_STICKING_DEG = 0.3
+LAGS_S = (0.004, 0.008, 0.016, 0.032)
+"""Time constants of a damper beside the cable's spring, s; assumed."""
+GAPS_DEG = (0.5, 1.0, 2.0, 4.0)
+"""Play between gearbox and pulley, degrees at the pulley; assumed."""
 
 
 def winding_state(motion: Motion, travel_deg: float = USUAL_STICKING_DEG) -> Array:
     """Direction of cable travel with sticking, in [-1, 1], shape (n,); +1 winding in."""
 
-    def stop(position: Array, travel: float) -> Array:
-        return motion.remember(("stop", travel), lambda: stop_operator(position, travel))
-
-    return motion.remember(
-        ("winding", travel_deg), lambda: slip_state(motion.position, float(np.radians(travel_deg)), stop)
-    )
+    travels = with_grid(travel_deg, STICKING_TRAVELS_DEG)
+    keys = [("winding", travel) for travel in travels]
+    return motion.remember_each(keys[0], keys, lambda: slip_states(motion.position, np.radians(travels)))
 
 
 def pull_terms(gain: str, pull: Array) -> list[Term]:
@@ -46,18 +47,28 @@ def _lagging_stretch(motion: Motion, shape: Shape) -> list[Term]:
     if time_constant == 0:
         return []
 
-    def change(values: Array) -> Array:
-        return first_order_lag(values, time_constant, motion.sample_rate_hz) - values
+    constants = with_grid(time_constant, LAGS_S)
 
+    def change(name: str, values: Array) -> Array:
+        keys = [("lag", name, constant) for constant in constants]
+        lagging = motion.remember_each(
+            keys[0], keys, lambda: first_order_lags(values, constants, motion.sample_rate_hz)
+        )
+        return lagging - values
+
+    inertia = motion.motor.inertia or 0.0
     return [
-        Term(Row.CABLE, "", change(motion.tension), "compliance", constant=-1.0),
-        Term(Row.CABLE, "", change(motion.inertial_pull), "compliance", constant=motion.motor.inertia or 0.0),
+        Term(Row.CABLE, "", change("tension", motion.tension), "compliance", constant=-1.0),
+        Term(Row.CABLE, "", change("pull", motion.inertial_pull), "compliance", constant=inertia),
     ]
 
 
 def _backlash(motion: Motion, shape: Shape) -> list[Term]:
-    half = 0.5 * shape["gap_deg"]
-    state = stop_operator(motion.position, float(np.radians(half)))
+    gaps = with_grid(shape["gap_deg"], GAPS_DEG)
+    keys = [("gap", gap) for gap in gaps]
+    state = motion.remember_each(
+        keys[0], keys, lambda: stop_operators(motion.position, 0.5 * np.radians(gaps))
+    )
     return [Term(Row.CABLE, "half_gap", motion.radius * state)]
 
 
@@ -69,9 +80,9 @@ def _varying_arm(motion: Motion, shape: Shape) -> list[Term]:
     small (0.4/rad over 0.6 rad takes a quarter of the arm).
     """
     f, q = motion.finger_and_joints
-    force = 0.0 if motion.force is None else motion.force
-    mcp = nominal.mcp_torque(f, q).total + force * nominal.contact_lever_mcp(f, q.mcp, q.pip)
-    pip = nominal.pip_torque(f, q).total + force * nominal.contact_lever_pip(f, q.mcp, q.pip)
+    contact_mcp, contact_pip = motion.contact_torques
+    mcp = nominal.mcp_torque(f, q).total + contact_mcp
+    pip = nominal.pip_torque(f, q).total + contact_pip
     terms = [
         Term(Row.MCP, "bend_mcp", mcp * q.mcp**2, "joint"),
         Term(Row.PIP, "bend_pip", pip * q.pip**2, "joint"),
@@ -117,7 +128,7 @@ EFFECTS = (
         acts_on=("cable_kinematics",),
         gains={},
         columns=_lagging_stretch,
-        shapes=tuple({"time_constant": value} for value in (0.0, 0.004, 0.008, 0.016, 0.032)),
+        shapes=tuple({"time_constant": value} for value in (0.0, *LAGS_S)),
         shape_units={"time_constant": "s"},
         relaxes={
             "cable_compliance": Gain("m/N", 0.0, 1e-3, 1e-4, title="cable compliance"),
@@ -138,7 +149,7 @@ EFFECTS = (
         equation=Row.CABLE,
         explanation="At each reversal the motor turns through a gap before the cable follows.",
         reveal="slow steps up and down with the cable under tension",
-        shapes=tuple({"gap_deg": value} for value in (0.5, 1.0, 2.0, 4.0)),
+        shapes=tuple({"gap_deg": value} for value in GAPS_DEG),
         shape_units={"gap_deg": "deg"},
     ),
     Effect(

@@ -13,9 +13,14 @@ from fingerlab.physics.effects.cable import (
     pull_terms,
     winding_state,
 )
-from fingerlab.physics.effects.hysteresis import dahl_state, rubbing_force, slip_state
+from fingerlab.physics.effects.hysteresis import dahl_states, rubbing_forces, slip_states, with_grid
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
+
+LOADED_TRAVELS_DEG = STICKING_TRAVELS_DEG[::2]
+"""Those of friction that goes with the load: every second."""
+PRESLIDING_TRAVELS_DEG = (1.0, 2.0, 4.0, 8.0)
+"""Travel over which what winds up before it slides lets go, degrees at the pulley; assumed."""
 
 FRICTION = Gain("N m", 0.0, 0.1, 0.005, title="friction torque at the gearbox output")
 
@@ -57,7 +62,10 @@ def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _presliding(motion: Motion, shape: Shape) -> list[Term]:
-    return drive_terms(motion, "dahl", dahl_state(motion.position, float(np.radians(shape["travel_deg"]))))
+    travels = with_grid(shape["travel_deg"], PRESLIDING_TRAVELS_DEG)
+    keys = [("dahl", travel) for travel in travels]
+    state = motion.remember_each(keys[0], keys, lambda: dahl_states(motion.position, np.radians(travels)))
+    return drive_terms(motion, "dahl", state)
 
 
 def _asymmetric(motion: Motion, shape: Shape) -> list[Term]:
@@ -78,10 +86,14 @@ def _load_dependent(motion: Motion, shape: Shape) -> list[Term]:
     load = np.abs(motion.torque - inertia * motion.acceleration if motion.load is None else motion.load)
     usual = float(load.mean())
 
-    def stop(position: Array, travel: float) -> Array:
-        return motion.remember(("loaded stop", travel), lambda: rubbing_force(position, load, usual / travel))
+    def stops(position: Array, sliders: Array) -> Array:
+        return rubbing_forces(position, load, usual / sliders)
 
-    lost = slip_state(motion.position, float(np.radians(shape["travel_deg"])), stop)
+    travels = with_grid(shape["travel_deg"], LOADED_TRAVELS_DEG)
+    keys = [("loaded", travel) for travel in travels]
+    lost = motion.remember_each(
+        keys[0], keys, lambda: slip_states(motion.position, np.radians(travels), stops)
+    )
     return drive_terms(motion, "share", lost)
 
 
@@ -155,6 +167,7 @@ EFFECTS = (
         title="Stribeck friction in motor and gearbox",
         acts_on=("motor_torque",),
         gains={"coulomb": FRICTION, "extra": FRICTION},
+        excess={"extra": "coulomb"},
         columns=_stribeck,
         coordinate="motor speed",
         equation=Row.PIP,
@@ -176,7 +189,7 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="Both joints miss the same tension; it builds up over a small travel after a reversal.",
         reveal="small sines, 1 to 5 degrees, on the motor bench",
-        shapes=tuple({"travel_deg": value} for value in (1.0, 2.0, 4.0, 8.0)),
+        shapes=tuple({"travel_deg": value} for value in PRESLIDING_TRAVELS_DEG),
         shape_units={"travel_deg": "deg"},
         bench=True,
         wanders=True,
@@ -214,7 +227,7 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="The missing tension opposes the travel and grows with the torque transmitted.",
         reveal="a motor bench with two known loads",
-        shapes=STICKING_TRAVELS[::2],
+        shapes=tuple({"travel_deg": value} for value in LOADED_TRAVELS_DEG),
         shape_units={"travel_deg": "deg"},
         bench=True,
         wanders=True,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.hysteresis import dahl_state, slip_state, stop_operator
+from fingerlab.physics.effects.hysteresis import dahl_states, slip_states, with_grid
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -13,6 +13,8 @@ STICKING_TRAVELS_DEG = (0.06, 0.085, 0.12, 0.17, 0.24, 0.34, 0.48)
 """Travel over which a Coulomb joint reverses 63 % of its friction, degrees: from the sensor's 0.04 degrees
 (KMA210 data sheet), so that noise does not flip the sign of a joint at rest, to the least that is called
 presliding; assumed."""
+PRESLIDING_TRAVELS_DEG = (1.0, 2.0, 4.0, 8.0)
+"""The same of presliding, degrees at the joint; assumed."""
 STRIBECK_SPEEDS = (0.2, 0.6)
 """Speeds by which the excess of breakaway has fallen to 37 %, rad/s; assumed: from where a hinge of polymer
 slides for certain to a third of the thesis' fastest motion."""
@@ -42,12 +44,9 @@ def _states(motion: Motion, travel_deg: float) -> tuple[Array, Array]:
 
 
 def _state(motion: Motion, name: str, angle: Array, travel_deg: float) -> Array:
-    def stop(position: Array, travel: float) -> Array:
-        return motion.remember(("stop", name, travel), lambda: stop_operator(position, travel))
-
-    return motion.remember(
-        ("sticking", name, travel_deg), lambda: slip_state(angle, float(np.radians(travel_deg)), stop)
-    )
+    travels = with_grid(travel_deg, STICKING_TRAVELS_DEG)
+    keys = [("sticking", name, travel) for travel in travels]
+    return motion.remember_each(keys[0], keys, lambda: slip_states(angle, np.radians(travels)))
 
 
 def _coulomb(motion: Motion, shape: Shape) -> list[Term]:
@@ -67,8 +66,13 @@ def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
 
 def _presliding(motion: Motion, shape: Shape) -> list[Term]:
     _, joints = motion.finger_and_joints
-    travel = float(np.radians(shape["travel_deg"]))
-    return joint_terms("dahl", dahl_state(joints.mcp, travel), dahl_state(joints.pip, travel))
+
+    def state(name: str, angle: Array) -> Array:
+        travels = with_grid(shape["travel_deg"], PRESLIDING_TRAVELS_DEG)
+        keys = [("dahl", name, travel) for travel in travels]
+        return motion.remember_each(keys[0], keys, lambda: dahl_states(angle, np.radians(travels)))
+
+    return joint_terms("dahl", state("mcp", joints.mcp), state("pip", joints.pip))
 
 
 EFFECTS = (
@@ -104,6 +108,7 @@ EFFECTS = (
         title="Stribeck joint friction",
         acts_on=("joint_torque",),
         gains=both("coulomb", COULOMB_GAIN) | both("extra", COULOMB_GAIN),
+        excess={"extra_mcp": "coulomb_mcp", "extra_pip": "coulomb_pip"},
         columns=_stribeck,
         coordinate="joint speed",
         equation=Row.PIP,
@@ -131,7 +136,7 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="After each reversal the missing torque builds up over a small travel of the joint.",
         reveal="sines of small amplitude, 2 to 5 degrees",
-        shapes=tuple({"travel_deg": travel} for travel in (1.0, 2.0, 4.0, 8.0)),
+        shapes=tuple({"travel_deg": travel} for travel in PRESLIDING_TRAVELS_DEG),
         shape_units={"travel_deg": "deg"},
         wanders=True,
         sticks=True,
