@@ -57,7 +57,7 @@ class Reading(QWidget):
         widest = QLabel(quantity.unit.after("−8888." + "8" * quantity.digits))
         widest.setFont(font)
         # Nothing moves as digits come and go, and a label of fixed size does not lay out the window.
-        self.value.setFixedSize(widest.sizeHint().width() * 5 // 4, widest.sizeHint().height())
+        self.value.setFixedSize(widest.sizeHint())
         self.setToolTip(quantity.help)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
