@@ -57,6 +57,22 @@ def test_one_run_on_the_simulated_rig(tmp_path: Path) -> None:
     assert session.attributes["operator"] == "Ada"
 
 
+def test_several_runs_from_predefined_values(tmp_path: Path) -> None:
+    """The finger hangs still on air: where its joints stand is where they are said to stand."""
+    hold = {"kind": "blocked", "offset_deg": 5.0, "duration_s": 1.0, "ramp_s": 0.5}
+    out = tmp_path / "three.h5"
+    result = call(
+        "--trajectory", json.dumps(hold), "--phase", "on_air", "--device", "simulated", "--runs", "3",
+        "--set-position", "5", "--set-mcp", "30", "--set-pip", "-12", "--rest", "0.2", "--out", str(out),
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    runs = open_session(out).runs
+    assert [run.length for run in runs] == [1000, 1000, 1000]
+    first = {name: np.degrees(runs[0].channel(name)[:20].mean()) for name in ("mcp_angle", "pip_angle")}
+    assert first == pytest.approx({"mcp_angle": 30.0, "pip_angle": -12.0}, abs=0.1)
+    assert np.degrees(runs[0].channel("motor_position")[0]) == pytest.approx(5.0, abs=0.1)
+
+
 def test_what_diagnose_proposes_can_be_recorded(tmp_path: Path) -> None:
     proposal = {"next_experiment": {"trajectory": {**RUN, "offset_deg": 60.0}, "phase": "motor_bench"}}
     source = tmp_path / "diagnosis.json"
@@ -110,6 +126,8 @@ def test_every_run_that_is_proposed_for_the_motor_bench_is_within_its_limits() -
         (["--trajectory", json.dumps({**RUN, "offset_deg": 400}), "--phase", "free"], "limits are"),
         (["--trajectory", json.dumps({**RUN, "load_torque": 0.1}), "--phase", "free"], "motor_bench"),
         (["--trajectory", json.dumps({**RUN, "load_torque": "x"}), "--phase", "motor_bench"], "in N m"),
+        (["--protocol", "on-air", "--runs", "3"], "--runs"),
+        (["--protocol", "on-air", "--set-mcp", "nan"], "180 degrees"),
         (["--protocol", "on-air", "--device", "replay:x.h5"], "replay"),
     ],
 )
