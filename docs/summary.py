@@ -21,7 +21,9 @@ def summary(folder: Path) -> str:
     Args:
         folder: holds the pages.
     """
-    rows = [row for part in (_hidden, _replicate, _faults, _sessions, _real_time) for row in part(folder)]
+    rows = [
+        row for part in (_hidden, _replicate, _faults, _sessions, _real_time, _soak) for row in part(folder)
+    ]
     return "\n".join(["| what | figure | read from |", "|---|---|---|", *rows])
 
 
@@ -107,9 +109,25 @@ REAL_TIME_ROWS = ("lateness p50, ms", "lateness p99, ms", "cycles lost")
 def _real_time(folder: Path) -> Iterator[str]:
     name = "benchmarks-real-time.md"
     head, rows = table(folder / name, "window drawing")
+    driven = next((row[1:] for row in rows if row[0] == "motor driven"), ["no"] * len(head))
+    cases = [
+        f"window drawing: {drawing}" + (", motor driven" if motor.startswith("yes") else "")
+        for drawing, motor in zip(head[1:], driven, strict=False)
+    ]
     for row in rows:
         if row[0] in REAL_TIME_ROWS:
-            figure = "; ".join(
-                f"{value} (window drawing: {yes})" for yes, value in zip(head[1:], row[1:], strict=False)
-            )
+            figure = "; ".join(f"{value} ({case})" for case, value in zip(cases, row[1:], strict=False))
             yield _line(f"control loop at 1 kHz on a shared machine, {row[0]}", figure, name, "Real time")
+
+
+SOAK_ROWS = ("samples in the file", "cycles lost, rows unread", "largest difference from the first minute")
+
+
+def _soak(folder: Path) -> Iterator[str]:
+    head, rows = table(folder / "soak.md", "hours of rig time")
+    for row in rows:
+        if row[0] in SOAK_ROWS:
+            what = row[0].replace("largest difference", "memory, largest difference")
+            yield _line(
+                f"{' and '.join(head[1:])} h in one run, {what}", "; ".join(row[1:]), "soak.md", "Soak"
+            )

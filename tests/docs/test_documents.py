@@ -273,6 +273,7 @@ def test_every_picture_that_a_page_shows_is_there_and_every_picture_is_small() -
 def test_the_summary_of_the_measurements_is_read_from_their_pages(generate: ModuleType) -> None:
     made = sys.modules["summary"]
     text = made.summary(DOCS)
+    assert "memory, largest difference from the first minute" in text
     rows = [line.strip("| ").split(" | ") for line in text.splitlines()[2:]]
     assert len(rows) > 8
     for what, figure, link in rows:
