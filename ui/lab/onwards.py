@@ -42,10 +42,11 @@ class Onwards(QObject):
 
         try:
             run = single_run(proposal["trajectory"], proposal["phase"], proposal.get("cable"))
+            steps = plan_steps([run], CONTACT_FORCE_N)
         except UserError as error:
             self._desk.tell(str(error))
             return
-        self._desk.hand_protocol(plan_steps([run], CONTACT_FORCE_N), "Proposed by the Model lab")
+        self._desk.hand_protocol(steps, "Proposed by the Model lab")
 
     def predict(self) -> None:
         """Fit the present model with its interval, and show its force in Predict."""
