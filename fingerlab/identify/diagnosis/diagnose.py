@@ -13,9 +13,15 @@ from threadpoolctl import threadpool_limits
 from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.errors import equation_errors
 from fingerlab.identify.diagnosis.evidence import Evidence, alike, distrusted, justified
-from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
-from fingerlab.identify.diagnosis.search import Watch, forward, refine, rescore, weigh
+from fingerlab.identify.diagnosis.search import Watch, forward, rescore, weigh
+from fingerlab.identify.diagnosis.second_look import (
+    closely,
+    closest,
+    look_again_along,
+    settled,
+    worth_a_look,
+)
 from fingerlab.identify.diagnosis.study import Study, Trial
 from fingerlab.identify.diagnosis.wording import Z90, detectable, deviations, explanation, parameters
 from fingerlab.identify.results import Candidate, Diagnosis, Fingerprint, ParameterEstimate, PathStep, Verdict
@@ -93,34 +99,41 @@ def _diagnose(
     started: float,
 ) -> Diagnosis:
     display = _display() if with_curves else None
+    if given:
+        given = closest(closely(sessions, given, scale.part(0.0, 0.1), cancelled, executor)[1])
+        catalogue = [next((g for g in given if g.id == e.id), e) for e in catalogue]
     reduced = reduce_sessions(
         sessions,
         catalogue,
-        scale.part(0.0, 0.4),
+        scale.part(0.1, 0.4),
         cancelled,
         display.keep if display is not None else None,
         executor,
     )
     effects = reduced.layout.effects
-    for one in given:
-        if one not in effects:
-            raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
     study = Study(reduced)
     watch = Watch(scale.part(0.4, 0.7), cancelled)
-    base = _base(study, given)
+    base = settled(study, given)
     evidence = weigh(study, base, effects, watch)
     first_weights = study.weights
-    path = forward(study, evidence, effects, len(given), Watch(scale.part(0.7, 0.95), cancelled))
+    path = forward(study, evidence, effects, len(given), Watch(scale.part(0.7, 0.9), cancelled))
     if len(path) == 1 and _verdict(evidence) == "missing_effect":
         evidence = distrusted(evidence)
-    if len(path) > 2:  # every score of an answer is told in the floors of the same, last model
+    closer: Study | None = None
+    if len(path) > 1 and worth_a_look(path[-1].model.choices):
+        closer, path = look_again_along(sessions, path, scale.part(0.9, 0.97), cancelled, executor)
+        study.weights = closer.weights
+    if closer is not None or len(path) > 2:
+        # Every score of an answer is told in the floors of the same, last model.
         evidence = rescore(study, evidence)
+        path = [evidence.base, *path[1:]]
     else:
         study.weights = first_weights
     loose = sum(f.slack_samples for g in reduced.groups for f in g.folds)
     chosen = alike(evidence)
     curves = display.curves(study, evidence) if display is not None else None
-    candidates = _candidates(evidence, chosen, loose, curves.fingerprints if curves else {})
+    first = path[1] if closer is not None else None
+    candidates = _candidates(evidence, chosen, loose, curves.fingerprints if curves else {}, first)
     verdict = _verdict(evidence)
     return Diagnosis(
         sessions=tuple(str(s.path) for s in sessions),
@@ -163,17 +176,6 @@ def _next_experiment(
     return propose(sessions, study, evidence, chosen)
 
 
-def _base(study: Study, given: Sequence[Effect]) -> Trial:
-    """The model as given, each of its effects at the grid point that fits best."""
-    trial = study.settle([])
-    for one in given:
-        choices = list(trial.model.choices)
-        shapes = [study.fit([*choices, Choice(one, i)], trial, 3) for i in range(len(one.shapes))]
-        trial = refine(study, min(shapes, key=lambda t: t.fit.cost))
-        trial = study.settle(trial.model.choices, trial)
-    return trial
-
-
 def _last(trial: Trial) -> str | None:
     return trial.model.choices[-1].effect.id if trial.model.choices else None
 
@@ -186,8 +188,13 @@ def _verdict(evidence: Evidence) -> Verdict:
 
 
 def _candidates(
-    evidence: Evidence, chosen: Sequence[int], loose: int, prints: Mapping[str, Fingerprint]
+    evidence: Evidence,
+    chosen: Sequence[int],
+    loose: int,
+    prints: Mapping[str, Fingerprint],
+    closer: Trial | None,
 ) -> tuple[Candidate, ...]:
+    """What is told of every effect; of the first that was added, as a second look finds it."""
     verdict = _verdict(evidence)
     result = []
     order = sorted(
@@ -195,6 +202,8 @@ def _candidates(
     )
     for i in order:
         trial = evidence.trials[i]
+        if closer is not None and _last(closer) == _last(trial):
+            trial = closer
         one = trial.model.choices[-1].effect
         shown = detectable(trial, one, evidence.temperature, loose)
         result.append(

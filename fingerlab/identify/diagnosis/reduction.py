@@ -39,7 +39,7 @@ from fingerlab.identify.diagnosis.routing import spread_of
 from fingerlab.identify.diagnosis.stretches import stretches
 from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Sums, empty, total
 from fingerlab.physics.effects import CATALOGUE
-from fingerlab.physics.effects.base import Effect
+from fingerlab.physics.effects.base import Effect, Shape
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
 
@@ -54,6 +54,8 @@ TASKS_AHEAD = 2
 """Runs that a second process is given at a time: one at work and one waiting."""
 
 GroupKey = tuple[str, str]
+Grid = tuple[str, Sequence[Shape]]
+"""A built-in effect by its id, and the shapes that are asked of it."""
 
 
 @dataclass
@@ -147,7 +149,7 @@ def _columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[tuple[Featur
         for k in shifts:
             yield _with(feature, shift=k), values, False
     for effect in effects:
-        own = CATALOGUE.get(effect.id) is not effect
+        own = _of_the_user(effect)
         for index, shape in enumerate(effect.shapes):
             for t in effect.columns(motion, shape):
                 feature = Feature(t.row, t.gain, t.constant, t.scale, owner=effect.id, shape=index)
@@ -307,8 +309,8 @@ def _in_turn(
     first, run = pairs[0]
     layout = layout_of(next(stretches(run, first.rig)).glimpse(), first, effects)
     signals = layout.signals
-    ids = [e.id for e in effects]
-    if any(CATALOGUE.get(e.id) is not e for e in effects):
+    grids = [(e.id, e.shapes) for e in effects]
+    if any(_of_the_user(e) for e in effects):
         executor = None  # a user's own effect lives in this process only
     waiting = deque(range(len(pairs)))
     ahead: dict[int, Future[RunSums]] = {}
@@ -316,7 +318,7 @@ def _in_turn(
     try:
         for number in range(len(pairs)):
             while number not in done:
-                _refill(executor, ahead, waiting, pairs, (ids, signals))
+                _refill(executor, ahead, waiting, pairs, (grids, signals))
                 if number in waiting:
                     waiting.remove(number)
                     done[number] = run_sums(*pairs[number], effects, signals, keep)
@@ -336,7 +338,7 @@ def _refill(
     ahead: dict[int, Future[RunSums]],
     waiting: deque[int],
     pairs: Sequence[tuple[Session, Run]],
-    constants: tuple[Sequence[str], IntArray],
+    constants: tuple[Sequence[Grid], IntArray],
 ) -> None:
     """Keep the second process busy; the next run in turn is left to this one."""
     if executor is None:
@@ -348,9 +350,16 @@ def _refill(
         ahead[number] = executor.submit(_elsewhere, replace(session, runs=()), run, *constants)
 
 
-def _elsewhere(session: Session, run: Run, ids: Sequence[str], signals: IntArray) -> RunSums:
+def _elsewhere(session: Session, run: Run, grids: Sequence[Grid], signals: IntArray) -> RunSums:
     """What the second process does."""
-    return run_sums(session, run, [CATALOGUE[name] for name in ids], signals, None)
+    effects = [replace(CATALOGUE[name], shapes=shapes) for name, shapes in grids]
+    return run_sums(session, run, effects, signals, None)
+
+
+def _of_the_user(effect: Effect) -> bool:
+    """Whether it is none of the built-in effects; those may come with shapes for a second look."""
+    known = CATALOGUE.get(effect.id)
+    return known is None or known.columns is not effect.columns
 
 
 def run_sums(

@@ -6,7 +6,13 @@ import numpy as np
 
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.hysteresis import first_order_lag, slip_state, stop_operator
+from fingerlab.physics.effects.closer import either, every, times
+from fingerlab.physics.effects.hysteresis import (
+    first_order_lag,
+    friction_state,
+    rubbing_force,
+    stop_operator,
+)
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -14,16 +20,20 @@ STICKING_TRAVELS_DEG = (0.15, 0.21, 0.3, 0.42, 0.6, 0.84)
 """Travel over which friction of motor or sheath reverses by 63 %, degrees at the pulley: from a few steps of
 the encoder to the wind-up of a gearbox; assumed."""
 USUAL_STICKING_DEG = 0.3
+REFERENCE_PULL_N = 5.0
+"""Tension at which the travel of a friction that grows with the load is told, N: what sticks has one spring,
+so that it slides over twice the travel at twice the load. Assumed; only a scale."""
 
 
-def winding_state(motion: Motion, travel_deg: float = USUAL_STICKING_DEG) -> Array:
+def winding_state(motion: Motion, travel_deg: float = USUAL_STICKING_DEG, sharpness: float = 0.0) -> Array:
     """Direction of cable travel with sticking, in [-1, 1], shape (n,); +1 winding in."""
+    way = float(np.radians(travel_deg))
 
     def stop(position: Array, travel: float) -> Array:
         return motion.remember(("stop", travel), lambda: stop_operator(position, travel))
 
     return motion.remember(
-        ("winding", travel_deg), lambda: slip_state(motion.position, float(np.radians(travel_deg)), stop)
+        ("winding", travel_deg, sharpness), lambda: friction_state(motion.position, way, sharpness, stop)
     )
 
 
@@ -87,14 +97,26 @@ def _varying_arm(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _capstan(motion: Motion, shape: Shape) -> list[Term]:
-    """The sheath takes its share of the tension in the cable, before or behind what stretches."""
+    """The sheath takes its share of the tension in the cable, before or behind what stretches.
+
+    The share follows the tension of the moment or, where ``held``, only as far as what sticks is let go: a
+    cable that sticks in its sheath keeps its friction while the tension rises on both ends of it.
+    """
+    travel, sharpness = shape["travel_deg"], shape.get("sharpness", 0.0)
+    held = bool(shape.get("held", 0.0))
 
     def lost() -> Array:
-        inertia = motion.motor.inertia or 0.0
-        cable = motion.tension - inertia * motion.inertial_pull
-        return cable * winding_state(motion, shape["travel_deg"])
+        cable = motion.tension - (motion.motor.inertia or 0.0) * motion.inertial_pull
+        if not held:
+            return cable * winding_state(motion, travel, sharpness)
+        limit = np.maximum(cable, 0.0)
 
-    terms = pull_terms("loss", motion.remember(("sheath", shape["travel_deg"]), lost))
+        def stop(position: Array, reach: float) -> Array:
+            return rubbing_force(position, limit, REFERENCE_PULL_N / reach)
+
+        return friction_state(motion.position, float(np.radians(travel)), sharpness, stop)
+
+    terms = pull_terms("loss", motion.remember(("sheath", travel, sharpness, held), lost))
     return [t for t in terms if shape["stretch_behind"] or t.row != Row.CABLE]
 
 
@@ -119,6 +141,7 @@ EFFECTS = (
         columns=_lagging_stretch,
         shapes=tuple({"time_constant": value} for value in (0.0, 0.004, 0.008, 0.016, 0.032)),
         shape_units={"time_constant": "s"},
+        closer=times("time_constant"),
         relaxes={
             "cable_compliance": Gain("m/N", 0.0, 1e-3, 1e-4, title="cable compliance"),
             "cable_damping": Gain("m s/N", -2e-5, 2e-5, 2e-6, title="cable damping"),
@@ -140,6 +163,7 @@ EFFECTS = (
         reveal="slow steps up and down with the cable under tension",
         shapes=tuple({"gap_deg": value} for value in (0.5, 1.0, 2.0, 4.0)),
         shape_units={"gap_deg": "deg"},
+        closer=times("gap_deg"),
     ),
     Effect(
         id="varying_moment_arm",
@@ -174,6 +198,12 @@ EFFECTS = (
             *({"travel_deg": t, "stretch_behind": 0.0} for t in STICKING_TRAVELS_DEG[::-1]),
         ),
         shape_units={"travel_deg": "deg"},
+        closer=every(
+            times("travel_deg"),
+            either("sharpness", (0.0, 1.0)),
+            either("held", (0.0, 1.0)),
+            either("stretch_behind", (0.0, 1.0)),
+        ),
         wanders=True,
         sticks=True,
     ),

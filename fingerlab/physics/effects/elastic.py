@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
+from fingerlab.physics.effects.closer import plus, times
 from fingerlab.physics.effects.friction import both, joint_terms
 from fingerlab.physics.effects.hysteresis import first_order_lag
 from fingerlab.physics.effects.motion import Motion
@@ -117,6 +118,7 @@ EFFECTS = (
         reveal="steps, each held for several seconds",
         shapes=tuple({"time_constant": value} for value in (0.1, 0.2, 0.35, 0.6, 1.1, 1.9, 3.3)),
         shape_units={"time_constant": "s"},
+        closer=times("time_constant"),
     ),
     Effect(
         id="joint_stop",
@@ -136,5 +138,6 @@ EFFECTS = (
             for k in (*range(-8, 0), *range(2, 10))
         ),
         shape_units={"edge_deg": "deg"},
+        closer=plus("edge_deg", range(-4, 5)),
     ),
 )

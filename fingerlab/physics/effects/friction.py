@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.hysteresis import dahl_state, slip_state, stop_operator
+from fingerlab.physics.effects.closer import either, every, times
+from fingerlab.physics.effects.hysteresis import dahl_state, friction_state, stop_operator
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -13,6 +14,8 @@ STICKING_TRAVELS_DEG = (0.06, 0.085, 0.12, 0.17, 0.24, 0.34, 0.48)
 """Travel over which a Coulomb joint reverses 63 % of its friction, degrees: from the sensor's 0.04 degrees
 (KMA210 data sheet), so that noise does not flip the sign of a joint at rest, to the least that is called
 presliding; assumed."""
+SHARPNESSES = (0.0, 0.5, 1.0)
+FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)
 STRIBECK_SPEEDS = (0.2, 0.6)
 """Speeds by which the excess of breakaway has fallen to 37 %, rad/s; assumed: from where a hinge of polymer
 slides for certain to a third of the thesis' fastest motion."""
@@ -36,27 +39,29 @@ def _viscous(motion: Motion, shape: Shape) -> list[Term]:
     return joint_terms("viscous", joints.mcp_velocity, joints.pip_velocity)
 
 
-def _states(motion: Motion, travel_deg: float) -> tuple[Array, Array]:
+def _states(motion: Motion, shape: Shape) -> tuple[Array, Array]:
     _, joints = motion.finger_and_joints
-    return _state(motion, "mcp", joints.mcp, travel_deg), _state(motion, "pip", joints.pip, travel_deg)
+    return _state(motion, "mcp", joints.mcp, shape), _state(motion, "pip", joints.pip, shape)
 
 
-def _state(motion: Motion, name: str, angle: Array, travel_deg: float) -> Array:
-    def stop(position: Array, travel: float) -> Array:
-        return motion.remember(("stop", name, travel), lambda: stop_operator(position, travel))
+def _state(motion: Motion, name: str, angle: Array, shape: Shape) -> Array:
+    travel, sharpness = float(np.radians(shape["travel_deg"])), shape.get("sharpness", 0.0)
+
+    def stop(position: Array, reach: float) -> Array:
+        return motion.remember(("stop", name, reach), lambda: stop_operator(position, reach))
 
     return motion.remember(
-        ("sticking", name, travel_deg), lambda: slip_state(angle, float(np.radians(travel_deg)), stop)
+        ("sticking", name, travel, sharpness), lambda: friction_state(angle, travel, sharpness, stop)
     )
 
 
 def _coulomb(motion: Motion, shape: Shape) -> list[Term]:
-    return joint_terms("coulomb", *_states(motion, shape["travel_deg"]))
+    return joint_terms("coulomb", *_states(motion, shape))
 
 
 def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
     _, joints = motion.finger_and_joints
-    mcp, pip = _states(motion, shape["travel_deg"])
+    mcp, pip = _states(motion, shape)
     speed = shape["stribeck_speed"]
     return joint_terms("coulomb", mcp, pip) + joint_terms(
         "extra",
@@ -67,8 +72,17 @@ def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
 
 def _presliding(motion: Motion, shape: Shape) -> list[Term]:
     _, joints = motion.finger_and_joints
+    if shape.get("masing"):
+        return joint_terms("dahl", *_states(motion, shape))
     travel = float(np.radians(shape["travel_deg"]))
     return joint_terms("dahl", dahl_state(joints.mcp, travel), dahl_state(joints.pip, travel))
+
+
+def dahl_or_masing(shape: Shape) -> list[Shape]:
+    return [
+        *times("travel_deg")(shape),
+        *every(times("travel_deg"), either("masing", (1.0,)), either("sharpness", SHARPNESSES))(shape),
+    ]
 
 
 EFFECTS = (
@@ -96,6 +110,7 @@ EFFECTS = (
         reveal="slow sines with full reversals",
         shapes=tuple({"travel_deg": travel} for travel in STICKING_TRAVELS_DEG),
         shape_units={"travel_deg": "deg"},
+        closer=every(times("travel_deg"), either("sharpness", SHARPNESSES)),
         wanders=True,
         sticks=True,
     ),
@@ -118,6 +133,9 @@ EFFECTS = (
             for travel in travels
         ),
         shape_units={"stribeck_speed": "rad/s", "travel_deg": "deg"},
+        closer=every(
+            times("stribeck_speed", FACTORS), times("travel_deg", FACTORS), either("sharpness", (0.0, 1.0))
+        ),
         wanders=True,
         sticks=True,
     ),
@@ -133,6 +151,7 @@ EFFECTS = (
         reveal="sines of small amplitude, 2 to 5 degrees",
         shapes=tuple({"travel_deg": travel} for travel in (1.0, 2.0, 4.0, 8.0)),
         shape_units={"travel_deg": "deg"},
+        closer=dahl_or_masing,
         wanders=True,
         sticks=True,
     ),

@@ -86,6 +86,43 @@ def slip_state(
     return result
 
 
+KNOTS = 8
+"""Spring-sliders that make up a virgin curve which ends; between its knots the curve is straight."""
+
+
+def friction_state(
+    position: Array,
+    travel: float,
+    sharpness: float = 0.0,
+    stop: Callable[[Array, float], Array] = stop_operator,
+) -> Array:
+    """Friction state in [-1, 1], shape (n,), of sliders whose virgin curve is 1 - (1 - x / (p d))^p.
+
+    ``sharpness`` is 1/p, d half of ``travel``, so that all of them are as stiff at first. 1: one contact,
+    that holds like a spring and then slides. 2/3: a pressed ball, whose rim slips before its middle (Mindlin
+    1949). 1/2: parts that let go evenly one after the other (Iwan 1966). 0: exp(-x / d), as
+    :func:`slip_state`. On a reversal the curve is gone through at twice the size (Masing 1926).
+    """
+    if sharpness <= 0.0:
+        return slip_state(position, travel, stop)
+    result = np.zeros_like(position)
+    for share, reach in sliders(0.5 * travel, sharpness):
+        result += share * stop(position, reach)
+    return result
+
+
+def sliders(travel: float, sharpness: float) -> list[tuple[float, float]]:
+    """Share of the friction and travel of every slider of such a curve; ``sharpness`` above 0, up to 1."""
+    power = 1.0 / sharpness
+    if power <= 1.0:
+        return [(1.0, travel)]
+    knots = np.arange(KNOTS + 1) / KNOTS
+    level = 1.0 - (1.0 - knots) ** power
+    slopes = np.append(np.diff(level) * KNOTS, 0.0)
+    shares = -np.diff(slopes) * knots[1:]
+    return [(float(s), float(power * travel * k)) for s, k in zip(shares, knots[1:], strict=True)]
+
+
 def dahl_state(position: Array, travel: float) -> Array:
     """Dahl's friction state in [-1, 1], shape (n,), exact between samples; starts at zero.
 
