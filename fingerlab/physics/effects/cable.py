@@ -6,7 +6,7 @@ import numpy as np
 
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.closer import either, every, times
+from fingerlab.physics.effects.closer import OCTAVE, either, every, rubbing, times
 from fingerlab.physics.effects.hysteresis import (
     first_order_lag,
     friction_state,
@@ -199,8 +199,7 @@ EFFECTS = (
         ),
         shape_units={"travel_deg": "deg"},
         closer=every(
-            times("travel_deg"),
-            either("sharpness", (0.0, 1.0)),
+            rubbing(OCTAVE[1:-1], (0.0, 1.0)),
             either("held", (0.0, 1.0)),
             either("stretch_behind", (0.0, 1.0)),
         ),

@@ -13,8 +13,8 @@ from fingerlab.physics.effects.cable import (
     pull_terms,
     winding_state,
 )
-from fingerlab.physics.effects.closer import either, every, plus, times
-from fingerlab.physics.effects.friction import FACTORS, SHARPNESSES, dahl_or_masing
+from fingerlab.physics.effects.closer import OCTAVE, every, plus, rubbing, times
+from fingerlab.physics.effects.friction import SPEED_FACTORS, dahl_or_masing
 from fingerlab.physics.effects.hysteresis import dahl_state, friction_state, rubbing_force
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
@@ -97,7 +97,7 @@ def _load_dependent(motion: Motion, shape: Shape) -> list[Term]:
 
     way = float(np.radians(shape["travel_deg"]))
     return drive_terms(
-        motion, "share", friction_state(motion.position, way, shape.get("sharpness", 1.0), stop)
+        motion, "share", friction_state(motion.position, way, shape.get("sharpness", 0.0), stop)
     )
 
 
@@ -122,7 +122,12 @@ RIPPLE_ORDERS = (*range(4, 41, 2), *range(44, 61, 4))
 """Periods a turn of the pulley that are tried; between two of them a travel of 30 degrees shifts the phase by
 a quarter of a radian at most. 4.3:1 gearing puts the motor's 13 commutator segments at 56."""
 RIPPLE = Gain("N m", -0.05, 0.05, 0.003, title="ripple amplitude")
-STICKING_CLOSER = every(times("travel_deg"), either("sharpness", SHARPNESSES))
+
+
+def _with_travel(shape: Shape) -> tuple[Shape]:
+    return ({"travel_deg": USUAL_STICKING_DEG, **shape},)
+
+
 STICKING_TRAVELS = tuple({"travel_deg": value} for value in STICKING_TRAVELS_DEG)
 SPEEDS = tuple({"stribeck_speed": value} for value in (0.1, 0.3, 0.8, 2.0))
 
@@ -139,7 +144,7 @@ EFFECTS = (
         reveal="a motor-bench run without a finger",
         shapes=STICKING_TRAVELS,
         shape_units={"travel_deg": "deg"},
-        closer=STICKING_CLOSER,
+        closer=rubbing(),
         bench=True,
         wanders=True,
         sticks=True,
@@ -180,11 +185,7 @@ EFFECTS = (
         reveal="a chirp from 0.1 to 3 Hz on the motor bench",
         shapes=SPEEDS,
         shape_units={"stribeck_speed": "rad/s"},
-        closer=every(
-            times("stribeck_speed", FACTORS),
-            either("travel_deg", STICKING_TRAVELS_DEG),
-            either("sharpness", (0.0, 1.0)),
-        ),
+        closer=every(_with_travel, times("stribeck_speed", SPEED_FACTORS), rubbing(OCTAVE[1:-1], (0.0, 1.0))),
         bench=True,
         wanders=True,
         sticks=True,
@@ -223,7 +224,7 @@ EFFECTS = (
         reveal="slow sines on the motor bench",
         shapes=STICKING_TRAVELS,
         shape_units={"travel_deg": "deg"},
-        closer=STICKING_CLOSER,
+        closer=rubbing(),
         bench=True,
         wanders=True,
         sticks=True,
@@ -239,9 +240,9 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="The missing tension opposes the travel and grows with the torque transmitted.",
         reveal="a motor bench with two known loads",
-        shapes=tuple({"travel_deg": value} for value in (0.3, 0.6, 1.2, 2.4)),
+        shapes=tuple({"travel_deg": value, "sharpness": 1.0} for value in (0.3, 0.6, 1.2, 2.4)),
         shape_units={"travel_deg": "deg"},
-        closer=every(times("travel_deg"), either("sharpness", SHARPNESSES)),
+        closer=rubbing(OCTAVE[1:-1]),
         bench=True,
         wanders=True,
         sticks=True,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.closer import either, every, times
+from fingerlab.physics.effects.closer import OCTAVE, either, every, rubbing, times
 from fingerlab.physics.effects.hysteresis import dahl_state, friction_state, stop_operator
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
@@ -14,8 +14,7 @@ STICKING_TRAVELS_DEG = (0.06, 0.085, 0.12, 0.17, 0.24, 0.34, 0.48)
 """Travel over which a Coulomb joint reverses 63 % of its friction, degrees: from the sensor's 0.04 degrees
 (KMA210 data sheet), so that noise does not flip the sign of a joint at rest, to the least that is called
 presliding; assumed."""
-SHARPNESSES = (0.0, 0.5, 1.0)
-FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)
+SPEED_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)
 STRIBECK_SPEEDS = (0.2, 0.6)
 """Speeds by which the excess of breakaway has fallen to 37 %, rad/s; assumed: from where a hinge of polymer
 slides for certain to a third of the thesis' fastest motion."""
@@ -79,10 +78,8 @@ def _presliding(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def dahl_or_masing(shape: Shape) -> list[Shape]:
-    return [
-        *times("travel_deg")(shape),
-        *every(times("travel_deg"), either("masing", (1.0,)), either("sharpness", SHARPNESSES))(shape),
-    ]
+    masing = every(either("masing", (1.0,)), rubbing(OCTAVE[1:-1]))
+    return [*times("travel_deg")(shape), *masing(shape)]
 
 
 EFFECTS = (
@@ -110,7 +107,7 @@ EFFECTS = (
         reveal="slow sines with full reversals",
         shapes=tuple({"travel_deg": travel} for travel in STICKING_TRAVELS_DEG),
         shape_units={"travel_deg": "deg"},
-        closer=every(times("travel_deg"), either("sharpness", SHARPNESSES)),
+        closer=rubbing(),
         wanders=True,
         sticks=True,
     ),
@@ -133,9 +130,7 @@ EFFECTS = (
             for travel in travels
         ),
         shape_units={"stribeck_speed": "rad/s", "travel_deg": "deg"},
-        closer=every(
-            times("stribeck_speed", FACTORS), times("travel_deg", FACTORS), either("sharpness", (0.0, 1.0))
-        ),
+        closer=every(times("stribeck_speed", SPEED_FACTORS), rubbing(sharpnesses=(0.0, 1.0))),
         wanders=True,
         sticks=True,
     ),
