@@ -105,7 +105,7 @@ def _diagnose(
     reduced = reduce_sessions(
         sessions,
         catalogue,
-        scale.part(0.1, 0.4),
+        scale.part(0.1 if given else 0.0, 0.4),
         cancelled,
         display.keep if display is not None else None,
         executor,

@@ -291,6 +291,8 @@ class Fitter:
 
         A change by less than ``least`` either way is taken for the end.
         """
+        if not np.all(np.diag(curvature) > 0):  # what was taken away as noise is more than there was
+            return values, -np.inf
         step = bounded_step(values, gradient, curvature, self._low, self._high)
         gain = 0.0
         for fraction in (1.0, 0.5, 0.2, 0.05):

@@ -6,7 +6,7 @@ import numpy as np
 
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.closer import OCTAVE, either, every, rubbing, times
+from fingerlab.physics.effects.closer import either, every, rubbing, times
 from fingerlab.physics.effects.hysteresis import (
     first_order_lag,
     friction_state,
@@ -20,6 +20,8 @@ STICKING_TRAVELS_DEG = (0.15, 0.21, 0.3, 0.42, 0.6, 0.84)
 """Travel over which friction of motor or sheath reverses by 63 %, degrees at the pulley: from a few steps of
 the encoder to the wind-up of a gearbox; assumed."""
 USUAL_STICKING_DEG = 0.3
+SHEATH_FACTORS = tuple(2.0 ** (k / 2) for k in range(-4, 3))
+"""Of the travel: a stiff cable sticks over less than any gearbox winds up."""
 REFERENCE_PULL_N = 5.0
 """Tension at which the travel of a friction that grows with the load is told, N: what sticks has one spring,
 so that it slides over twice the travel at twice the load. Assumed; only a scale."""
@@ -199,7 +201,7 @@ EFFECTS = (
         ),
         shape_units={"travel_deg": "deg"},
         closer=every(
-            rubbing(OCTAVE[1:-1], (0.0, 1.0)),
+            rubbing(SHEATH_FACTORS, (0.0, 1.0)),
             either("held", (0.0, 1.0)),
             either("stretch_behind", (0.0, 1.0)),
         ),

@@ -138,6 +138,6 @@ EFFECTS = (
             for k in (*range(-8, 0), *range(2, 10))
         ),
         shape_units={"edge_deg": "deg"},
-        closer=plus("edge_deg", range(-4, 5)),
+        closer=plus("edge_deg", tuple(0.5 * k for k in range(-8, 9))),
     ),
 )

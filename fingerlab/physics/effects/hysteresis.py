@@ -86,7 +86,7 @@ def slip_state(
     return result
 
 
-KNOTS = 5
+KNOTS = 10
 """Spring-sliders that make up a virgin curve which ends; between its knots the curve is straight."""
 
 
