@@ -20,6 +20,10 @@ STICKING_TRAVELS_DEG = (0.15, 0.21, 0.3, 0.42, 0.6, 0.84)
 """Travel over which friction of motor or sheath reverses by 63 %, degrees at the pulley: from a few steps of
 the encoder to the wind-up of a gearbox; assumed."""
 USUAL_STICKING_DEG = 0.3
+HELD_TRAVELS_DEG = (0.1, 0.2)
+"""Travel over which a cable that is held in its sheath slides at a tension of REFERENCE_PULL_N, degrees at
+the pulley; assumed: what a stiff cable of 2e-5 m/N stretches under its friction on a pulley of 10 to 15 mm. A
+gearbox, whose friction also grows with the load, winds up by more."""
 SHEATH_FACTORS = tuple(2.0 ** (k / 2) for k in range(-4, 3))
 """Of the travel: a stiff cable sticks over less than any gearbox winds up."""
 REFERENCE_PULL_N = 5.0
@@ -122,6 +126,11 @@ def _capstan(motion: Motion, shape: Shape) -> list[Term]:
     return [t for t in terms if shape["stretch_behind"] or t.row != Row.CABLE]
 
 
+def _sheath(travel: float, stretch_behind: float, held: float = 0.0) -> Shape:
+    """What is held is one contact, what follows the tension are many."""
+    return {"travel_deg": travel, "stretch_behind": stretch_behind, "held": held, "sharpness": held}
+
+
 EFFECTS = (
     Effect(
         id="cable_slack",
@@ -196,8 +205,9 @@ EFFECTS = (
         explanation="The motor needs more tension winding in, less paying out, in proportion to the tension.",
         reveal="runs at several loads, contact included",
         shapes=(
-            *({"travel_deg": t, "stretch_behind": 1.0} for t in STICKING_TRAVELS_DEG),
-            *({"travel_deg": t, "stretch_behind": 0.0} for t in STICKING_TRAVELS_DEG[::-1]),
+            *(_sheath(travel, stretch_behind=1.0, held=1.0) for travel in HELD_TRAVELS_DEG),
+            *(_sheath(travel, stretch_behind=1.0) for travel in STICKING_TRAVELS_DEG[-2::-2]),
+            *(_sheath(travel, stretch_behind=0.0) for travel in STICKING_TRAVELS_DEG[::2]),
         ),
         shape_units={"travel_deg": "deg"},
         closer=every(
