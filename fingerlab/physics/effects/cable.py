@@ -36,7 +36,7 @@ def winding_state(motion: Motion, travel_deg: float = USUAL_STICKING_DEG, sharpn
     way = float(np.radians(travel_deg))
 
     def stop(position: Array, travel: float) -> Array:
-        return motion.remember(("stop", travel), lambda: stop_operator(position, travel))
+        return motion.remember(("stop", round(travel, 9)), lambda: stop_operator(position, travel))
 
     return motion.remember(
         ("winding", travel_deg, sharpness), lambda: friction_state(motion.position, way, sharpness, stop)

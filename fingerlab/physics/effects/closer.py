@@ -9,6 +9,8 @@ from fingerlab.physics.effects.base import Closer, Shape
 OCTAVE = tuple(2.0 ** (k / 4) for k in range(-4, 5))
 """Factors from one half to two."""
 HALF_OCTAVE = OCTAVE[2:-2]
+FINE_OCTAVE = tuple(2.0 ** (k / 8) for k in range(-6, 7))
+"""Factors for a travel of degrees, on which much of every cycle depends."""
 SHARPNESSES = (0.0, 0.5, 1.0)
 """Virgin curves of a friction that builds up (:func:`hysteresis.friction_state`): many contacts, parts that
 let go evenly, one contact."""

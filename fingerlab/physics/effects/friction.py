@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.closer import OCTAVE, either, every, rubbing, times
+from fingerlab.physics.effects.closer import FINE_OCTAVE, HALF_OCTAVE, OCTAVE, either, every, rubbing, times
 from fingerlab.physics.effects.hysteresis import dahl_state, friction_state, stop_operator
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
@@ -47,7 +47,7 @@ def _state(motion: Motion, name: str, angle: Array, shape: Shape) -> Array:
     travel, sharpness = float(np.radians(shape["travel_deg"])), shape.get("sharpness", 0.0)
 
     def stop(position: Array, reach: float) -> Array:
-        return motion.remember(("stop", name, reach), lambda: stop_operator(position, reach))
+        return motion.remember(("stop", name, round(reach, 9)), lambda: stop_operator(position, reach))
 
     return motion.remember(
         ("sticking", name, travel, sharpness), lambda: friction_state(angle, travel, sharpness, stop)
@@ -78,8 +78,12 @@ def _presliding(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def dahl_or_masing(shape: Shape) -> list[Shape]:
-    masing = every(either("masing", (1.0,)), rubbing(OCTAVE[1:-1]))
-    return [*times("travel_deg")(shape), *masing(shape)]
+    masing = either("masing", (1.0,))
+    return [
+        *times("travel_deg", HALF_OCTAVE)(shape),
+        *every(masing, rubbing(OCTAVE[1:-1], (0.0,)))(shape),
+        *every(masing, rubbing(FINE_OCTAVE, (0.5,)))(shape),
+    ]
 
 
 EFFECTS = (

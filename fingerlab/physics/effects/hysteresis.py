@@ -86,8 +86,9 @@ def slip_state(
     return result
 
 
-KNOTS = 10
-"""Spring-sliders that make up a virgin curve which ends; between its knots the curve is straight."""
+KNOTS = 2.0 ** (np.arange(-11, 1) / 4)
+"""Ends of the straight pieces of a virgin curve that ends, of its length: one spring-slider each. In this row
+a curve longer by a quarter of an octave shares all sliders but one, so that who tries several keeps them."""
 
 
 def friction_state(
@@ -116,11 +117,11 @@ def sliders(travel: float, sharpness: float) -> list[tuple[float, float]]:
     power = 1.0 / sharpness
     if power <= 1.0:
         return [(1.0, travel)]
-    knots = np.arange(KNOTS + 1) / KNOTS
+    knots = np.append(0.0, KNOTS)
     level = 1.0 - (1.0 - knots) ** power
-    slopes = np.append(np.diff(level) * KNOTS, 0.0)
-    shares = -np.diff(slopes) * knots[1:]
-    return [(float(s), float(power * travel * k)) for s, k in zip(shares, knots[1:], strict=True)]
+    slopes = np.append(np.diff(level) / np.diff(knots), 0.0)
+    shares = -np.diff(slopes) * KNOTS
+    return [(float(s), float(power * travel * k)) for s, k in zip(shares, KNOTS, strict=True)]
 
 
 def dahl_state(position: Array, travel: float) -> Array:
