@@ -106,8 +106,21 @@ def _spring(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _ripple(motion: Motion, shape: Shape) -> list[Term]:
-    wave = _turning(motion, shape["order"])
-    return drive_terms(motion, "sine", wave.imag) + drive_terms(motion, "cosine", wave.real)
+    """A torque with the period of the order, and its double: no mesh or commutator makes a pure sine."""
+    order = shape["order"]
+
+    def column(gain: str, of: float, part: str) -> list[Term]:
+        pull = motion.remember(
+            ("ripple", of, part), lambda: getattr(_turning(motion, of), part) / motion.radius
+        )
+        return drive_terms(motion, gain, pull) if motion.finger is None else pull_terms(gain, pull)
+
+    return [
+        *column("sine", order, "imag"),
+        *column("cosine", order, "real"),
+        *column("double_sine", 2 * order, "imag"),
+        *column("double_cosine", 2 * order, "real"),
+    ]
 
 
 def _turning(motion: Motion, order: float) -> Any:
@@ -122,6 +135,7 @@ RIPPLE_ORDERS = (*range(4, 41, 2), *range(44, 61, 4))
 """Periods a turn of the pulley that are tried; between two of them a travel of 30 degrees shifts the phase by
 a quarter of a radian at most. 4.3:1 gearing puts the motor's 13 commutator segments at 56."""
 RIPPLE = Gain("N m", -0.05, 0.05, 0.003, title="ripple amplitude")
+DOUBLE = Gain("N m", -0.02, 0.02, 0.001, title="ripple amplitude at twice the order")
 
 
 def _with_travel(shape: Shape) -> tuple[Shape]:
@@ -263,7 +277,7 @@ EFFECTS = (
         id="torque_ripple",
         title="Torque ripple",
         acts_on=("motor_torque",),
-        gains={"sine": RIPPLE, "cosine": RIPPLE},
+        gains={"sine": RIPPLE, "cosine": RIPPLE, "double_sine": DOUBLE, "double_cosine": DOUBLE},
         columns=_ripple,
         coordinate="motor angle",
         equation=Row.PIP,

@@ -78,6 +78,8 @@ def test_motor_columns_have_their_closed_forms() -> None:
         n = shape["order"]
         assert of("torque_ripple", shape, "sine") == pytest.approx(np.sin(n * angle))
         assert of("torque_ripple", shape, "cosine") == pytest.approx(np.cos(n * angle))
+        assert of("torque_ripple", shape, "double_sine") == pytest.approx(np.sin(2 * n * angle))
+        assert of("torque_ripple", shape, "double_cosine") == pytest.approx(np.cos(2 * n * angle))
     fast = (np.abs(speed) > 0.6) & (t > 0.1)  # several travels behind every reversal
     assert of("motor_coulomb_friction")[fast] == pytest.approx(np.sign(speed[fast]), abs=0.02)
     load = 0.05 + 0.02 * np.sin(2 * np.pi * 0.25 * t) - (motion.motor.inertia or 0.0) * motion.acceleration
