@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.closer import either, every, rubbing, times
+from fingerlab.physics.effects.closer import HALF_OCTAVE, either, every, times
 from fingerlab.physics.effects.hysteresis import (
     first_order_lag,
     friction_state,
@@ -24,8 +26,6 @@ HELD_TRAVELS_DEG = (0.1, 0.2)
 """Travel over which a cable that is held in its sheath slides at a tension of REFERENCE_PULL_N, degrees at
 the pulley; assumed: what a stiff cable of 2e-5 m/N stretches under its friction on a pulley of 10 to 15 mm. A
 gearbox, whose friction also grows with the load, winds up by more."""
-SHEATH_FACTORS = tuple(2.0 ** (k / 2) for k in range(-4, 3))
-"""Of the travel: a stiff cable sticks over less than any gearbox winds up."""
 REFERENCE_PULL_N = 5.0
 """Tension at which the travel of a friction that grows with the load is told, N: what sticks has one spring,
 so that it slides over twice the travel at twice the load. Assumed; only a scale."""
@@ -131,6 +131,18 @@ def _sheath(travel: float, stretch_behind: float, held: float = 0.0) -> Shape:
     return {"travel_deg": travel, "stretch_behind": stretch_behind, "held": held, "sharpness": held}
 
 
+def _sheath_closer(shape: Shape) -> Sequence[Shape]:
+    """Around the one found, and where the other law would be looked for."""
+    travel = shape["travel_deg"]
+    held = _sheath(travel if shape["held"] else HELD_TRAVELS_DEG[0] * 2**0.5, 1.0, held=1.0)
+    following = _sheath(USUAL_STICKING_DEG if shape["held"] else travel, 1.0)
+    behind = either("stretch_behind", (1.0, 0.0))
+    return [
+        *every(times("travel_deg"), behind)(held),
+        *every(times("travel_deg", HALF_OCTAVE), behind)(following),
+    ]
+
+
 EFFECTS = (
     Effect(
         id="cable_slack",
@@ -210,11 +222,7 @@ EFFECTS = (
             *(_sheath(travel, stretch_behind=0.0) for travel in STICKING_TRAVELS_DEG[::2]),
         ),
         shape_units={"travel_deg": "deg"},
-        closer=every(
-            rubbing(SHEATH_FACTORS, (0.0, 1.0)),
-            either("held", (0.0, 1.0)),
-            either("stretch_behind", (0.0, 1.0)),
-        ),
+        closer=_sheath_closer,
         wanders=True,
         sticks=True,
     ),
