@@ -21,9 +21,15 @@ from fingerlab.identify.diagnosis.evidence import (
     needed,
     unseen,
 )
-from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
-from fingerlab.identify.diagnosis.search import Watch, forward, refine, rescore, weigh
+from fingerlab.identify.diagnosis.search import Watch, forward, rescore, weigh
+from fingerlab.identify.diagnosis.second_look import (
+    closely,
+    closest,
+    look_again_along,
+    settled,
+    worth_a_look,
+)
 from fingerlab.identify.diagnosis.study import Study, Trial
 from fingerlab.identify.diagnosis.unseen import least_strength
 from fingerlab.identify.diagnosis.wording import Z90, deviations, explanation, parameters
@@ -102,28 +108,34 @@ def _diagnose(
     started: float,
 ) -> Diagnosis:
     display = _display() if with_curves else None
+    if given:
+        given = closest(closely(sessions, given, scale.part(0.0, 0.1), cancelled, executor)[1])
+        catalogue = [next((g for g in given if g.id == e.id), e) for e in catalogue]
     reduced = reduce_sessions(
         sessions,
         catalogue,
-        scale.part(0.0, 0.4),
+        scale.part(0.1 if given else 0.0, 0.4),
         cancelled,
         display.keep if display is not None else None,
         executor,
     )
     effects = reduced.layout.effects
-    for one in given:
-        if one not in effects:
-            raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
     study = Study(reduced)
     watch = Watch(scale.part(0.4, 0.7), cancelled)
-    base = _base(study, given)
+    base = settled(study, given)
     evidence = weigh(study, base, effects, watch)
     first_weights = study.weights
-    path = forward(study, evidence, effects, len(given), Watch(scale.part(0.7, 0.95), cancelled))
+    path = forward(study, evidence, effects, len(given), Watch(scale.part(0.7, 0.9), cancelled))
     if len(path) == 1 and _verdict(evidence) == "missing_effect":
         evidence = distrusted(evidence)
-    if len(path) > 2:  # every score of an answer is told in the floors of the same, last model
+    closer: Study | None = None
+    if len(path) > 1 and worth_a_look(path[-1].model.choices):
+        closer, path = look_again_along(sessions, path, scale.part(0.9, 0.97), cancelled, executor)
+        study.weights = closer.weights
+    if closer is not None or len(path) > 2:
+        # Every score of an answer is told in the floors of the same, last model.
         evidence = rescore(study, evidence)
+        path = [evidence.base, *path[1:]]
     else:
         study.weights = first_weights
     loose = sum(f.slack_samples for g in reduced.groups for f in g.folds)
@@ -133,7 +145,8 @@ def _diagnose(
     if verdict == "nothing_missing":
         chosen = hidden(evidence)
     curves = display.curves(study, evidence) if display is not None else None
-    candidates = _candidates(evidence, chosen, loose, curves.fingerprints if curves else {})
+    first = path[1] if closer is not None else None
+    candidates = _candidates(evidence, chosen, loose, curves.fingerprints if curves else {}, first)
     return Diagnosis(
         sessions=tuple(str(s.path) for s in sessions),
         model=tuple(e.id for e in given),
@@ -174,17 +187,6 @@ def _next_experiment(
     return (propose if verdict == "missing_effect" else reveal)(sessions, study, evidence, chosen)
 
 
-def _base(study: Study, given: Sequence[Effect]) -> Trial:
-    """The model as given, each of its effects at the grid point that fits best."""
-    trial = study.settle([])
-    for one in given:
-        choices = list(trial.model.choices)
-        shapes = [study.fit([*choices, Choice(one, i)], trial, 3) for i in range(len(one.shapes))]
-        trial = refine(study, min(shapes, key=lambda t: t.fit.cost))
-        trial = study.settle(trial.model.choices, trial)
-    return trial
-
-
 def _last(trial: Trial) -> str | None:
     return trial.model.choices[-1].effect.id if trial.model.choices else None
 
@@ -197,13 +199,20 @@ def _verdict(evidence: Evidence) -> Verdict:
 
 
 def _candidates(
-    evidence: Evidence, chosen: Sequence[int], loose: int, prints: Mapping[str, Fingerprint]
+    evidence: Evidence,
+    chosen: Sequence[int],
+    loose: int,
+    prints: Mapping[str, Fingerprint],
+    closer: Trial | None,
 ) -> tuple[Candidate, ...]:
+    """What is told of every effect; of the first that was added, as a second look finds it."""
     result = []
     told = evidence.told
     order = sorted(range(len(evidence.trials)), key=lambda i: (-told[i], evidence.trials[i].misfit))
     for i in order:
         trial = evidence.trials[i]
+        if closer is not None and _last(closer) == _last(trial):
+            trial = closer
         one = trial.model.choices[-1].effect
         least = least_strength(trial, needed(evidence, trial))
         shown = loose > 0 if one.special == "slack" else least <= 1.0

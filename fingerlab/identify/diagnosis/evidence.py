@@ -34,6 +34,8 @@ LEAST_SHARE = 0.2
 """A missing effect must explain this share of the reproducible misfit, or nothing is missing."""
 LEAST_FALL = 0.05
 """... and lower the squared score by this much: below, the misfit is a matter of sensor steps."""
+LEAST_FALL_BEYOND = 0.2
+"""The same for a model that holds an effect already: its own law is never quite the plant's."""
 CONTACT_CHARGE = 0.1
 """... and by this much more where it explains runs in contact alone: how a tip rubs and settles is never
 described to the end, and a lean of the force takes up what is left."""
@@ -113,7 +115,9 @@ def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
     zero, count = max(base.misfit, 0.0), base.count
     charged = np.array([t.misfit + charge(base, t) for t in trials])
     heat = temperature(min((t.misfit for t in trials), default=zero), count)
-    least = LEAST_FALL + (_contact_charge(base, trials[int(np.argmin(charged))]) if len(trials) else 0.0)
+    least = _least_part(base) + (
+        _contact_charge(base, trials[int(np.argmin(charged))]) if len(trials) else 0.0
+    )
     tolerated = zero - max(least_share(base) * zero, least * count)
     effects = -0.5 * charged / heat + np.log(PRIOR_EFFECTS / max(len(trials), 1))
     nothing = -0.5 * tolerated / heat + np.log(PRIOR_NOTHING)
@@ -206,7 +210,7 @@ def needed(evidence: Evidence, trial: Trial) -> float:
     base = evidence.base
     remaining = min([base.misfit, *(t.misfit for t in evidence.trials)])
     in_contact = CONTACT_CHARGE if _reaches_contact_alone(trial) else 0.0
-    least = max(LEAST_SHARE * max(remaining, 0.0), LEAST_FALL * base.count) + in_contact * base.count
+    least = max(LEAST_SHARE * max(remaining, 0.0), _least_part(base) * base.count) + in_contact * base.count
     return max(least, 2.0 * LEAST_LOG_ODDS * evidence.temperature)
 
 
@@ -252,7 +256,11 @@ def least_share(base: Trial) -> float:
 
 def least_fall(base: Trial) -> float:
     """By how much the misfit must fall for an effect beyond ``base`` to be worth a step."""
-    return max(least_share(base) * max(base.misfit, 0.0), LEAST_FALL * base.count)
+    return max(least_share(base) * max(base.misfit, 0.0), _least_part(base) * base.count)
+
+
+def _least_part(base: Trial) -> float:
+    return LEAST_FALL_BEYOND if base.model.choices else LEAST_FALL
 
 
 def justified(base: Trial, trial: Trial, level: float = 0.0) -> bool:
@@ -264,6 +272,6 @@ def justified(base: Trial, trial: Trial, level: float = 0.0) -> bool:
     heat = temperature(trial.misfit, trial.count)
     in_contact = _contact_charge(base, trial)
     likely = 0.5 * (fall - charge(base, trial) - in_contact * trial.count) / heat > LEAST_LOG_ODDS
-    least = LEAST_FALL + in_contact
+    least = _least_part(base) + in_contact
     shares = fall > max(least_share(base) * max(base.misfit, 0.0), least * base.count)
     return bool(likely and shares)

@@ -365,7 +365,7 @@ class Fitter:
         A change by less than ``least`` either way is taken for the end. Where the curvature is that of no
         minimum there is no such step, and the gain is minus infinity.
         """
-        if float(np.min(np.diag(curvature))) <= 0.0:
+        if not np.all(np.diag(curvature) > 0):  # what was taken away as noise is more than there was
             return values, -np.inf
         step = bounded_step(values, gradient, curvature, self._low, self._high)
         gain = 0.0

@@ -41,7 +41,7 @@ from fingerlab.identify.diagnosis.routing import spread_of
 from fingerlab.identify.diagnosis.stretches import stretches
 from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Part, RunSums, Sums, empty, total
 from fingerlab.physics.effects import CATALOGUE
-from fingerlab.physics.effects.base import Effect, Term
+from fingerlab.physics.effects.base import Effect, Shape, Term
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
 
@@ -56,6 +56,8 @@ TASKS_AHEAD = 2
 """Runs that a second process is given at a time: one at work and one waiting."""
 
 GroupKey = tuple[str, str]
+Grid = tuple[str, Sequence[Shape]]
+"""A built-in effect by its id, and the shapes that are asked of it."""
 
 
 @dataclass
@@ -73,6 +75,8 @@ class Group:
     noise_samples: float = 0.0
     encoder_variance: float = 0.0  # m^2 of cable: what a standing encoder's step leaves open
     dealt: list[Fold] = field(default_factory=list)
+    trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)
+    """While runs are read: slow trends by condition and stretch, (signals, degrees) for each run."""
 
     def __post_init__(self) -> None:
         self.dealt = self.dealt or [Fold(0, k) for k in range(len(self.folds))]
@@ -177,7 +181,7 @@ def _columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
         for k in shifts:
             yield values, k, False, partial(replace, feature, shift=k)
     for effect in effects:
-        own = CATALOGUE.get(effect.id) is not effect
+        own = _of_the_user(effect)
         for index, shape in enumerate(effect.shapes):
             for t in effect.columns(motion, shape):
                 yield t.values, None, own, partial(_feature, t, effect.id, index)
@@ -338,6 +342,8 @@ def reduce_sessions(
             groups[key] = _empty_group(run, layout, dealt[key])
         _add(groups[key], places[number], sums)
     assert layout is not None
+    for group in groups.values():
+        _without_common_trend(group)
     radius = 1.0 if on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
     return Reduced(layout, list(groups.values()), on_bench, radius)
 
@@ -361,8 +367,8 @@ def _in_turn(
     first, run = pairs[0]
     layout = layout_of(next(stretches(run, first.rig)).glimpse(), first, effects)
     signals = layout.signals
-    ids = [e.id for e in effects]
-    if any(CATALOGUE.get(e.id) is not e for e in effects):
+    grids = [(e.id, e.shapes) for e in effects]
+    if any(_of_the_user(e) for e in effects):
         executor = None  # a user's own effect lives in this process only
     waiting = deque(range(len(pairs)))
     ahead: dict[int, Future[RunSums]] = {}
@@ -370,7 +376,7 @@ def _in_turn(
     try:
         for number in range(len(pairs)):
             while number not in done:
-                _refill(executor, ahead, waiting, pairs, (ids, signals))
+                _refill(executor, ahead, waiting, pairs, (grids, signals))
                 if number in waiting:
                     waiting.remove(number)
                     done[number] = run_sums(*pairs[number], effects, signals, keep)
@@ -390,7 +396,7 @@ def _refill(
     ahead: dict[int, Future[RunSums]],
     waiting: deque[int],
     pairs: Sequence[tuple[Session, Run]],
-    constants: tuple[Sequence[str], IntArray],
+    constants: tuple[Sequence[Grid], IntArray],
 ) -> None:
     """Keep the second process busy; the next run in turn is left to this one."""
     if executor is None:
@@ -402,9 +408,16 @@ def _refill(
         ahead[number] = executor.submit(_elsewhere, replace(session, runs=()), run, *constants)
 
 
-def _elsewhere(session: Session, run: Run, ids: Sequence[str], signals: IntArray) -> RunSums:
+def _elsewhere(session: Session, run: Run, grids: Sequence[Grid], signals: IntArray) -> RunSums:
     """What the second process does."""
-    return run_sums(session, run, [CATALOGUE[name] for name in ids], signals, None)
+    effects = [replace(CATALOGUE[name], shapes=shapes) for name, shapes in grids]
+    return run_sums(session, run, effects, signals, None)
+
+
+def _of_the_user(effect: Effect) -> bool:
+    """Whether it is none of the built-in effects; those may come with shapes for a second look."""
+    known = CATALOGUE.get(effect.id)
+    return known is None or known.columns is not effect.columns
 
 
 def run_sums(
@@ -423,8 +436,14 @@ def run_sums(
         low = narrow_columns(motion, effects, signals)
         live = np.ascontiguousarray(low.columns.T[low.live])
         part = _products(low, live)
-        noise, samples = _noise(low, live, run, part.products)
-        result.add(Part(low.live, part, noise, samples))
+        repeating = _repeating(low, run)
+        if repeating is None:
+            result.add(Part(low.live, part))
+        else:
+            cyclic, trend = live @ repeating[0], live @ repeating[1]
+            noise = part.products - cyclic @ cyclic.T
+            result.add(Part(low.live, part, noise, len(low.time) - cyclic.shape[1]))
+            result.trends.append((low.live, trend))
         result.encoder_variance = (motion.radius * motion.position_step) ** 2 / 12.0
         if keep is not None:
             keep(session, run, low)
@@ -445,36 +464,52 @@ def _products(low: Narrow, live: Array) -> Sums:
     )
 
 
-def _noise(low: Narrow, live: Array, run: Run, products: Array) -> tuple[Array | None, float]:
-    """Products of what is left of the live signals without the run's cycle and its slow trend, and samples.
+def _repeating(low: Narrow, run: Run) -> tuple[Array, Array] | None:
+    """What a stretch may repeat: bases of its cycle, (n, harmonics), and of a slow trend, (n, degrees).
 
-    A trend (a sensor that warms up, a spring that creeps) is no noise of the cycles: it can be explained.
     None where there is no cycle that repeats often enough.
     """
     frequency = run.trajectory.get("frequency_hz")
     if run.trajectory.get("kind") != "sine" or not frequency or not bool(low.taut.all()):
-        return None, 0.0
+        return None
     count = int(np.ceil(0.5 * NARROW_RATE_HZ / frequency)) - 1
     if 2 * count + 1 > 0.6 * len(low.time):
-        return None, 0.0
-    basis = _harmonics(float(frequency), count, float(low.time[0]), float(low.time[-1]), len(low.time))
-    cyclic = live @ basis
-    return products - cyclic @ cyclic.T, len(low.time) - basis.shape[1]
+        return None
+    return _harmonics(float(frequency), count, float(low.time[0]), float(low.time[-1]), len(low.time))
 
 
 @lru_cache(maxsize=4)
-def _harmonics(frequency: float, count: int, first: float, last: float, samples: int) -> Array:
-    """Orthonormal basis, (samples, 2 count + 4), of slow trend and harmonics; the runs of a session share it.
+def _harmonics(frequency: float, count: int, first: float, last: float, samples: int) -> tuple[Array, Array]:
+    """Orthonormal bases of a constant and harmonics, (samples, 2 count + 1), and of a trend beside them.
 
-    ``frequency`` in Hz, ``first`` and ``last`` sample in s.
+    ``frequency`` in Hz, ``first`` and ``last`` sample in s. The runs of a session share them.
     """
     phase = 2 * np.pi * frequency * np.outer(np.linspace(first, last, samples), np.arange(1, count + 1))
     trend = legvander(np.linspace(-1.0, 1.0, samples), TREND_DEGREE)
-    return np.linalg.qr(np.hstack((trend, np.cos(phase), np.sin(phase))))[0]
+    basis = np.linalg.qr(np.hstack((trend[:, :1], np.cos(phase), np.sin(phase), trend[:, 1:])))[0]
+    return basis[:, :-TREND_DEGREE], basis[:, -TREND_DEGREE:]
 
 
 TREND_DEGREE = 3
 """Of the polynomial over a stretch that counts as its slow trend."""
+
+
+def _without_common_trend(group: Group) -> None:
+    """Takes out of a group's noise the slow trend that the runs of a condition have in common.
+
+    A trend (a sensor that warms up, a spring that creeps) is no noise if it comes again in every run: it can
+    be explained. Its noise is what it differs by from run to run. Only in free motion: how a tip settles on
+    the load cell comes again, too, and no law here tells it.
+    """
+    for trends in group.trends.values():
+        count = len(trends)
+        if count < 2 or group.key[1] == "contact":
+            continue
+        runs = np.stack(trends)  # (runs, signals, degrees)
+        mean = runs.mean(axis=0)
+        apart = (runs - mean).transpose(1, 0, 2).reshape(mean.shape[0], -1)
+        group.noise += apart @ apart.T / (count - 1) - count * mean @ mean.T
+    group.trends.clear()
 
 
 def _add(group: Group, k: int, found: RunSums) -> None:
@@ -486,4 +521,8 @@ def _add(group: Group, k: int, found: RunSums) -> None:
         if part.noise is not None:
             group.noise[np.ix_(part.live, part.live)] += part.noise
             group.noise_samples += part.noise_samples
+    for number, (live, trend) in enumerate(found.trends):
+        whole = np.zeros((len(group.noise), trend.shape[1]))
+        whole[live] = trend
+        group.trends.setdefault((group.dealt[k].condition, number), []).append(whole)
     group.encoder_variance = max(group.encoder_variance, found.encoder_variance)

@@ -175,10 +175,14 @@ class Part:
 
 @dataclass
 class RunSums:
-    """Sums of signal products over one run."""
+    """Sums of signal products over one run.
+
+    ``trends`` holds for each stretch that repeats its live signals and their slow trends, (live, degrees).
+    """
 
     run: str
     parts: list[Part] = field(default_factory=list)
+    trends: list[tuple[IntArray, Array]] = field(default_factory=list)
     encoder_variance: float = 0.0
 
     def add(self, part: Part) -> None:

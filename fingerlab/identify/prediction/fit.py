@@ -7,19 +7,16 @@ from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
-from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.bandwidth import NARROW_RATE_HZ
 from fingerlab.identify.diagnosis.evidence import temperature
-from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.reduction import (
     GroupKey,
     Progress,
     deal_runs,
     group_key,
-    reduce_sessions,
     runs_to_analyse,
 )
-from fingerlab.identify.diagnosis.search import refine
+from fingerlab.identify.diagnosis.second_look import closely
 from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study, Trial
 from fingerlab.identify.diagnosis.wording import Z90, deviations
 from fingerlab.identify.model_file import hash_sessions
@@ -28,7 +25,6 @@ from fingerlab.identify.prediction.held_out import by_run, contact_forces, equat
 from fingerlab.identify.prediction.interval import calibrate, error_of
 from fingerlab.identify.results import ParameterEstimate
 from fingerlab.physics.effects import effect
-from fingerlab.physics.effects.base import Effect
 from fingerlab.sessions.model import Session
 
 
@@ -46,13 +42,8 @@ def fit_extended(
     chosen = [effect(name) for name in dict.fromkeys(effects)]
     tell = progress or (lambda share, what: None)
     with threadpool_limits(limits=1, user_api="blas"):
-        reduced = reduce_sessions(sessions, chosen, lambda share, what: tell(0.5 * share, what))
-        for one in chosen:
-            if one not in reduced.layout.effects:
-                raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
-        study = Study(reduced)
-        tell(0.5, "fitting")
-        trial = _settled(study, chosen)
+        study, trial = closely(sessions, chosen, lambda share, what: tell(0.5 * share, what))
+        tell(0.6, "fitting")
         nominal = study.fit([], study.fit([], trial), FULL_ITERATIONS)
         hashes = {id(s): h.sha256 for s, h in zip(sessions, hash_sessions(sessions), strict=True)}
         folds = _contact_folds(study, sessions, hashes)
@@ -65,17 +56,6 @@ def fit_extended(
     if not chosen:
         done[0] = done[1]
     return ExtendedModel(done[0], done[1], parameters, hash_sessions(sessions))
-
-
-def _settled(study: Study, effects: Sequence[Effect]) -> Trial:
-    """All effects in, each at the point of its grid that fits best, under its own model's weights."""
-    trial = study.settle([])
-    for one in effects:
-        choices = list(trial.model.choices)
-        shapes = [study.fit([*choices, Choice(one, i)], trial, 3) for i in range(len(one.shapes))]
-        trial = refine(study, min(shapes, key=lambda t: t.fit.cost))
-        trial = study.settle(trial.model.choices, trial)
-    return trial
 
 
 @dataclass(frozen=True)
@@ -115,7 +95,7 @@ def _variant(study: Study, trial: Trial, folds: Sequence[_LeftOut]) -> Variant:
         for session in dict.fromkeys(sha for sha, _ in out.runs):
             held_out.append(HeldOut(session, tuple(name for sha, name in out.runs if sha == session), values))
     effects = tuple(
-        ChosenEffect(c.effect, dict(c.effect.shapes[c.shape]) if len(c.effect.shapes) else {})
+        ChosenEffect(effect(c.effect.id), dict(c.effect.shapes[c.shape]) if len(c.effect.shapes) else {})
         for c in trial.model.choices
     )
     return Variant(effects, _by_key(trial), tuple(held_out), study.hold_out(trial).score)

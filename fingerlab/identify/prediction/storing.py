@@ -69,11 +69,12 @@ def _effect(name: str, shape: Mapping[str, float], where: str) -> ChosenEffect:
             f"{where} holds the effect '{name}', which this program does not know; if it is one of your own, "
             "let its file in first ('fingerlab effects' tells how), else use the program that wrote the file."
         )
-    wanted = set(found.shapes[0]) if len(found.shapes) else set()
-    if set(shape) != wanted:
+    tried = [s for point in found.shapes for s in (point, *found.closer(point))]
+    wanted, known = set(found.shape_units), {key for s in tried for key in s}
+    if not wanted <= set(shape) <= known:
         raise UserError(
             f"{where} gives '{name}' the shape {sorted(shape)}, but that effect here has "
-            f"{sorted(wanted) or 'none'}; save the model again with 'fingerlab diagnose --save'."
+            f"{sorted(known) or 'none'}; save the model again with 'fingerlab diagnose --save'."
         )
     return ChosenEffect(found, shape)
 

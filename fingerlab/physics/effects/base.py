@@ -82,6 +82,12 @@ class Gain:
 
 Shape = Mapping[str, float]
 Columns = Callable[[Motion, Shape], list[Term]]
+Closer = Callable[[Shape], Sequence[Shape]]
+
+
+def as_found(shape: Shape) -> Sequence[Shape]:
+    """The shape alone: there is nothing between the points of the grid."""
+    return (shape,)
 
 
 @dataclass(frozen=True)
@@ -95,6 +101,8 @@ class Effect:
         columns: terms from signals and one point of ``shapes``.
         shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
         shape_units: unit of each nonlinear unknown; what ``shapes`` holds beyond these are switches, 0 or 1.
+        closer: shapes around one that was found, finer than the grid, and of other laws of the same physics
+            (what these name beyond the grid's shapes is 0 where it is missing); tried in a second look.
         coordinate: what the residual is plotted against to see this effect (a ``Motion`` quantity).
         equation: the row in which that fingerprint is drawn.
         explanation: one sentence for a person, without numbers.
@@ -122,6 +130,7 @@ class Effect:
     reveal: str
     shapes: Sequence[Shape] = field(default_factory=lambda: ({},))
     shape_units: Mapping[str, str] = field(default_factory=dict)
+    closer: Closer = as_found
     phases: tuple[str, ...] = ()
     cables: tuple[str, ...] = ()
     bench: bool = False

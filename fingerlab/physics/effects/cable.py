@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.hysteresis import first_order_lags, slip_states, stop_operators, with_grid
+from fingerlab.physics.effects.closer import HALF_OCTAVE, either, every, times
+from fingerlab.physics.effects.hysteresis import (
+    first_order_lags,
+    friction_state,
+    rubbing_force,
+    slip_states,
+    stop_operator,
+    stop_operators,
+    with_grid,
+)
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -18,11 +29,26 @@ LAGS_S = (0.004, 0.008, 0.016, 0.032)
 """Time constants of a damper beside the cable's spring, s; assumed."""
 GAPS_DEG = (0.5, 1.0, 2.0, 4.0)
 """Play between gearbox and pulley, degrees at the pulley; assumed."""
+HELD_TRAVELS_DEG = (0.1, 0.2)
+"""Travel over which a cable that is held in its sheath slides at a tension of REFERENCE_PULL_N, degrees at
+the pulley; assumed: what a stiff cable of 2e-5 m/N stretches under its friction on a pulley of 10 to 15 mm. A
+gearbox, whose friction also grows with the load, winds up by more."""
+REFERENCE_PULL_N = 5.0
+"""Tension at which the travel of a friction that grows with the load is told, N: what sticks has one spring,
+so that it slides over twice the travel at twice the load. Assumed; only a scale."""
 
 
-def winding_state(motion: Motion, travel_deg: float = USUAL_STICKING_DEG) -> Array:
+def winding_state(motion: Motion, travel_deg: float = USUAL_STICKING_DEG, sharpness: float = 0.0) -> Array:
     """Direction of cable travel with sticking, in [-1, 1], shape (n,); +1 winding in."""
+    way = float(np.radians(travel_deg))
 
+    def stop(position: Array, travel: float) -> Array:
+        return motion.remember(("stop", round(travel, 9)), lambda: stop_operator(position, travel))
+
+    if sharpness > 0.0:
+        return motion.remember(
+            ("winding", travel_deg, sharpness), lambda: friction_state(motion.position, way, sharpness, stop)
+        )
     travels = with_grid(travel_deg, STICKING_TRAVELS_DEG)
     keys = [("winding", travel) for travel in travels]
     return motion.remember_each(keys[0], keys, lambda: slip_states(motion.position, np.radians(travels)))
@@ -98,15 +124,44 @@ def _varying_arm(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _capstan(motion: Motion, shape: Shape) -> list[Term]:
-    """The sheath takes its share of the tension in the cable, before or behind what stretches."""
+    """The sheath takes its share of the tension in the cable, before or behind what stretches.
+
+    The share follows the tension of the moment or, where ``held``, only as far as what sticks is let go: a
+    cable that sticks in its sheath keeps its friction while the tension rises on both ends of it.
+    """
+    travel, sharpness = shape["travel_deg"], shape.get("sharpness", 0.0)
+    held = bool(shape.get("held", 0.0))
 
     def lost() -> Array:
-        inertia = motion.motor.inertia or 0.0
-        cable = motion.tension - inertia * motion.inertial_pull
-        return cable * winding_state(motion, shape["travel_deg"])
+        cable = motion.tension - (motion.motor.inertia or 0.0) * motion.inertial_pull
+        if not held:
+            return cable * winding_state(motion, travel, sharpness)
+        limit = np.maximum(cable, 0.0)
 
-    terms = pull_terms("loss", motion.remember(("sheath", shape["travel_deg"]), lost))
+        def stop(position: Array, reach: float) -> Array:
+            return rubbing_force(position, limit, REFERENCE_PULL_N / reach)
+
+        return friction_state(motion.position, float(np.radians(travel)), sharpness, stop)
+
+    terms = pull_terms("loss", motion.remember(("sheath", travel, sharpness, held), lost))
     return [t for t in terms if shape["stretch_behind"] or t.row != Row.CABLE]
+
+
+def _sheath(travel: float, stretch_behind: float, held: float = 0.0) -> Shape:
+    """What is held is one contact, what follows the tension are many."""
+    return {"travel_deg": travel, "stretch_behind": stretch_behind, "held": held, "sharpness": held}
+
+
+def _sheath_closer(shape: Shape) -> Sequence[Shape]:
+    """Around the one found, and where the other law would be looked for."""
+    travel = shape["travel_deg"]
+    held = _sheath(travel if shape["held"] else HELD_TRAVELS_DEG[0] * 2**0.5, 1.0, held=1.0)
+    following = _sheath(USUAL_STICKING_DEG if shape["held"] else travel, 1.0)
+    behind = either("stretch_behind", (1.0, 0.0))
+    return [
+        *every(times("travel_deg"), behind)(held),
+        *every(times("travel_deg", HALF_OCTAVE), behind)(following),
+    ]
 
 
 EFFECTS = (
@@ -130,6 +185,7 @@ EFFECTS = (
         columns=_lagging_stretch,
         shapes=tuple({"time_constant": value} for value in (0.0, *LAGS_S)),
         shape_units={"time_constant": "s"},
+        closer=times("time_constant"),
         relaxes={
             "cable_compliance": Gain("m/N", 0.0, 1e-3, 1e-4, title="cable compliance"),
             "cable_damping": Gain("m s/N", -2e-5, 2e-5, 2e-6, title="cable damping"),
@@ -151,6 +207,7 @@ EFFECTS = (
         reveal="slow steps up and down with the cable under tension",
         shapes=tuple({"gap_deg": value} for value in GAPS_DEG),
         shape_units={"gap_deg": "deg"},
+        closer=times("gap_deg"),
     ),
     Effect(
         id="varying_moment_arm",
@@ -181,10 +238,12 @@ EFFECTS = (
         explanation="The motor needs more tension winding in, less paying out, in proportion to the tension.",
         reveal="runs at several loads, contact included",
         shapes=(
-            *({"travel_deg": t, "stretch_behind": 1.0} for t in STICKING_TRAVELS_DEG),
-            *({"travel_deg": t, "stretch_behind": 0.0} for t in STICKING_TRAVELS_DEG[::-1]),
+            *(_sheath(travel, stretch_behind=1.0, held=1.0) for travel in HELD_TRAVELS_DEG),
+            *(_sheath(travel, stretch_behind=1.0) for travel in STICKING_TRAVELS_DEG[-2::-2]),
+            *(_sheath(travel, stretch_behind=0.0) for travel in STICKING_TRAVELS_DEG[::2]),
         ),
         shape_units={"travel_deg": "deg"},
+        closer=_sheath_closer,
         wanders=True,
         sticks=True,
     ),

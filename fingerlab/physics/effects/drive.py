@@ -13,15 +13,16 @@ from fingerlab.physics.effects.cable import (
     pull_terms,
     winding_state,
 )
-from fingerlab.physics.effects.hysteresis import dahl_states, rubbing_forces, slip_states, with_grid
+from fingerlab.physics.effects.closer import OCTAVE, every, plus, rubbing, times
+from fingerlab.physics.effects.friction import SPEED_FACTORS, dahl_or_masing
+from fingerlab.physics.effects.hysteresis import dahl_states, friction_state, rubbing_force, with_grid
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
-LOADED_TRAVELS_DEG = STICKING_TRAVELS_DEG[::2]
-"""Those of friction that goes with the load: every second."""
 PRESLIDING_TRAVELS_DEG = (1.0, 2.0, 4.0, 8.0)
 """Travel over which what winds up before it slides lets go, degrees at the pulley; assumed."""
-
+REFERENCE_LOAD_NM = 0.1
+"""Load at which the travel of a friction that grows with it is told, N m; assumed, only a scale."""
 FRICTION = Gain("N m", 0.0, 0.1, 0.005, title="friction torque at the gearbox output")
 
 
@@ -32,17 +33,19 @@ def drive_terms(motion: Motion, gain: str, torque: Array) -> list[Term]:
     return pull_terms(gain, torque / motion.radius)
 
 
-def _coulomb_terms(motion: Motion, travel_deg: float) -> list[Term]:
+def _coulomb_terms(motion: Motion, shape: Shape) -> list[Term]:
+    travel, sharpness = shape["travel_deg"], shape.get("sharpness", 0.0)
     if motion.finger is None:
-        return drive_terms(motion, "coulomb", winding_state(motion, travel_deg))
-    key = ("coulomb pull", travel_deg)  # one signal for Coulomb and Stribeck friction
+        return drive_terms(motion, "coulomb", winding_state(motion, travel, sharpness))
+    key = ("coulomb pull", travel, sharpness)  # one signal for Coulomb and Stribeck friction
     return pull_terms(
-        "coulomb", motion.remember(key, lambda: winding_state(motion, travel_deg) / motion.radius)
+        "coulomb",
+        motion.remember(key, lambda: winding_state(motion, travel, sharpness) / motion.radius),
     )
 
 
 def _coulomb(motion: Motion, shape: Shape) -> list[Term]:
-    return _coulomb_terms(motion, shape["travel_deg"])
+    return _coulomb_terms(motion, shape)
 
 
 def _viscous(motion: Motion, shape: Shape) -> list[Term]:
@@ -56,12 +59,17 @@ def _inertia(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
-    state = winding_state(motion)
+    rubbing = {"travel_deg": USUAL_STICKING_DEG, **shape}
+    state = winding_state(motion, rubbing["travel_deg"], rubbing.get("sharpness", 0.0))
     slow = np.exp(-((motion.velocity / shape["stribeck_speed"]) ** 2))
-    return _coulomb_terms(motion, USUAL_STICKING_DEG) + drive_terms(motion, "extra", state * slow)
+    return _coulomb_terms(motion, rubbing) + drive_terms(motion, "extra", state * slow)
 
 
 def _presliding(motion: Motion, shape: Shape) -> list[Term]:
+    if shape.get("masing"):
+        return drive_terms(
+            motion, "dahl", winding_state(motion, shape["travel_deg"], shape.get("sharpness", 0.0))
+        )
     travels = with_grid(shape["travel_deg"], PRESLIDING_TRAVELS_DEG)
     keys = [("dahl", travel) for travel in travels]
     state = motion.remember_each(keys[0], keys, lambda: dahl_states(motion.position, np.radians(travels)))
@@ -77,24 +85,25 @@ def _asymmetric(motion: Motion, shape: Shape) -> list[Term]:
     constant = (
         drive_terms(motion, "difference", one) if motion.finger is None else pull_terms("difference", one)
     )
-    return _coulomb_terms(motion, shape["travel_deg"]) + constant
+    return _coulomb_terms(motion, shape) + constant
 
 
 def _load_dependent(motion: Motion, shape: Shape) -> list[Term]:
-    """Spring-sliders whose limit is a share of the load: what sticks is not let go when the load rises."""
+    """A tooth that slides at a share of the load: what sticks is not let go when the load rises.
+
+    It is held by one spring, whatever the load, so that it slides over a travel in proportion to the load.
+    """
     inertia = motion.motor.inertia or 0.0
     load = np.abs(motion.torque - inertia * motion.acceleration if motion.load is None else motion.load)
-    usual = float(load.mean())
 
-    def stops(position: Array, sliders: Array) -> Array:
-        return rubbing_forces(position, load, usual / sliders)
+    def stop(position: Array, travel: float) -> Array:
+        key = ("loaded stop", travel)
+        return motion.remember(key, lambda: rubbing_force(position, load, REFERENCE_LOAD_NM / travel))
 
-    travels = with_grid(shape["travel_deg"], LOADED_TRAVELS_DEG)
-    keys = [("loaded", travel) for travel in travels]
-    lost = motion.remember_each(
-        keys[0], keys, lambda: slip_states(motion.position, np.radians(travels), stops)
+    way = float(np.radians(shape["travel_deg"]))
+    return drive_terms(
+        motion, "share", friction_state(motion.position, way, shape.get("sharpness", 0.0), stop)
     )
-    return drive_terms(motion, "share", lost)
 
 
 def _spring(motion: Motion, shape: Shape) -> list[Term]:
@@ -102,13 +111,26 @@ def _spring(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _ripple(motion: Motion, shape: Shape) -> list[Term]:
-    wave = _turning(motion, round(shape["order"]))
-    return drive_terms(motion, "sine", wave.imag) + drive_terms(motion, "cosine", wave.real)
+    """A torque with the period of the order, and its double: no mesh or commutator makes a pure sine."""
+    order = shape["order"]
+
+    def column(gain: str, of: float, part: str) -> list[Term]:
+        pull = motion.remember(
+            ("ripple", of, part), lambda: getattr(_turning(motion, of), part) / motion.radius
+        )
+        return drive_terms(motion, gain, pull) if motion.finger is None else pull_terms(gain, pull)
+
+    return [
+        *column("sine", order, "imag"),
+        *column("cosine", order, "real"),
+        *column("double_sine", 2 * order, "imag"),
+        *column("double_cosine", 2 * order, "real"),
+    ]
 
 
-def _turning(motion: Motion, order: int) -> Any:
+def _turning(motion: Motion, order: float) -> Any:
     """exp(i order position), complex (n,); from the order two below, which costs a tenth of a sine."""
-    if order <= RIPPLE_ORDERS[0]:
+    if order <= RIPPLE_ORDERS[0] or order % 2:
         return motion.remember(("turning", order), lambda: np.exp(1j * order * motion.position))
     step = motion.remember(("turning", 2), lambda: np.exp(2j * motion.position))
     return motion.remember(("turning", order), lambda: _turning(motion, order - 2) * step)
@@ -118,6 +140,13 @@ RIPPLE_ORDERS = (*range(4, 41, 2), *range(44, 61, 4))
 """Periods a turn of the pulley that are tried; between two of them a travel of 30 degrees shifts the phase by
 a quarter of a radian at most. 4.3:1 gearing puts the motor's 13 commutator segments at 56."""
 RIPPLE = Gain("N m", -0.05, 0.05, 0.003, title="ripple amplitude")
+DOUBLE = Gain("N m", -0.02, 0.02, 0.001, title="ripple amplitude at twice the order")
+
+
+def _with_travel(shape: Shape) -> tuple[Shape]:
+    return ({"travel_deg": USUAL_STICKING_DEG, **shape},)
+
+
 STICKING_TRAVELS = tuple({"travel_deg": value} for value in STICKING_TRAVELS_DEG)
 SPEEDS = tuple({"stribeck_speed": value} for value in (0.1, 0.3, 0.8, 2.0))
 
@@ -134,6 +163,7 @@ EFFECTS = (
         reveal="a motor-bench run without a finger",
         shapes=STICKING_TRAVELS,
         shape_units={"travel_deg": "deg"},
+        closer=rubbing(),
         bench=True,
         wanders=True,
         sticks=True,
@@ -175,6 +205,7 @@ EFFECTS = (
         reveal="a chirp from 0.1 to 3 Hz on the motor bench",
         shapes=SPEEDS,
         shape_units={"stribeck_speed": "rad/s"},
+        closer=every(_with_travel, times("stribeck_speed", SPEED_FACTORS), rubbing(OCTAVE[1:-1], (0.0, 1.0))),
         bench=True,
         wanders=True,
         sticks=True,
@@ -191,6 +222,7 @@ EFFECTS = (
         reveal="small sines, 1 to 5 degrees, on the motor bench",
         shapes=tuple({"travel_deg": value} for value in PRESLIDING_TRAVELS_DEG),
         shape_units={"travel_deg": "deg"},
+        closer=dahl_or_masing,
         bench=True,
         wanders=True,
         sticks=True,
@@ -212,6 +244,7 @@ EFFECTS = (
         reveal="slow sines on the motor bench",
         shapes=STICKING_TRAVELS,
         shape_units={"travel_deg": "deg"},
+        closer=rubbing(),
         bench=True,
         wanders=True,
         sticks=True,
@@ -227,8 +260,9 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="The missing tension opposes the travel and grows with the torque transmitted.",
         reveal="a motor bench with two known loads",
-        shapes=tuple({"travel_deg": value} for value in LOADED_TRAVELS_DEG),
+        shapes=tuple({"travel_deg": value, "sharpness": 1.0} for value in (0.6, 0.85, 1.2, 1.7)),
         shape_units={"travel_deg": "deg"},
+        closer=rubbing(OCTAVE[1:-1]),
         bench=True,
         wanders=True,
         sticks=True,
@@ -249,7 +283,7 @@ EFFECTS = (
         id="torque_ripple",
         title="Torque ripple",
         acts_on=("motor_torque",),
-        gains={"sine": RIPPLE, "cosine": RIPPLE},
+        gains={"sine": RIPPLE, "cosine": RIPPLE, "double_sine": DOUBLE, "double_cosine": DOUBLE},
         columns=_ripple,
         coordinate="motor angle",
         equation=Row.PIP,
@@ -257,6 +291,7 @@ EFFECTS = (
         reveal="a slow sine of large amplitude on the motor bench",
         shapes=tuple({"order": float(n)} for n in RIPPLE_ORDERS),
         shape_units={"order": "1/turn"},
+        closer=plus("order", tuple(k / 2 for k in range(-6, 7))),
         bench=True,
     ),
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term, nothing
+from fingerlab.physics.effects.closer import plus, times
 from fingerlab.physics.effects.friction import both, joint_terms
 from fingerlab.physics.effects.hysteresis import first_order_lags, with_grid
 from fingerlab.physics.effects.motion import Motion
@@ -120,6 +121,7 @@ EFFECTS = (
         reveal="steps, each held for several seconds",
         shapes=tuple({"time_constant": value} for value in RELAXING_S),
         shape_units={"time_constant": "s"},
+        closer=times("time_constant"),
     ),
     Effect(
         id="joint_stop",
@@ -139,5 +141,6 @@ EFFECTS = (
             for k in (*range(-8, 0), *range(2, 10))
         ),
         shape_units={"edge_deg": "deg"},
+        closer=plus("edge_deg", tuple(0.5 * k for k in range(-8, 9))),
     ),
 )

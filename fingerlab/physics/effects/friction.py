@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
-from fingerlab.physics.effects.hysteresis import dahl_states, slip_states, with_grid
+from fingerlab.physics.effects.closer import FINE_OCTAVE, HALF_OCTAVE, OCTAVE, either, every, rubbing, times
+from fingerlab.physics.effects.hysteresis import (
+    dahl_states,
+    friction_state,
+    slip_states,
+    stop_operator,
+    with_grid,
+)
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -15,6 +22,7 @@ STICKING_TRAVELS_DEG = (0.06, 0.085, 0.12, 0.17, 0.24, 0.34, 0.48)
 presliding; assumed."""
 PRESLIDING_TRAVELS_DEG = (1.0, 2.0, 4.0, 8.0)
 """The same of presliding, degrees at the joint; assumed."""
+SPEED_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)
 STRIBECK_SPEEDS = (0.2, 0.6)
 """Speeds by which the excess of breakaway has fallen to 37 %, rad/s; assumed: from where a hinge of polymer
 slides for certain to a third of the thesis' fastest motion."""
@@ -38,24 +46,34 @@ def _viscous(motion: Motion, shape: Shape) -> list[Term]:
     return joint_terms("viscous", joints.mcp_velocity, joints.pip_velocity)
 
 
-def _states(motion: Motion, travel_deg: float) -> tuple[Array, Array]:
+def _states(motion: Motion, shape: Shape) -> tuple[Array, Array]:
     _, joints = motion.finger_and_joints
-    return _state(motion, "mcp", joints.mcp, travel_deg), _state(motion, "pip", joints.pip, travel_deg)
+    return _state(motion, "mcp", joints.mcp, shape), _state(motion, "pip", joints.pip, shape)
 
 
-def _state(motion: Motion, name: str, angle: Array, travel_deg: float) -> Array:
+def _state(motion: Motion, name: str, angle: Array, shape: Shape) -> Array:
+    travel_deg, sharpness = shape["travel_deg"], shape.get("sharpness", 0.0)
+
+    def stop(position: Array, reach: float) -> Array:
+        return motion.remember(("stop", name, round(reach, 9)), lambda: stop_operator(position, reach))
+
+    if sharpness > 0.0:
+        return motion.remember(
+            ("sticking", name, travel_deg, sharpness),
+            lambda: friction_state(angle, float(np.radians(travel_deg)), sharpness, stop),
+        )
     travels = with_grid(travel_deg, STICKING_TRAVELS_DEG)
     keys = [("sticking", name, travel) for travel in travels]
     return motion.remember_each(keys[0], keys, lambda: slip_states(angle, np.radians(travels)))
 
 
 def _coulomb(motion: Motion, shape: Shape) -> list[Term]:
-    return joint_terms("coulomb", *_states(motion, shape["travel_deg"]))
+    return joint_terms("coulomb", *_states(motion, shape))
 
 
 def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
     _, joints = motion.finger_and_joints
-    mcp, pip = _states(motion, shape["travel_deg"])
+    mcp, pip = _states(motion, shape)
     speed = shape["stribeck_speed"]
     return joint_terms("coulomb", mcp, pip) + joint_terms(
         "extra",
@@ -66,6 +84,8 @@ def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
 
 def _presliding(motion: Motion, shape: Shape) -> list[Term]:
     _, joints = motion.finger_and_joints
+    if shape.get("masing"):
+        return joint_terms("dahl", *_states(motion, shape))
 
     def state(name: str, angle: Array) -> Array:
         travels = with_grid(shape["travel_deg"], PRESLIDING_TRAVELS_DEG)
@@ -73,6 +93,15 @@ def _presliding(motion: Motion, shape: Shape) -> list[Term]:
         return motion.remember_each(keys[0], keys, lambda: dahl_states(angle, np.radians(travels)))
 
     return joint_terms("dahl", state("mcp", joints.mcp), state("pip", joints.pip))
+
+
+def dahl_or_masing(shape: Shape) -> list[Shape]:
+    masing = either("masing", (1.0,))
+    return [
+        *times("travel_deg", HALF_OCTAVE)(shape),
+        *every(masing, rubbing(OCTAVE[1:-1], (0.0,)))(shape),
+        *every(masing, rubbing(FINE_OCTAVE, (0.5,)))(shape),
+    ]
 
 
 EFFECTS = (
@@ -100,6 +129,7 @@ EFFECTS = (
         reveal="slow sines with full reversals",
         shapes=tuple({"travel_deg": travel} for travel in STICKING_TRAVELS_DEG),
         shape_units={"travel_deg": "deg"},
+        closer=rubbing(),
         wanders=True,
         sticks=True,
     ),
@@ -123,6 +153,7 @@ EFFECTS = (
             for travel in travels
         ),
         shape_units={"stribeck_speed": "rad/s", "travel_deg": "deg"},
+        closer=every(times("stribeck_speed", SPEED_FACTORS), rubbing(sharpnesses=(0.0, 1.0))),
         wanders=True,
         sticks=True,
     ),
@@ -138,6 +169,7 @@ EFFECTS = (
         reveal="sines of small amplitude, 2 to 5 degrees",
         shapes=tuple({"travel_deg": travel} for travel in PRESLIDING_TRAVELS_DEG),
         shape_units={"travel_deg": "deg"},
+        closer=dahl_or_masing,
         wanders=True,
         sticks=True,
     ),

@@ -149,6 +149,46 @@ def slip_state(position: Array, travel: float, stops: Stops | None = None) -> Ar
     return slip_states(position, [travel], stops)[0]
 
 
+KNOTS = 2.0 ** (np.arange(-11, 1) / 4)
+"""Ends of the straight pieces of a virgin curve that ends, of its length: one spring-slider each. In this row
+a curve longer by a quarter of an octave shares all sliders but one, so that who tries several keeps them."""
+
+
+def friction_state(
+    position: Array,
+    travel: float,
+    sharpness: float = 0.0,
+    stop: Callable[[Array, float], Array] = stop_operator,
+) -> Array:
+    """Friction state in [-1, 1], shape (n,), of sliders whose virgin curve is 1 - (1 - x / (p d))^p.
+
+    ``sharpness`` is 1/p, d half of ``travel``, so that all of them are as stiff at first. 1: one contact,
+    that holds like a spring and then slides. 2/3: a pressed ball, whose rim slips before its middle (Mindlin
+    1949). 1/2: parts that let go evenly one after the other (Iwan 1966). 0: exp(-x / d), as
+    :func:`slip_state`. On a reversal the curve is gone through at twice the size (Masing 1926).
+    """
+    if sharpness <= 0.0:
+        return slip_state(
+            position, travel, lambda at, reaches: np.stack([stop(at, float(r)) for r in reaches])
+        )
+    result = np.zeros_like(position)
+    for share, reach in sliders(0.5 * travel, sharpness):
+        result += share * stop(position, reach)
+    return result
+
+
+def sliders(travel: float, sharpness: float) -> list[tuple[float, float]]:
+    """Share of the friction and travel of every slider of such a curve; ``sharpness`` above 0, up to 1."""
+    power = 1.0 / sharpness
+    if power <= 1.0:
+        return [(1.0, travel)]
+    knots = np.append(0.0, KNOTS)
+    level = 1.0 - (1.0 - knots) ** power
+    slopes = np.append(np.diff(level) / np.diff(knots), 0.0)
+    shares = -np.diff(slopes) * KNOTS
+    return [(float(s), float(power * travel * k)) for s, k in zip(shares, KNOTS, strict=True)]
+
+
 def dahl_states(position: Array, travels: Sequence[float] | Array) -> Array:
     """Dahl's friction states in [-1, 1], (m, n), one a travel, exact between samples; they start at zero.
 

@@ -45,6 +45,7 @@ class Missing:
     let_out: float = 0.0  # m of loose cable for each N that the tension would be negative
     read_share: float = 1.0  # of the contact force that the load cell reads
     give: float = 5e-5  # m/N by which the fingertip sinks; a printed one hardly does
+    stop: tuple[float, float] = (-1.0, 0.0)  # where the PIP joint meets round faces, rad; N m/rad^1.5
     strange: float = 0.0  # N m, amplitude of a joint torque that no effect of the catalogue has
 
 
@@ -101,6 +102,8 @@ def rest(bench: Bench, q1: Any, q2: Any, w1: Any, w2: Any, m: Any = np) -> tuple
     left2 = h * w1**2 + g2 + f.pip_stiffness * q2 + x.cubic[1] * q2**3
     left1 = left1 + (bench.trace + x.viscous[0]) * w1 - bench.losses[0] + odd
     left2 = left2 + (bench.trace + x.viscous[1]) * w2 - bench.losses[1] - 0.7 * odd
+    if x.stop[1]:
+        left2 = left2 - x.stop[1] * (0.5 * (x.stop[0] - q2 + abs(x.stop[0] - q2))) ** 1.5
     return left1, left2
 
 
@@ -152,14 +155,14 @@ def _packed(bench: Bench) -> tuple[float, ...]:
     x = bench.missing
     return (
         *vars(bench.finger).values(), *bench.arms[-1], *bench.arms[1], *bench.losses, bench.trace, *x.viscous,
-        *x.cubic, x.tilt, x.strange,
+        *x.cubic, x.tilt, x.strange, *x.stop,
     )  # fmt: skip
 
 
 def _unpacked(numbers: tuple[float, ...]) -> Bench:
     finger, rest_of = Finger(*numbers[:10]), numbers[10:]
-    a, b, c, d, loss1, loss2, trace, v1, v2, c1, c2, tilt, strange = rest_of
-    missing = Missing(viscous=(v1, v2), cubic=(c1, c2), tilt=tilt, strange=strange)
+    a, b, c, d, loss1, loss2, trace, v1, v2, c1, c2, tilt, strange, edge, stiffness = rest_of
+    missing = Missing((v1, v2), (c1, c2), tilt, strange=strange, stop=(edge, stiffness))
     return Bench({-1: (a, b), 1: (c, d)}, (loss1, loss2), trace, finger, missing)
 
 

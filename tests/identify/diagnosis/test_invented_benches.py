@@ -96,6 +96,19 @@ def test_error_falls_to_the_floor_when_the_effect_is_added(name: str) -> None:
     assert result.path[0].score == pytest.approx(result.score, rel=0.05)
 
 
+def test_a_second_look_finds_the_edge_of_a_stop_between_the_points_of_the_grid() -> None:
+    """Every 5 degrees are tried first; the stop is at -27.7, and what the grid leaves is no second effect."""
+    bench = made.Bench(missing=made.Missing(stop=(np.radians(-27.7), 0.5)))
+    result = diagnose([made.session(bench)], with_curves=False)
+    assert [s.added for s in result.path] == [None, "joint_stop"]
+    assert result.path[1].score < 1.2
+    best = result.candidates[0]
+    assert best.effect == "joint_stop"
+    assert best.score == result.path[1].score
+    assert best.parameters["edge_deg"].value == pytest.approx(-27.7, abs=1.0)
+    assert best.parameters["stop_pip"].value == pytest.approx(0.5, rel=0.1)
+
+
 def test_where_nothing_is_missing_nothing_is_found() -> None:
     result = diagnosed(None)
     assert result.verdict == "nothing_missing"

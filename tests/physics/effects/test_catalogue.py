@@ -93,6 +93,24 @@ def test_columns_use_the_declared_gains_and_are_finite(name: str, force: float |
             assert term.row in (Row.MCP, Row.PIP, Row.CABLE, Row.TIP)
 
 
+@pytest.mark.parametrize(
+    "name", [n for n in OF_FINGER if len(CATALOGUE[n].closer(CATALOGUE[n].shapes[0])) > 1]
+)
+def test_what_a_second_look_tries_is_the_same_effect(name: str) -> None:
+    """The same gains in the same equations, around the shape that was found, and no shape twice."""
+    one, motion = CATALOGUE[name], moving(force=1.0)
+    found = one.shapes[len(one.shapes) // 2]
+    closer = one.closer(found)
+    terms = {(t.gain, t.scale) for t in one.columns(motion, found)}
+    for shape in closer:
+        assert {(t.gain, t.scale) for t in one.columns(motion, shape)} <= terms | {("loss", "compliance")}
+        assert all(np.isfinite(t.values).all() for t in one.columns(motion, shape))
+    assert len({tuple(sorted(s.items())) for s in closer}) == len(closer)
+    for unknown in one.shape_units:
+        values = [s[unknown] for s in closer if not set(s) - set(found) or s.get("sharpness", 0.0) == 0.0]
+        assert min(values) <= found[unknown] <= max(values)
+
+
 @pytest.mark.parametrize("name", OF_BENCH)
 def test_motor_effects_stand_in_the_bench_equation(name: str) -> None:
     one, motion = CATALOGUE[name], bench()

@@ -12,6 +12,7 @@ from fingerlab.physics.effects.sensing import STEADY_S
 from fingerlab.physics.nominal import JointMotion
 
 from .moving import FINGER, MOTOR, bench, column, moving
+from .test_hysteresis import looped_stop
 
 DRIVE = sorted(name for name, e in CATALOGUE.items() if e.acts_on == ("motor_torque",))
 RADIUS = 0.015
@@ -78,6 +79,8 @@ def test_motor_columns_have_their_closed_forms() -> None:
         n = shape["order"]
         assert of("torque_ripple", shape, "sine") == pytest.approx(np.sin(n * angle))
         assert of("torque_ripple", shape, "cosine") == pytest.approx(np.cos(n * angle))
+        assert of("torque_ripple", shape, "double_sine") == pytest.approx(np.sin(2 * n * angle))
+        assert of("torque_ripple", shape, "double_cosine") == pytest.approx(np.cos(2 * n * angle))
     fast = (np.abs(speed) > 0.6) & (t > 0.1)  # several travels behind every reversal
     assert of("motor_coulomb_friction")[fast] == pytest.approx(np.sign(speed[fast]), abs=0.02)
     load = 0.05 + 0.02 * np.sin(2 * np.pi * 0.25 * t) - (motion.motor.inertia or 0.0) * motion.acceleration
@@ -85,10 +88,11 @@ def test_motor_columns_have_their_closed_forms() -> None:
 
 
 def test_load_dependent_friction_takes_the_known_load_where_there_is_one() -> None:
+    """A spring of 0.1 N m over half the travel of 0.6 degrees, that slides at the load of 0.09 N m."""
     motion = bench(load=np.full(1000, -0.09))
-    state = column(CATALOGUE["motor_coulomb_friction"].columns(motion, SHARP), Row.BENCH)
-    share = column(CATALOGUE["load_dependent_friction"].columns(motion, SHARP), Row.BENCH)
-    assert share == pytest.approx(0.09 * state)
+    shape = {"travel_deg": 0.6, "sharpness": 1.0}
+    share = column(CATALOGUE["load_dependent_friction"].columns(motion, shape), Row.BENCH)
+    assert share == pytest.approx(0.09 * looped_stop(motion.position, 0.9 * np.radians(0.3)))
 
 
 def test_asymmetric_friction_has_the_sum_one_way_and_the_difference_the_other() -> None:
@@ -119,6 +123,25 @@ def test_capstan_loss_is_a_share_of_the_tension_against_the_travel() -> None:
                 error = column(terms, row)[fast] - expected
                 assert np.abs(error).max() < 0.02 * np.abs(expected).max()
             assert any(t.row == Row.CABLE for t in terms) == bool(shape["stretch_behind"])
+
+
+def test_a_cable_that_sticks_in_its_sheath_keeps_its_friction_while_the_tension_rises() -> None:
+    """Wound in by three degrees it slides; then it stands, and the motor pulls half as hard again."""
+    time = np.arange(500) / 250.0
+    position = np.radians(3.0) * np.minimum(time, 1.0)
+    torque = RADIUS * np.where(time < 1.2, 4.0, 6.0)
+    velocity = np.gradient(position, time)
+    motion = moving(seconds=2.0, position=position, velocity=velocity, acceleration=0 * time, torque=torque)
+    shape = {"travel_deg": 0.6, "stretch_behind": 1.0, "sharpness": 1.0}
+    for held, after in ((0.0, 6.0), (1.0, 4.0)):
+        terms = CATALOGUE["capstan_friction"].columns(motion, shape | {"held": held})
+        lost = column(terms, Row.PIP)
+        assert lost[(time > 0.9) & (time < 1.1)] == pytest.approx(4.0)
+        assert lost[time > 1.3] == pytest.approx(after)
+    # A spring of 5 N over half the travel: 4 N, and sliding, after 0.24 degrees of its 0.3.
+    way = np.degrees(position)
+    assert lost[way < 0.23] == pytest.approx(5.0 * way[way < 0.23] / 0.3, abs=1e-9)
+    assert lost[(way > 0.25) & (time < 1.0)] == pytest.approx(4.0)
 
 
 def test_play_follows_the_last_reversal() -> None:

@@ -10,6 +10,7 @@ from fingerlab.physics.effects.hysteresis import (
     dahl_states,
     first_order_lag,
     first_order_lags,
+    friction_state,
     rubbing_force,
     rubbing_forces,
     slip_state,
@@ -72,6 +73,26 @@ def test_stop_operator_does_not_rub_within_its_travel() -> None:
     """Below the travel it is a spring: the state follows the position and nothing is lost."""
     position = 0.9 * 0.05 * np.sin(np.linspace(0, 20, 3000))
     assert stop_operator(position, 0.05) == pytest.approx(position / 0.05, abs=1e-12)
+
+
+@pytest.mark.parametrize("power", [1.0, 1.5, 2.0])
+def test_friction_goes_along_its_virgin_curve_and_back_along_twice_of_it(power: float) -> None:
+    """F(x) = 1 - (1 - x / (p d))^p, and 1 - 2 F(x / 2) behind a reversal (Masing 1926)."""
+    travel = 0.1  # twice d
+
+    def curve(way: Array) -> Array:
+        return 1.0 - np.maximum(1.0 - way / (power * 0.5 * travel), 0.0) ** power
+
+    position = triangle(0.25, 500, 2)
+    state = friction_state(position, travel, 1.0 / power)
+    rising, falling = slice(0, 500), slice(500, 1500)
+    assert state[rising] == pytest.approx(curve(position[rising]), abs=0.02)
+    assert state[falling] == pytest.approx(1.0 - 2.0 * curve(0.5 * (0.25 - position[falling])), abs=0.04)
+
+
+def test_no_sharpness_is_many_sliders() -> None:
+    position = triangle(0.2, 300, 2)
+    assert friction_state(position, 0.05) == pytest.approx(slip_state(position, 0.05), abs=1e-12)
 
 
 @pytest.mark.parametrize("travel", [0.01, 0.1, 1.0])
