@@ -1,24 +1,27 @@
 """How punctual the control loop is in real time while it records, and how much the recorder sustains.
 
-    python -m benchmarks.real_time [--minutes 10] [--with-window] [--keep FILE] [--page PAGE]
+    python -m benchmarks.real_time [--minutes 10] [--with-window] [--driven] [--keep FILE] [--page PAGE]
 
 The simulated rig runs at 1 kHz by the machine's clock in the loop's own process, and the recorder writes
 every sample to disk in another. With ``--with-window`` the application's window is open off screen on its
 Acquire tab and draws six plots of 60 s. Lateness is how long after its due time a cycle began; a cycle that
-is a whole period late has lost those in between. The amplifier is off: a busy machine is to be measured, and
-with the motor driven the loop would stop it at the first 20 ms that the machine holds it up. Before each
-measurement a bare loop of waits, without anything of FingerLab in it, tells what the machine itself can do.
-Writes docs/benchmarks-real-time.md.
+is a whole period late has lost those in between. The amplifier is off unless ``--driven`` is given: the motor
+then follows a sine under the position loop and all safety checks, which stop it at the first 20 ms that the
+machine holds the loop up. Such a stop is a result: it is counted, and the bench reset, initialised and
+enabled anew as an operator would. Before each measurement a bare loop of waits, without anything of FingerLab
+in it, tells what the machine itself can do. Writes docs/benchmarks-real-time.md.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -28,13 +31,15 @@ import psutil
 from benchmarks.benches import in_processes, keep_option, kept, shown_window
 from benchmarks.machine import load_average, machine_words, used
 from fingerlab.acquisition.board import Board, Slot
-from fingerlab.acquisition.columns import COLUMN, COLUMNS
-from fingerlab.acquisition.commands import Initialise, SetUp
+from fingerlab.acquisition.columns import COLUMN, COLUMNS, RowFlag
+from fingerlab.acquisition.commands import Enable, Initialise, Reset, SetUp, Start
+from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.process_bench import ProcessBench
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import Ring
 from fingerlab.devices.simulated import SimulatedRig
+from fingerlab.errors import UserError
 from fingerlab.sessions import open_session
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -47,6 +52,10 @@ PIECES = (20, 200, 2000)
 """Samples that the recorder takes at a time: its 20 ms at 1, 10 and 100 kHz."""
 PIECE_SECONDS = 5.0
 
+REST_S = 2.0
+"""After a stop the finger swings for so long before the sensors are set again (assumed)."""
+TRIES = 15
+
 Pause = Callable[[float], None]
 
 
@@ -55,7 +64,9 @@ class Timed:
     """One measurement. Lateness in ms at the percentiles 50, 99, 99.9 and the largest; load averages.
 
     ``busy``, ``stolen``: per cent of the machine that programs used, and that its host kept for others.
-    ``bare_ms``: lateness of a bare loop of waits.
+    ``bare_ms``: lateness of a bare loop of waits. ``driven``: whether the motor was to run, ``driven_share``
+    for how much of the cycles it did, ``stops``: a sentence for each time that the checks stopped it.
+    ``granted``: how the system schedules the loop.
     """
 
     window: bool
@@ -72,6 +83,10 @@ class Timed:
     stolen: float
     window_share: float
     bare_ms: list[float]
+    driven: bool = False
+    driven_share: float = 0.0
+    stops: list[str] = field(default_factory=list)
+    granted: str = "before others"
 
 
 class Watch:
@@ -80,7 +95,7 @@ class Watch:
     def __init__(self, bench: ProcessBench) -> None:
         self._reader = bench.ring.reader()
         self._pieces: list[np.ndarray[Any, Any]] = []
-        self.lost = self.unread = 0
+        self.lost = self.unread = self.running = 0
         self._last = -1
 
     def look(self) -> None:
@@ -92,9 +107,13 @@ class Watch:
             self.unread += piece.lost
             index = piece.rows[:, COLUMN["index"]].astype(int)
             before = self._last if self._last >= 0 else index[0] - 1
-            self.lost += int((np.diff(index, prepend=before) - 1).sum())
+            gaps = np.diff(index, prepend=before) - 1
+            # After a stop the device starts anew: the time that this takes is no cycle lost by the loop.
+            held_up = piece.rows[:, COLUMN["flags"]].astype(int) & RowFlag.LOST_BEFORE
+            self.lost += int(gaps[held_up != 0].sum())
             self._last = int(index[-1])
             self._pieces.append(piece.rows[:, COLUMN["lateness"]].copy())
+            self.running += int(np.count_nonzero(piece.rows[:, COLUMN["run"]]))
 
     @property
     def lateness(self) -> np.ndarray[Any, Any]:
@@ -102,7 +121,49 @@ class Watch:
         return np.concatenate(self._pieces)
 
 
-def measure(bench: ProcessBench, rig: Any, folder: Path, minutes: float, pause: Pause, window: bool) -> Timed:
+class Drive:
+    """Keeps the motor running: after a stop by the checks it begins again, as an operator would.
+
+    Attributes:
+        stops: the sentence of each.
+    """
+
+    def __init__(self, bench: ProcessBench, pause: Pause) -> None:
+        self._bench, self._pause = bench, pause
+        self._faults = bench.status().faults
+        self.stops: list[str] = []
+
+    def start(self) -> None:
+        """Enable, and go."""
+        for command in (Enable(), Start(SINE, endless=True)):
+            self._bench.ask(command)
+
+    def look(self) -> None:
+        """Begin again where it was stopped."""
+        status = self._bench.status()
+        if status.faults == self._faults:
+            return
+        self._faults = status.faults
+        self.stops.append(status.fault)
+        if status.loop_ended:
+            raise SystemExit(f"The loop has ended: {status.fault}")
+        self._bench.ask(Reset())
+        for _ in range(TRIES):
+            self._pause(REST_S)
+            try:
+                self._bench.ask(Initialise())
+                self.start()
+                return
+            except UserError as error:
+                print(error, file=sys.stderr)
+                if self._bench.status().mode is Mode.FAULT:
+                    return  # stopped again already: the next look counts it
+        raise SystemExit("The bench does not come to rest after a stop.")
+
+
+def measure(
+    bench: ProcessBench, rig: Any, folder: Path, asked: argparse.Namespace, pause: Pause, window: bool
+) -> Timed:
     """Record for so many minutes and look at every cycle."""
     path = folder / "real-time.h5"
     bench.recorder.open(SessionInfo(path, rig.to_json(), "real time", CREATED))
@@ -111,19 +172,25 @@ def measure(bench: ProcessBench, rig: Any, folder: Path, minutes: float, pause: 
     load, bare = load_average(), bare_lateness()
     start = bench.board[Slot.INDEX] + 1
     bench.recorder.begin(RunInfo("on_air", "extension", RATE_HZ, SINE, start))
-    watch, own = Watch(bench), psutil.Process()
+    watch, own, drive = Watch(bench), psutil.Process(), Drive(bench, pause)
+    if asked.driven:
+        drive.start()
     before = psutil.cpu_times()
     spent = sum(own.cpu_times()[:2])
-    began, end = time.monotonic(), time.monotonic() + 60.0 * minutes
+    began, end = time.monotonic(), time.monotonic() + 60.0 * asked.minutes
     while time.monotonic() < end:
         pause(0.5)
         watch.look()
         status = bench.status()
-        if status.fault or status.recorder:
+        if status.recorder or (status.fault and not asked.driven):
             raise SystemExit(f"The bench stopped: {status.fault or status.recorder}")
+        if asked.driven:
+            drive.look()
     share = (sum(own.cpu_times()[:2]) - spent) / (time.monotonic() - began)
     busy, stolen = used(before, psutil.cpu_times())
     bench.recorder.end()
+    if asked.driven:
+        bench.stop()
     watch.look()
     unread = bench.status().unread + watch.unread
     bench.recorder.close()
@@ -131,7 +198,7 @@ def measure(bench: ProcessBench, rig: Any, folder: Path, minutes: float, pause: 
     run = open_session(path).runs[0]
     return Timed(
         window,
-        minutes,
+        asked.minutes,
         len(ms),
         [float(np.percentile(ms, share)) for share in (50.0, 99.0, 99.9, 100.0)],
         int((ms > 1e3 * LATE_S).sum()),
@@ -144,6 +211,10 @@ def measure(bench: ProcessBench, rig: Any, folder: Path, minutes: float, pause: 
         stolen,
         100.0 * share,
         bare,
+        asked.driven,
+        watch.running / len(ms),
+        drive.stops,
+        scheduling(bench.board[Slot.LOOP_PID]),
     )
 
 
@@ -163,7 +234,16 @@ def bare_lateness(seconds: float = 10.0) -> list[float]:
     return [float(np.percentile(late, share)) for share in (50.0, 99.0, 99.9, 100.0)]
 
 
-def without_window(folder: Path, minutes: float) -> Timed:
+def scheduling(process: int) -> str:
+    """What the system granted a process that asked to come first."""
+    if hasattr(os, "sched_getscheduler"):
+        if os.sched_getscheduler(process) == os.SCHED_RR:
+            return "real time"
+        return "before others" if os.getpriority(os.PRIO_PROCESS, process) < 0 else "as others"
+    return "as the system does"
+
+
+def without_window(folder: Path, asked: argparse.Namespace) -> Timed:
     """Only this process beside loop and recorder; it shows that it is alive, as a window does."""
     bench, rig = in_processes(folder / "rescued")
 
@@ -173,12 +253,12 @@ def without_window(folder: Path, minutes: float) -> Timed:
             time.sleep(1 / 30)
 
     try:
-        return measure(bench, rig, folder, minutes, pause, False)
+        return measure(bench, rig, folder, asked, pause, False)
     finally:
         bench.close()
 
 
-def with_window(folder: Path, minutes: float) -> Timed:
+def with_window(folder: Path, asked: argparse.Namespace) -> Timed:
     """The window draws meanwhile."""
     from benchmarks.window_repaint import WINDOW_S, pause
     from fingerlab.ui.acquire.opening import OpenBench, Wanted
@@ -198,7 +278,7 @@ def with_window(folder: Path, minutes: float) -> Timed:
         tab.plots.show_model(True, True)
         tab.plots.set_window(WINDOW_S)
         try:
-            return measure(bench, opened.rig, folder, minutes, pause, True)
+            return measure(bench, opened.rig, folder, asked, pause, True)
         finally:
             tab.shut_down()
 
@@ -237,6 +317,11 @@ def page(results: list[Timed], speeds: dict[int, float]) -> str:
     """The measurements as a page of documentation."""
     table = {
         "window drawing": ["yes" if r.window else "no" for r in results],
+        "motor driven": [
+            f"yes, {100 * r.driven_share:.1f} % of the time" if r.driven else "no" for r in results
+        ],
+        "stopped by the safety checks": [str(len(r.stops)) if r.driven else "-" for r in results],
+        "the loop is scheduled": [r.granted for r in results],
         "minutes": [f"{r.minutes:g}" for r in results],
         "cycles": [f"{r.cycles:,}" for r in results],
         "lateness p50, ms": [f"{r.lateness_ms[0]:.3f}" for r in results],
@@ -258,22 +343,29 @@ def page(results: list[Timed], speeds: dict[int, float]) -> str:
     rows = [f"| {words} | {' | '.join(cells)} |" for words, cells in table.items()]
     rows.insert(1, "|---|" + "---|" * len(results))
     speed = "\n".join(f"| {piece} | {rate:,.0f} | {rate / RATE_HZ:.0f} |" for piece, rate in speeds.items())
-    return TEXT.format(rows="\n".join(rows), speed=speed, machine=machine_words())
+    stops = "".join(f"- {sentence}\n" for r in results for sentence in r.stops)
+    told = (
+        f"\nWhat stopped the motor, each time begun anew by hand as after any fault:\n\n{stops}"
+        if stops
+        else ""
+    )
+    return TEXT.format(rows="\n".join(rows), stops=told, speed=speed, machine=machine_words())
 
 
 TEXT = """# Real time
 
-Made with `python -m benchmarks.real_time`, without and with `--with-window`, on {machine}.
+Made with `python -m benchmarks.real_time`, without and with `--with-window` and `--driven`, on {machine}.
 Other programs shared the machine, as its load tells: a machine of one's own is more punctual.
 
-The simulated rig at 1 kHz by the machine's clock, every sample recorded. The amplifier is off, which spares
-the loop the checks and the position loop (some 10 of 1000 us a cycle): with the motor driven it stops at the
-first 20 ms that the machine holds it up. Lateness is
-how long after its due time a cycle began, the machine's own oversleeping included; who comes a whole period
-late has lost the cycles in between, and they are stored as a gap.
+The simulated rig at 1 kHz by the machine's clock, every sample recorded. Where the motor is not driven the
+loop is spared the checks and the position loop (some 10 of 1000 us a cycle). Where it is, it follows a sine
+on air with every safety check on, and is stopped at the first 20 ms that the machine holds the loop up.
+Lateness is how long after its due time a cycle began, the machine's own oversleeping included; who comes a
+whole period late has lost the cycles in between, and they are stored as a gap. The loop asks the system to be
+scheduled in real time (Linux, where the user may), else before others.
 
 {rows}
-
+{stops}
 Samples a second that the recorder takes from the ring to the disk, sixteen channels and time, flushed ten
 times a second of rig time:
 
@@ -288,12 +380,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--with-window", action="store_true", help="the window draws meanwhile, off screen")
+    parser.add_argument("--driven", action="store_true", help="drive the motor, all safety checks on")
     keep_option(parser)
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "benchmarks-real-time.md")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         run = with_window if options.with_window else without_window
-        result = run(Path(folder), options.minutes)
+        result = run(Path(folder), options)
         speeds = sustained(Path(folder))
     results = kept(result, options.keep)
     options.page.write_text(page(results, speeds), encoding="utf-8")

@@ -20,46 +20,20 @@ import os
 import sys
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
-from click.testing import CliRunner
 from PIL import Image
-from PySide6.QtCore import QBuffer, QEventLoop, QSettings, QTimer
-from PySide6.QtWidgets import QApplication, QLabel, QTableView, QWidget
+from PySide6.QtCore import QBuffer, QSettings
+from PySide6.QtWidgets import QApplication
+from screenshot_states import FACTS, TABS, States, pause
 
-from fingerlab.acquisition.inline import InlineBench
-from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.safety import Limits
-from fingerlab.acquisition.units import BenchUnits
-from fingerlab.calibration import StepTiming
-from fingerlab.cli.main import cli
-from fingerlab.devices.simulated import SimulatedRig, Simulation
-from fingerlab.report import diagnosis_words as words
-from fingerlab.report.screen import estimate_text, score_text
-from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.preset import load_preset
-from fingerlab.twin.protocols import PROTOCOLS
-from fingerlab.twin.session import write_session
 from fingerlab.ui import application
-from fingerlab.ui.acquire import tab as acquire
-from fingerlab.ui.acquire.opening import OpenBench, Wanted
-from fingerlab.ui.browse.tab import SessionsTab
-from fingerlab.ui.calibrate.result_page import ResultPage
-from fingerlab.ui.calibrate.tab import CalibrateTab
-from fingerlab.ui.desk import RigLine
-from fingerlab.ui.fitting.tab import FitTab
-from fingerlab.ui.lab.tab import ModelLabTab
-from fingerlab.ui.predicting.tab import PredictTab
 from fingerlab.ui.settings import Settings
 from fingerlab.ui.theme import apply_appearance
 from fingerlab.ui.window import MainWindow
 
-EFFECT = "coulomb_friction"
-SEED, LAB_SEED = 11, 1
 SIZES = ((1280, 800), (1920, 1080))
 LOOKS = ("light", "dark")
 MAIN_STATES = ("running", "hold", "result", "review", "")
@@ -67,11 +41,6 @@ MAIN_STATES = ("running", "hold", "result", "review", "")
 COLOURS, EXACT = 256, 192
 """Of a picture's palette, and how many of them are the most frequent ones as they are: a window has few
 colours, and a file with a palette is a third of one without."""
-HIDDEN_SEED = 7
-FACTS: dict[str, str] = {}
-"""What the window said, by ``tab.name``, filled while the pictures are taken."""
-
-States = Callable[[MainWindow, Path], Iterator[str]]
 
 
 def main() -> None:
@@ -122,7 +91,7 @@ def take(app: QApplication, tab: str, states: States, target: Path, folder: Path
                 if size == SIZES[0] or state in MAIN_STATES:
                     save(window, target / f"{name}.png")
         window.resize(*SIZES[0])
-    window.close()
+    application.let_go(window)
 
 
 def save(window: MainWindow, path: Path) -> None:
@@ -140,289 +109,5 @@ def save(window: MainWindow, path: Path) -> None:
     picture.quantize(palette=palette, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
-def acquire_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """Connecting, running with the model, cursors, stopped, a protocol's prompt."""
-    acquire.ask_to_close = lambda *_: True  # type: ignore[assignment]
-    tab = window.tab("acquire")
-    assert isinstance(tab, acquire.AcquireTab)
-    tab.station._opener = lambda wanted: on_virtual_clock(wanted, folder)
-    wait_until(lambda: not tab.station.caller.busy)
-    yield "connect"
-    tab.station.open(Wanted("simulated", effect=EFFECT))
-    wait_until(lambda: tab.station.bench is not None)
-    tab.station._timer.stop()
-
-    def run(seconds: float) -> None:
-        for _ in range(round(seconds / 0.033)):
-            tab.station.tick()
-
-    run(1.0)
-    for button in (tab.panel.initialise, tab.panel.enable, tab.panel.start, tab.panel.record):
-        button.click()
-        run(0.2)
-    tab.toolbar.model_chosen.emit("nominal")
-    run(11.0)
-    tab.panel.note.setText("a light touch")
-    tab.panel.mark.click()
-    run(1.5)
-    FACTS["acquire.error"] = next(
-        label.text().removeprefix("error ")
-        for label in tab.widget.findChildren(QLabel)
-        if label.text().startswith("error ")
-    )
-    yield "running"
-    tab.toolbar.hold.click()
-    tab.toolbar.cursors.click()
-    yield "cursors"
-    tab.toolbar.cursors.click()
-    tab.toolbar.hold.click()
-    tab.station.stop()
-    run(0.2)
-    pause(500)
-    run(0.2)
-    yield "stopped"
-    tab.panel.release.click()
-    tab.panel.write.click()
-    wait_until(lambda: not tab.station.caller.busy)
-    window.desk.hush()
-    tab.toolbar.model_chosen.emit("none")
-    tab.panel.by_protocol.click()
-    tab.panel.run.click()
-    wait_until(tab.prompt.isVisible)
-    tab.plots.tick()
-    yield "prompt"
-    tab.station.stop()
-
-
-def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """Without a rig; a step of the load cell, a wrong weight, the result; a hand at the simulated rig."""
-    tab = window.tab("calibrate")
-    assert isinstance(tab, CalibrateTab)
-    tab._folder = Path("my-rig-calibrations")
-    tab.on_shown()
-    yield "start"
-    opened = replace(on_virtual_clock(Wanted("simulated"), folder), calibrations=folder / "calibrations")
-    bench, wrong = opened.bench, {5: 0.7}
-    assert isinstance(bench, InlineBench)
-    window.desk.show_bench(opened)
-    window.desk.show_rig(RigLine(light="ready", state="initialised", device="simulated rig"))
-    tab.start("load-cell")
-    wizard = tab.wizard
-    assert wizard is not None
-
-    def work(steps: int, seconds: float = 0.0) -> None:
-        end = None
-        while end is None or bench.status().index < end:
-            if wizard.move is not None:
-                mass = wrong.get(wizard.number, wizard.move.mark)
-                bench.device.bench.move_by_hand("load_cell", 9.81 * mass)  # type: ignore[attr-defined]
-            bench.step(100)
-            tab.source.tick()
-            if end is None and wizard.number >= steps:
-                end = bench.status().index + round(1000 * seconds)
-
-    work(3, 9.0)
-    yield "hold"
-    wizard.timing = StepTiming(3.0, 1.0)
-    work(6, 0.5)
-    yield "doubt"
-    wrong.clear()
-    tab.undo()
-    work(len(wizard.plan.moves))
-    read_numbers(tab.widget)
-    yield "result"
-    tab._end()
-    window.desk.show_bench(None)
-    bench.close()
-
-
-def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """Nothing open; then a session with one effect, before and after it is added."""
-    yield "empty"
-    tab = opened_in_lab(window, record(folder / "finger-rig.h5", LAB_SEED))
-    tell_diagnosis("model_lab", tab)
-    yield ""
-    add_best(window, tab)
-    tell_diagnosis("model_lab.added", tab)
-    yield "added"
-
-
-def practice_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """A session with a sealed effect, as the button makes it; the best candidate added; revealed."""
-    asked = ["simulate", "--protocol", "rich", "--hidden", "--seed", str(HIDDEN_SEED), "--out"]
-    done = CliRunner().invoke(cli, [*asked, str(folder / "practice.h5")])
-    assert done.exit_code == 0, done.output
-    tab = opened_in_lab(window, folder / "practice.h5")
-    tell_diagnosis("practice", tab)
-    yield "sealed"
-    add_best(window, tab)
-    tell_diagnosis("practice.added", tab)
-    tab.view.go_to("true")
-    tab.reveal()
-    pause(300)
-    yield "revealed"
-
-
-def opened_in_lab(window: MainWindow, path: Path) -> ModelLabTab:
-    """The Model lab with a session compared."""
-    window.open_paths([path])
-    pause(50)
-    wait_until(lambda: not window.tasks.busy)
-    pause(300)
-    tab = window.tab("model_lab")
-    assert isinstance(tab, ModelLabTab)
-    return tab
-
-
-def add_best(window: MainWindow, tab: ModelLabTab) -> None:
-    """Press "Add to model" and wait for the new fit."""
-    tab.view.candidates.add_button.click()
-    pause(50)
-    wait_until(lambda: not window.tasks.busy)
-    pause(300)
-
-
-def tell_diagnosis(name: str, tab: ModelLabTab) -> None:
-    """The numbers of the present comparison, as the tab words them."""
-    diagnosis = tab.controller.diagnosis
-    assert diagnosis is not None
-    best = words.shown_best_first(diagnosis)[0]
-    FACTS[f"{name}.score"] = score_text(diagnosis.score)
-    FACTS[f"{name}.best"] = best.title
-    FACTS[f"{name}.best_score"] = score_text(best.score)
-    if diagnosis.failure is not None:
-        FACTS[f"{name}.where"] = diagnosis.failure.moment
-    for key, value in best.parameters.items():
-        FACTS[f"{name}.best.{key}"] = estimate_text(value)
-
-
-def sessions_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """A folder with sessions; one of its runs with cursors and another run over it; its strokes."""
-    library = Path("recordings")
-    library.mkdir(exist_ok=True)
-    record(library / "finger-rig.h5")
-    others = (("on-air", "2", "new-cable", []), ("motor-bench", "4", "motor", []),
-              ("on-air", "3", "old-grease", ["--effect", "viscous_friction"]))  # fmt: skip
-    for protocol, seed, name, effect in others:
-        place = ["--seed", seed, "--out", f"recordings/{name}.h5"]
-        asked = ["simulate", "--protocol", protocol, *effect, *place]
-        done = CliRunner().invoke(cli, asked)
-        assert done.exit_code == 0, done.output
-    done = CliRunner().invoke(cli, ["batch", "recordings", "--out", "recordings/verdicts.parquet"])
-    assert done.exit_code == 0, done.output
-    tab = window.tab("sessions")
-    assert isinstance(tab, SessionsTab)
-    tab.browse(library)
-    wait_until(lambda: tab.page.model.total > 0)
-    tab.page.choose_path(library / "finger-rig.h5")
-    pause(3000)  # the thumbnails are drawn in the background
-    yield ""
-    tab.page.details.review.click()
-    wait_until(lambda: tab.review_page.session is not None and not tab.data.busy)
-    tab.review_page.over.setCurrentIndex(2)
-    tab.review_page.cursors.click()
-    pause(500)
-    wait_until(lambda: not tab.data.busy)
-    yield "review"
-    tab.review_page.strokes.click()
-    wait_until(lambda: tab.review_page.plots.cycles is not None)
-    yield "strokes"
-    tab.show_table()
-
-
-def fit_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """The runs on air of a session, fitted."""
-    yield "empty"
-    window.desk.open_paths([record(folder / "finger-rig.h5")], tab="fit")
-    tab = window.tab("fit")
-    assert isinstance(tab, FitTab)
-    wait_until(lambda: not window.tasks.busy and bool(tab.sessions))
-    tab.analyse()
-    wait_until(lambda: tab.found is not None)
-    pause(300)
-    read_table(tab.widget, "fit", (4, 5, 6, 7, 14))
-    yield ""
-
-
-def predict_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """The contact runs of a session, by the parameters fitted on air and by a model with the effect."""
-    yield "empty"
-    session = record(folder / "in-contact.h5")
-    models = [folder / "on-air.json", folder / "with-effect.json"]
-    for asked in (["fit", str(session), "--model"], ["diagnose", str(session), "--add", EFFECT, "--save"]):
-        done = CliRunner().invoke(cli, [*asked, str(models[len(asked) > 3])])
-        assert done.exit_code == 0, done.output
-    window.desk.open_paths([session], tab="predict")
-    tab = window.tab("predict")
-    assert isinstance(tab, PredictTab)
-    wait_until(lambda: not window.tasks.busy and bool(tab.sessions))
-    tab.add_files(models)
-    wait_until(lambda: tab.found is not None)
-    pause(300)
-    read_table(tab.widget, "predict", range(3))
-    yield ""
-
-
-TABS: dict[str, States] = {
-    "acquire": acquire_states,
-    "calibrate": calibrate_states,
-    "sessions": sessions_states,
-    "fit": fit_states,
-    "predict": predict_states,
-    "model_lab": lab_states,
-    "model_lab_practice": practice_states,
-}
-
-
-def read_numbers(widget: QWidget) -> None:
-    """Names and values of a calibration's result, two labels beside each other."""
-    page = widget.findChild(ResultPage)
-    assert page is not None
-    for name, value in page._rows:
-        FACTS[f"calibrate.{name.text()}"] = value.text()
-
-
-def read_table(widget: QWidget, name: str, rows: Iterable[int]) -> None:
-    """Cells of a table by row and column."""
-    table = widget.findChild(QTableView)
-    assert table is not None
-    model = table.model()
-    for row in rows:
-        for column in range(model.columnCount()):
-            FACTS[f"{name}.{row}.{column}"] = str(model.index(row, column).data() or "").replace("\n", " ")
-
-
-def on_virtual_clock(wanted: Wanted, folder: Path) -> OpenBench:
-    """The simulated rig, turned by hand."""
-    effects = parse_effects((wanted.effect,) if wanted.effect else ())
-    device = SimulatedRig(simulation=Simulation(seed=wanted.seed, effects=effects))
-    settings = LoopSettings(BenchUnits.from_rig(device.rig), Limits.from_rig(device.rig))
-    bench = InlineBench(device, settings, folder / "rescued")
-    return OpenBench(bench, device.rig, dict(device.session_attributes))
-
-
-def record(path: Path, seed: int = SEED) -> Path:
-    """A session of the simulated rig with one effect that the nominal model lacks."""
-    preset = load_preset()
-    plans = PROTOCOLS["rich"](preset.numbers["protocol"]["contact_amplitude_deg"])
-    write_session(path, preset, "rich", plans, parse_effects((EFFECT,)), seed)
-    return path
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    """Let the window work until something is so."""
-    while not condition():
-        pause(20)
-
-
-def pause(milliseconds: int) -> None:
-    """Let the window work. (QTest.qWait would keep Python's lock and starve the worker.)"""
-    loop = QEventLoop()
-    QTimer.singleShot(milliseconds, loop.quit)
-    loop.exec()
-
-
 if __name__ == "__main__":
     main()
-    sys.stdout.flush()
-    os._exit(0)  # threads of a window that is gone may still hold parts of it when Python clears up

@@ -8,9 +8,9 @@ from importlib.resources import files
 from pathlib import Path
 from types import TracebackType
 
-from PySide6.QtCore import QTimer
+from PySide6.QtCore import QCoreApplication, QEvent, QTimer
 from PySide6.QtGui import QGuiApplication, QIcon
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QWidget
 
 import fingerlab
 
@@ -37,6 +37,19 @@ def run(arguments: list[str], settings: Settings | None = None) -> int:
         return app.exec()
     finally:
         sys.excepthook = previous
+        let_go(window)
+
+
+def let_go(window: QWidget) -> None:
+    """Delete a closed window with all that it owns, now.
+
+    References in a circle, such as a plot and what it calls when it changes, keep its parts alive after its
+    last name is gone. When Python ends, the application takes its style back from every plot that is still
+    there, and a plot that has a method of its own for that calls into an interpreter that is half gone.
+    """
+    window.close()
+    window.deleteLater()
+    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
 
 
 def prepare(app: QApplication, settings: Settings) -> None:

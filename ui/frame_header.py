@@ -128,6 +128,7 @@ class FrameHeader(QWidget):
         self.lamp.show_light(line.light)
         self.state.setText(line.state.capitalize())
         self.doing.setText(line.doing)
+        self.doing.setVisible(bool(line.doing))  # its room is the name's while nothing runs
         recording = line.recording is not None
         self.dot.setVisible(recording)
         self.dot.show_light("paused" if line.paused else "recording")

@@ -6,9 +6,9 @@ tab need know of it.
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
-import pyqtgraph as pg
 from PySide6.QtCore import QObject, QPoint, Qt
 from PySide6.QtGui import QContextMenuEvent, QGuiApplication
 from PySide6.QtWidgets import QApplication, QFileDialog, QMenu, QWidget
@@ -16,9 +16,9 @@ from PySide6.QtWidgets import QApplication, QFileDialog, QMenu, QWidget
 from fingerlab.errors import UserError
 
 from .desk import Desk
-from .widgets.plot_picture import ENDINGS, picture_of, save_plot
-from .widgets.plot_series import series_of, to_csv
 
+# What draws and writes plots is imported late: without it the window opens sooner.
+ENDINGS = {".png": "Picture", ".svg": "Vector picture", ".pdf": "Vector picture", ".csv": "Numbers"}
 FORMATS = ";;".join(f"{words} (*{ending})" for ending, words in ENDINGS.items())
 COPY_KEYS, SAVE_KEYS = "Ctrl+Shift+C", "Ctrl+Shift+S"
 
@@ -42,6 +42,8 @@ class PlotMenu(QObject):
 
     def open(self, plot: QWidget, place: QPoint) -> None:
         """The plot's menu at a place on the screen."""
+        from .widgets.plot_series import series_of
+
         menu = self.menu = QMenu(self._window)
         menu.setObjectName("plotMenu")
         menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
@@ -82,16 +84,22 @@ class PlotMenu(QObject):
 
     def copy_picture(self, plot: QWidget) -> None:
         """The picture to the clipboard."""
+        from .widgets.plot_picture import picture_of
+
         QGuiApplication.clipboard().setImage(picture_of(plot))
         self._desk.say(f"Copied as a picture: {_words(plot)}")
 
     def copy_numbers(self, plot: QWidget) -> None:
         """The numbers to the clipboard, as CSV."""
+        from .widgets.plot_series import series_of, to_csv
+
         QGuiApplication.clipboard().setText(to_csv(series_of(plot)))
         self._desk.say(f"Copied as numbers: {_words(plot)}")
 
     def ask_and_save(self, plot: QWidget) -> None:
         """Ask where; the ending says in which format."""
+        from .widgets.plot_picture import save_plot
+
         proposed = Path(self._desk.settings.folder()) / f"{plot.objectName() or 'plot'}.png"
         name, chosen = QFileDialog.getSaveFileName(self._window, "Save the plot", str(proposed), FORMATS)
         if not name:
@@ -117,11 +125,11 @@ def plot_at(watched: QObject | None) -> QWidget | None:
 
 
 def _is_plot(widget: QWidget) -> bool:
-    if isinstance(widget, pg.GraphicsView):
-        return True
-    from .acquire.canvas import Canvas
-
-    return isinstance(widget, Canvas)
+    """Of a kind that has been imported; there is none of another kind."""
+    kinds = (("pyqtgraph", "GraphicsView"), (f"{__package__}.acquire.canvas", "Canvas"))
+    return any(
+        name in sys.modules and isinstance(widget, getattr(sys.modules[name], kind)) for name, kind in kinds
+    )
 
 
 def _words(plot: QWidget) -> str:

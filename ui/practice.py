@@ -11,7 +11,6 @@ from pathlib import Path
 
 from fingerlab.errors import Cancelled
 from fingerlab.identify.results import ParameterEstimate
-from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed, parameter_titles
 from fingerlab.report.screen import estimate_text
 from fingerlab.sessions.model import Session
 
@@ -65,6 +64,7 @@ def reveal(session: Session, model: Sequence[str]) -> str:
     Raises:
         UserError: the session is not a simulated one, or its seal is damaged.
     """
+    from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
     from fingerlab.twin.session import reveal_session
 
     effects = reveal_session(session.path)["effects"]
@@ -92,6 +92,7 @@ def hidden_effects(session: Session) -> tuple[str, ...]:
 
 
 def _told(name: str, values: dict[str, float]) -> str:
+    from fingerlab.report.diagnosis_words import effect_title, in_sentence, parameter_titles
     from fingerlab.twin.effect_table import EFFECTS
 
     units = {p.name: p.unit for p in EFFECTS[name].parameters} if name in EFFECTS else {}

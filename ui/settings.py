@@ -77,6 +77,16 @@ class Settings:
     def set_library(self, folder: Path) -> None:
         self._store.setValue("library", str(folder))
 
+    def heights(self, name: str) -> tuple[int, ...]:
+        """Heights of a splitter's parts, px, as the user left them; empty where there are none to trust."""
+        value = self._store.value(f"heights/{name}", [])
+        parts = [str(part) for part in value] if isinstance(value, (list, tuple)) else []
+        whole = tuple(int(part) for part in parts if part.isdecimal())
+        return whole if len(whole) == len(parts) and sum(whole) > 0 else ()
+
+    def set_heights(self, name: str, heights: Sequence[int]) -> None:
+        self._store.setValue(f"heights/{name}", [str(height) for height in heights])
+
     def save_place(self, window: QWidget) -> None:
         self._store.setValue("geometry", window.saveGeometry())
 

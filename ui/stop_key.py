@@ -32,8 +32,8 @@ class StopKey(QObject):
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if (
-            event.type() == QEvent.Type.KeyPress
-            and isinstance(event, QKeyEvent)
+            isinstance(event, QKeyEvent)  # first: the type of each event of the application takes longer
+            and event.type() == QEvent.Type.KeyPress
             and event.key() == Qt.Key.Key_Escape
             and not event.isAutoRepeat()
         ):

@@ -28,6 +28,7 @@ from .desk import Desk, OpenCall, RigLine, read_session
 from .frame_header import FrameHeader
 from .menus import Menus, WindowCommands
 from .message_bar import MessageBar
+from .placing import PlaceKeeper
 from .plot_menu import PlotMenu
 from .rail import Rail
 from .registry import Entry
@@ -74,6 +75,7 @@ class MainWindow(QMainWindow):
         self._stop_key = StopKey(self.desk.stop, self)
         self._connect()
         self.settings.restore_place(self, FIRST_SIZE)
+        self.place = PlaceKeeper(self, self.settings)
         first = self.settings.tab()
         self.show_tab(first if first in self._entries else next(iter(self._entries)))
 
@@ -201,7 +203,7 @@ class MainWindow(QMainWindow):
         if not all(tab.can_close() for tab in self._tabs.values()):
             event.ignore()
             return
-        self.settings.save_place(self)
+        self.place.keep()
         self.hide()
         self.tasks.shut_down()
         for tab in self._tabs.values():

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable
 
 from fingerlab.acquisition.averaging import AVERAGE_S, Averaging
-from fingerlab.acquisition.board import Board, Number, Slot, Text
+from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.checks import Reading
 from fingerlab.acquisition.commands import (
     Approach,
@@ -26,22 +26,19 @@ from fingerlab.acquisition.commands import (
     SetUp,
     Tare,
 )
-from fingerlab.acquisition.control import PositionLoop, Settling
 from fingerlab.acquisition.machine import Event, Machine, Mode
 from fingerlab.acquisition.publishing import Publisher
 from fingerlab.acquisition.reading import Reader
-from fingerlab.acquisition.reference import Reference
 from fingerlab.acquisition.requests import (
     LoopSettings,
     ReadyStart,
     Refused,
-    gains_within,
     prepare,
     watchdogs,
 )
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.safety import Safety, safety_checks
-from fingerlab.acquisition.torque import TorqueDrive
+from fingerlab.acquisition.steering import Steering
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost, cycles_per_command
 from fingerlab.errors import UserError
 
@@ -73,26 +70,19 @@ class ControlLoop:
         self._board = board
         self._publisher = Publisher(ring, board, 1.0 / device.rate_hz)
         self._period = 1.0 / device.rate_hz
-        self._hold = cycles_per_command(device)
-        gains = gains_within(settings, self._hold)
-        self._controller = PositionLoop(gains, self._period * self._hold)
-        self._pull = TorqueDrive(self._period, gains, settings.units, settings.limits)
-        self._pulling = False  # the trajectory is one of torque
-        self._reference = Reference(self._period)
-        self._settling = Settling(self._period)
+        self._steering = Steering(settings, self._period, cycles_per_command(device), board)
         self._reader = Reader(settings.units, self._period, clock)
         self._commands: deque[tuple[int, Command | ReadyStart | Refused]] = deque()
         self._averaging: Averaging | None = None
-        self._approach: Approach | None = None
         self._lost_process = ""
         self._quit_at = math.inf
         self._restart = False
         self._stops = board[Slot.STOP_REQUESTS]
         self._recorder_errors = board[Slot.RECORDER_ERRORS]
         self._dogs = watchdogs(settings, self._period)
-        self._amps = self._volts = 0.0
         self._faults = self._run = 0
         self._safety: Safety
+        self._cable: bool
         self._set_up(SetUp())
 
     def open(self) -> None:
@@ -104,7 +94,7 @@ class ControlLoop:
 
     def submit(self, number: int, command: Command) -> None:
         """Ask for something; answered in the board under ``number``. May be called from another thread."""
-        self._commands.append((number, prepare(command, self.settings)))
+        self._commands.append((number, prepare(command, self.settings, self._cable)))
 
     def lose(self, sentence: str, farewell: bool) -> None:
         """Another process is gone. With ``farewell`` the loop ends soon. May be called from a thread."""
@@ -138,28 +128,24 @@ class ControlLoop:
         if self._restart and not self._start_again():
             return
         try:
-            sample = self.device.exchange(self._volts)
+            sample = self.device.exchange(self._steering.volts)
         except DeviceLost as error:
             self._fault(str(error), lost=True)
             return
         except DeviceFault as error:
             self._fault(str(error))
             return
-        reading = self._reader.read(sample, self._reference.value)
+        reading = self._reader.read(sample, self._steering.reference.value)
         sentence = self._complaint(reading)
         if sentence:
             self._fault(sentence)
         self._obey(reading)
         self._steer(reading)
         run = self._run if self.machine.command_allowed else 0
-        self._publisher.publish(reading, self.machine, self._reference.value, self._amps, run)
+        steering = self._steering
+        self._publisher.publish(reading, self.machine, steering.reference.value, steering.amps, run)
         if reading.index >= self._quit_at:
             self.ended = True
-
-    @property
-    def _followed(self) -> Reference:
-        """What the trajectory commands: rad, or N m where it is one of torque."""
-        return self._pull.reference if self._pulling else self._reference
 
     def _complaint(self, reading: Reading) -> str | None:
         """Why the motor may not go on, or None."""
@@ -191,29 +177,16 @@ class ControlLoop:
 
     def _steer(self, reading: Reading) -> None:
         """Set value for the next cycle."""
+        steering = self._steering
         if not self.machine.command_allowed:
-            self._amps = self._volts = 0.0
-            self._reference.value = reading.position
+            steering.stand(reading.position)
             return
-        reference = self._followed
-        for _ in range(1 + reading.lost):  # time is the sample index: lost cycles have passed
-            reference.next()
-        if self._pulling:
-            self._reference.value = reading.position  # no angle is asked for: the command is where it is
-        if self._approach is not None:
-            self._follow_approach(reading)
-        if reference.over:
+        if steering.advance(reading):
             self._end_of_trajectory(reading)
-        if not self.machine.command_allowed:
-            self._amps = self._volts = 0.0
-        elif self._hold == 1 or reading.index % self._hold == 0:
-            if self._pulling:
-                self._amps = self._pull.current(reading.speed)
-            else:
-                self._amps = self._controller.command(self._reference.value - reading.position)
-            units = self.settings.units
-            volts = self._amps / units.amps_per_volt
-            self._volts = min(max(volts, units.low_volts), units.high_volts)
+        if self.machine.command_allowed:
+            steering.command(reading)
+        else:
+            steering.off()
 
     def _do(self, number: int, command: Command | ReadyStart | Refused, reading: Reading) -> None:
         sentence = ""
@@ -254,7 +227,7 @@ class ControlLoop:
             self.device.set_enable(True)
             self._board[Slot.ENABLE_LINE] = 1
         elif event is Event.DISABLE:
-            self._amps = self._volts = 0.0
+            self._steering.off()
             self.device.set_enable(False)
             self._board[Slot.ENABLE_LINE] = 0
         elif event is Event.FINISH:
@@ -270,22 +243,9 @@ class ControlLoop:
         if refusal:
             return refusal
         moving = self.machine.mode is Mode.RUNNING
-        pulling = isinstance(command, ReadyStart) and command.trajectory.is_torque
-        if moving and pulling != self._pulling:
-            return "The motor follows a trajectory of another kind (angle or torque); bring it to rest first."
-        self._pulling = pulling
-        self._approach = command if isinstance(command, Approach) else None
-        self._board[Slot.APPROACHED] = 0
-        if not moving:
-            self._controller.reset()
-            self._reference.begin(reading.position)
-        if isinstance(command, Approach):
-            self._reference.wind(command.speed, command.limit)
-        elif moving:
-            self._followed.change(command.trajectory, command.endless)
-        else:
-            begin = 0.0 if pulling else reading.position
-            self._followed.start(command.trajectory, begin, command.endless)
+        refusal = self._steering.start(command, reading.position, moving)
+        if refusal:
+            return refusal
         self._become(Event.RUN)
         self._run += 1
         self._board[Slot.RUN_START] = reading.index
@@ -293,31 +253,14 @@ class ControlLoop:
         self._board[Slot.RUN_ACTIVE] = 1
         return ""
 
-    def _follow_approach(self, reading: Reading) -> None:
-        assert self._approach is not None
-        if reading.force >= self._approach.force:
-            # Where the motor is, not where it was told to be: the loop's integral makes the two agree.
-            self._reference.hold(reading.position)
-            self._board.set_number(Number.APPROACH, reading.position)
-            self._board[Slot.APPROACHED] = 1
-            self._approach = None
-        elif self._reference.over:
-            self._board[Slot.APPROACHED] = -1
-
     def _end_of_trajectory(self, reading: Reading) -> None:
         if self.machine.mode is Mode.RUNNING:
             self._rest()
-        elif self._settling.over(self._reference.value - reading.position):
+        elif self._steering.settled(reading.position):
             self._become(Event.REST)
 
     def _rest(self) -> None:
-        self._approach = None
-        if self._pulling:  # the position loop takes over where the motor is, with the current that it has
-            self._pulling = False
-            self._controller.take_over(self._amps)
-            self._reference.begin(self._reader.reading.position)
-        self._reference.rest()
-        self._settling.begin()
+        self._steering.rest(self._reader.reading.position)
         self._board[Slot.RUN_ACTIVE] = 0
         self._become(Event.FINISH)
 
@@ -339,14 +282,14 @@ class ControlLoop:
 
     def _forget(self) -> None:
         """What was under way has ended."""
-        self._approach = None
+        self._steering.forget()
         self._board[Slot.RUN_ACTIVE] = 0
         if self._averaging is not None:
             number, self._averaging = self._averaging.number, None
             self._answer(number, "The bench was stopped meanwhile; try again.")
 
     def _make_safe(self) -> bool:
-        self._amps = self._volts = 0.0
+        self._steering.off()
         confirmed = self.device.make_safe()
         for _ in range(SAFE_TRIES):
             if confirmed:
@@ -392,9 +335,11 @@ class ControlLoop:
         change = getattr(self.device, "set_up", None)
         if change is not None and self._reader.index >= 0:
             change(command.phase, command.cable, command.load_torque)
+        self._cable = command.cable != "none"
         self._safety = safety_checks(
             self.settings.limits,
             self.device.rate_hz,
+            cable=self._cable,
             finger=command.phase in ("on_air", "contact"),
             force=command.phase == "contact",
         )

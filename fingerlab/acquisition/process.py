@@ -40,6 +40,11 @@ GUARD_S = 0.005
 NICE, HIGH_PRIORITY_CLASS = -10, 0x80
 """Priority that loop and recorder ask for (setpriority(2); SetPriorityClass of the Windows API)."""
 
+REAL_TIME = 10
+"""Priority in the class of real-time programs (Linux, sched(7)) that a loop paced by a clock asks for: before
+every ordinary program, after the system's own (assumed). In the ordinary class even the most favoured program
+waits for a running one to use up its slice, some 3 ms."""
+
 GRACE_S = 2.0
 """How long the recorder waits for the loop to end when the window is lost."""
 
@@ -54,6 +59,11 @@ class Choice(Protocol):
 
     @property
     def kind(self) -> str: ...
+
+    @property
+    def real_time(self) -> bool:
+        """Paced by a clock; else the loop runs on without ever waiting."""
+        ...
 
     def build(self) -> Device: ...
 
@@ -95,7 +105,7 @@ def loop_main(plan: Plan, commands: Connection, recorder_lives: Connection, aliv
     gc.collect()
     gc.freeze()
     gc.disable()
-    come_first()
+    come_first(plan.device.real_time)
     loop.run(lives.look)
     _leave()
 
@@ -206,8 +216,12 @@ def _leave() -> NoReturn:
     os._exit(0)
 
 
-def come_first() -> None:
-    """Ask for this process to run before ordinary programs; not every system or user is granted it."""
+def come_first(paced: bool = False) -> None:
+    """Ask for this thread to run before ordinary programs; not every system or user is granted it.
+
+    Args:
+        paced: it mostly waits, and may therefore come before everything else where another core is left.
+    """
     if sys.platform == "win32":
         kernel = ctypes.WinDLL("kernel32")
         kernel.GetCurrentProcess.restype = ctypes.c_void_p
@@ -215,6 +229,9 @@ def come_first() -> None:
     else:
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, NICE)
+        if paced and hasattr(os, "sched_setscheduler") and (os.cpu_count() or 1) > 1:
+            with suppress(OSError):
+                os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(REAL_TIME))
 
 
 def _be_undisturbed() -> None:

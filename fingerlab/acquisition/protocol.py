@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+import numpy as np
+
 from fingerlab.acquisition.bench import Bench
 from fingerlab.acquisition.board import Slot
 from fingerlab.acquisition.commands import (
@@ -36,6 +38,12 @@ APPROACH_SPEED = math.radians(12.0)
 APPROACH_LIMIT = math.radians(150.0)
 """rad/s, rad: the approach to the load cell, as an operator winds (assumed; as in a simulated session)."""
 
+LIFT_DEG = 3.0
+LIFT_RAMP_S = 0.5
+LIFT_S = 1.0
+"""How far and how softly a known load is lifted off its support before a run, and when the run begins:
+from its first sample on it is to carry the whole load (assumed; the slack of its thread is to be less)."""
+
 CABLE_WORDS = {
     "extension": "Fix the extension cable to the pulley, and take the flexion cable off.",
     "flexion": "Fix the flexion cable to the pulley, and take the extension cable off.",
@@ -44,7 +52,7 @@ CABLE_WORDS = {
 PHASE_WORDS = {
     "on_air": "Move the load cell out of the finger's way.",
     "contact": "Put the load cell under the fingertip, without touching it.",
-    "motor_bench": "Leave the motor alone, or hang the known load on it.",
+    "motor_bench": "Leave the motor alone, with nothing on it.",
     "free": "Let the finger hang free.",
 }
 
@@ -84,6 +92,13 @@ class Find:
 
 
 @dataclass(frozen=True)
+class Lift:
+    """Lift the known load off its support and hold it at ``degrees``: a run carries it from there."""
+
+    degrees: float
+
+
+@dataclass(frozen=True)
 class Record:
     """Record a run; ``number`` of ``count``."""
 
@@ -103,7 +118,7 @@ class Rest:
     seconds: float
 
 
-Step = Change | Find | Record | Rest
+Step = Change | Find | Lift | Record | Rest
 
 
 def plan_steps(runs: Sequence[RunPlan], contact_force: float, rest_s: float = REST_S) -> tuple[Step, ...]:
@@ -111,6 +126,9 @@ def plan_steps(runs: Sequence[RunPlan], contact_force: float, rest_s: float = RE
 
     Args:
         contact_force: N, mean force of contact runs that name no offset.
+
+    Raises:
+        UserError: a run would set the known load down on its support.
     """
     return tuple(_steps(runs, contact_force, rest_s))
 
@@ -123,6 +141,8 @@ def plan_seconds(steps: Sequence[Step]) -> float:
             seconds += read_trajectory({**step.trajectory}).duration + STOP_S
         elif isinstance(step, Rest):
             seconds += step.seconds
+        elif isinstance(step, Lift):
+            seconds += LIFT_S
         elif isinstance(step, Change):
             seconds += SETTLE_S
     return seconds
@@ -139,6 +159,8 @@ def _steps(runs: Sequence[RunPlan], contact_force: float, rest_s: float) -> Iter
         if run.phase == "contact" and _goes_about_contact(run.trajectory) and now != before:
             yield Find(contact_force)
         before = now
+        if run.load_torque and run.trajectory.get("kind") != "torque":
+            yield Lift(_lift(run.trajectory, run.load_torque))
         yield Record(number, len(runs), run.phase, run.cable, run.trajectory, run.load_torque, run.attributes)
 
 
@@ -147,11 +169,33 @@ def _goes_about_contact(trajectory: Mapping[str, Any]) -> bool:
     return "offset_deg" not in trajectory and trajectory.get("kind") != "torque"
 
 
+def _lift(trajectory: Mapping[str, Any], load_torque: float) -> float:
+    """Degrees to which the load is lifted, to the side where it hangs; the run has to stay beyond them.
+
+    Raises:
+        UserError: it does not.
+    """
+    side = math.copysign(1.0, load_torque)
+    moved = read_trajectory(trajectory)
+    time = np.arange(0.0, min(moved.duration, 600.0), 2e-3)
+    lowest = math.degrees(float((side * (moved.offset + moved.amplitude * moved.wave(time))).min()))
+    if lowest < LIFT_DEG:
+        raise UserError(
+            f"The run comes to {side * lowest:.3g}°, where the known load rests on its support; choose an "
+            f"offset that keeps it beyond {side * LIFT_DEG:g}°."
+        )
+    return side * LIFT_DEG
+
+
 def _prompt(set_up: SetUp) -> str:
-    words = f"{CABLE_WORDS[set_up.cable]} {PHASE_WORDS[set_up.phase]}"
-    if set_up.load_torque:
-        words += f" The load is {1e3 * set_up.load_torque:.4g} mN m."
-    return words
+    if not set_up.load_torque:
+        return f"{CABLE_WORDS[set_up.cable]} {PHASE_WORDS[set_up.phase]}"
+    turns = "forwards" if set_up.load_torque > 0 else "backwards"
+    return (
+        f"{CABLE_WORDS[set_up.cable]} Hang the known load of {1e3 * abs(set_up.load_torque):.4g} mN m on the "
+        f"pulley: now it rests on its support, the thread slack by less than {LIFT_DEG:g}°, and it "
+        f"is lifted where the motor turns {turns}."
+    )
 
 
 class ProtocolDriver:
@@ -210,6 +254,8 @@ class ProtocolDriver:
             self._change(step)
         elif isinstance(step, Find):
             self._find(step)
+        elif isinstance(step, Lift):
+            self._lift(step)
         elif isinstance(step, Record):
             self._record(step)
         else:
@@ -269,6 +315,11 @@ class ProtocolDriver:
         self._offset_deg = round(math.degrees(reached), 2)
         bench.ask(Finish())
         self._wait_for_rest()
+
+    def _lift(self, step: Lift) -> None:
+        hold = {"kind": "blocked", "offset_deg": step.degrees, "ramp_s": LIFT_RAMP_S}
+        self._bench.ask(Start(hold, endless=True))
+        self._wait(LIFT_S, "lifting the load")
 
     def _record(self, step: Record) -> None:
         bench = self._bench

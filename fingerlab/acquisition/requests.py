@@ -47,14 +47,18 @@ class Refused:
     sentence: str
 
 
-def prepare(command: Command, settings: LoopSettings) -> Command | ReadyStart | Refused:
-    """The part of a command that takes time, done outside of the control loop's cycle."""
+def prepare(command: Command, settings: LoopSettings, cable: bool = True) -> Command | ReadyStart | Refused:
+    """The part of a command that takes time, done outside of the control loop's cycle.
+
+    Args:
+        cable: whether a cable is on the pulley, whose tension may not rise too fast.
+    """
     if not isinstance(command, Start):
         return command
     try:
         trajectory = read_trajectory(command.trajectory)
         if trajectory.is_torque:
-            check_torque(trajectory, settings.limits, settings.units)
+            check_torque(trajectory, settings.limits, settings.units, cable)
         else:
             _check_range(trajectory, settings.limits)
     except UserError as error:

@@ -160,11 +160,13 @@ class Safety:
         return None
 
 
-def safety_checks(limits: Limits, rate_hz: float, *, finger: bool, force: bool) -> Safety:
+def safety_checks(limits: Limits, rate_hz: float, *, cable: bool, finger: bool, force: bool) -> Safety:
     """The checks for an experiment.
 
     Args:
         rate_hz: control loop's rate, Hz.
+        cable: whether a cable is on the pulley. Without one there is no tension: what the motor's torque
+            would make of it is then its own acceleration, which is limited by torque, current and speed.
         finger: whether a finger is on the cable, so that its angle sensors are read.
         force: whether the load cell is read.
     """
@@ -183,7 +185,7 @@ def safety_checks(limits: Limits, rate_hz: float, *, finger: bool, force: bool) 
                 Range("torque", -limits.torque, limits.torque, "motor torque", "N m"),
             )
         ),
-        Rise("tension", limits.tension_rise, period, "cable tension", "N/s"),
+        *([Rise("tension", limits.tension_rise, period, "cable tension", "N/s")] if cable else []),
         EncoderStuck(
             limits.encoder_stuck_current, limits.encoder_stuck_change, samples(limits.encoder_stuck_time)
         ),

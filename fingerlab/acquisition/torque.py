@@ -61,8 +61,8 @@ class TorqueDrive:
         return min(max(wanted, -self._most), self._most)
 
 
-def check_torque(trajectory: Trajectory, limits: Limits, units: BenchUnits) -> None:
-    """Refuse a torque that reaches the limits, or pulls the cable tight too fast.
+def check_torque(trajectory: Trajectory, limits: Limits, units: BenchUnits, cable: bool = True) -> None:
+    """Refuse a torque that reaches the limits, or pulls the cable (where there is one) tight too fast.
 
     Raises:
         UserError: it does.
@@ -76,6 +76,8 @@ def check_torque(trajectory: Trajectory, limits: Limits, units: BenchUnits) -> N
             f"The trajectory asks for {1e3 * low:.4g} to {1e3 * high:.4g} mN m; the rig's limits of torque "
             f"and current allow {1e3 * most:.4g} mN m in either direction."
         )
+    if not cable:
+        return
     rise = float(np.abs(np.diff(torque)).max(initial=0.0)) / STEP_S / units.pulley_radius
     if rise > limits.tension_rise:
         raise UserError(

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any
 from fingerlab.batch.ageing import LEAST_TIMES, Trend, ageing_rows
 from fingerlab.batch.rows import Row, recorded_at
 from fingerlab.batch.table import Contents
-from fingerlab.report.diagnosis_words import NOTHING_WORDS, UNKNOWN_WORDS, effect_title
+from fingerlab.report.diagnosis_words import (
+    NOTHING_WORDS,
+    UNKNOWN_WORDS,
+    effect_title,
+    in_sentence,
+    listed,
+)
 from fingerlab.report.screen import decimals_for, fixed, largest_of, score_text, screen_unit, with_minus
 
 if TYPE_CHECKING:
@@ -85,6 +91,9 @@ def print_summary(contents: Contents, trends: Sequence[Trend]) -> None:
     console.print()
     for words, count in _outcomes(good):
         console.print(Text(f"{count:5d}  {words}"))
+    unseen = not_shown_sentence(good)
+    if unseen:
+        console.print(Text(f"\n{unseen}"))
 
 
 def _outcomes(rows: Sequence[Row]) -> list[tuple[str, int]]:
@@ -97,6 +106,17 @@ def _outcome(row: Row) -> str:
     if row["verdict"] in words:
         return words[row["verdict"]]
     return effect_title(row["set"][0] if row["set"] else str(row["first_effect"]))
+
+
+def not_shown_sentence(rows: Sequence[Row]) -> str:
+    """What the sessions in which nothing is missing could not have shown, and in how many; or nothing."""
+    left = [row["set"] for row in rows if row["verdict"] == "nothing_missing" and row["set"]]
+    if not left:
+        return ""
+    titles = Counter(in_sentence(effect_title(effect)) for effects in left for effect in effects)
+    named = [f"{title} ({count})" for title, count in titles.most_common()]
+    where = "One session" if len(left) == 1 else f"{len(left)} sessions"
+    return f"{where} with nothing missing could not have shown, at a plausible strength: {listed(named)}."
 
 
 def _sessions(rows: Sequence[Row], contents: Contents, narrow: bool) -> Table:

@@ -99,17 +99,17 @@ def print_diagnosis(result: Diagnosis) -> None:
     console.print()
     console.print(_ranking(result))
     console.print(f"error: with that effect in the model{'; * cannot be ruled out' if result.set else ''}\n")
-    for candidate in words.shown_best_first(result)[: len(result.set)]:
+    for candidate in words.suspected(result):
         console.print(Text(f"{candidate.title}: {candidate.explanation}\n"))
-    if len(result.set) > 1:
+    if len(result.set) > 1 or words.not_shown(result):
         console.print(Text(words.set_sentence(result)))
     if words.worth_adding(result):
         console.print(Text(words.path_sentence(result)))
         console.print(Text(f"To put it into the model: --add {words.worth_adding(result)[0]}"))
-    proposal = words.next_experiment_sentence(result.next_experiment)
+    proposal = words.next_experiment_sentence(result)
     if proposal is not None:
         console.print(Text(proposal))
-    hidden = [c.effect for c in result.candidates if not c.detectable]
+    hidden = words.hidden_besides(result)
     if hidden:
         console.print(Text(f"These data could not show, at a plausible strength: {', '.join(hidden)}."))
     console.print(Text(f"{result.seconds:.1f} s", style="dim"))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,17 +33,7 @@ def single_plan(source: str, phase: str | None, cable: str | None) -> RunPlan:
     phase = phase or found.get("phase")
     if phase is None:
         raise UserError("--trajectory needs --phase: on_air, contact, motor_bench or free.")
-    trajectory = found["trajectory"]
-    load = trajectory.get("load_torque", 0.0) if isinstance(trajectory, dict) else 0.0
-    if isinstance(load, bool) or not isinstance(load, (int, float)) or not math.isfinite(load):
-        raise UserError(f"--trajectory has 'load_torque' = {load!r}; it should be a torque in N m.")
-    if load and phase != "motor_bench":
-        raise UserError(
-            f"--trajectory has a 'load_torque', and the phase is {phase}; a known load goes with motor_bench."
-        )
-    if isinstance(trajectory, dict):
-        trajectory = {key: value for key, value in trajectory.items() if key != "load_torque"}
-    return replace(single_run(trajectory, phase, cable or found.get("cable")), load_torque=float(load))
+    return single_run(found["trajectory"], phase, cable or found.get("cable"))
 
 
 def read_proposal(text: str) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Mapping
 from datetime import datetime
@@ -18,6 +19,7 @@ from fingerlab.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
+    from fingerlab.acquisition.commands import Initialise
     from fingerlab.devices.choosing import DeviceChoice
     from fingerlab.rig import Rig
 
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     metavar="FILE|JSON",
     help=TRAJECTORY_HELP,
 )
+@click.option("--runs", default=1, show_default=True, type=click.IntRange(1, 100), help="Of --trajectory.")
 @click.option("--phase", help="Phase of that run: on_air, contact, motor_bench or free.")
 @click.option("--cable", type=click.Choice(["extension", "flexion", "none"]), help="Cable of that run.")
 @click.option(
@@ -40,6 +43,11 @@ if TYPE_CHECKING:
 @click.option("--title", help="Title of the session.")
 @click.option("--operator", help="Who records.")
 @click.option("--notes", help="Notes on the session.")
+@click.option(
+    "--set-position", default=0.0, show_default=True, help="°, the pulley where it stands at first."
+)
+@click.option("--set-mcp", type=float, help="°, the MCP joint at rest; else as its sensor is calibrated.")
+@click.option("--set-pip", type=float, help="°, the PIP joint, in the same way.")
 @click.option("--rest", default=2.0, show_default=True, type=click.FloatRange(min=0), help="s between runs.")
 @click.option("--force", default=0.8, show_default=True, type=click.FloatRange(min=0.05), help="N, contact.")
 @click.option("--yes", is_flag=True, help="Do not wait for a key where the cable is to be changed.")
@@ -61,6 +69,7 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
 
     refuse_existing(out)
     name, plans = _plans(options)
+    options["initial"] = _initial(options)
     choice = _choice(options)
     if choice.kind == REPLAY:
         raise UserError("A replay has been recorded already; record from 'simulated' or from a card.")
@@ -98,7 +107,7 @@ def _run(
     attributes = {k: v for k in ("operator", "notes") if (v := options[k])}
     title = options["title"] or f"{told['protocol']} protocol on {told['device']}"
     now = datetime.now().astimezone().isoformat(timespec="seconds")
-    driver = ProtocolDriver(bench, ask, report)
+    driver = ProtocolDriver(bench, ask, report, options["initial"])
     with Interrupts(bench.stop) as interrupts:
         try:
             bench.recorder.open(SessionInfo(out, rig.to_json(), title, now, {**attributes, **told}))
@@ -110,6 +119,20 @@ def _run(
             raise why from None
     report(1.0, "writing and verifying")
     return bench.recorder.close(), driver.samples
+
+
+def _initial(options: Mapping[str, Any]) -> Initialise:
+    """The values to which encoder and angle sensors are set after each change of the bench."""
+    from fingerlab.acquisition.commands import Initialise
+
+    angles: dict[str, float] = {}
+    for name in ("position", "mcp", "pip"):
+        angle = options[f"set_{name}"]
+        if angle is not None and not abs(angle) <= 180.0:
+            raise UserError(f"--set-{name} is {angle:g}; it should be an angle from -180 to 180 degrees.")
+        if angle is not None:
+            angles[name] = math.radians(angle)
+    return Initialise(**angles)
 
 
 def _keep(bench: Bench, error: BaseException, out: Path) -> None:
@@ -177,11 +200,11 @@ def _plans(options: Mapping[str, Any]) -> tuple[str, list[Any]]:
     if (protocol is None) == (text is None):
         raise UserError("Give either --protocol with a name or --trajectory, not both or neither.")
     if protocol is not None:
-        if options["phase"] or options["cable"]:
-            raise UserError(f"--phase and --cable go with --trajectory; {protocol} has its own.")
+        if options["phase"] or options["cable"] or options["runs"] > 1:
+            raise UserError(f"--phase, --cable and --runs go with --trajectory; {protocol} has its own.")
         amplitude = load_preset(options["preset"]).numbers["protocol"]["contact_amplitude_deg"]
         return protocol, PROTOCOLS[protocol](amplitude)
-    return "single", [single_plan(text, options["phase"], options["cable"])]
+    return "single", [single_plan(text, options["phase"], options["cable"])] * options["runs"]
 
 
 def _tell(report: Callable[[float, str], None]) -> Callable[[str], None]:

@@ -22,6 +22,7 @@ from fingerlab.rig import Rig
 from fingerlab.rig_daq import AnalogInput, Daq
 from fingerlab.rig_file import default_rig
 from fingerlab.twin.effects import CONTACT, ON_AIR, check_effects
+from fingerlab.twin.layout import OUTPUTS
 from fingerlab.twin.preset import PRACTICE, Preset, load_preset
 from fingerlab.twin.protocols import RATE_HZ, RunPlan, setup_of
 from fingerlab.twin.sealing import pick_hidden, seal
@@ -29,6 +30,13 @@ from fingerlab.twin.session import SEALED, SIMULATION
 from fingerlab.twin.streaming import BenchStream, seeded_truth
 
 NAME = "simulated rig"
+
+SLACK = math.radians(1.5)
+GIVE = math.radians(0.5)
+"""How far the pulley turns until the thread of a known load is taut, and from there until the load is off its
+support, for a thread gives a little (assumed)."""
+
+_THETA = OUTPUTS.index("theta")
 
 
 @dataclass(frozen=True)
@@ -83,7 +91,9 @@ class SimulatedBench:
     def set_up(self, phase: str, cable: str | None = None, load_torque: float = 0.0) -> None:
         """Change the cable and the load cell's place, as an operator does between runs.
 
-        The finger hangs at rest afterwards; the encoder goes on counting from where it was.
+        The finger hangs at rest afterwards; the encoder goes on counting from where it was. A known load
+        rests on its support with its thread a little slack, and hangs on the motor once it is lifted from
+        there: a motor without current could not hold it.
 
         Raises:
             UserError: phase and cable do not go together.
@@ -95,9 +105,14 @@ class SimulatedBench:
         turn = self._daq.encoder.counts_per_turn
         self.stream = BenchStream(self.preset, self._truth, plan, self.effects, rng, counts_per_turn=turn)
         self.phase, self.cable = plan.phase, plan.cable
+        self._load = plan.load_torque
 
     def advance(self, volts: float, enabled: bool) -> None:
         """One cycle with the amplifier's set value held; without enable there is no current."""
+        if self._load:
+            turned = self.stream.now[_THETA]
+            share = min(max((abs(turned) - SLACK) / GIVE, 0.0), 1.0)
+            self.stream.hang(math.copysign(self._load * share, turned))  # a thread winds up either way
         self.stream.advance(self._amps * volts if enabled else 0.0)
 
     def raw(self) -> tuple[float, ...]:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from fingerlab.batch.rows import Row
-from fingerlab.batch.table import read_table
 from fingerlab.errors import UserError
 from fingerlab.library.facts import SessionFacts
+
+if TYPE_CHECKING:
+    from fingerlab.batch.rows import Row
 
 
 @dataclass(frozen=True)
@@ -17,8 +19,9 @@ class Verdict:
     """A session's diagnosis as a table of ``fingerlab batch`` holds it.
 
     Attributes:
-        words: ``found``, ``nothing_missing``, ``not_in_catalogue`` ..., as in the table; ``effects``: which.
-        probability: of the verdict. error: final error over its floor, None where there is none.
+        verdict: ``missing_effect``, ``nothing_missing`` or ``not_in_catalogue``, as in the table.
+        effects: one of which is missing; where nothing is, those that the session could not have shown.
+        probability: of the verdict. score: final error over its floor, None where there is none.
         table: the file it stands in. outdated: whether the session was written after the table.
     """
 
@@ -39,6 +42,10 @@ def find_verdicts(folder: Path, facts: Sequence[SessionFacts]) -> dict[Path, Ver
     by_place = {_place(one.path): one for one in facts if not one.problem}
     tables = sorted((p for p in folder.glob("*.parquet") if p.is_file()), key=lambda p: p.stat().st_mtime)
     found: dict[Path, Verdict] = {}
+    if not tables:
+        return {}
+    from fingerlab.batch.table import read_table  # slow to import, and most folders hold no table
+
     for table in tables:
         try:
             contents = read_table(table)

@@ -81,16 +81,16 @@ class DiagnosisView(Shown):
     def _parts(self) -> Sequence[Part]:
         result = self.result
         parts: list[Part] = [words.verdict_sentence(result), _errors(result), _ranking(result)]
-        best = words.shown_best_first(result)[: len(result.set)]
+        best = words.suspected(result)
         parts += [f"{candidate.title}: {candidate.explanation}" for candidate in best]
-        if len(result.set) > 1:
+        if len(result.set) > 1 or words.not_shown(result):
             parts.append(words.set_sentence(result))
         if words.worth_adding(result):
             parts.append(words.path_sentence(result))
-        proposal = words.next_experiment_sentence(result.next_experiment)
+        proposal = words.next_experiment_sentence(result)
         if proposal is not None:
             parts.append(proposal)
-        unseen = [c.effect for c in result.candidates if not c.detectable]
+        unseen = words.hidden_besides(result)
         if unseen:
             parts.append(f"These data could not show, at a plausible strength: {', '.join(unseen)}.")
         return parts

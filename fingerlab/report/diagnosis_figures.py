@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from fingerlab.identify.results import EQUATION_TITLES, Comparison, Diagnosis, Failure, Fingerprint, PathStep
-from fingerlab.report.diagnosis_words import effect_title, in_sentence
+from fingerlab.report.diagnosis_words import effect_title, in_sentence, suspects
 from fingerlab.report.figure_style import (
     CANDIDATE,
     FLOOR,
@@ -215,9 +215,9 @@ def path_figure(path: Sequence[PathStep], given: Sequence[str]) -> Figure:
 
 
 def diagnosis_figures(diagnosis: Diagnosis) -> Mapping[str, Figure]:
-    """By name: the error path, the place where the model fails worst, and the fingerprints of the set.
+    """By name: the error path, the place where the model fails worst, and the fingerprints of the suspects.
 
-    Where no effect is in the set, the fingerprint is that of the most probable one.
+    Where no effect is suspected, the fingerprint is that of the most probable one.
     """
     figures = {"error-path": path_figure(diagnosis.path, diagnosis.model)}
     if diagnosis.failure is not None:
@@ -228,7 +228,7 @@ def diagnosis_figures(diagnosis: Diagnosis) -> Mapping[str, Figure]:
         for number, shown in enumerate(chosen_stretches(diagnosis.comparisons, equation), start=1):
             figures[f"{equation.replace('_', '-')}-{number}"] = comparison_figure(shown, diagnosis.failure)
     drawn = [c for c in diagnosis.candidates if c.fingerprint is not None]
-    for candidate in [c for c in drawn if c.in_set] or drawn[:1]:
+    for candidate in [c for c in drawn if c.effect in suspects(diagnosis)] or drawn[:1]:
         if candidate.fingerprint is not None:
             name = f"fingerprint-{candidate.effect.replace('_', '-')}"
             figures[name] = fingerprint_figure(candidate.fingerprint, candidate.title)

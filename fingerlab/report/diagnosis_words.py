@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from fingerlab.identify.results import Candidate, Diagnosis, Failure
 from fingerlab.physics.effects import find_effect
@@ -62,11 +61,39 @@ def model_words(model: Sequence[str]) -> str:
     return "the nominal model" + (f" with {_names(model)}" if model else "")
 
 
+def suspects(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Ids of the effects one of which is missing, as far as these data can tell; none where nothing is."""
+    return () if diagnosis.verdict == "nothing_missing" else diagnosis.set
+
+
+def not_shown(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Where nothing is missing: ids of the effects that may be there all the same, unseen in these data."""
+    return diagnosis.set if diagnosis.verdict == "nothing_missing" else ()
+
+
+def hidden_besides(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Ids of the effects that these data could not show, and that no other sentence names."""
+    named = not_shown(diagnosis)
+    return tuple(c.effect for c in diagnosis.candidates if not c.detectable and c.effect not in named)
+
+
+def would_show(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Ids of the effects that the proposed run is about; the two outcomes that are no effect are left out."""
+    proposal = diagnosis.next_experiment or {}
+    outcomes = ("nothing_missing", "not_in_catalogue")
+    return tuple(str(one) for one in proposal.get("separates") or () if one not in outcomes)
+
+
 def shown_best_first(diagnosis: Diagnosis) -> tuple[Candidate, ...]:
-    """The candidates of the set in its order, then the others as ranked."""
-    by_id = {c.effect: c for c in diagnosis.candidates}
-    first = [by_id[effect] for effect in diagnosis.set if effect in by_id]
-    return (*first, *(c for c in diagnosis.candidates if c.effect not in diagnosis.set))
+    """The suspects in their order, then the others as ranked."""
+    by_id, first = {c.effect: c for c in diagnosis.candidates}, suspects(diagnosis)
+    leading = [by_id[effect] for effect in first if effect in by_id]
+    return (*leading, *(c for c in diagnosis.candidates if c.effect not in first))
+
+
+def suspected(diagnosis: Diagnosis) -> tuple[Candidate, ...]:
+    """The candidates among the suspects, in their order."""
+    return tuple(c for c in shown_best_first(diagnosis) if c.effect in suspects(diagnosis))
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
@@ -78,7 +105,11 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         chance = percent(diagnosis.probability_nothing)
         if diagnosis.score > UNEXPLAINED:
             return f"No effect is shown to be missing from {model} ({chance} probable), although {error}."
-        return f"{more} is missing from {model} ({chance} probable): {error}, and 1 is the best that can be."
+        seen = " that these data could show" if not_shown(diagnosis) else ""
+        return (
+            f"{more} is missing from {model}{seen} ({chance} probable): {error}, and 1 is the best that "
+            "can be."
+        )
     if diagnosis.verdict == "not_in_catalogue" or not diagnosis.candidates:
         chance = percent(diagnosis.probability_unknown)
         return (
@@ -111,7 +142,12 @@ def _as_well(diagnosis: Diagnosis, best: Candidate) -> str:
 
 
 def set_sentence(diagnosis: Diagnosis) -> str:
-    """What the data cannot tell apart."""
+    """What the data cannot tell apart, or could not have shown where nothing is missing."""
+    if not_shown(diagnosis):
+        return (
+            "These data could not have shown, at a plausible strength: "
+            f"{_names(not_shown(diagnosis))}. Whether one of these is missing they leave open."
+        )
     if len(diagnosis.set) > 1:
         return (
             f"These data cannot tell apart {_names(diagnosis.set)}. The one that is truly missing is meant "
@@ -155,19 +191,27 @@ def failure_sentence(failure: Failure | None) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
-def next_experiment_sentence(proposal: Mapping[str, Any] | None) -> str | None:
-    """What to record next and what that would tell apart; None where nothing is called for."""
+def next_experiment_sentence(diagnosis: Diagnosis) -> str | None:
+    """What to record next and what that would tell apart or show; None where nothing is called for."""
+    proposal = diagnosis.next_experiment
     if not proposal:
         return None
     phase, cable = str(proposal.get("phase") or ""), str(proposal.get("cable") or "none")
     text = f"Record next: {_motion_words(proposal.get('trajectory'))}"
     text += f", {PHASE_WORDS.get(phase, phase)}" if phase else ""
     text += f", {cable} cable" if cable != "none" else ""
-    separates = [str(effect) for effect in proposal.get("separates") or ()]
-    if len(separates) > 1:
-        text += f". It would tell {in_sentence(effect_title(separates[0]))} from {_names(separates[1:])}"
-        text += _gain_words(proposal.get("expected_separation"))
-    return text + "."
+    told = _told_words(diagnosis)
+    return f"{text}. {told}{_gain_words(proposal.get('expected_separation'))}." if told else f"{text}."
+
+
+def _told_words(diagnosis: Diagnosis) -> str:
+    """What the proposed run would tell; one that looks for what was not seen separates it from nothing."""
+    effects = would_show(diagnosis)
+    if effects and diagnosis.verdict == "nothing_missing":
+        return f"It would show {_names(effects)}, if there"
+    if len(effects) > 1:
+        return f"It would tell {_names(effects[:1])} from {_names(effects[1:])}"
+    return ""
 
 
 def _motion_words(trajectory: object) -> str:

@@ -174,7 +174,7 @@ def render(content: Content, progress: Progress) -> Page:
         failure_picture=_failure_picture(diagnosis, pictures, len(sessions) > 1),
         equations=_equations(diagnosis, pictures, len(sessions) > 1),
         candidates=[_candidate(c, pictures) for c in _drawn_candidates(diagnosis)],
-        next_experiment=words.next_experiment_sentence(diagnosis.next_experiment),
+        next_experiment=words.next_experiment_sentence(diagnosis),
         model_rows=tables.model_rows(diagnosis.parameters),
         prediction=content.prediction,
         prediction_picture=_prediction_picture(content.prediction, pictures),
@@ -221,8 +221,9 @@ def _picture_count(diagnosis: Diagnosis, analysis: Analysis | None) -> int:
 
 
 def _drawn_candidates(diagnosis: Diagnosis) -> list[Candidate]:
-    best = words.shown_best_first(diagnosis)
-    return list(best[: max(2, min(len(diagnosis.set), SHOWN_CANDIDATES))])
+    unseen = words.not_shown(diagnosis)
+    best = [c for c in words.shown_best_first(diagnosis) if c.effect not in unseen]
+    return best[: max(2, min(len(words.suspects(diagnosis)), SHOWN_CANDIDATES))]
 
 
 def _candidate(candidate: Candidate, pictures: Pictures) -> dict[str, Any]:

@@ -1,10 +1,17 @@
-"""Session files: read, write, check, copy, import, export. Format: ``session-format.md``, version 1."""
+"""Session files: read, write, check, copy, import, export. Format: ``session-format.md``, version 1.
 
-from fingerlab.sessions.check import CheckReport, Finding, check_session
-from fingerlab.sessions.copying import copy_session
-from fingerlab.sessions.model import Run, Session
-from fingerlab.sessions.reading import content_hash, file_hash, open_session
-from fingerlab.sessions.writing import SessionWriter
+What is here is imported at its first use: the model of a session is needed everywhere, HDF5 only with a file.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fingerlab.sessions.check import CheckReport, Finding, check_session
+    from fingerlab.sessions.copying import copy_session
+    from fingerlab.sessions.model import Run, Session
+    from fingerlab.sessions.reading import content_hash, file_hash, open_session
+    from fingerlab.sessions.writing import SessionWriter
 
 __all__ = [
     "CheckReport",
@@ -18,3 +25,24 @@ __all__ = [
     "file_hash",
     "open_session",
 ]
+
+_HOMES = {
+    "CheckReport": "check",
+    "Finding": "check",
+    "Run": "model",
+    "Session": "model",
+    "SessionWriter": "writing",
+    "check_session": "check",
+    "content_hash": "reading",
+    "copy_session": "copying",
+    "file_hash": "reading",
+    "open_session": "reading",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value

@@ -9,7 +9,6 @@ The tension must come in with the sign of its cable (s T), so that both signals 
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import next_fast_len
 
 from fingerlab.sessions.model import Array
 from fingerlab.signals.regions import Mask, longest_stretch
@@ -50,6 +49,8 @@ def finddelay(lhs: Array, signed_tension: Array, longest: int | None = None) -> 
     a = (lhs - lhs.mean()) / (lhs.std() or 1.0)
     b = (signed_tension - signed_tension.mean()) / (signed_tension.std() or 1.0)
     n = len(a)
+    from scipy.fft import next_fast_len  # slow to import
+
     size = next_fast_len(2 * n)
     correlation = np.fft.irfft(np.fft.rfft(a, size) * np.conj(np.fft.rfft(b, size)), size)
     reach = n - 1 if longest is None else min(longest, n - 1)

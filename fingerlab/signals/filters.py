@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from fingerlab.errors import UserError
 from fingerlab.sessions.model import Array
@@ -33,6 +32,8 @@ def low_pass(values: Array, sample_rate_hz: float, cutoff_hz: float) -> Array:
             f"A low-pass at {cutoff_hz:g} Hz is impossible at {sample_rate_hz:g} samples a second; "
             f"choose a cut-off between 0 and {sample_rate_hz / 2:g} Hz."
         )
+    from scipy.signal import sosfiltfilt  # slow to import, and the constants of signals are wanted early
+
     sos = _sections(sample_rate_hz, cutoff_hz)
     pad = min(int(3 * sample_rate_hz / cutoff_hz), values.shape[-1] - 1)
     if pad < 1:
@@ -43,6 +44,8 @@ def low_pass(values: Array, sample_rate_hz: float, cutoff_hz: float) -> Array:
 @lru_cache(maxsize=64)
 def _sections(sample_rate_hz: float, cutoff_hz: float) -> Array:
     """The filter's second-order sections; every run of a session asks for the same ones."""
+    from scipy.signal import butter
+
     return np.asarray(butter(BUTTERWORTH_ORDER, cutoff_hz, fs=sample_rate_hz, output="sos"))
 
 

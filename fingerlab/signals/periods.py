@@ -95,6 +95,17 @@ def period_grid(length: int, sample_rate_hz: float, frequency_hz: float) -> Peri
     return PeriodGrid(float(first), period, count) if count >= MINIMUM_PERIODS else None
 
 
+def settles(values: Array, grid: PeriodGrid) -> bool:
+    """Whether a signal comes to repeat with the grid's period: its later half does, about a mean that moves.
+
+    A finger that presses settles for a few seconds, in which :func:`repeats` would not know the period.
+    """
+    cycles = grid.fold(values)[grid.count // 2 :]
+    cycles = cycles - cycles.mean(axis=1, keepdims=True)
+    spread = float(np.var(cycles))
+    return spread > 0 and float(np.mean(np.var(cycles, axis=0))) <= MAXIMUM_UNREPEATED * spread
+
+
 def repeats(values: Array, grid: PeriodGrid) -> bool:
     """Whether a signal truly repeats with the grid's period, and moves at all.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -125,11 +126,23 @@ def setup_of(phase: str, cable: str | None = None) -> tuple[str, str]:
 def single_run(trajectory: str | Mapping[str, Any], phase: str, cable: str | None = None) -> RunPlan:
     """One proposed run, as in ``next_experiment`` of a diagnosis.
 
+    Args:
+        trajectory: JSON text or object; for a motor bench maybe with ``load_torque``, N m.
+
     Raises:
         UserError: the phase or cable is unknown, or they do not go together, or the trajectory is bad.
     """
     phase, cable = setup_of(phase, cable)
     settings = dict(read_trajectory(trajectory).settings)
+    load = settings.get("load_torque", 0.0)
+    if isinstance(load, bool) or not isinstance(load, int | float) or not math.isfinite(load):
+        raise UserError(f"The trajectory has 'load_torque' = {load!r}; it should be a torque in N m.")
+    if load and phase != "motor_bench":
+        raise UserError(
+            f"The trajectory has a 'load_torque', and the phase is {phase}; a known load goes with "
+            "motor_bench."
+        )
     if settings["kind"] in ("file", "torque"):  # the points stay with the plan, however many they are
         settings = dict(json.loads(trajectory) if isinstance(trajectory, str) else trajectory)
-    return RunPlan(phase, cable, settings)
+    settings.pop("load_torque", None)
+    return RunPlan(phase, cable, settings, float(load))

@@ -98,6 +98,10 @@ class BenchStream:
         self._samples += 1
         self._remember()
 
+    def hang(self, load_torque: float) -> None:
+        """From now on this known load (N m) is on the motor of a motor bench."""
+        self._plant["load_torque"] = load_torque
+
     def seen(self) -> tuple[float, float, float, float, float]:
         """What the sensors make of it: force (N), MCP, PIP (rad), current (A), encoder (whole counts).
 

@@ -92,7 +92,7 @@ def test_the_first_sample_beyond_a_limit_takes_the_current_away(name: str) -> No
     while beyond(name, bench.column(column), limit)[-1]:  # begin on the safe side
         bench.cycles(1)
     inside = len(bench.column(column))
-    bench.loop._safety = safety_checks(narrow, 1000.0, finger=True, force=True)
+    bench.loop._safety = safety_checks(narrow, 1000.0, cable=True, finger=True, force=True)
     bench.cycles(1100, lambda: bool(bench.board[Slot.FAULTS]))
     outside = beyond(name, bench.column(column)[inside:], limit)
     assert outside.any(), "the motion reaches the limit"
@@ -177,7 +177,7 @@ def test_an_error_of_our_own_stops_the_motor_too() -> None:
     def broken() -> float:
         raise ZeroDivisionError("of our own making")
 
-    bench.loop._reference.next = broken
+    bench.loop._steering.reference.next = broken
     with pytest.raises(ZeroDivisionError):
         bench.loop.run()
     assert (bench.device.volts, bench.device.enabled) == (0.0, False)

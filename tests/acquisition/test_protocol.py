@@ -13,6 +13,7 @@ from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.protocol import (
     Change,
     Find,
+    Lift,
     ProtocolDriver,
     Record,
     Rest,
@@ -57,6 +58,24 @@ def test_every_protocol_of_simulate_has_its_runs_in_its_order(name: str) -> None
     assert [(r.phase, r.cable, r.trajectory) for r in records] == [
         (p.phase, p.cable, p.trajectory) for p in plans
     ]
+
+
+def test_a_known_load_is_lifted_before_each_run_and_never_set_down_in_one() -> None:
+    wave = {"kind": "sine", "amplitude_deg": 20.0, "frequency_hz": 2.0, "offset_deg": 25.0}
+    loads = (0.0, 0.05, 0.05, -0.05)
+    plans = [
+        RunPlan("motor_bench", "none", {**wave, "offset_deg": 25.0 if n >= 0 else -25.0}, n) for n in loads
+    ]
+    steps = plan_steps(plans, 0.8)
+    kinds = [type(step) for step in steps]
+    assert kinds == [Change, Record, Change, Lift, Record, Rest, Lift, Record, Change, Lift, Record]
+    assert [s.degrees for s in steps if isinstance(s, Lift)] == [3.0, 3.0, -3.0]
+    prompts = [s.prompt for s in steps if isinstance(s, Change)]
+    assert "nothing on it" in prompts[0]
+    assert "50 mN m" in prompts[1]
+    assert "turns backwards" in prompts[2]
+    with pytest.raises(UserError, match="comes to 2°, where the known load rests"):
+        plan_steps([RunPlan("motor_bench", "none", {**wave, "offset_deg": 22.0}, 0.05)], 0.8)
 
 
 def inline(device: FakeDevice, tmp_path: Path) -> InlineBench:

@@ -15,10 +15,18 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from fingerlab.acquisition.commands import Start
 from fingerlab.acquisition.inline import InlineBench
+from fingerlab.acquisition.protocol import Record, plan_steps
+from fingerlab.acquisition.requests import LoopSettings, ReadyStart, prepare
+from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.units import BenchUnits
+from fingerlab.cli.proposals import single_plan
 from fingerlab.cli.record import record
 from fingerlab.errors import UserError
+from fingerlab.identify.diagnosis.next_experiment import _bench_menu
+from fingerlab.rig_file import default_rig
 from fingerlab.sessions import check_session, open_session
 
 RUN = {"kind": "sine", "amplitude_deg": 10.0, "frequency_hz": 1.0, "offset_deg": 20.0, "duration_s": 3.0}
@@ -49,6 +57,22 @@ def test_one_run_on_the_simulated_rig(tmp_path: Path) -> None:
     assert session.attributes["operator"] == "Ada"
 
 
+def test_several_runs_from_predefined_values(tmp_path: Path) -> None:
+    """The finger hangs still on air: where its joints stand is where they are said to stand."""
+    hold = {"kind": "blocked", "offset_deg": 5.0, "duration_s": 1.0, "ramp_s": 0.5}
+    out = tmp_path / "three.h5"
+    result = call(
+        "--trajectory", json.dumps(hold), "--phase", "on_air", "--device", "simulated", "--runs", "3",
+        "--set-position", "5", "--set-mcp", "30", "--set-pip", "-12", "--rest", "0.2", "--out", str(out),
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    runs = open_session(out).runs
+    assert [run.length for run in runs] == [1000, 1000, 1000]
+    first = {name: np.degrees(runs[0].channel(name)[:20].mean()) for name in ("mcp_angle", "pip_angle")}
+    assert first == pytest.approx({"mcp_angle": 30.0, "pip_angle": -12.0}, abs=0.1)
+    assert np.degrees(runs[0].channel("motor_position")[0]) == pytest.approx(5.0, abs=0.1)
+
+
 def test_what_diagnose_proposes_can_be_recorded(tmp_path: Path) -> None:
     proposal = {"next_experiment": {"trajectory": {**RUN, "offset_deg": 60.0}, "phase": "motor_bench"}}
     source = tmp_path / "diagnosis.json"
@@ -61,6 +85,36 @@ def test_what_diagnose_proposes_can_be_recorded(tmp_path: Path) -> None:
     assert run.trajectory["offset_deg"] == 60.0
 
 
+def test_a_proposed_run_against_a_known_load_carries_it_from_its_first_sample(tmp_path: Path) -> None:
+    run = {**RUN, "amplitude_deg": 20.0, "offset_deg": 25.0, "frequency_hz": 2.0, "load_torque": 0.1}
+    proposal = {"next_experiment": {"trajectory": run, "phase": "motor_bench", "cable": "none"}}
+    source, out = tmp_path / "diagnosis.json", tmp_path / "loaded.h5"
+    source.write_text(json.dumps(proposal), encoding="utf-8")
+    result = call("--trajectory", str(source), "--device", "simulated", "--out", str(out))
+    assert result.exit_code == 0, result.output
+    taken = open_session(out).runs[0]
+    assert np.all(taken.channel("load_torque") == np.float32(0.1))
+    torque = taken.channel("motor_torque")
+    # Over whole periods inertia and friction do as much one way as the other: what is left is the load.
+    assert np.mean(torque[1000:3000]) == pytest.approx(0.1, abs=0.005)
+    # Held off its support before the run, under friction of at most 20 mN m.
+    assert np.mean(torque[:50]) == pytest.approx(0.1, abs=0.02)
+
+
+def test_every_run_that_is_proposed_for_the_motor_bench_is_within_its_limits() -> None:
+    rig = default_rig()
+    settings = LoopSettings(BenchUnits.from_rig(rig), Limits.from_rig(rig))
+    proposals = list(_bench_menu(rig))
+    assert len(proposals) >= 6
+    for one in proposals:
+        plan = single_plan(json.dumps({"trajectory": one.trajectory, "phase": one.phase}), None, None)
+        assert plan.load_torque == one.trajectory.get("load_torque", 0.0)
+        for step in plan_steps([plan], 0.8):
+            if isinstance(step, Record):
+                ready = prepare(Start(step.trajectory), settings, cable=False)
+                assert isinstance(ready, ReadyStart), ready
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -70,6 +124,10 @@ def test_what_diagnose_proposes_can_be_recorded(tmp_path: Path) -> None:
         (["--trajectory", "nowhere.json", "--phase", "free"], "neither JSON text nor a file"),
         (["--trajectory", '{"next_experiment": null}'], "nothing left to separate"),
         (["--trajectory", json.dumps({**RUN, "offset_deg": 400}), "--phase", "free"], "limits are"),
+        (["--trajectory", json.dumps({**RUN, "load_torque": 0.1}), "--phase", "free"], "motor_bench"),
+        (["--trajectory", json.dumps({**RUN, "load_torque": "x"}), "--phase", "motor_bench"], "in N m"),
+        (["--protocol", "on-air", "--runs", "3"], "--runs"),
+        (["--protocol", "on-air", "--set-mcp", "nan"], "180 degrees"),
         (["--protocol", "on-air", "--device", "replay:x.h5"], "replay"),
     ],
 )

@@ -33,7 +33,7 @@ def healthy(index: int = 0, position: float = 0.4) -> Reading:
 
 @pytest.fixture
 def safety() -> Safety:
-    return safety_checks(Limits(), 1000.0, finger=True, force=True)
+    return safety_checks(Limits(), 1000.0, cable=True, finger=True, force=True)
 
 
 def test_a_healthy_bench_has_no_fault(safety: Safety) -> None:
@@ -84,7 +84,7 @@ def test_a_sensor_that_gives_no_number_is_a_fault_at_once(safety: Safety, attrib
 
 
 def test_without_a_finger_its_sensors_are_not_asked() -> None:
-    safety = safety_checks(Limits(), 1000.0, finger=False, force=False)
+    safety = safety_checks(Limits(), 1000.0, cable=True, finger=False, force=False)
     reading = healthy()
     reading.mcp = reading.pip = reading.force = math.nan
     assert safety.fault(reading) is None
@@ -107,9 +107,19 @@ def test_a_rise_over_lost_cycles_took_their_time_too() -> None:
         assert check.fault(reading) is None
 
 
-def test_the_tensions_rise_is_among_the_checks_of_every_experiment() -> None:
+def test_a_motor_without_a_cable_may_accelerate_as_its_torque_lets_it() -> None:
+    """A chirp of 25 degrees to 4 Hz takes J a = 3e-4 * 276 = 0.083 N m, and 2 pi 4 times that a second."""
+    safety = safety_checks(Limits(), 1000.0, cable=False, finger=False, force=False)
+    for k in range(1000):
+        reading = healthy(k)
+        reading.torque = 0.083 * math.sin(8.0 * math.pi * 1e-3 * k)
+        reading.tension = reading.torque / 0.002  # as on a small drum: 1040 N/s
+        assert safety.fault(reading) is None
+
+
+def test_the_tensions_rise_is_among_the_checks_of_every_experiment_with_a_cable() -> None:
     for finger, force in ((True, True), (False, False)):
-        safety, faults = safety_checks(Limits(), 1000.0, finger=finger, force=force), []
+        safety, faults = safety_checks(Limits(), 1000.0, cable=True, finger=finger, force=force), []
         for k in range(30):
             reading = healthy(k)
             reading.tension = 2.5 * k  # 2500 N/s

@@ -151,6 +151,27 @@ def test_the_cable_is_changed_with_the_amplifier_off() -> None:
         rig.set_up("motor_bench", "flexion")
 
 
+def test_a_known_load_rests_on_its_support_until_the_motor_lifts_it() -> None:
+    """A motor without current holds no weight: it falls back, and its thread winds up either way."""
+    load = 0.1
+    rig = SimulatedRig(simulation=Simulation(phase="motor_bench", load_torque=load))
+    rig.open()
+    rig.start()
+    turn = 2.0 * math.pi / rig.rig.daq.encoder.counts_per_turn
+    assert all(abs(rig.exchange(0.0).raw[4]) * turn < math.radians(0.5) for _ in range(2000))
+    rig.set_enable(True)
+    per_amp = rig.rig.motor.torque_constant * rig.rig.motor.gear_ratio
+    volts = load / per_amp / rig.rig.daq.command.gain
+    # Less than the load lifts nothing, more runs off with it.
+    for share, moves in ((0.3, False), (1.3, True)):
+        turned = [rig.exchange(share * volts).raw[4] * turn for _ in range(400)][-1]
+        assert (turned > math.radians(5.0)) is moves
+    rig.set_enable(False)
+    fallen = [rig.exchange(0.0).raw[4] * turn for _ in range(3000)]
+    assert min(fallen) < -math.radians(20.0)
+    assert max(map(abs, fallen)) < 2.5 * turned
+
+
 def test_a_second_start_is_refused_and_a_start_after_stop_begins_again() -> None:
     rig = SimulatedRig()
     with pytest.raises(DeviceFault, match="not open"):

@@ -52,6 +52,7 @@ class SharedChoice:
 
     path: Path
     kind: str = "card"
+    real_time: bool = True
 
     def build(self) -> SharedDevice:
         return SharedDevice(self.path)

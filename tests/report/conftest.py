@@ -106,6 +106,27 @@ def nothing(found: Diagnosis) -> Diagnosis:
 
 
 @pytest.fixture(scope="session")
+def unseen(nothing: Diagnosis) -> Diagnosis:
+    """Nothing is missing that the data could show; two effects they could not have, and a run for one."""
+    first, stretch, tilt = nothing.candidates
+    hidden = tuple(
+        replace(one, probability=0.02, in_set=True, detectable=False, fingerprint=None)
+        for one in (stretch, tilt)
+    )
+    return replace(
+        nothing, candidates=(first, *hidden), set=("cable_stretch", "gravity_tilt"), probability_nothing=0.82,
+        probability_unknown=0.14,
+        next_experiment={
+            "trajectory": {"kind": "sine", "amplitude_deg": 14.0, "frequency_hz": 0.2},
+            "phase": "on_air",
+            "cable": "extension",
+            "separates": ["nothing_missing", "cable_stretch"],
+            "expected_separation": 7.0,
+        },
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
 def unknown(nothing: Diagnosis) -> Diagnosis:
     """Something repeats that no effect explains."""
     return replace(

@@ -130,6 +130,16 @@ def test_the_verdict_stands_at_the_top_in_one_sentence(found_page) -> None:
             "nothing",
             ["Nothing is missing from the nominal model (> 99 % probable)", "1.03 times", "no effect"],
         ),
+        (
+            "unseen",
+            [
+                "Nothing is missing from the nominal model that these data could show (82 % probable)",
+                "could not have shown, at a plausible strength: cable stretch and tilted base.",
+                "Record next: sine, 14°, 0.2 Hz, on air, extension cable.",
+                "It would show cable stretch, if there (expected gain in log evidence 7.0; 5 decides).",
+                "No effect is justified; these come closest.",
+            ],
+        ),
         ("unknown", ["not in the catalogue (> 99 % probable)", "63.2 times", "none of the 3 effects tried"]),
         (
             "alike",
@@ -146,6 +156,21 @@ def test_every_verdict_reads_as_a_result(write_page, which, sentences, request) 
     text = words(parsed(write_page(diagnosis)))
     for sentence in sentences:
         assert sentence.lower() in text.lower()
+
+
+def test_what_the_data_could_not_show_is_no_evidence(write_page, unseen) -> None:
+    root = parsed(write_page(replace(unseen, comparisons=(), failure=None)))
+    marks = {row[0]: row[4] for row in table(root, "effects")}
+    assert marks == {
+        "Nothing missing": "",
+        "Not in the catalogue": "",
+        "Cable stretch": "these data could not show it",
+        "Tilted base": "these data could not show it",
+        "Coulomb joint friction": "",
+    }
+    part = next(e for e in root.iter(f"{XHTML}section") if e.get("id") == "effects")
+    cards = [words(e) for e in part.iter(f"{XHTML}div") if e.get("class") == "card"]
+    assert [card.startswith("Coulomb joint friction") for card in cards] == [True]
 
 
 def test_figures_are_drawn_for_equations_fingerprint_failure_and_path(found_page) -> None:

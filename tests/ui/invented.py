@@ -6,6 +6,8 @@ k A sin(wt) + c sign(cos(wt)), the nominal model says k A sin(wt), so the residu
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fingerlab.identify.results import (
@@ -171,4 +173,55 @@ def friction_diagnosis(session: str) -> Diagnosis:
         probability_unknown=0.01,
         comparisons=_comparisons(session, with_friction=True),
         failure=None,
+    )
+
+
+def unseen_diagnosis(session: str) -> Diagnosis:
+    """Nothing is missing that the data could show; three effects they could not have, and a run for two."""
+    idle = friction_diagnosis(session)
+    hidden = tuple(
+        Candidate(
+            effect,
+            title,
+            1.1,
+            share,
+            True,
+            {},
+            ("joint_torque",),
+            "These data could not show it at a plausible strength; a slow run would.",
+            False,
+        )
+        for effect, title, share in (
+            ("stribeck_friction", "Stribeck joint friction", 0.02),
+            ("gravity_tilt", "Tilted base", 0.02),
+            ("cable_stretch", "Cable stretch", 0.01),
+        )
+    )
+    seen = Candidate(
+        "coulomb_friction",
+        "Coulomb joint friction",
+        1.1,
+        0.05,
+        False,
+        {},
+        ("joint_torque",),
+        "No sign of it.",
+        True,
+        _fingerprint(0.0001),
+    )
+    return replace(
+        idle,
+        model=(),
+        candidates=(seen, *hidden),
+        set=tuple(one.effect for one in hidden),
+        final_model=(),
+        next_experiment={
+            "trajectory": {"kind": "sine", "frequency_hz": 0.2, "amplitude_deg": 14.0},
+            "phase": "on_air",
+            "cable": "extension",
+            "separates": ["nothing_missing", "stribeck_friction", "gravity_tilt"],
+            "expected_separation": 7.0,
+        },
+        probability_nothing=0.82,
+        probability_unknown=0.08,
     )

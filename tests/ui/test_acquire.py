@@ -57,6 +57,8 @@ def test_from_connecting_to_a_file_that_opens(rig: Rig, qtbot: QtBot) -> None:
 def test_readings_are_what_the_bench_measures(rig: Rig) -> None:
     rig.start()
     rig.run(2.5)
+    while not rig.station.numbers_due:  # ten times a second; plots are drawn more often
+        rig.run(0.033)
     row = rig.bench.ring.last(1)[0]
     from fingerlab.acquisition.columns import COLUMN
 

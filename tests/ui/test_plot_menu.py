@@ -17,7 +17,10 @@ from PySide6.QtWidgets import QApplication, QFileDialog, QMenu, QSplitter, QWidg
 from pytestqt.qtbot import QtBot
 
 from fingerlab.report.screen import ScreenUnit
-from fingerlab.ui.acquire.canvas import Canvas, Line
+from fingerlab.ui.acquire.canvas import Canvas
+from fingerlab.ui.acquire.channels import Trace
+from fingerlab.ui.acquire.curves import Part
+from fingerlab.ui.acquire.history import History
 from fingerlab.ui.desk import Desk
 from fingerlab.ui.registry import Entry
 from fingerlab.ui.tab import Tab
@@ -52,8 +55,10 @@ class Plots(Tab):
         self.live = Canvas("Motor torque", "mN m")
         self.live.setObjectName("live")
         self.live.setAccessibleName("Motor torque")
-        self.live.x_range, self.live.y_range = (0.0, 3.0), (0.0, 3.0)
-        self.live.lines = [Line("measured", True, np.arange(3.0), FEW)]
+        self.live.y_range = (0.0, 3.0)
+        history = History(("torque",), 1.0)
+        history.extend(np.arange(3.0), {"torque": FEW})
+        self.live.show_part(Part(history, (Trace("torque", "measured", wide=True),), frozenset(), 0, 3, 1.0))
         for plot in (self.long, self.dots, self.live):
             self.widget.addWidget(plot)
 

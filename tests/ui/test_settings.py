@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from PySide6.QtCore import QByteArray, QRect, QSettings, QSize
+import pytest
+from PySide6.QtCore import QByteArray, QPoint, QRect, QSettings, QSize, Qt
 from PySide6.QtGui import QGuiApplication
+from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
+from fingerlab.ui.placing import PlaceKeeper
 from fingerlab.ui.settings import MAX_RECENT, Settings
+from fingerlab.ui.widgets.panes import Panes
 
 
 def test_recent_files_latest_first_without_those_that_are_gone(settings: Settings, tmp_path: Path) -> None:
@@ -62,3 +66,57 @@ def test_settings_that_make_no_sense_are_ignored(qtbot: QtBot, tmp_path: Path) -
     assert room.contains(window.geometry())
     assert settings.appearance() == "system"
     assert settings.recent() == []
+
+
+@pytest.fixture
+def window(qtbot: QtBot) -> QWidget:
+    made = QWidget()
+    qtbot.addWidget(made)
+    return made
+
+
+def shown_panes(window: QWidget, settings: Settings, heights: tuple[int, ...]) -> Panes:
+    """A splitter of 400 px beside its grips, with the heights that are remembered."""
+    panes = Panes("work", [(QWidget(), 1) for _ in heights], heights)
+    panes.setParent(window)
+    panes.remember(settings)
+    panes.resize(300, 400 + (len(heights) - 1) * panes.handleWidth())
+    window.show()
+    panes.show()
+    return panes
+
+
+def test_a_splitter_comes_back_as_it_was_left(window: QWidget, settings: Settings) -> None:
+    first = shown_panes(window, settings, (100, 200, 100))
+    assert first.sizes() == [100, 200, 100]
+    handle = first.handle(2)
+    grip = handle.rect().center()
+    QTest.mousePress(handle, Qt.MouseButton.LeftButton, pos=grip)
+    QTest.mouseMove(handle, grip - QPoint(0, 60))
+    QTest.mouseRelease(handle, Qt.MouseButton.LeftButton, pos=grip)
+    left = first.sizes()
+    assert left[1] < 200 < left[1] + left[2]
+    # Without the first one having been closed.
+    assert shown_panes(window, settings, (100, 200, 100)).sizes() == left
+
+
+def test_heights_that_make_no_sense_are_ignored(window: QWidget, tmp_path: Path) -> None:
+    store = QSettings(str(tmp_path / "bad.ini"), QSettings.Format.IniFormat)
+    for value in (7, ["1", "-4"], ["a", "b"], ["0", "0"], ["5", "5", "5"]):
+        store.setValue("heights/work", value)
+        assert shown_panes(window, Settings(store), (300, 100)).sizes() == [300, 100], value
+
+
+def test_the_place_is_kept_without_a_clean_end(qtbot: QtBot, settings: Settings) -> None:
+    window = QWidget()
+    qtbot.addWidget(window)
+    window.resize(700, 500)
+    keeper = PlaceKeeper(window, settings)
+    window.show()
+    window.resize(640, 420)
+    qtbot.waitUntil(lambda: bool(settings._store.value("geometry")))
+    keeper.keep()
+    again = QWidget()
+    qtbot.addWidget(again)
+    settings.restore_place(again, QSize(1280, 800))
+    assert again.size() == QSize(640, 420)

@@ -1,24 +1,38 @@
 """The drawing surface of a live plot: axes, curves, cursors and marks, painted directly.
 
-pyqtgraph's axes and views take several times as long for the same picture, too much for six plots thirty
-times a second; its conversion of arrays is used.
+pyqtgraph's axes and views, and Qt's own lines, take many times as long for the same picture, too much for six
+plots thirty times a second. On the screen the curves are columns of pixels (:mod:`.raster`), of which only
+what has changed is painted; elsewhere (a saved picture, paper) they are lines.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from pyqtgraph.functions import arrayToQPolygonF
 from PySide6.QtCore import QEvent, QPointF, QRect, Qt, Signal
-from PySide6.QtGui import QColor, QFontMetrics, QMouseEvent, QPainter, QPaintEvent, QPen, QWheelEvent
+from PySide6.QtGui import (
+    QColor,
+    QFontMetrics,
+    QMouseEvent,
+    QPaintEngine,
+    QPainter,
+    QPaintEvent,
+    QPen,
+    QPolygonF,
+    QRegion,
+    QWheelEvent,
+)
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from fingerlab.sessions.model import Array
 
 from ..theme import Colours, colours_of, small_font
-from .ticks import round_ticks
+from .columns import Run
+from .curves import Curves, Line, Part
+from .raster import Look, pixel
+from .ticks import round_ticks, tick_step
 
 LEFT = 64
 RIGHT = 8
@@ -29,16 +43,8 @@ GRIP = 5
 TICK_ROOM = 28
 TIME_TICK_ROOM = 80
 ZOOM = 1.2
-
-
-@dataclass
-class Line:
-    """A curve: role of its colour, whether it is drawn over the others in a wider line, and its points."""
-
-    role: str
-    wide: bool
-    x: Array
-    y: Array
+GRID_SHARE = 0.47
+"""How much of the line colour grid lines have over the surface."""
 
 
 class Canvas(QWidget):
@@ -49,7 +55,6 @@ class Canvas(QWidget):
 
     def __init__(self, label: str, unit: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.lines: list[Line] = []
         self.x_range = (0.0, 1.0)
         self.y_range = (0.0, 1.0)
         self.cursors: tuple[float, float] | None = None
@@ -61,11 +66,57 @@ class Canvas(QWidget):
         self._metrics = QFontMetrics(self._font)
         self._grabbed: int | None = None
         self._from: tuple[float, float, float] | None = None
+        self._part: Part | None = None
+        self._curves = Curves()
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setMinimumHeight(24)
+
+    # what is shown
+
+    def show_part(self, part: Part) -> tuple[float, float]:
+        """Show other samples; the least and the greatest of them on the scale, which is still as it was."""
+        self._part = part
+        before = self._curves.view
+        runs = self._follow(part)
+        if self._curves.view != before:
+            self.update(self._moving())
+        for start, stop in runs if self._curves.view == before else ():
+            self.update(self._columns_rect(start, stop))
+        least, most = self._curves.extremes()
+        return least * part.factor, most * part.factor
+
+    def set_scale(self, y_range: tuple[float, float]) -> None:
+        """From where to where the scale goes."""
+        if y_range != self.y_range:
+            self.y_range = y_range
+            self.update()
+
+    @property
+    def lines(self) -> list[Line]:
+        """The curves in points: for paper and tables."""
+        return self._part.lines(self.area.width()) if self._part is not None else []
+
+    def _follow(self, part: Part) -> list[Run]:
+        runs = self._curves.follow(part, round(self.area.width() * self.devicePixelRatioF()))
+        self.x_range = self._curves.view.seconds(part.history.rate_hz)
+        return runs
+
+    def _columns_rect(self, start: int, stop: int) -> QRect:
+        """Where columns are, and beside them what a wide line reaches."""
+        area, ratio = self.area, self.devicePixelRatioF()
+        left = area.left() + math.floor((start - self._curves.view.first) / ratio)
+        return QRect(left, area.top(), math.ceil((stop - start) / ratio) + 4, area.height()) & area
+
+    def _moving(self) -> QRegion:
+        """What changes when time goes on: the curves, and the times below."""
+        area = self.area
+        if not self.time_axis:
+            return QRegion(area)
+        below = QRect(area.left() - 40, area.bottom() + 1, self.width(), self.height())
+        return QRegion(area) + QRegion(below & self.rect())
 
     # places
 
@@ -91,40 +142,78 @@ class Canvas(QWidget):
         painter = QPainter(self)
         painter.setFont(self._font)
         colours, area = colours_of(self), self.area
-        painter.fillRect(self.rect(), QColor(colours.surface))
-        self._paint_grid(painter, area, colours)
+        part = self._part if self._is_screen(painter) else None
+        if part is not None and self._curves.view.count != round(area.width() * self.devicePixelRatioF()):
+            self._follow(part)  # another size
+        beside = event.region() - QRegion(area)
+        if part is None or not beside.isEmpty():
+            self._paint_axes(painter, area, colours, beside)
         painter.setClipRect(area)
-        for line in self.lines:
-            self._paint_line(painter, area, line, QColor(getattr(colours, line.role)))
+        if part is not None:
+            self._curves.drawn(self._look(part, colours)).paint(painter, area.topLeft(), self._curves.view)
+        else:
+            self._paint_grid(painter, area, colours)
+            for line in self.lines:
+                self._paint_line(painter, area, line, QColor(getattr(colours, line.role)))
         self._paint_marks(painter, area, colours)
         painter.end()
 
+    def _is_screen(self, painter: QPainter) -> bool:
+        """Whether it is painted pixel by pixel, not into a file or finer than on the screen."""
+        pixels = painter.paintEngine().type() == QPaintEngine.Type.Raster
+        return pixels and painter.deviceTransform().m11() == self.devicePixelRatioF()
+
+    def _look(self, part: Part, colours: Colours) -> Look:
+        area, ratio, view, (low, high) = self.area, self.devicePixelRatioF(), self._curves.view, self.y_range
+        height = max(round(area.height() * ratio), 1)
+        step = tick_step(*self.x_range, area.width() // TIME_TICK_ROOM)
+        ticks = round_ticks(low, high, area.height() // TICK_ROOM)
+        rows = (round(height - 1 - (value - low) / (high - low) * height) for value, _ in ticks)
+        return Look(
+            size=(view.count, height),
+            ratio=ratio,
+            scale=self.y_range,
+            factor=part.factor,
+            rows=tuple(row for row in rows if 0 <= row < height),
+            across=step * part.history.rate_hz / view.wide,
+            curves=tuple((pixel(getattr(colours, t.role)), 2 if t.wide else 1) for t in part.traces),
+            surface=pixel(colours.surface),
+            grid=pixel(colours.line, colours.surface, GRID_SHARE),
+            axis=pixel(colours.muted),
+        )
+
     def _paint_grid(self, painter: QPainter, area: QRect, colours: Colours) -> None:
-        height, (low, high) = self._metrics.height(), self.y_range
-        grid, text = QColor(colours.line), QColor(colours.text)
-        grid.setAlpha(120)
-        for value, words in round_ticks(low, high, area.height() // TICK_ROOM):
+        grid = QColor(colours.line)
+        grid.setAlphaF(GRID_SHARE)
+        painter.setPen(grid)
+        low, high = self.y_range
+        for value, _ in round_ticks(low, high, area.height() // TICK_ROOM):
             y = round(area.bottom() - (value - low) / (high - low) * area.height())
-            painter.setPen(grid)
             painter.drawLine(area.left(), y, area.right(), y)
-            painter.setPen(text)
-            room = QRect(16, min(max(y - height // 2, 0), self.height() - height), LEFT - 22, height)
-            painter.drawText(room, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter, words)
-        for value, words in round_ticks(*self.x_range, area.width() // TIME_TICK_ROOM):
+        for value, _ in round_ticks(*self.x_range, area.width() // TIME_TICK_ROOM):
             x = round(self.x_of(value))
-            painter.setPen(grid)
             painter.drawLine(x, area.top(), x, area.bottom())
-            if self.time_axis:
-                painter.setPen(text)
-                room = QRect(x - 40, area.bottom() + 2, 80, height)
-                painter.drawText(room, Qt.AlignmentFlag.AlignHCenter, words)
         painter.setPen(QColor(colours.muted))
-        painter.drawLine(area.bottomLeft(), area.topLeft())
         painter.drawLine(area.bottomLeft(), area.bottomRight())
+
+    def _paint_axes(self, painter: QPainter, area: QRect, colours: Colours, where: QRegion) -> None:
+        """All beside the curves, as far as it is to be painted."""
+        height, text = self._metrics.height(), QColor(colours.text)
+        painter.fillRect(self.rect(), QColor(colours.surface))
         painter.setPen(text)
         if self.time_axis:
+            for value, words in round_ticks(*self.x_range, area.width() // TIME_TICK_ROOM):
+                room = QRect(round(self.x_of(value)) - 40, area.bottom() + 2, 80, height)
+                painter.drawText(room, Qt.AlignmentFlag.AlignHCenter, words)
             room = QRect(area.left(), self.height() - height - 1, area.width(), height)
             painter.drawText(room, Qt.AlignmentFlag.AlignHCenter, "Time since connecting (s)")
+        if not where.intersects(QRect(0, 0, LEFT, self.height())):
+            return
+        low, high = self.y_range
+        for value, words in round_ticks(low, high, area.height() // TICK_ROOM):
+            y = round(area.bottom() - (value - low) / (high - low) * area.height())
+            room = QRect(16, min(max(y - height // 2, 0), self.height() - height), LEFT - 22, height)
+            painter.drawText(room, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter, words)
         whole = f"{self._label} ({self._unit})"
         words = whole if self._metrics.horizontalAdvance(whole) < self.height() else self._unit
         painter.save()
@@ -132,6 +221,8 @@ class Canvas(QWidget):
         painter.rotate(-90)
         painter.drawText(0, -2, words)
         painter.restore()
+        painter.setPen(QColor(colours.muted))
+        painter.drawLine(area.left() - 1, area.top(), area.left() - 1, area.bottom())
 
     def _paint_line(self, painter: QPainter, area: QRect, line: Line, colour: QColor) -> None:
         if len(line.x) < 2:
@@ -143,14 +234,14 @@ class Canvas(QWidget):
         painter.setPen(QPen(colour, 2 if line.wide else 1))
         good = np.isfinite(y)
         if good.all():
-            painter.drawPolyline(arrayToQPolygonF(x, y))
+            painter.drawPolyline(polygon(x, y))
             return
         edges = np.flatnonzero(np.diff(np.concatenate(([False], good, [False])).astype(np.int8)))
         for start, stop in zip(edges[::2], edges[1::2], strict=True):  # a gap stays a gap
             if stop - start == 1:
                 painter.drawPoint(QPointF(x[start], y[start]))
             else:
-                painter.drawPolyline(arrayToQPolygonF(x[start:stop], y[start:stop]))
+                painter.drawPolyline(polygon(x[start:stop], y[start:stop]))
 
     def _paint_marks(self, painter: QPainter, area: QRect, colours: Colours) -> None:
         for time, note in self.marks:
@@ -210,3 +301,8 @@ class Canvas(QWidget):
     def _cursor_at(self, x: float) -> int | None:
         near = [(abs(self.x_of(time) - x), number) for number, time in enumerate(self.cursors or ())]
         return min(near)[1] if near and min(near)[0] <= GRIP else None
+
+
+def polygon(x: Array, y: Array) -> QPolygonF:
+    """Points as Qt has them."""
+    return QPolygonF([QPointF(*point) for point in zip(x.tolist(), y.tolist(), strict=True)])

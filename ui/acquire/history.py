@@ -25,8 +25,11 @@ class History:
         self._capacity = round(seconds * rate_hz)
         self._data = np.full((len(self.names), 2 * self._capacity), np.nan)
         self._begin = self._end = 0
+        self._known: dict[str, int] = {}
         self.first = 0
         """Index of the oldest sample."""
+        self.epoch = 0
+        """Raised when all is forgotten: what was seen before may be other samples of the same index."""
 
     @property
     def stop(self) -> int:
@@ -39,7 +42,9 @@ class History:
     def clear(self, first: int = 0) -> None:
         """Forget all; the next sample is ``first``."""
         self._begin = self._end = 0
+        self._known.clear()
         self.first = first
+        self.epoch += 1
 
     def extend(self, index: Array, columns: Mapping[str, Array]) -> bool:
         """Append samples of increasing index, shape (n,); whether they follow without a gap.
@@ -62,6 +67,7 @@ class History:
         for name, values in columns.items():
             self._data[self._row[name], place[good]] = values[good]
         self._end += room
+        self._known.update(dict.fromkeys(columns, self.stop))
         self._drop_oldest()
         return whole
 
@@ -72,7 +78,12 @@ class History:
             low, high = max(start, self.first), min(stop, self.stop)
             if high > low:
                 at = self._begin + low - self.first
+                self._known[name] = high
                 self._data[self._row[name], at : at + high - low] = values[low - start : high - start]
+
+    def known(self, name: str) -> int:
+        """Index after the newest sample of a column that will not change any more."""
+        return self._known.get(name, self.first)
 
     def time(self, start: int, stop: int) -> Array:
         """Seconds since the bench's first sample, of samples ``start`` to ``stop``."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
 from PySide6.QtCore import QSize, Signal
 from PySide6.QtGui import QPainter, QPaintEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
@@ -13,11 +12,11 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWi
 from fingerlab.sessions.model import Array
 
 from ..theme import colours_of, large_font
-from ..widgets.decimate import live_envelope
 from ..widgets.labels import remark
 from ..widgets.plot_style import line
-from .canvas import Canvas, Line
+from .canvas import Canvas
 from .channels import MODELLED, QUANTITIES, PlotSpec, Quantity, Trace
+from .curves import Part
 from .history import History
 from .scale import Scale, ScaleButton
 
@@ -56,7 +55,9 @@ class Reading(QWidget):
         font.setBold(True)
         self.value.setFont(font)
         widest = QLabel(quantity.unit.after("−8888." + "8" * quantity.digits))
-        self.value.setMinimumWidth(widest.sizeHint().width() * 5 // 4)  # nothing moves as digits come and go
+        widest.setFont(font)
+        # Nothing moves as digits come and go, and a label of fixed size does not lay out the window.
+        self.value.setFixedSize(widest.sizeHint())
         self.setToolTip(quantity.help)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
@@ -71,6 +72,8 @@ class Reading(QWidget):
         text = self._quantity.text(value)
         if text != self.value.text():
             self.value.setText(text)
+            if (wanted := self.value.sizeHint().width()) > self.value.width():
+                self.value.setFixedWidth(wanted)
 
 
 class Pane(QWidget):
@@ -135,10 +138,9 @@ class Pane(QWidget):
 
     def drawn(self, column: str) -> tuple[Array, Array]:
         """Times (s) and values (screen unit) of a curve as they are drawn."""
-        for trace, curve in zip(self.spec.traces, self.canvas.lines, strict=True):
-            if trace.column == column:
-                return curve.x, curve.y
-        raise KeyError(column)
+        number = [trace.column for trace in self.spec.traces].index(column)
+        curve = self.canvas.lines[number]
+        return curve.x, curve.y
 
     def show_time_axis(self, on: bool) -> None:
         """Only the lowest plot has ticks and label below."""
@@ -154,22 +156,9 @@ class Pane(QWidget):
 
     def show_part(self, history: History, start: int, stop: int) -> None:
         """Draw samples ``start`` to ``stop`` and keep to the scale."""
-        bucket = max((stop - start) // max(self.canvas.area.width(), 16), 1)
-        lines, low, high = [], math.inf, -math.inf
-        for trace in self.spec.traces:
-            if trace.column in MODELLED and not self._model:
-                lines.append(Line(trace.role, trace.wide, np.empty(0), np.empty(0)))
-                continue
-            first, values = history.series(trace.column, start, stop)
-            places, drawn = live_envelope(first, values, bucket)
-            drawn = drawn * self.spec.unit.factor
-            if len(drawn) and not np.isnan(least := np.fmin.reduce(drawn)):
-                low, high = min(low, float(least)), max(high, float(np.fmax.reduce(drawn)))
-            lines.append(Line(trace.role, trace.wide, places / history.rate_hz, drawn))
-        self.canvas.lines = lines
-        self.canvas.x_range = start / history.rate_hz, stop / history.rate_hz
-        self._fit(low, high)
-        self.canvas.update()
+        hidden = frozenset() if self._model else frozenset(MODELLED)
+        part = Part(history, self.spec.traces, hidden, start, stop, self.spec.unit.factor)
+        self._fit(*self.canvas.show_part(part))
 
     def _fit(self, least: float, most: float) -> None:
         if self.scale.fixed is not None:
@@ -177,7 +166,7 @@ class Pane(QWidget):
         elif least <= most:
             self._range = self._automatic(least, most)
         if self._range != self.canvas.y_range:
-            self.canvas.y_range = self._range
+            self.canvas.set_scale(self._range)
             self.scale_button.show_range(self._range)
 
     def _automatic(self, least: float, most: float) -> tuple[float, float]:

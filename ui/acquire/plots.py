@@ -10,6 +10,8 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QScrollBar, QVBoxLayout, QWidget
 
+from fingerlab.report.screen import with_minus
+
 from .channels import PLOTS, QUANTITIES
 from .history import History
 from .pane import Pane
@@ -33,10 +35,10 @@ class Trigger:
 
 
 class LivePlots(QWidget):
-    """Signals: held_changed(on); cursors_told(differences, values): at the cursors; empty for none."""
+    """Signals: held_changed(on); cursors_told(times, differences, values): empty for no cursors."""
 
     held_changed = Signal(bool)
-    cursors_told = Signal(str, str)
+    cursors_told = Signal(str, str, str)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -106,17 +108,21 @@ class LivePlots(QWidget):
             for pane in self.panes.values():
                 pane.show_marks(self._marks)
 
-    def tick(self) -> None:
-        """New samples may be there."""
+    def tick(self, numbers: bool = True) -> None:
+        """New samples may be there; ``numbers``: show the readings and the scroll bar, too."""
         history = self.history
         if history is None or not self.isVisible():
+            return
+        if not self.held:
+            self._stop = self._live_stop(history)
+            self._draw()
+        if not numbers:
             return
         for pane in self.panes.values():
             for column, reading in pane.readings.items():
                 reading.show_value(history.value(column, history.stop - 1))
-        if not self.held:
-            self._stop = self._live_stop(history)
-            self._draw()
+        if self._cursors is not None and not self.held:
+            self._tell_cursors()
         self._show_scroll(history)
 
     def refresh(self) -> None:
@@ -141,8 +147,6 @@ class LivePlots(QWidget):
         for pane in self.panes.values():
             if not pane.isHidden():
                 pane.show_part(self.history, start, stop)
-        if self._cursors is not None:
-            self._tell_cursors()
 
     def _live_stop(self, history: History) -> int:
         if not self.trigger.on:
@@ -230,12 +234,12 @@ class LivePlots(QWidget):
 
     def _tell_cursors(self) -> None:
         if self._cursors is None or self.history is None:
-            self.cursors_told.emit("", "")
+            self.cursors_told.emit("", "", "")
             return
         a, b = self._cursors
-        head = f"A {a:.3f} s, B {b:.3f} s"
-        change = f"{b - a:+.3f} s" + (f" ({1 / abs(b - a):.2f} Hz)" if b != a else "")
-        history, values, differences = self.history, [head], [change]
+        times = f"A {a:.3f} s, B {b:.3f} s, B − A: {b - a:+.3f} s"
+        times += f" ({1 / abs(b - a):.2f} Hz)" if b != a else ""
+        history, values, differences = self.history, [times], []
         for pane in self.panes.values():
             for column in pane.spec.readings:
                 at = [history.value(column, round(time * history.rate_hz)) for time in (a, b)]
@@ -244,8 +248,8 @@ class LivePlots(QWidget):
                     values.append(f"{quantity.title}: A {quantity.text(at[0])}, B {quantity.text(at[1])}")
                     title = quantity.title if quantity.title.isupper() else quantity.title.lower()
                     differences.append(f"{title} {quantity.text(at[1] - at[0])}")
-        text = f"{head}; B − A: {', '.join(differences)}"
-        self.cursors_told.emit(text.replace("-", "−"), "\n".join(values).replace("-", "−"))
+        told = (times, f"B − A: {', '.join(differences)}", "\n".join(values))
+        self.cursors_told.emit(*(with_minus(text) for text in told))
 
 
 def last_crossing(history: History, trigger: Trigger, before: int) -> int | None:

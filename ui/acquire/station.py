@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
@@ -13,11 +14,9 @@ from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from fingerlab.acquisition.bench import Bench, Status
 from fingerlab.acquisition.columns import COLUMN
 from fingerlab.acquisition.commands import Command, SetUp
-from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.machine import MODE_WORDS, Event, Machine, Mode
 from fingerlab.acquisition.recording import seconds_of_room
 from fingerlab.acquisition.ring import RingReader
-from fingerlab.identify.live_model import Balance, LiveModel, Measured
 
 from ..desk import Desk, Light, RigLine
 from ..tasks import Failed
@@ -26,8 +25,15 @@ from .channels import FORCE_RESIDUAL, MODELLED, MODELLED_FORCE, MODELLED_TORQUE,
 from .history import History
 from .opening import OpenBench, OpenCall, Wanted, open_bench
 
+if TYPE_CHECKING:
+    from fingerlab.acquisition.inline import InlineBench
+    from fingerlab.identify.live_model import Balance, LiveModel
+
 TICK_MS = 33
 """At most 30 looks a second, each followed by one repaint."""
+
+NUMBERS_EVERY = 3
+"""Looks from one showing of the numbers to the next: ten a second, more than one can read."""
 
 LITTLE_ROOM_S = 1800.0
 """Half an hour of recording, a protocol of the thesis and more (assumed)."""
@@ -45,6 +51,9 @@ _LIGHTS: dict[Mode, Light] = {
 
 class Station(QObject):
     """One bench at a time.
+
+    Attributes:
+        numbers_due: whether this look's numbers are to be shown: each third, and wherever a state changes.
 
     Signals:
         changed: another bench, or none, or something is being asked of it. ticked: new samples may be there.
@@ -71,6 +80,8 @@ class Station(QObject):
         self._opener = opener
         self._reader: RingReader | None = None
         self._seen: Status | None = None
+        self.numbers_due = True
+        self._looks = 0
         self._timer = QTimer(self)
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)
         self._timer.setInterval(TICK_MS)
@@ -191,7 +202,7 @@ class Station(QObject):
             self.desk.tell(NO_BENCH)
             return
         call = Call(title, lambda: work(bench), done, failed)
-        if isinstance(bench, InlineBench) and not long:
+        if has_virtual_clock(bench) and not long:
             result, failure = attempt(call)  # nobody else turns its clock
             if failure is not None:
                 (failed or self._on_failed)(failure)
@@ -206,7 +217,7 @@ class Station(QObject):
         bench = self.bench
         if bench is None:
             return
-        if isinstance(bench, InlineBench) and self.caller.busy:
+        if has_virtual_clock(bench) and self.caller.busy:
             Bench.stop(bench)  # its clock is being turned by another thread
         else:
             bench.stop()
@@ -233,6 +244,8 @@ class Station(QObject):
         """
         self.model = None
         if on and self.opened is not None and self.bench is not None:
+            from fingerlab.identify.live_model import LiveModel
+
             rate, set_up = self.bench.rate_hz, self.set_up
             self.model = LiveModel(self.opened.rig, rate, set_up.phase, set_up.cable, balance)
 
@@ -243,14 +256,17 @@ class Station(QObject):
         bench, reader = self.bench, self._reader
         if bench is None or reader is None:
             return
-        if isinstance(bench, InlineBench) and not self.caller.busy:
+        if has_virtual_clock(bench) and not self.caller.busy:
             bench.step(round(TICK_MS * 1e-3 * bench.rate_hz))
         bench.beat()
         piece = reader.read()
-        self.status = bench.status()
+        before, self.status = self.status, bench.status()
         if len(piece.rows):
             self._take(piece.rows)
-        self._show()
+        self._looks += 1
+        self.numbers_due = self._looks % NUMBERS_EVERY == 0 or _state(before) != _state(self.status)
+        if self.numbers_due:
+            self._show()
         self._complain(self.status)
         self.ticked.emit()
 
@@ -260,6 +276,8 @@ class Station(QObject):
         model = self.model
         if model is None:
             return
+        from fingerlab.identify.live_model import Measured
+
         if not whole:
             model.forget()
         torque, force = rows[:, COLUMN["motor_torque"]], rows[:, COLUMN["endpoint_force"]]
@@ -342,6 +360,17 @@ class Station(QObject):
 
     def _on_failed(self, failed: Failed) -> None:
         self.desk.tell(failed.sentence, failed.details)
+
+
+def has_virtual_clock(bench: Bench) -> TypeGuard[InlineBench]:
+    """Whether its time only passes when it is told to; such a bench has its own, late import."""
+    module = sys.modules.get("fingerlab.acquisition.inline")
+    return module is not None and isinstance(bench, module.InlineBench)
+
+
+def _state(status: Status | None) -> Status | None:
+    """A status without what counts on all the time."""
+    return status and replace(status, index=0, cycles=0, late=0, run_start=0, recorded=0, free_bytes=0)
 
 
 def changed_set_up(before: SetUp, **values: Any) -> SetUp:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from threading import Event
 
+from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QHBoxLayout, QMessageBox, QStackedWidget, QVBoxLayout, QWidget
 
 from fingerlab.acquisition.commands import (
@@ -40,7 +42,11 @@ from .station import Station, changed_set_up
 from .toolbar import Toolbar
 
 TEXT_TABLES = (".csv", ".txt", ".tsv")
+Choices = tuple[tuple[str, str], ...]
 LOOKING = "Looking for devices"
+AFTER_PICTURE_MS = 30
+LONGEST_WAIT_S = 2.0
+"""Looking for devices imports much, which would take the processor from the tab's first picture: it waits."""
 
 
 class AcquireTab(Tab):
@@ -62,6 +68,7 @@ class AcquireTab(Tab):
             desk, self.recording, self.panel, self.prompt, self._on_set_up, self._refresh
         )
         self._looked = False
+        self._painted = Event()
         self._mark_at: int | None = None
         self._build()
         self.commands = acquire_menu(self)
@@ -127,12 +134,9 @@ class AcquireTab(Tab):
     def on_shown(self) -> None:
         if not self._looked:
             self._looked = True
+            QTimer.singleShot(AFTER_PICTURE_MS, self, self._painted.set)
             self.station.caller.call(
-                Call(
-                    LOOKING,
-                    lambda: (effect_choices(), fault_choices()),
-                    lambda choices: self.connect_page.show_choices(*choices),
-                )
+                Call(LOOKING, self._choices, lambda choices: self.connect_page.show_choices(*choices))
             )
             self._look_for_devices()
         self.plots.refresh()
@@ -168,6 +172,7 @@ class AcquireTab(Tab):
         return True
 
     def shut_down(self) -> None:
+        self._painted.set()
         self.conducting.running.answer()
         self.station.caller.shut_down()
         self.recording.finish()
@@ -244,6 +249,10 @@ class AcquireTab(Tab):
 
     # what is shown
 
+    def _choices(self) -> tuple[Choices, Choices]:
+        self._painted.wait(LONGEST_WAIT_S)
+        return effect_choices(), fault_choices()
+
     def _look_for_devices(self) -> None:
         rig_file = self.connect_page.rig_file
         self.connect_page.show_looking()
@@ -288,10 +297,11 @@ class AcquireTab(Tab):
     def _on_tick(self) -> None:
         if not self.widget.isVisible():
             return
-        self.plots.tick()
-        self.comparing.show_errors()
-        self.panel.refresh()
-        self._follow_mode()
+        self.plots.tick(self.station.numbers_due)
+        if self.station.numbers_due:
+            self.comparing.show_errors()
+            self.panel.refresh()
+            self._follow_mode()
 
     def _follow_mode(self) -> None:
         status = self.station.status

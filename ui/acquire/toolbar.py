@@ -48,6 +48,9 @@ class Toolbar(QWidget):
             "model", MODELS, "Model: its torque and force over the measured ones, with what is left."
         )
         self.model.setMinimumContentsLength(14)
+        self.times = ElidedLabel()
+        self.times.setObjectName("cursorTimes")
+        self.times.setAccessibleName("Times of the cursors")
         self.differences = ElidedLabel()
         self.differences.setObjectName("cursorText")
         self.differences.setAccessibleName("At the cursors")
@@ -55,7 +58,7 @@ class Toolbar(QWidget):
         row.setSpacing(8)
         for widget in (self.window_s, self.hold, self.cursors, self.trigger):
             row.addWidget(widget)
-        row.addStretch(1)
+        row.addWidget(self.times, 1)
         row.addWidget(self.model)
         layout = QGridLayout(self)
         layout.setContentsMargins(8, 4, 8, 0)
@@ -91,10 +94,11 @@ class Toolbar(QWidget):
         self.hold.setChecked(on)
         self.hold.setText("Go &live" if on else "&Hold")
 
-    def _tell(self, text: str, values: str) -> None:
-        self.differences.setText(text)
-        self.differences.setToolTip(values)
-        self.differences.setVisible(bool(text))
+    def _tell(self, times: str, differences: str, values: str) -> None:
+        for label, text in ((self.times, times), (self.differences, differences)):
+            label.setText(text)
+            label.setToolTip(values)
+        self.differences.setVisible(bool(differences))
 
 
 class TriggerButton(QToolButton):

@@ -27,8 +27,10 @@ from .details_panel import DetailsPanel
 from .table_model import LENGTH, MOTOR, NAME, PHASES, QUALITY, RECORDED, RIG, TAGS, VERDICT, SessionTable
 from .thumbnails import ThumbnailDelegate, Thumbnails
 
-WIDTHS = {MOTOR: 12, RECORDED: 13, LENGTH: 13, PHASES: 13, RIG: 12, QUALITY: 15, VERDICT: 17, TAGS: 9}
-"""Widths in characters; the name takes the rest."""
+WIDTHS = {MOTOR: 12, RECORDED: 13, LENGTH: 13, PHASES: 13, RIG: 10, QUALITY: 14, VERDICT: 20, TAGS: 10}
+"""Widths in characters; the name takes the rest, and gives the verdict a share of what it does not need."""
+NAME_NEEDS, VERDICT_MOST = 36, 44
+"""Characters: what a name gets first, and the most that a verdict gets."""
 
 
 class LibraryPage(QWidget):
@@ -179,7 +181,16 @@ class LibraryPage(QWidget):
 
     # hand
 
+    def _share_room(self) -> None:
+        character = self.fontMetrics().averageCharWidth()
+        others = sum(self.table.columnWidth(column) for column in WIDTHS if column != VERDICT)
+        room = self.table.viewport().width() - others - NAME_NEEDS * character
+        least, most = ((count * character + 8) for count in (WIDTHS[VERDICT], VERDICT_MOST))
+        self.table.setColumnWidth(VERDICT, min(max(room, least), most))
+
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.Resize:
+            self._share_room()
         pressed = isinstance(event, QKeyEvent) and event.type() == QEvent.Type.KeyPress
         if pressed and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):  # type: ignore[attr-defined]
             self.ask_review()

@@ -248,7 +248,8 @@ class ReviewPage(QWidget):
 
     def _on_strokes(self, on: bool) -> None:
         self.cursors.setChecked(False)
-        self.cursors.setEnabled(not on)
+        for other in (self.cursors, self.over):  # of strokes there is one run, against the stroke's own time
+            other.setEnabled(not on)
         if on and self.plots.layers:
             self.data.want_cycles(self.plots.layers[0])
         else:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from PySide6.QtWidgets import QFileDialog, QStackedWidget
 
@@ -20,9 +22,12 @@ from ..tab import SEPARATOR, Command, Tab
 from .background import Background, IsCancelled, Tell
 from .library_page import LibraryPage
 from .review_data import ReviewData
-from .review_page import ReviewPage
 from .thumbnails import Thumbnails
+from .undoing import EditHistory, FileEdit, NoteEdit
 from .writer import FORMATS, Writer
+
+if TYPE_CHECKING:
+    from .review_page import ReviewPage
 
 SCAN = "scan"
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
@@ -63,13 +68,13 @@ class SessionsTab(Tab):
         self.thumbnails = Thumbnails(self)
         self.page = LibraryPage(self.thumbnails)
         self.data = ReviewData(self)
-        self.review_page = ReviewPage(self.data)
+        self._review: ReviewPage | None = None
         self.pages = QStackedWidget()
         self.pages.addWidget(self.page)
-        self.pages.addWidget(self.review_page)
         self.widget = self.pages
         self.writer = Writer(desk, self.widget, self)
         self.notebook = Notebook(self.folder)
+        self.history = EditHistory(self)
         self._scanner = Background(self)
         self._looked = False
         self._choose_next: Path | None = None
@@ -91,20 +96,33 @@ class SessionsTab(Tab):
             action = page.details.exports.addAction(f"{title}…")
             action.triggered.connect(lambda _checked=False, k=kind: self.export(k))
         page.details.exports.addAction("Copy with tags and notes…").triggered.connect(self.copy_with_note)
-        self.review_page.back_asked.connect(self.show_table)
-        self.review_page.changed.connect(self.desk.commands_changed)
-        self.review_page.cut_asked.connect(self.cut)
-        self.review_page.beside_asked.connect(self.review_beside)
         self.writer.written.connect(self._on_written)
+        self.history.changed.connect(self.desk.commands_changed)
         self.data.opened.connect(self._on_opened)
-        self.data.beside.connect(self.review_page.show_beside)
         self.data.failed.connect(self.desk.tell)
         self._scanner.told.connect(self._on_told)
         self._scanner.done.connect(self._on_found)
         self._scanner.failed.connect(self._on_failed)
 
+    @property
+    def review_page(self) -> ReviewPage:
+        """Made for the first review: the table is there sooner without the plots."""
+        return self._review or self._make_review()
+
+    def _make_review(self) -> ReviewPage:
+        from .review_page import ReviewPage
+
+        self._review = review = ReviewPage(self.data)
+        self.pages.addWidget(review)
+        review.back_asked.connect(self.show_table)
+        review.changed.connect(self.desk.commands_changed)
+        review.cut_asked.connect(self.cut)
+        review.beside_asked.connect(self.review_beside)
+        self.data.beside.connect(review.show_beside)
+        return review
+
     def _menu(self) -> tuple[Command, ...]:
-        page, review = self.page, self.review_page
+        page = self.page
         return (
             Command("Choose &folder…", self.ask_folder, "Ctrl+Shift+O"),
             Command("Read a&gain", self.read_again, "F5"),
@@ -126,11 +144,17 @@ class SessionsTab(Tab):
             Command("Cop&y with tags and notes in the file…", self.copy_with_note, None, self._one),
             SEPARATOR,
             Command("&All sessions", self.show_table, "Alt+Left", self._reviewing),
-            Command("Next run", lambda: review.step_run(1), "Alt+Down", self._reviewing),
-            Command("Previous run", lambda: review.step_run(-1), "Alt+Up", self._reviewing),
-            Command("Whole run", review.plots.show_whole, "Alt+Home", self._reviewing),
-            Command("Cu&t between the cursors…", self.cut, "Ctrl+T", review.cut.isEnabled),
-            Command("&Cursors", review.cursors.toggle, "Ctrl+K", self._reviewing, review.cursors.isChecked),
+            Command("Next run", lambda: self.review_page.step_run(1), "Alt+Down", self._reviewing),
+            Command("Previous run", lambda: self.review_page.step_run(-1), "Alt+Up", self._reviewing),
+            Command("Whole run", lambda: self.review_page.plots.show_whole(), "Alt+Home", self._reviewing),
+            Command("Cu&t between the cursors…", self.cut, "Ctrl+T", self._can_cut),
+            Command(
+                "&Cursors",
+                lambda: self.review_page.cursors.toggle(),
+                "Ctrl+K",
+                self._reviewing,
+                lambda: self._review is not None and self._review.cursors.isChecked(),
+            ),
         )
 
     # what the frame asks
@@ -162,6 +186,34 @@ class SessionsTab(Tab):
         self._scanner.shut_down()
         self.thumbnails.shut_down()
         self.data.shut_down()
+
+    # undo
+
+    def undo(self) -> None:
+        """Tags and notes as they were before, or a new file to the trash."""
+        self.page.details.flush()  # what was just typed is the last thing done
+        self._step(self.history.undo, "Undone")
+
+    def redo(self) -> None:
+        self.page.details.flush()
+        self._step(self.history.redo, "Done again")
+
+    @property
+    def can_undo(self) -> bool:
+        return self.history.can_undo
+
+    @property
+    def can_redo(self) -> bool:
+        return self.history.can_redo
+
+    def _step(self, step: Callable[[], str], word: str) -> None:
+        self.desk.hush()
+        try:
+            self.desk.say(f"{word}: {step()}")
+        except UserError as error:
+            self.desk.tell(str(error))
+        self.page.refresh_details()
+        self.read_again()
 
     # folder
 
@@ -219,7 +271,7 @@ class SessionsTab(Tab):
 
     def chosen(self) -> list[Path]:
         """The sessions that a command is about: the one under review, or those marked in the table."""
-        session = self.review_page.session
+        session = self._reviewed
         if self._reviewing() and session is not None:
             return [session.path]
         return self.page.paths()
@@ -241,17 +293,24 @@ class SessionsTab(Tab):
 
     def show_table(self) -> None:
         """Back to the table."""
-        self.review_page.show_session(None)
+        if self._review is not None:
+            self._review.show_session(None)
         self.pages.setCurrentWidget(self.page)
         self.page.table.setFocus()
         self.desk.commands_changed.emit()
 
     def window_title(self) -> str:
-        session = self.review_page.session
-        return session.path.name if session is not None else ""
+        return self._reviewed.path.name if self._reviewed is not None else ""
+
+    @property
+    def _reviewed(self) -> Session | None:
+        return self._review.session if self._review is not None else None
 
     def _reviewing(self) -> bool:
-        return self.pages.currentWidget() is self.review_page
+        return self._review is not None and self.pages.currentWidget() is self._review
+
+    def _can_cut(self) -> bool:
+        return self._review is not None and self._review.cut.isEnabled()
 
     def _on_opened(self, sessions: tuple[Session, ...]) -> None:
         self.pages.setCurrentWidget(self.review_page)
@@ -294,15 +353,31 @@ class SessionsTab(Tab):
             self.writer.copy_with_note(facts, self.page.model.note(facts.path))
 
     def _on_written(self, path: Path) -> None:
+        if path.is_file():
+            self.history.note(FileEdit(path, self._in_use))
         if path.is_file() and path.resolve().is_relative_to(self.folder.resolve()):
             self.read_again(path)
 
+    def _in_use(self, path: Path) -> bool:
+        """Whether a session file is open in a tab."""
+        reviewed = self._reviewed
+        opened = [*self.desk.sessions, *([] if reviewed is None else [reviewed])]
+        return any(session.path.resolve() == path.resolve() for session in opened)
+
     def _keep_note(self, facts: SessionFacts, note: Note) -> None:
+        before, notebook = self.page.model.note(facts.path), self.notebook
         try:
-            self.notebook.write(facts, note, {one.name for one in self.page.model.all_facts()})
+            self._write_note(notebook, facts, note)
         except UserError as error:
             self.desk.tell(str(error))
             return
-        self.page.model.show_note(facts.path, note)
         self.page.details.kept(note)
+        self.history.note(NoteEdit(facts, before, note, partial(self._write_note, notebook)))
         self.desk.say(f"Tags and notes of {facts.name} kept")
+
+    def _write_note(self, notebook: Notebook, facts: SessionFacts, note: Note) -> None:
+        """Into the side file of the folder in which the session was; and into the table, if it is there."""
+        here = notebook.folder == self.folder
+        notebook.write(facts, note, {one.name for one in self.page.model.all_facts()} if here else ())
+        if self.page.model.facts(facts.path) is not None:
+            self.page.model.show_note(facts.path, note)

@@ -157,7 +157,7 @@ class SessionTable(QAbstractTableModel):
             return "\n".join(clock_time(facts.when, facts.created)).rstrip()
         if column == LENGTH:
             return f"{facts.runs}\n{duration(facts.seconds)}"
-        return phases_text(facts) if column == PHASES else facts.rig
+        return phases_text(facts) if column == PHASES else facts.rig.replace(", ", "\n", 1)
 
     def tags(self, path: Path) -> tuple[str, ...]:
         """Tags of a session: those in the file, then those noted."""

@@ -6,7 +6,7 @@ from datetime import datetime
 
 from fingerlab.library.facts import SessionFacts
 from fingerlab.library.verdicts import Verdict
-from fingerlab.report.diagnosis_words import effect_title
+from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 from fingerlab.report.screen import percent, score_text
 
 PHASE_WORDS = {
@@ -53,12 +53,18 @@ def verdict_text(verdict: Verdict | None) -> str:
     """The verdict in two lines, or nothing where no table holds one."""
     if verdict is None:
         return ""
-    if verdict.effects:
-        words = " + ".join(effect_title(effect) for effect in verdict.effects)
+    if verdict.effects and not unseen_in(verdict):
+        # Several are those that the session cannot tell apart.
+        words = " or ".join(effect_title(effect) for effect in verdict.effects)
     else:
         words = verdict.verdict.replace("_", " ")
     sure = "" if verdict.probability is None else percent(verdict.probability)
     return f"{words}\n{'outdated' if verdict.outdated else sure}"
+
+
+def unseen_in(verdict: Verdict) -> tuple[str, ...]:
+    """Where nothing is missing: ids of the effects that the session could not have shown."""
+    return verdict.effects if verdict.verdict == "nothing_missing" else ()
 
 
 def verdict_help(verdict: Verdict | None) -> str:
@@ -67,4 +73,6 @@ def verdict_help(verdict: Verdict | None) -> str:
         return "Not diagnosed yet: no table of 'fingerlab batch' in this folder holds it."
     error = "" if verdict.score is None else f" Final error: {score_text(verdict.score)} times the floor."
     old = " The session was written after the table." if verdict.outdated else ""
-    return f"{' '.join(verdict_text(verdict).split())}, from {verdict.table.name}.{error}{old}"
+    unseen = [in_sentence(effect_title(effect)) for effect in unseen_in(verdict)]
+    left = f" It could not have shown, at a plausible strength: {listed(unseen)}." if unseen else ""
+    return f"{' '.join(verdict_text(verdict).split())}, from {verdict.table.name}.{error}{left}{old}"

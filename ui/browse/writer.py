@@ -13,7 +13,6 @@ from fingerlab.library.cutting import Stretch, cut_session, merge_sessions
 from fingerlab.library.facts import SessionFacts
 from fingerlab.library.notes import Note
 from fingerlab.sessions.copying import copy_session
-from fingerlab.sessions.exporting import export_session
 from fingerlab.sessions.model import Run, Session
 
 from ..desk import Desk, read_session
@@ -67,6 +66,8 @@ class Writer(QObject):
         folder = Path(name)
 
         def work(progress: Progress) -> Path:
+            from fingerlab.sessions.exporting import export_session  # slow to import
+
             export_session(read_session(path), kind, folder, progress)
             return folder
 

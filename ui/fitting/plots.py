@@ -106,11 +106,7 @@ class PlanePlot(QuietPlot):
             shown.tension, lhs, size=3, pen=pg.mkPen(None), brush=tint(colours.measured, 0.35)
         )
         plot.addItem(points)
-        if np.isfinite(half).all():
-            edges = [pg.PlotCurveItem(shown.x, on_line + sign * half, pen=pg.mkPen(None)) for sign in (1, -1)]
-            for edge in edges:
-                plot.addItem(edge)
-            plot.addItem(pg.FillBetweenItem(*edges, brush=tint(colours.modelled, 0.3)))
+        self.draw_band(shown.x, on_line, half, tint(colours.modelled, 0.3))
         plot.addItem(pg.PlotCurveItem(shown.x, on_line, pen=self.pen("modelled", 2.0), antialias=True))
         if shown.pooled is not None:
             plot.addItem(

@@ -43,6 +43,7 @@ class FitTab(Tab):
         self.found: Inspection | None = None
         self.panel = FitPanel()
         self.view = FitView()
+        self.view.panes.remember(desk.settings)
         self.name = ElidedLabel()
         self.name.setContentsMargins(16, 0, 8, 0)
         self.header = self.name

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from fingerlab.identify.thesis.inspection import Inspection
 from fingerlab.identify.thesis.specs import JOINT_TITLES, JOINTS
@@ -11,6 +11,7 @@ from fingerlab.report.screen import ScreenUnit
 from fingerlab.signals.regions import REGION_TITLES
 
 from ..theme import colours_of, small_font
+from ..widgets.panes import Panes
 from .plots import REGION_COLOURS, PlanePlot, RunBars, SpeedPlot
 from .table import ParameterTable, RowKey
 
@@ -55,15 +56,10 @@ class FitView(QWidget):
             grid.addWidget(words, 0, column)
             grid.addWidget(plot, 1, column)
             grid.setColumnStretch(column, share)
-        splitter = QSplitter(Qt.Orientation.Vertical)
-        splitter.setChildrenCollapsible(False)
-        for widget, share in ((above, 5), (middle, 6), (self.table, 5)):
-            splitter.addWidget(widget)
-            splitter.setStretchFactor(splitter.count() - 1, share)
-        splitter.setSizes([200, 260, 220])
+        self.panes = Panes("fit", ((above, 5), (middle, 6), (self.table, 5)), (200, 260, 220))
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(splitter)
+        layout.addWidget(self.panes)
 
     def show_inspection(self, found: Inspection) -> None:
         """Another fit."""
@@ -84,6 +80,11 @@ class FitView(QWidget):
             self.table.choose((view.cable, key[1], key[2]))
         else:
             self._show_choice()
+
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange:
+            self._show_choice()  # the legends name colours
 
     def _on_row(self, key: RowKey | None) -> None:
         found = self.found

@@ -15,6 +15,8 @@ from .candidate_list import CandidateList, Row
 SET_MARK = "≈"
 BAR_SHARE = 0.16
 GAP = 8
+WORTH_SAYING = 0.005
+"""Probability from which an effect that the data could not show has its number, too."""
 
 
 class CandidateDelegate(QStyledItemDelegate):
@@ -60,7 +62,9 @@ class CandidateDelegate(QStyledItemDelegate):
         number = QRect(title.right() + GAP, room.top(), number_width, room.height())
         if not row.detectable:
             wide = number.adjusted(0, 0, bar_width + GAP, 0)
-            text = metrics.elidedText("not visible here", Qt.TextElideMode.ElideRight, wide.width())
+            worth = row.probability >= WORTH_SAYING
+            words = f"{percent(row.probability)}, not visible" if worth else "not visible here"
+            text = metrics.elidedText(words, Qt.TextElideMode.ElideRight, wide.width())
             painter.drawText(wide, middle | Qt.AlignmentFlag.AlignRight, text)
             return
         painter.drawText(number, middle | Qt.AlignmentFlag.AlignRight, percent(row.probability))

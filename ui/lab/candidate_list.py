@@ -8,6 +8,7 @@ from typing import Any
 from PySide6.QtCore import QAbstractListModel, QModelIndex, QObject, QPersistentModelIndex, Qt
 
 from fingerlab.identify.results import Diagnosis
+from fingerlab.report.diagnosis_words import suspects
 from fingerlab.report.screen import percent
 
 from .wording import NOTHING, OUTCOME_TITLES, UNKNOWN
@@ -29,7 +30,7 @@ class Row:
 
 def rows_of(diagnosis: Diagnosis) -> list[Row]:
     """All rows, the verdict's first, then by probability, what the data cannot show last."""
-    many = len(diagnosis.set) > 1
+    many = len(suspects(diagnosis)) > 1
     rows = [
         Row(c.effect, c.title, c.probability, c.in_set and many, c.detectable, _remark(c.detectable))
         for c in diagnosis.candidates

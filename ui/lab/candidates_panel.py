@@ -11,7 +11,7 @@ from fingerlab.identify.results import Diagnosis
 from ..widgets.labels import heading, remark
 from .candidate_delegate import CandidateDelegate
 from .candidate_list import CandidateList, Row
-from .wording import OUTCOME_TITLES, best_choice, set_words, verdict_headline
+from .wording import OUTCOME_TITLES, best_choice, set_help, set_words, verdict_headline
 
 
 class CandidateView(QListView):
@@ -78,6 +78,7 @@ class CandidatesPanel(QWidget):
         self.list.show(diagnosis)
         self.verdict.setText(verdict_headline(diagnosis) if diagnosis is not None else "")
         self.set_text.setText(set_words(diagnosis) if diagnosis is not None else "")
+        self.set_text.setToolTip(set_help(diagnosis) if diagnosis is not None else "")
         if diagnosis is not None:
             self.choose(best_choice(diagnosis))
         self._update_button()

@@ -9,14 +9,14 @@ from PySide6.QtWidgets import QWidget
 
 from fingerlab.identify.results import Fingerprint
 from fingerlab.report.screen import ScreenUnit, screen_unit
-from fingerlab.sessions.model import Array
 
 from ..theme import colours_of, small_font
 from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
+from ..widgets.quiet_plot import span_of
 from .equations import equation_text
+from .scaled import largest
 
 AXIS_WIDTH = 72
-MARGIN = 0.08
 
 
 class FingerprintPlot(pg.PlotWidget):
@@ -72,8 +72,8 @@ class FingerprintPlot(pg.PlotWidget):
         self._draw(fingerprint, floor, with_curve)
 
     def _draw(self, fingerprint: Fingerprint, floor: float | None, with_curve: bool) -> None:
-        across = screen_unit(fingerprint.coordinate_unit, _largest(fingerprint.centre))
-        up = screen_unit(fingerprint.value_unit, max(_largest(fingerprint.mean), floor or 0.0))
+        across = screen_unit(fingerprint.coordinate_unit, largest(fingerprint.centre))
+        up = screen_unit(fingerprint.value_unit, max(largest(fingerprint.mean), floor or 0.0))
         known = np.isfinite(fingerprint.mean)
         x = fingerprint.centre[known] * across.factor
         mean, low, high, curve = (
@@ -93,8 +93,8 @@ class FingerprintPlot(pg.PlotWidget):
         self._label_left()
         # The edges of the floor stay in view: inside it, a residual says nothing.
         edges = [-1.1 * band, 1.1 * band]
-        bottom, top = _limits(np.concatenate([low, high, curve if with_curve else mean, edges]))
-        plot.setRange(xRange=_limits(x), yRange=(bottom, top), padding=0)
+        bottom, top = span_of(np.concatenate([low, high, curve if with_curve else mean, edges]))
+        plot.setRange(xRange=span_of(x), yRange=(bottom, top), padding=0)
         self.setAccessibleDescription(
             f"{equation_text(fingerprint.equation).quantity} residual in {up.symbol} against "
             f"{fingerprint.coordinate} in {across.symbol}, {int(known.sum())} bins"
@@ -128,15 +128,3 @@ class FingerprintPlot(pg.PlotWidget):
         for edge in self.floor_band.lines:
             edge.setPen(pg.mkPen(None))
         self.empty.setColor(colours.muted)
-
-
-def _largest(values: Array) -> float:
-    finite = values[np.isfinite(values)]
-    return float(np.abs(finite).max()) if len(finite) else 0.0
-
-
-def _limits(values: Array) -> tuple[float, float]:
-    finite = values[np.isfinite(values)]
-    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (-1.0, 1.0)
-    margin = MARGIN * (high - low) or abs(high) or 1.0
-    return low - margin, high + margin

@@ -6,6 +6,7 @@ import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from PySide6.QtCore import SignalInstance
 from PySide6.QtWidgets import QFileDialog, QStackedWidget
 
 from fingerlab.errors import UserError
@@ -20,11 +21,12 @@ from ..tasks import IsCancelled, Progress
 from .controller import DiagnoseCall, LabController, run_diagnosis
 from .onwards import Onwards
 from .steps_column import STEPS
-from .view import LabView
 from .wording import sessions_text
 
 if TYPE_CHECKING:
     from fingerlab.sessions.model import Session
+
+    from .view import LabView
 
 REPORT_FILTER = "Web page (*.html);;PDF (*.pdf)"
 
@@ -37,9 +39,9 @@ class ModelLabTab(Tab):
         self.controller = LabController(desk.tasks, diagnose, self)
         self.empty = EmptyView()
         self.waiting = WaitingView()
-        self.view = LabView(self.controller)
+        self._view: LabView | None = None
         self.pages = QStackedWidget()
-        for page in (self.empty, self.waiting, self.view):
+        for page in (self.empty, self.waiting):
             self.pages.addWidget(page)
         self.widget = self.pages
         self.onwards = Onwards(desk, self.controller, self.pages)
@@ -58,25 +60,44 @@ class ModelLabTab(Tab):
         self.empty.practise_asked.connect(self.practise)
         self.empty.recent_asked.connect(lambda path: desk.open_paths([Path(path)]))
         self.waiting.compare_asked.connect(self.controller.compare)
-        self.view.report_asked.connect(self.save_report)
-        self.view.truth.hand_asked.connect(self.onwards.hand_experiment)
-        self.view.truth.predict_asked.connect(self.onwards.predict)
-        self.view.truth.save_asked.connect(self.onwards.ask_and_save)
-        self.controller.sessions_changed.connect(self._refresh)
-        self.controller.result_changed.connect(self._refresh)
-        self.controller.activity_changed.connect(self._refresh)
+        for signal in self._changes():
+            signal.connect(self._refresh)
         desk.tasks.progressed.connect(lambda _share, what: self.waiting.show_state(True, what))
 
+    def _changes(self) -> tuple[SignalInstance, ...]:
+        controller = self.controller
+        return controller.sessions_changed, controller.result_changed, controller.activity_changed
+
+    @property
+    def view(self) -> LabView:
+        """The lab itself; made for the first session, since the window opens sooner without its plots."""
+        return self._view or self._make_view()
+
+    def _make_view(self) -> LabView:
+        from .view import LabView
+
+        self._view = view = LabView(self.controller)
+        view.panes.remember(self.desk.settings)
+        self.pages.addWidget(view)
+        view.report_asked.connect(self.save_report)
+        view.truth.hand_asked.connect(self.onwards.hand_experiment)
+        view.truth.predict_asked.connect(self.onwards.predict)
+        view.truth.save_asked.connect(self.onwards.ask_and_save)
+        for signal in self._changes():  # the tab after the view, whose buttons it asks
+            signal.disconnect(self._refresh)
+            signal.connect(self._refresh)
+        return view
+
     def _commands(self) -> tuple[Command, ...]:
-        lab, compared = self.view, self._compared
+        compared = self._compared
         steps = (
-            Command(title, lambda s=step: lab.go_to(s), f"F{number}", compared)  # type: ignore[misc]
+            Command(title, lambda s=step: self.view.go_to(s), f"F{number}", compared)  # type: ignore[misc]
             for number, (step, (title, _)) in enumerate(STEPS.items(), start=2)
         )
         equations = (
             Command(
                 title,
-                lambda e=equation: lab.bar.choose_equation(e),  # type: ignore[misc]
+                lambda e=equation: self.view.bar.choose_equation(e),  # type: ignore[misc]
                 f"Alt+{number}",
                 lambda e=equation: e in self._equations(),  # type: ignore[misc]
             )
@@ -87,20 +108,25 @@ class ModelLabTab(Tab):
             SEPARATOR,
             *equations,
             SEPARATOR,
-            Command("Next run", lambda: lab.bar.step_run(1), "Alt+Down", compared),
-            Command("Previous run", lambda: lab.bar.step_run(-1), "Alt+Up", compared),
-            Command("Whole run", lab.plot.show_whole, "Alt+Home", compared),
+            Command("Next run", lambda: self.view.bar.step_run(1), "Alt+Down", compared),
+            Command("Previous run", lambda: self.view.bar.step_run(-1), "Alt+Up", compared),
+            Command("Whole run", lambda: self.view.plot.show_whole(), "Alt+Home", compared),
             SEPARATOR,
             Command(
                 "&Add the chosen effect to the model",
-                lab.candidates.add_button.click,
+                lambda: self.view.candidates.add_button.click(),
                 "Ctrl+Return",
                 compared,
             ),
             Command(
-                "&Hand the proposed recording to Acquire", self.view.truth.hand.click, None, self._proposed
+                "&Hand the proposed recording to Acquire",
+                lambda: self.view.truth.hand.click(),
+                None,
+                self._proposed,
             ),
-            Command("&Predict the force with this model", self.view.truth.predict.click, None, compared),
+            Command(
+                "&Predict the force with this model", lambda: self.view.truth.predict.click(), None, compared
+            ),
             Command("Save &model…", self.onwards.ask_and_save, "Ctrl+Shift+M", compared),
             Command("&Save report page…", self.save_report, "Ctrl+S", compared),
             SEPARATOR,
@@ -122,6 +148,8 @@ class ModelLabTab(Tab):
         self._shown = False
 
     def on_session_opened(self, sessions: tuple[Session, ...]) -> None:
+        if sessions and self._view is None:
+            self._make_view()  # so that it hears of them
         self.controller.take(sessions)
         self._waits = bool(sessions)
         self._compare_if_due()

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QHBoxLayout, QSplitter, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QHBoxLayout, QStackedWidget, QVBoxLayout, QWidget
 
+from fingerlab.report.diagnosis_words import not_shown
+
+from ..widgets.panes import Panes
 from .candidates_panel import CandidatesPanel
 from .comparison_bar import ComparisonBar
 from .comparison_plot import ComparisonPlot
@@ -64,12 +67,8 @@ class LabView(QWidget):
         row.setSpacing(16)
         row.addWidget(self.candidates, 4)
         row.addWidget(self.right, 5)
-        splitter = QSplitter(Qt.Orientation.Vertical)
-        splitter.setChildrenCollapsible(False)
-        for widget, share in ((upper, 11), (middle, 9), (self.path, 4)):
-            splitter.addWidget(widget)
-            splitter.setStretchFactor(splitter.count() - 1, share)
-        splitter.setSizes([360, 272, 100])
+        parts = ((upper, 11), (middle, 9), (self.path, 4))
+        self.panes = Panes("model_lab", parts, (360, 272, 100))
         self.steps.setFixedWidth(STEPS_WIDTH)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(8, 8, 8, 8)
@@ -78,7 +77,7 @@ class LabView(QWidget):
         left.addWidget(self.steps)
         left.addStretch(1)
         layout.addLayout(left)
-        layout.addWidget(splitter, 1)
+        layout.addWidget(self.panes, 1)
 
     def _connect(self) -> None:
         self.steps.chosen.connect(self.go_to)
@@ -123,7 +122,9 @@ class LabView(QWidget):
             self.steps.set_current("true")
         else:
             self.steps.set_current("missing" if diagnosis.verdict == UNKNOWN else "add")
-        self.right.setCurrentWidget(self.truth if history.now.added else self.evidence)
+        # Where nothing is missing but not all was visible, the proposed run is what to look at next.
+        truth = history.now.added or not_shown(diagnosis)
+        self.right.setCurrentWidget(self.truth if truth else self.evidence)
         if first_look:
             self.candidates.view.setFocus()
 

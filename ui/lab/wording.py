@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fingerlab.identify.results import Candidate, Comparison, Diagnosis, EquationError, Failure
@@ -14,6 +14,8 @@ from fingerlab.report.diagnosis_words import (
     in_sentence,
     listed,
     next_experiment_sentence,
+    not_shown,
+    would_show,
 )
 from fingerlab.report.screen import decimals_for, fixed, percent, score_text, screen_unit
 from fingerlab.sessions.model import Session
@@ -25,6 +27,8 @@ NOTHING = "nothing_missing"
 UNKNOWN = "not_in_catalogue"
 NO_BREAK = "\u00a0"
 OUTCOME_TITLES = {NOTHING: NOTHING_WORDS, UNKNOWN: UNKNOWN_WORDS}
+NAMED = 4
+"""Effects that are named where room is short; the rest is counted, and marked in the list."""
 RUN_KEYS = ("kind", "amplitude_deg", "frequency_hz")
 """What tells runs apart in a list; the rest of a trajectory is in the session file."""
 
@@ -51,7 +55,8 @@ def best_choice(diagnosis: Diagnosis) -> str:
 def verdict_headline(diagnosis: Diagnosis) -> str:
     """The verdict in as few words as it can be said."""
     if diagnosis.verdict == NOTHING:
-        return "Nothing more is missing" if diagnosis.model else "Nothing is missing"
+        seen = " that these data could show" if not_shown(diagnosis) else ""
+        return f"{'Nothing more' if diagnosis.model else 'Nothing'} is missing{seen}"
     if diagnosis.verdict == UNKNOWN:
         return "What is missing is not in the catalogue"
     best = diagnosis.candidates[0]
@@ -59,11 +64,28 @@ def verdict_headline(diagnosis: Diagnosis) -> str:
 
 
 def set_words(diagnosis: Diagnosis) -> str:
-    """Which effects these data cannot tell apart."""
+    """Which effects these data cannot tell apart, or could not have shown where nothing is missing."""
+    if not_shown(diagnosis):
+        text = f"They could not have shown: {_named(not_shown(diagnosis))}."
+        shown = would_show(diagnosis)
+        return f"{text} The proposed run would show {_named(shown)}." if shown else text
     titles = [in_sentence(effect_title(name)) for name in diagnosis.set]
     if len(titles) < 2:
         return "Told apart from every other effect." if titles else "No effect is called for."
     return f"Cannot be told apart here: {listed(titles)}."
+
+
+def set_help(diagnosis: Diagnosis) -> str:
+    """Where the words on the set had to leave some out: all of them."""
+    hidden = not_shown(diagnosis)
+    titles = [in_sentence(effect_title(name)) for name in hidden]
+    return f"These data could not have shown: {listed(titles)}." if len(hidden) > NAMED else ""
+
+
+def _named(effects: Sequence[str]) -> str:
+    titles = [in_sentence(effect_title(effect)) for effect in effects]
+    more = len(titles) - NAMED
+    return listed(titles) if more <= 0 else listed([*titles[:NAMED], f"{more} more"])
 
 
 def outcome_explanation(outcome: str, diagnosis: Diagnosis) -> str:
@@ -72,9 +94,10 @@ def outcome_explanation(outcome: str, diagnosis: Diagnosis) -> str:
     model = "The model" if diagnosis.model else "The nominal model"
     if outcome == NOTHING:
         chance = percent(diagnosis.probability_nothing)
+        left = " What is left to it is what these data could not have shown." if not_shown(diagnosis) else ""
         return (
             f"{model} misses held-out runs by {score} times what the bench itself repeats; 1.0 would be "
-            f"perfect. Probability that no effect is missing: {chance}."
+            f"perfect. Probability that no effect is missing: {chance}.{left}"
         )
     chance = percent(diagnosis.probability_unknown)
     return (
@@ -93,11 +116,12 @@ def step_results(diagnosis: Diagnosis, history: History) -> dict[str, str]:
     elif diagnosis.verdict == UNKNOWN:
         results["missing"] = "not in the catalogue"
     else:
-        results["missing"] = "nothing more" if history.now.added else "nothing"
+        seen = " that they could show" if not_shown(diagnosis) else ""
+        results["missing"] = f"{'nothing more' if history.now.added else 'nothing'}{seen}"
     if history.now.added:
         results["add"] = " + ".join(effect_title(effect) for effect in history.now.added)
     if diagnosis.verdict == NOTHING:
-        results["true"] = "yes, on held-out runs"
+        results["true"] = "yes, as far as seen" if not_shown(diagnosis) else "yes, on held-out runs"
     elif history.now.added or diagnosis.verdict == UNKNOWN:
         results["true"] = "not yet"
     return results
@@ -143,9 +167,9 @@ def sessions_text(sessions: tuple[Session, ...]) -> str:
 
 def next_experiment_words(diagnosis: Diagnosis) -> str:
     """What to record next, and what that would tell apart."""
-    sentence = next_experiment_sentence(diagnosis.next_experiment)
+    sentence = next_experiment_sentence(diagnosis)
     if sentence is not None:
         return sentence
-    if diagnosis.verdict == NOTHING:
+    if diagnosis.verdict == NOTHING and not not_shown(diagnosis):
         return "No further recording is called for."
     return "No recording is known that would tell more."

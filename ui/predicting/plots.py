@@ -13,11 +13,10 @@ from PySide6.QtWidgets import QWidget
 
 from fingerlab.identify.prediction.beside import RunForce
 from fingerlab.report.screen import ScreenUnit, fixed, r2_text
-from fingerlab.sessions.model import Array
 
 from ..theme import Colours, colours_of
 from ..widgets.plot_style import tint
-from ..widgets.quiet_plot import QuietPlot, span_of
+from ..widgets.quiet_plot import QuietPlot, plain_curve, span_of
 
 NEWTON = ScreenUnit("N", 1.0)
 PATTERNS = (
@@ -60,6 +59,8 @@ def sample(one: Look, colours: Colours) -> QIcon:
     return QIcon(picture)
 
 
+MOST_PEAKS = 4.0
+"""A force of so many measured peaks is none that a finger would press with (assumed)."""
 SWEEP_WORDS_PX = 340
 """Width of a plot in which the words of all angles stand beside each other."""
 
@@ -67,23 +68,30 @@ Shown = Mapping[str, tuple[Look, RunForce]]
 """What is ticked, by predictor, for the run shown."""
 
 
-class ForcePlot(QuietPlot):
+class ShownPlot(QuietPlot):
+    """A plot of the models that are ticked."""
+
+    def __init__(self, name: str, accessible: str, parent: QWidget | None = None) -> None:
+        super().__init__(name, accessible, parent)
+        self.shown: Shown = {}
+
+    def show_forces(self, shown: Shown) -> None:
+        """Other models or another run."""
+        self.shown = shown
+        self.redraw()
+
+
+class ForcePlot(ShownPlot):
     """Measured and modelled force over the run, with the 90 % interval where a model has one."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("forcePlot", "Measured and modelled endpoint force over the run", parent)
-        self.shown: Shown = {}
         self.getPlotItem().setMouseEnabled(x=True, y=False)
         self.name_axes("Endpoint force", NEWTON, "Time in the run (s)")
         self.setToolTip(
             "F, N: force of the fingertip on the load cell, compression positive.\n"
             "Modelled by F = (s·b·T + L2 − LHS2) / lever, thesis (3.18), by the MCP equation, or by both."
         )
-
-    def show_forces(self, shown: Shown) -> None:
-        """Other models or another run."""
-        self.shown = shown
-        self.redraw()
 
     def redraw(self) -> None:
         plot, colours = self.getPlotItem(), colours_of(self)
@@ -93,7 +101,8 @@ class ForcePlot(QuietPlot):
         everything, width = [], 1.5 * self.devicePixelRatioF()
         first = next(iter(self.shown.values()))[1]
         for name, (one, force) in self.shown.items():
-            self._band(force, tint(getattr(colours, one.colour), 0.2), name)
+            brush = tint(getattr(colours, one.colour), 0.2)
+            self.draw_band(force.time, force.modelled, force.half_width, brush, name)
             everything += [force.measured, force.modelled]
         plot.addItem(plain_curve(first.time, first.measured, self.pen("measured"), "measured"))
         for name, (one, force) in self.shown.items():
@@ -106,34 +115,13 @@ class ForcePlot(QuietPlot):
         """The whole run after a zoom."""
         self.redraw()
 
-    def _band(self, force: RunForce, brush: object, name: str) -> None:
-        known = np.isfinite(force.half_width) & np.isfinite(force.modelled)
-        if not known.any():
-            return
-        time, middle, half = force.time[known], force.modelled[known], force.half_width[known]
-        edges = [
-            plain_curve(
-                time, middle + sign * half, pg.mkPen(None), f"{name}, {side} end of the 90 % interval"
-            )
-            for sign, side in ((1, "upper"), (-1, "lower"))
-        ]
-        for edge in edges:
-            self.getPlotItem().addItem(edge)
-        self.getPlotItem().addItem(pg.FillBetweenItem(*edges, brush=brush))
 
-
-class PeriodPlot(QuietPlot):
+class PeriodPlot(ShownPlot):
     """The average period, each force scaled to run from 0 to 1: the shape, whatever the size."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("periodPlot", "Normalised force over the average period", parent)
-        self.shown: Shown = {}
         self.name_axes("Normalised force", ScreenUnit("", 1.0), "Share of the period")
-
-    def show_forces(self, shown: Shown) -> None:
-        """Other models or another run."""
-        self.shown = shown
-        self.redraw()
 
     def redraw(self) -> None:
         plot, colours = self.getPlotItem(), colours_of(self)
@@ -150,19 +138,16 @@ class PeriodPlot(QuietPlot):
             plot.addItem(plain_curve(force.phase, force.modelled_period, pen, name))
 
 
-class SweepPlot(QuietPlot):
+class SweepPlot(ShownPlot):
     """Peak of the modelled force as the contact force leans, with R² at each angle (thesis figure 5.2)."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("sweepPlot", "Peak of the modelled force against the contact angle", parent)
-        self.shown: Shown = {}
         self.name_axes("Peak force", NEWTON, "Contact angle (°)")
-        self.setToolTip("Angle by which the contact force leans from the load cell's axis towards the base.")
-
-    def show_forces(self, shown: Shown) -> None:
-        """Other models or another run."""
-        self.shown = shown
-        self.redraw()
+        self.setToolTip(
+            "Angle by which the contact force leans from the load cell's axis towards the base.\n"
+            "A line ends where the force would grow beyond all bounds, as its lever vanishes."
+        )
 
     def redraw(self) -> None:
         plot, colours = self.getPlotItem(), colours_of(self)
@@ -179,7 +164,9 @@ class SweepPlot(QuietPlot):
         for name, one, force in swept:
             angles = np.array([step.angle_deg for step in force.sweep])
             heights = np.array([step.peak for step in force.sweep])
-            peaks += heights[heights < 4 * max(measured, heights[0])].tolist()
+            # Where the force's line comes to pass through the joint, the force has no end: the curve ends.
+            heights = np.where(heights < MOST_PEAKS * max(measured, heights[0]), heights, np.nan)
+            peaks += heights[np.isfinite(heights)].tolist()
             plot.addItem(plain_curve(angles, heights, one.pen(colours, 1.5 * self.devicePixelRatioF()), name))
         low, high = span_of(np.array(peaks))
         plot.addItem(
@@ -194,8 +181,3 @@ class SweepPlot(QuietPlot):
                 words = f"{fixed(step.peak, 2)} N, R² {r2_text(step.r2)}"
                 anchor = (1.0, 1.0) if step.angle_deg > 0 else (0.0, 0.0)
                 self.write(words, step.angle_deg, step.peak, anchor)
-
-
-def plain_curve(x: Array, y: Array, pen: QPen, name: str) -> pg.PlotCurveItem:
-    """A curve; ``name`` stands over its numbers where they are saved."""
-    return pg.PlotCurveItem(x, y, pen=pen, name=name, connect="finite", antialias=True)

@@ -7,12 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QEvent, QObject
 from PySide6.QtWidgets import (
     QFileDialog,
     QHBoxLayout,
     QPushButton,
-    QSplitter,
     QStackedWidget,
     QVBoxLayout,
     QWidget,
@@ -26,6 +25,7 @@ from ..tab import Command, Tab
 from ..tasks import IsCancelled, Progress
 from ..widgets.invitation import lay_out_invitation
 from ..widgets.labels import ElidedLabel, heading, remark
+from ..widgets.panes import Panes
 from .panel import PANEL_WIDTH, PredictPanel
 from .plots import ForcePlot, PeriodPlot, SweepPlot
 from .table import NumbersTable
@@ -68,6 +68,7 @@ class PredictTab(Tab):
         self.widget, self.empty, self.pages = QWidget(), QWidget(), QStackedWidget()
         self.wanted = WantedView(desk, self)
         self._build()
+        self.widget.installEventFilter(self)
         self.panel.add_asked.connect(self.ask_and_add)
         desk.model_handed.connect(lambda model, name: self._predict({**self.models, name: model}))
         self.panel.remove_asked.connect(self.remove)
@@ -93,13 +94,11 @@ class PredictTab(Tab):
         row.setContentsMargins(0, 0, 0, 0)
         row.addWidget(self.period)
         row.addWidget(self.sweep)
-        splitter = QSplitter(Qt.Orientation.Vertical)
-        splitter.setChildrenCollapsible(False)
-        for widget, share in ((self.force, 6), (middle, 5), (self.numbers, 3)):
-            splitter.addWidget(widget)
-            splitter.setStretchFactor(splitter.count() - 1, share)
-        splitter.setSizes([290, 250, 150])
-        for page in (self.empty, splitter, self.wanted.widget):
+        parts = ((self.force, 6), (middle, 5), (self.numbers, 3))
+        self.panes = Panes("predict", parts, (290, 250, 150))
+        for panes in (self.panes, self.wanted.widget):
+            panes.remember(self.desk.settings)
+        for page in (self.empty, self.panes, self.wanted.widget):
             self.pages.addWidget(page)
         self.views = ViewChoice((("measured", "&Measured force"), ("wanted", "&Wanted force")))
         self.views.chosen.connect(lambda _key: self._refresh())
@@ -229,6 +228,11 @@ class PredictTab(Tab):
             self._given = given
             self.wanted.take(self.sessions[0] if predicted else None, self.models if predicted else {})
         self.wanted.set_shown(wanted and predicted and self._shown)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.PaletteChange:
+            self._show_choice()  # the samples of the lines, in the colours of now
+        return False
 
     def _show_choice(self) -> None:
         found, run = self.found, self.panel.run.currentText()

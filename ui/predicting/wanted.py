@@ -7,14 +7,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from PySide6.QtCore import QObject, Qt, QTimer
-from PySide6.QtWidgets import QFileDialog, QSplitter
+from PySide6.QtCore import QObject, QTimer
+from PySide6.QtWidgets import QFileDialog
 
 from fingerlab.errors import UserError
 from fingerlab.identify.model_file import Model
 
 from ..desk import Desk
 from ..tasks import IsCancelled, Progress
+from ..widgets.panes import Panes
 from .wanted_panel import WantedPanel
 from .wanted_plots import TorquePlot, WantedForcePlot
 
@@ -41,11 +42,7 @@ class WantedView(QObject):
         self.plan: TorquePlan | None = None
         self.panel = WantedPanel()
         self.force, self.torque = WantedForcePlot(), TorquePlot()
-        self.widget = QSplitter(Qt.Orientation.Vertical)
-        self.widget.setChildrenCollapsible(False)
-        for plot, share in ((self.force, 2), (self.torque, 3)):
-            self.widget.addWidget(plot)
-            self.widget.setStretchFactor(self.widget.count() - 1, share)
+        self.widget = Panes("predict_wanted", ((self.force, 2), (self.torque, 3)))
         self._timer = QTimer(self)
         self._timer.setSingleShot(True)
         self._timer.setInterval(SETTLE_MS)

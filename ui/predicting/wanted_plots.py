@@ -11,27 +11,34 @@ from fingerlab.report.screen import ScreenUnit
 
 from ..theme import colours_of
 from ..widgets.plot_style import tint
-from ..widgets.quiet_plot import QuietPlot, span_of
-from .plots import NEWTON, plain_curve
+from ..widgets.quiet_plot import QuietPlot, plain_curve, span_of
+from .plots import NEWTON
 
 TORQUE = ScreenUnit("mN m", 1e3)
 NEAR_LIMIT = 0.7
 """The limit is drawn, and the axis reaches to it, where the torque comes to this share of it."""
 
 
-class WantedForcePlot(QuietPlot):
+class PlanPlot(QuietPlot):
+    """A plot of the torque that a wanted force needs, or of that force."""
+
+    def __init__(self, name: str, accessible: str, parent: QWidget | None = None) -> None:
+        super().__init__(name, accessible, parent)
+        self.plan: TorquePlan | None = None
+
+    def show_plan(self, plan: TorquePlan | None) -> None:
+        """Another force and its torque, or none."""
+        self.plan = plan
+        self.redraw()
+
+
+class WantedForcePlot(PlanPlot):
     """The wanted force over its time."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("wantedForcePlot", "Wanted endpoint force over its time", parent)
-        self.plan: TorquePlan | None = None
         self.name_axes("Wanted force", NEWTON, "Time in the profile (s)")
         self.setToolTip("F, N: force of the fingertip that the load cell is to read, compression positive.")
-
-    def show_plan(self, plan: TorquePlan | None) -> None:
-        """Another force, or none."""
-        self.plan = plan
-        self.redraw()
 
     def redraw(self) -> None:
         plot, plan = self.getPlotItem(), self.plan
@@ -43,12 +50,11 @@ class WantedForcePlot(QuietPlot):
         plot.setRange(xRange=(plan.time[0], plan.time[-1]), yRange=(min(low, 0.0), high), padding=0)
 
 
-class TorquePlot(QuietPlot):
+class TorquePlot(PlanPlot):
     """Motor torque with its 90 % interval, and the rig's limit where it is near."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("torquePlot", "Motor torque that the wanted force needs", parent)
-        self.plan: TorquePlan | None = None
         self.name_axes("Motor torque", TORQUE, "Time in the profile (s)")
         self.setToolTip(
             "τ, N m at the gearbox output: what the model needs for F.\n"
@@ -57,11 +63,6 @@ class TorquePlot(QuietPlot):
             "Shaded: 90 % interval of the force, divided by what a newton metre adds to the force."
         )
 
-    def show_plan(self, plan: TorquePlan | None) -> None:
-        """Another torque, or none."""
-        self.plan = plan
-        self.redraw()
-
     def redraw(self) -> None:
         plot, plan = self.getPlotItem(), self.plan
         plot.clear()
@@ -69,17 +70,8 @@ class TorquePlot(QuietPlot):
             return
         torque, half = 1e3 * plan.torque, 1e3 * plan.half_width
         shown = [torque]
-        if np.isfinite(half).all():
-            edges = [
-                plain_curve(
-                    plan.time, torque + sign * half, pg.mkPen(None), f"{side} end of the 90 % interval"
-                )
-                for sign, side in ((1, "upper"), (-1, "lower"))
-            ]
-            for edge in edges:
-                plot.addItem(edge)
-            plot.addItem(pg.FillBetweenItem(*edges, brush=tint(colours_of(self).modelled, 0.2)))
-            shown += [torque + half, torque - half]
+        self.draw_band(plan.time, torque, half, tint(colours_of(self).modelled, 0.2))
+        shown += [torque + half, torque - half]
         width = 1.5 * self.devicePixelRatioF()
         plot.addItem(plain_curve(plan.time, torque, self.pen("modelled", width), "needed"))
         low, high = span_of(np.concatenate(shown))

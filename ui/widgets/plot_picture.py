@@ -22,8 +22,6 @@ PNG_SCALE = 2
 POINTS_PER_PIXEL = 0.75
 """A pixel is 1/96 inch, a point 1/72."""
 
-ENDINGS = {".png": "Picture", ".svg": "Vector picture", ".pdf": "Vector picture", ".csv": "Numbers"}
-
 
 def save_plot(widget: QWidget, path: Path) -> None:
     """Write a plot in the format that the file's ending names.

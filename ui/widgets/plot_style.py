@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-import pyqtgraph as pg
+from typing import TYPE_CHECKING
+
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPen
 
 from fingerlab.report.screen import ScreenUnit
 
 from ..theme import Colours, small_font
+
+if TYPE_CHECKING:
+    import pyqtgraph as pg
 
 FULL_LABEL = "full_label"
 """Attribute of an axis with its whole label, which a low plot shortens."""
@@ -55,7 +59,8 @@ def bottom_axis_height() -> int:
 def line(colour: str, width: float = 1.0, dashed: bool = False) -> QPen:
     """A pen whose width (device pixels) does not change with zoom."""
     style = Qt.PenStyle.DashLine if dashed else Qt.PenStyle.SolidLine
-    pen: QPen = pg.mkPen(colour, width=width, style=style)
+    pen = QPen(QColor(colour), width, style)
+    pen.setCosmetic(True)
     return pen
 
 

@@ -65,12 +65,43 @@ class QuietPlot(pg.PlotWidget):
         value = getattr(colours_of(self), colour)
         return line(value, width * self.devicePixelRatioF(), dashed)
 
+    def draw_band(
+        self,
+        x: np.ndarray[Any, Any],
+        middle: np.ndarray[Any, Any],
+        half: np.ndarray[Any, Any],
+        brush: Any,
+        name: str = "",
+    ) -> None:
+        """A shaded 90 % interval where it is known; ``name`` stands over its numbers where they are saved."""
+        known = np.isfinite(half) & np.isfinite(middle)
+        if not known.any():
+            return
+        start = f"{name}, " if name else ""
+        edges = [
+            plain_curve(
+                x[known],
+                (middle + sign * half)[known],
+                pg.mkPen(None),
+                f"{start}{side} end of the 90 % interval",
+            )
+            for sign, side in ((1, "upper"), (-1, "lower"))
+        ]
+        for edge in edges:
+            self.getPlotItem().addItem(edge)
+        self.getPlotItem().addItem(pg.FillBetweenItem(*edges, brush=brush))
+
     def write(self, text: str, x: float, y: float, anchor: tuple[float, float] = (0.5, 0.0)) -> None:
         """Words inside the plot."""
         item = pg.TextItem(text, color=colours_of(self).text, anchor=anchor)
         item.setFont(small_font())
         self.getPlotItem().addItem(item, ignoreBounds=True)
         item.setPos(x, y)
+
+
+def plain_curve(x: np.ndarray[Any, Any], y: np.ndarray[Any, Any], pen: Any, name: str) -> pg.PlotCurveItem:
+    """A curve; ``name`` stands over its numbers where they are saved."""
+    return pg.PlotCurveItem(x, y, pen=pen, name=name, connect="finite", antialias=True)
 
 
 def span_of(values: np.ndarray[Any, Any]) -> tuple[float, float]:

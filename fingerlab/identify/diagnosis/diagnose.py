@@ -12,7 +12,15 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.errors import equation_errors
-from fingerlab.identify.diagnosis.evidence import Evidence, alike, distrusted, justified
+from fingerlab.identify.diagnosis.evidence import (
+    Evidence,
+    alike,
+    distrusted,
+    hidden,
+    justified,
+    needed,
+    unseen,
+)
 from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
 from fingerlab.identify.diagnosis.search import Watch, forward, rescore, weigh
 from fingerlab.identify.diagnosis.second_look import (
@@ -23,7 +31,8 @@ from fingerlab.identify.diagnosis.second_look import (
     worth_a_look,
 )
 from fingerlab.identify.diagnosis.study import Study, Trial
-from fingerlab.identify.diagnosis.wording import Z90, detectable, deviations, explanation, parameters
+from fingerlab.identify.diagnosis.unseen import least_strength
+from fingerlab.identify.diagnosis.wording import Z90, deviations, explanation, parameters
 from fingerlab.identify.results import Candidate, Diagnosis, Fingerprint, ParameterEstimate, PathStep, Verdict
 from fingerlab.physics.effects import effect, whole_catalogue
 from fingerlab.physics.effects.base import Effect
@@ -130,11 +139,14 @@ def _diagnose(
     else:
         study.weights = first_weights
     loose = sum(f.slack_samples for g in reduced.groups for f in g.folds)
-    chosen = alike(evidence)
+    evidence = unseen(evidence)
+    verdict = _verdict(evidence)
+    chosen = alike(evidence) if verdict == "missing_effect" else []
+    if verdict == "nothing_missing":
+        chosen = hidden(evidence)
     curves = display.curves(study, evidence) if display is not None else None
     first = path[1] if closer is not None else None
     candidates = _candidates(evidence, chosen, loose, curves.fingerprints if curves else {}, first)
-    verdict = _verdict(evidence)
     return Diagnosis(
         sessions=tuple(str(s.path) for s in sessions),
         model=tuple(e.id for e in given),
@@ -142,9 +154,7 @@ def _diagnose(
         score=evidence.base.score,
         verdict=verdict,
         candidates=candidates,
-        set=tuple(evidence.trials[i].model.choices[-1].effect.id for i in chosen)
-        if verdict == "missing_effect"
-        else (),
+        set=tuple(evidence.trials[i].model.choices[-1].effect.id for i in chosen),
         path=tuple(PathStep(_last(s) if k else None, s.score) for k, s in enumerate(path)),
         final_model=tuple(c.effect.id for c in path[-1].model.choices),
         next_experiment=_next_experiment(sessions, study, evidence, chosen),
@@ -168,12 +178,13 @@ def _display() -> Display:
 def _next_experiment(
     sessions: Sequence[Session], study: Study, evidence: Evidence, chosen: Sequence[int]
 ) -> dict[str, Any] | None:
-    """The run that would separate the effects of the set; None where there is nothing to separate."""
-    if _verdict(evidence) != "missing_effect" or len(chosen) < 2:
+    """The run that would separate the effects of the set, or show those that could not be seen; or None."""
+    verdict = _verdict(evidence)
+    if verdict == "not_in_catalogue" or len(chosen) < (2 if verdict == "missing_effect" else 1):
         return None
-    from fingerlab.identify.diagnosis.next_experiment import propose
+    from fingerlab.identify.diagnosis.next_experiment import propose, reveal
 
-    return propose(sessions, study, evidence, chosen)
+    return (propose if verdict == "missing_effect" else reveal)(sessions, study, evidence, chosen)
 
 
 def _last(trial: Trial) -> str | None:
@@ -195,28 +206,28 @@ def _candidates(
     closer: Trial | None,
 ) -> tuple[Candidate, ...]:
     """What is told of every effect; of the first that was added, as a second look finds it."""
-    verdict = _verdict(evidence)
     result = []
-    order = sorted(
-        range(len(evidence.trials)), key=lambda i: (-evidence.probabilities[i], evidence.trials[i].misfit)
-    )
+    told = evidence.told
+    order = sorted(range(len(evidence.trials)), key=lambda i: (-told[i], evidence.trials[i].misfit))
     for i in order:
         trial = evidence.trials[i]
         if closer is not None and _last(closer) == _last(trial):
             trial = closer
         one = trial.model.choices[-1].effect
-        shown = detectable(trial, one, evidence.temperature, loose)
+        least = least_strength(trial, needed(evidence, trial))
+        shown = loose > 0 if one.special == "slack" else least <= 1.0
+        shown = shown or justified(evidence.base, trial)
         result.append(
             Candidate(
                 effect=one.id,
                 title=one.title,
                 score=trial.score,
-                probability=float(evidence.probabilities[i]),
-                in_set=verdict == "missing_effect" and i in chosen,
+                probability=float(told[i]),
+                in_set=i in chosen,
                 parameters=parameters(trial, one, evidence.temperature),
                 equations=one.acts_on,
-                explanation=explanation(evidence, trial, one, shown or justified(evidence.base, trial)),
-                detectable=shown or justified(evidence.base, trial),
+                explanation=explanation(evidence, trial, one, shown, least),
+                detectable=shown,
                 fingerprint=prints.get(one.id),
             )
         )

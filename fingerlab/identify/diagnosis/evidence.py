@@ -8,11 +8,12 @@ that samples a cycle apart are not new evidence. Temperature 1 is white noise at
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fingerlab.identify.diagnosis.study import Trial
+from fingerlab.identify.diagnosis.unseen import AS_LIKELY, bayes_factor, least_strength, with_unseen
 from fingerlab.sessions.model import Array
 
 CORRELATED_VALUES = 16.0
@@ -66,6 +67,15 @@ class Evidence:
     nothing: float
     unknown: float
     temperature: float
+    unseen: Array = field(default_factory=lambda: np.zeros(0))
+    """Probabilities of effects that are not found because they could not show, (trials,); see ``unseen``."""
+    factors: Array = field(default_factory=lambda: np.zeros(0))
+    """How much likelier the data are with a plausible strength of each effect than with none, (trials,)."""
+
+    @property
+    def told(self) -> Array:
+        """Probability of each trial's last effect, seen or unseen, (trials,)."""
+        return self.probabilities + self.unseen if len(self.unseen) else self.probabilities
 
 
 def freedom(trial: Trial) -> int:
@@ -132,7 +142,28 @@ def among(base: Trial, trials: Sequence[Trial]) -> Array:
     log = -0.5 * SYSTEMATIC_VALUES * np.log(law_error + left - left.min())
     log -= COST_OF_A_GAIN * np.array([freedom(t) for t in trials])
     log -= 0.5 * np.array([t.surprise for t in trials])
+    log -= np.array([small_excess(t) for t in trials])
     return np.asarray(log - log.max())
+
+
+LEAST_EXCESS = 0.2
+"""Share of a friction by which that at low speed is usually larger at least where one speaks of Stribeck's;
+assumed. The unevenness of a simple law of friction is taken up by a smaller one."""
+EXCESS_SPREAD = 0.3
+"""How far below it may lie, one standard deviation of its logarithm; assumed."""
+
+
+def small_excess(trial: Trial) -> float:
+    """Log odds against a last effect whose excess is so small that the simpler effect would be named."""
+    effect = trial.model.choices[-1].effect
+    if not effect.excess:
+        return 0.0
+    index = trial.model.index
+    names = [(index[f"{effect.id}.{a}"], index[f"{effect.id}.{b}"]) for a, b in effect.excess.items()]
+    extra = sum(abs(float(trial.fit.values[a])) for a, _ in names)
+    under = sum(abs(float(trial.fit.values[b])) for _, b in names)
+    short = np.log(LEAST_EXCESS * under / max(extra, 1e-300)) if under > 0 else 0.0
+    return float(min(0.5 * (max(short, 0.0) / EXCESS_SPREAD) ** 2, 2.0 * LEAST_LOG_ODDS))
 
 
 NOT_BORNE_OUT = 0.05
@@ -153,6 +184,37 @@ def distrusted(evidence: Evidence) -> Evidence:
     )
 
 
+def unseen(evidence: Evidence) -> Evidence:
+    """The evidence with a share for every effect that these data could not have shown.
+
+    A cable that was never slack has shown that it was not.
+    """
+    base = evidence.base
+    factors = []
+    for trial in evidence.trials:
+        if trial.model.choices[-1].effect.special == "slack":
+            factors.append(0.0)
+        else:
+            fall = base.misfit_in_sample - trial.misfit_in_sample - charge(base, trial)
+            factors.append(bayes_factor(trial, fall, needed(evidence, trial)))
+    prior = PRIOR_EFFECTS / max(len(factors), 1) / PRIOR_NOTHING
+    return with_unseen(evidence, factors, prior)
+
+
+def needed(evidence: Evidence, trial: Trial) -> float:
+    """By how much the misfit must fall for a trial's last effect to be told, beside the best model found."""
+    base = evidence.base
+    remaining = min([base.misfit, *(t.misfit for t in evidence.trials)])
+    in_contact = CONTACT_CHARGE if _reaches_contact_alone(trial) else 0.0
+    least = max(LEAST_SHARE * max(remaining, 0.0), LEAST_FALL * base.count) + in_contact * base.count
+    return max(least, 2.0 * LEAST_LOG_ODDS * evidence.temperature)
+
+
+def _reaches_contact_alone(trial: Trial) -> bool:
+    falls = trial.reach.falls
+    return bool(len(falls)) and float(falls[trial.touching].sum()) > CONTACT_SHARE * float(falls.sum())
+
+
 def alike(evidence: Evidence) -> list[int]:
     """Indices of the trials that these data cannot tell apart, best first."""
     order = np.argsort(-evidence.probabilities, kind="stable")
@@ -166,6 +228,21 @@ def alike(evidence: Evidence) -> list[int]:
         chosen.append(int(i))
         covered += float(evidence.probabilities[i])
     return chosen
+
+
+def hidden(evidence: Evidence) -> list[int]:
+    """Indices of the trials whose effect could be there although no verdict says so, likeliest first.
+
+    These are effects of which the data speak rather for than against, and such as a typical strength of
+    would not have shown and the data hardly speak against.
+    """
+    order = np.argsort(-evidence.unseen, kind="stable")
+    return [int(i) for i in order if evidence.factors[i] >= 1.0 or _could_hide(evidence, int(i))]
+
+
+def _could_hide(evidence: Evidence, i: int) -> bool:
+    trial = evidence.trials[i]
+    return evidence.factors[i] >= AS_LIKELY and least_strength(trial, needed(evidence, trial)) > 1.0
 
 
 def least_share(base: Trial) -> float:

@@ -20,10 +20,10 @@ from fingerlab.identify.diagnosis.routing import USUAL_SPREAD
 from fingerlab.identify.diagnosis.sums import IntArray, Pick
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Scale
-from fingerlab.physics.effects.hysteresis import rubbing_force
+from fingerlab.physics.effects.contact import SIDEWAYS_STIFFNESSES
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.sensing import lateral_levers
-from fingerlab.physics.effects.tip import pressed, tip_depth, tip_reach, while_pressed
+from fingerlab.physics.effects.tip import dragged_tip, pressed, tip_depth, tip_reach, while_pressed
 from fingerlab.rig import Finger, Rig
 from fingerlab.sessions.model import Array
 
@@ -160,8 +160,7 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
         (Feature(row, name, constant=1.0, scale="joint"), values)
         for row, name, values in _joint_parts(finger, motion)
     ]
-    contact_mcp = force * nominal.contact_lever_mcp(finger, q.mcp, q.pip)
-    contact_pip = force * nominal.contact_lever_pip(finger, q.mcp, q.pip)
+    contact_mcp, contact_pip = motion.contact_torques
     columns += [
         (Feature(Row.MCP, "force_gain", constant=1.0, scale="joint"), contact_mcp),
         (Feature(Row.PIP, "force_gain", constant=1.0, scale="joint"), contact_pip),
@@ -211,8 +210,8 @@ def _tangential_forces(motion: Motion) -> dict[str, Array]:
     columns = (
         motion.force,
         touching * (tip - set_down),
-        -rubbing_force(tip, np.maximum(motion.force, 0.0), TIP_STIFFNESS),
-        *map(motion.slipping, SLIP_STIFFNESSES),
+        -dragged_tip(motion, TIP_STIFFNESS, (TIP_STIFFNESS, *SIDEWAYS_STIFFNESSES)),
+        *(motion.slipping(stiffness, SLIP_STIFFNESSES) for stiffness in SLIP_STIFFNESSES),
         touching,
     )
     return dict(zip(_LATERAL, columns, strict=True))

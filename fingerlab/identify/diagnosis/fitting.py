@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -28,6 +28,9 @@ SLACK_SPREAD_M = 1e-4
 Weights = Mapping[GroupKey, Array]
 """Inverse covariance of the equations' noise for each group, (5, 5) over :class:`Row`."""
 
+Part = tuple[int, ...]
+"""Folds of a group, by number."""
+
 
 @dataclass(frozen=True)
 class Weighted:
@@ -40,6 +43,20 @@ class Weighted:
     matrix: Array
 
 
+@dataclass(frozen=True)
+class Gathered:
+    """Products of a model's features in one group or fold, (k, k) each: see :class:`Sums`.
+
+    All samples with noise and without, those at rest with noise and without, and those of a slack cable.
+    """
+
+    raw: Array
+    clean: Array
+    still: Array | None
+    quiet: Array | None
+    slack: Array | None
+
+
 class Data:
     """Sums over the runs that a fit may see, with noise and without.
 
@@ -49,34 +66,69 @@ class Data:
 
     def __init__(self, groups: Sequence[Group]) -> None:
         self.groups = groups
-        self.clean = [[f.without(_noise_of_a_sample(g)) for f in g.folds] for g in groups]
-        self._totals = [total(folds) for folds in self.clean]
+        self._noise = [_noise_of_a_sample(g) for g in groups]
+        self._kept: dict[tuple[int, int], tuple[Model, Gathered]] = {}
+        self._joined: dict[tuple[int, Part], Sums] = {}
 
-    def raw(self, i: int, k: int | None) -> Sums:
-        """Fold ``k`` of group ``i``, or all its folds as one."""
-        return self.groups[i].whole if k is None else self.groups[i].folds[k]
+    @property
+    def count(self) -> float:
+        """Decimated samples of all groups, as independent values of one equation."""
+        return EFFECTIVE_SHARE * sum(group.samples for group in self.groups)
 
-    def noiseless(self, i: int, k: int | None) -> Sums:
-        """The same without noise."""
-        return self._totals[i] if k is None else self.clean[i][k]
+    def raw(self, i: int, part: Part | None) -> Sums:
+        """Sums over some folds of group ``i``, or over all."""
+        group = self.groups[i]
+        if part is None or len(part) == len(group.folds):
+            return group.whole
+        if len(part) == 1:
+            return group.folds[part[0]]
+        if (i, part) not in self._joined:
+            self._joined[i, part] = total([group.folds[k] for k in part])
+        return self._joined[i, part]
 
-    def weighted(self, i: int, k: int | None, model: Model, weights: Array, standing: Array) -> Weighted:
-        """What a fit needs of group ``i``, or of its fold ``k``; a slack cable costs unless it may be so.
+    @cached_property
+    def noiseless(self) -> list[Sums]:
+        """All folds of every group as one, without noise."""
+        return [g.whole.without(noise) for g, noise in zip(self.groups, self._noise, strict=True)]
 
-        ``standing`` changes the weights where the motor stands; both (5, 5).
+    def weighted(
+        self, i: int, part: Part | None, model: Model, weights: Array, standing: Callable[[], Array]
+    ) -> Weighted:
+        """What a fit needs of group ``i``, or of a part of it; a slack cable costs unless it may be so.
+
+        ``weights`` (5, 5); ``standing`` gives how they change where the motor stands, if it ever does.
         """
-        raw, clean = self.raw(i, k), self.noiseless(i, k)
+        found = self.gathered(i, part, model)
         weight = EFFECTIVE_SHARE * feature_weights(weights, model.rows)
-        curvature, matrix = raw.of(model.pick) * weight, clean.of(model.pick) * weight
-        still, quiet = raw.at_rest(model.pick), clean.at_rest(model.pick)
-        if still is not None and quiet is not None:
-            less = EFFECTIVE_SHARE * feature_weights(standing, model.rows)
-            curvature, matrix = curvature + still * less, matrix + quiet * less
-        slack = None if model.slack_free else raw.slack(model.pick)
-        if slack is not None:
-            charge = slack * (EFFECTIVE_SHARE / SLACK_SPREAD_M**2)
-            curvature, matrix = curvature + charge, matrix + charge
+        curvature, matrix = found.raw * weight, found.clean * weight
+        if found.still is not None and found.quiet is not None:
+            less = EFFECTIVE_SHARE * feature_weights(standing(), model.rows)
+            curvature += found.still * less
+            matrix += found.quiet * less
+        if found.slack is not None and not model.slack_free:
+            charge = found.slack * (EFFECTIVE_SHARE / SLACK_SPREAD_M**2)
+            curvature += charge
+            matrix += charge
         return Weighted(curvature, matrix)
+
+    def gathered(self, i: int, part: Part | None, model: Model) -> Gathered:
+        """Products of the model's features; those over whole groups are kept: they are asked for often."""
+        whole = part is None or len(part) == len(self.groups[i].folds)
+        known = self._kept.get((id(model), i)) if whole else None
+        if known is not None:
+            return known[1]
+        sums, pick = self.raw(i, part), model.pick
+        noise = self._noise[i][pick.square]
+        found = Gathered(
+            sums.of(pick),
+            sums.of(pick, noise),
+            sums.at_rest(pick),
+            sums.at_rest(pick, noise),
+            sums.slack(pick),
+        )
+        if whole:
+            self._kept[id(model), i] = model, found  # with the model, so that its identity stays its own
+        return found
 
     def standing(self, i: int, weights: Array) -> Array:
         """How the encoder's step changes the weights of group ``i`` where the motor stands, (5, 5)."""
@@ -91,11 +143,14 @@ class Data:
         group = self.groups[i]
         if group.whole.rest is None or not model.sticking:
             return None
-        products = group.whole.of(model.pick)
+        products = self.gathered(i, None, model).raw
         spread = encoder_spread(group.encoder_variance)
-        own = np.zeros((5, 5))
-        for mine in model.sticking:
-            own += HELD_SHARE * row_covariance(model, values, group, products, group.samples, mine)
+        h, own = model.features(values, group), np.zeros((5, 5))
+        for mine in map(np.flatnonzero, model.sticking):
+            share = np.zeros((len(mine), 5))
+            share[np.arange(len(mine)), model.rows[mine]] = h[mine]
+            own += share.T @ products[mine[:, None], mine] @ share
+        own *= HELD_SHARE / max(group.samples, 1.0)
         change = change_of_weight(weights, spread + own) - change_of_weight(weights, spread)
         widening = log_widening(weights, spread + own) - log_widening(weights, spread)
         return change, EFFECTIVE_SHARE * group.whole.rest_samples * widening
@@ -164,16 +219,21 @@ class Fit:
     cost: float
 
     @cached_property
+    def covariance(self) -> Array:
+        """Of the unknowns, (p, p)."""
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(self.information), 1e-300))
+        scaled = np.linalg.pinv(self.information * np.outer(scale, scale), hermitian=True)
+        return np.asarray(scaled * np.outer(scale, scale))
+
+    @cached_property
     def deviations(self) -> Array:
         """Standard deviation of every unknown, given what else is unknown, (p,)."""
-        scale = 1.0 / np.sqrt(np.diag(self.information))
-        covariance = np.linalg.pinv(self.information * np.outer(scale, scale), hermitian=True)
-        return np.asarray(scale * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
 
 def feature_weights(weights: Array, rows: IntArray) -> Array:
     """Weight of each product of features, (k, k)."""
-    return np.asarray(weights[rows[:, None], rows])
+    return weights.take(rows, axis=0).take(rows, axis=1)
 
 
 class Fitter:
@@ -183,32 +243,43 @@ class Fitter:
         self.model = model
         self.data = data
         self.weights = weights
-        self.sums: list[Weighted] = []
-        self._parts: dict[tuple[int, int | None], Weighted] = {}
-        self._whole: tuple[Array, list[tuple[Array, Array]], tuple[Array, Array]] | None = None
+        self._parts: dict[tuple[int, Part | None], Weighted] = {}
+        self._stacked: Weighted | None = None
+        self._cables = tuple(g.cable_sign for g in data.groups)
+        self._whole: tuple[Array, tuple[Array, Array], tuple[Array, Array]] | None = None
         self.sticks = bool(model.sticking) and any(g.whole.rest is not None for g in data.groups)
         self.widening = 0.0  # see Data.held, all groups together
         self._held: list[Array | None] = [None] * len(data.groups)
-        self._still = [data.standing(i, weights[g.key]) for i, g in enumerate(data.groups)]
-        self._weigh()
+        self._still: dict[int, Array] = {}
         self._mean = model.start()
         self._stiffness = self._prior_weight() / model.spread**2
         self._low, self._high = model.low, model.high
 
-    def _weigh(self) -> None:
-        self._parts.clear()
-        self.sums = [self.part(i, None) for i in range(len(self.data.groups))]
-        self._whole = None
+    @property
+    def sums(self) -> list[Weighted]:
+        """Weighted products over each group."""
+        return [self.part(i, None) for i in range(len(self.data.groups))]
 
-    def part(self, i: int, k: int | None) -> Weighted:
-        """Weighted products over group ``i``, or over its fold ``k``."""
-        if (i, k) not in self._parts:
+    def stacked(self) -> Weighted:
+        """The same for all groups together, (groups, k, k)."""
+        if self._stacked is None:
+            sums = self.sums
+            self._stacked = Weighted(
+                np.stack([s.curvature for s in sums]), np.stack([s.matrix for s in sums])
+            )
+        return self._stacked
+
+    def part(self, i: int, part: Part | None) -> Weighted:
+        """Weighted products over group ``i``, or over some of its folds."""
+        if (i, part) not in self._parts:
             weights = self.weights[self.data.groups[i].key]
-            self._parts[i, k] = self.data.weighted(i, k, self.model, weights, self.standing(i))
-        return self._parts[i, k]
+            self._parts[i, part] = self.data.weighted(i, part, self.model, weights, partial(self.standing, i))
+        return self._parts[i, part]
 
     def standing(self, i: int) -> Array:
         """How the weights of group ``i`` change where the motor stands, (5, 5)."""
+        if i not in self._still:
+            self._still[i] = self.data.standing(i, self.weights[self.data.groups[i].key])
         held = self._held[i]
         return self._still[i] if held is None else self._still[i] + held
 
@@ -221,16 +292,18 @@ class Fitter:
         ]
         self._held = [None if one is None else one[0] for one in found]
         self.widening = sum(one[1] for one in found if one is not None)
-        self._weigh()
+        self._parts.clear()
+        self._stacked = self._whole = None
 
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""
         result = float(np.sum((values - self._mean) ** 2 * self._stiffness))
         if self.model.tie is not None:
             result += self.model.tie.cost(values)
-        for group, sums in zip(self.data.groups, self.sums, strict=True):
-            h = self.model.features(values, group)
-            result += float(h @ sums.matrix @ h)
+        for h, matrix in zip(
+            self.model.features_of(values, self._cables), self.stacked().matrix, strict=True
+        ):
+            result += float(h @ matrix @ h)
         return result
 
     def _prior_weight(self) -> Array:
@@ -289,9 +362,10 @@ class Fitter:
     ) -> tuple[Array, float]:
         """The best point found along the step that ``curvature`` tells, and by how much the cost falls there.
 
-        A change by less than ``least`` either way is taken for the end.
+        A change by less than ``least`` either way is taken for the end. Where the curvature is that of no
+        minimum there is no such step, and the gain is minus infinity.
         """
-        if not np.all(np.diag(curvature) > 0):  # what was taken away as noise is more than there was
+        if float(np.min(np.diag(curvature))) <= 0.0:
             return values, -np.inf
         step = bounded_step(values, gradient, curvature, self._low, self._high)
         gain = 0.0
@@ -304,19 +378,19 @@ class Fitter:
                 break
         return values, gain
 
-    def without(self, values: Array, k: int) -> Array:
-        """One step from the fit ``values`` to that of the runs without fold ``k`` of any group, (p,).
+    def without(self, values: Array, turn: int) -> Array:
+        """One step from the fit ``values`` to that of the runs without the folds of a turn, (p,).
 
-        A group with one fold only stays in.
+        A group of which nothing would be left stays in.
         """
         if self._whole is None or not np.array_equal(self._whole[0], values):
-            coefficients = [self.model.coefficients(values, g) for g in self.data.groups]
+            coefficients = self.model.coefficients_of(values, self._cables)
             self._whole = (values, coefficients, self.normal_equations(values))
-        _, coefficients, (gradient, information) = self._whole
+        _, (features, jacobians), (gradient, information) = self._whole
         for i, group in enumerate(self.data.groups):
-            if 1 < len(group.folds) > k:
-                fold = self.part(i, k)
-                h, jacobian = coefficients[i]
+            for k in group.of_turn(turn):
+                fold = self.part(i, (k,))
+                h, jacobian = features[i], jacobians[i]
                 gradient = gradient - (h @ fold.matrix) @ jacobian
                 information = information - jacobian.T @ (fold.curvature @ jacobian)
         step = bounded_step(values, gradient, information, self._low, self._high)
@@ -334,14 +408,12 @@ class Fitter:
         if self.model.tie is not None:
             pull, hold = self.model.tie.expansion(values)
             gradient, information = gradient + pull, information + hold
-        bend = information
-        for group, sums in zip(self.data.groups, self.sums, strict=True):
-            h, jacobian = self.model.coefficients(values, group)
-            slopes = sums.matrix @ jacobian
-            gradient = gradient + h @ slopes
-            information = information + jacobian.T @ (sums.curvature @ jacobian)
-            bend = bend + jacobian.T @ slopes
-        return gradient, information, bend
+        sums = self.stacked()
+        h, jacobian = self.model.coefficients_of(values, self._cables)
+        across = jacobian.reshape(-1, len(values)).T
+        slopes = (sums.matrix @ jacobian).reshape(-1, len(values))
+        bent = (sums.curvature @ jacobian).reshape(-1, len(values))
+        return gradient + h.reshape(-1) @ slopes, information + across @ bent, information + across @ slopes
 
 
 def bounded_step(values: Array, gradient: Array, information: Array, low: Array, high: Array) -> Array:
@@ -353,7 +425,7 @@ def bounded_step(values: Array, gradient: Array, information: Array, low: Array,
     step = np.zeros(len(values))
     # What stands at a bound and is pushed outwards starts fixed; it is let go below if that was wrong.
     fixed = ((floor > -1e-12) & (slope > 0)) | ((ceiling < 1e-12) & (slope < 0))
-    quick = _pivoted(matrix, slope, floor, ceiling, fixed)
+    quick = _pivoted(matrix, slope, floor, ceiling)
     if quick is not None:
         return quick * scale
     for _ in range(6 * len(values)):
@@ -384,19 +456,18 @@ def bounded_step(values: Array, gradient: Array, information: Array, low: Array,
 
 
 PIVOTING_ROUNDS = 40
-PATIENCE = 2
-"""Rounds in which all wrong bounds are exchanged without their number falling, before it is one at a time."""
 
 
-def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array, outwards: BoolArray) -> Array | None:
+def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array) -> Array | None:
     """The same minimiser by exchanging all wrong bounds at once; None where that does not settle.
 
     Block principal pivoting (Judice and Pires 1994): nearly always two or three solves. Where their number
-    does not fall any more, only the last of the wrong bounds is exchanged, which cannot go in circles.
-    ``outwards`` are the unknowns that stand at a bound and are pushed out of it.
+    does not fall, only the last of the wrong bounds is exchanged, which cannot go in circles. What stands at
+    a bound starts there: between two steps of a fit, or two models that are alike, that hardly changes.
     """
-    at_floor, at_ceiling = outwards & (floor > -1e-12), outwards & (ceiling < 1e-12)
-    fewest, patience = len(slope) + 1, PATIENCE
+    at_floor = floor > -1e-12
+    at_ceiling = (ceiling < 1e-12) & ~at_floor
+    fewest = len(slope) + 1
     for _ in range(PIVOTING_ROUNDS):
         step = np.where(at_floor, floor, 0.0)
         step[at_ceiling] = ceiling[at_ceiling]
@@ -412,10 +483,7 @@ def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array, outwards
         if len(wrong) == 0:
             return np.asarray(step)
         if len(wrong) < fewest:
-            fewest, patience = len(wrong), PATIENCE
-        else:
-            patience -= 1
-        if patience >= 0:
+            fewest = len(wrong)
             at_floor, at_ceiling = now_floor, now_ceiling
         else:
             last = wrong[-1]

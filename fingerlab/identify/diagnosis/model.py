@@ -65,7 +65,7 @@ class Model:
     tip_law: str
     index: dict[str, int]
     tie: Tie | None = None
-    tables: dict[int, _Table] = field(default_factory=dict)
+    tables: dict[tuple[int, ...], _Table] = field(default_factory=dict)
     scalings: dict[int, tuple[Array, Array, Array]] = field(default_factory=dict)
 
     @cached_property
@@ -96,14 +96,16 @@ class Model:
     @cached_property
     def sticking(self) -> list[BoolArray]:
         """For every gain of a friction that sticks, which of the active features are its own, (k,) each."""
+        return self._features_of_gains([c.effect for c in self.choices if c.effect.sticks])
+
+    @cached_property
+    def wandering(self) -> list[BoolArray]:
+        """The same for every gain that differs from run to run."""
+        return self._features_of_gains([c.effect for c in self.choices if c.effect.wanders])
+
+    def _features_of_gains(self, effects: Sequence[Effect]) -> list[BoolArray]:
         owned = [(self.layout.features[i].owner, self.layout.features[i].parameter) for i in self.active]
-        gains = [
-            (c.effect.id, gain)
-            for c in self.choices
-            if c.effect.sticks
-            for gain in c.effect.gains
-            if gain not in c.effect.offsets
-        ]
+        gains = [(e.id, gain) for e in effects for gain in e.gains if gain not in e.offsets]
         return [np.array([mine == gain for mine in owned]) for gain in gains if gain in owned]
 
     def start(self) -> Array:
@@ -113,22 +115,31 @@ class Model:
 
     def features(self, values: Array, group: Group) -> Array:
         """Coefficients of the active features for one group, (k,)."""
-        table = self._table(group.cable_sign)
-        amount, scale, weight, _ = self._parts(table, values)
+        return self.features_of(values, (group.cable_sign,))[0]
+
+    def features_of(self, values: Array, cable_signs: tuple[int, ...]) -> Array:
+        """The same for several groups, (groups, k), told by their cables."""
+        amount, scale, weight, _ = self._parts(self._table(cable_signs), values)
         return -amount * scale * weight
 
     def coefficients(self, values: Array, group: Group) -> tuple[Array, Array]:
         """Coefficients of the active features for one group, (k,), and their derivatives, (k, p)."""
-        table = self._table(group.cable_sign)
+        h, jacobian = self.coefficients_of(values, (group.cable_sign,))
+        return h[0], jacobian[0]
+
+    def coefficients_of(self, values: Array, cable_signs: tuple[int, ...]) -> tuple[Array, Array]:
+        """The same for several groups, (groups, k) and (groups, k, p), told by their cables."""
+        table = self._table(cable_signs)
         amount, scale, weight, slopes = self._parts(table, values)
         turned = np.where(table.inverse, -table.sign * scale**2, table.sign)
-        jacobian = np.zeros((len(amount), len(values) + 2))
-        jacobian[table.lines, table.parameter] = -scale * weight
-        jacobian[table.lines, table.scale_by] -= amount * turned * weight
+        jacobian = np.zeros((*amount.shape, len(values) + 2))
+        flat = jacobian.reshape(-1, len(values) + 2)
+        flat[table.lines, table.parameter.reshape(-1)] = (-scale * weight).reshape(-1)
+        flat[table.lines, table.scale_by.reshape(-1)] -= (amount * turned * weight).reshape(-1)
         if table.delay >= 0:
             late = table.shifted
-            jacobian[late, table.delay] -= (amount * scale)[late] * slopes[table.shift[late]]
-        return -amount * scale * weight, jacobian[:, : len(values)]
+            jacobian[:, late, table.delay] -= (amount * scale)[:, late] * slopes[table.shifts]
+        return -amount * scale * weight, jacobian[:, :, : len(values)]
 
     def unit_coefficients(self, values: Array, group: Group) -> Array:
         """Coefficient of every feature of the layout, active or not, per unit of its own unknown.
@@ -145,22 +156,23 @@ class Model:
         return np.asarray(-sign * np.where(inverse, 1.0 / np.where(inverse, scale, 1.0), scale))
 
     def _parts(self, table: _Table, values: Array) -> tuple[Array, Array, Array, Array]:
-        """Amount, scale and weight of the shift of every active feature, (k,), and the shifts' slopes."""
+        """Of the active features amount and scale, (groups, k), the shift's weight, (k,), and its slopes."""
         padded = np.concatenate((values, (0.0, 1.0)))
         amount = table.constant + padded[table.parameter]
         scale = padded[table.scale_by]
-        scale[table.divides] = 1.0 / scale[table.divides]
+        flat = scale.reshape(-1)
+        flat[table.divides] = 1.0 / flat[table.divides]
         scale *= table.sign
         delay = float(values[table.delay]) if table.delay >= 0 else 0.0
         weights, slopes = shift_weights(delay) if self.delayed else slope_weights(delay)
-        weight = np.ones(len(amount))
-        weight[table.shifted] = weights[table.shift[table.shifted]]
+        weight = np.ones(len(table.shift))
+        weight[table.shifted] = weights[table.shifts]
         return amount, scale, weight, slopes
 
-    def _table(self, cable_sign: int) -> _Table:
-        if cable_sign not in self.tables:
-            self.tables[cable_sign] = _make_table(self, cable_sign)
-        return self.tables[cable_sign]
+    def _table(self, cable_signs: tuple[int, ...]) -> _Table:
+        if cable_signs not in self.tables:
+            self.tables[cable_signs] = _make_table(self, cable_signs)
+        return self.tables[cable_signs]
 
     def parameter_index(self, feature: Feature, routing: str) -> int:
         """Index of the unknown that multiplies a feature; -1 where there is none."""
@@ -174,7 +186,7 @@ class Model:
 
 @dataclass(frozen=True)
 class _Table:
-    """The active features as arrays, for one routing.
+    """The active features as arrays, (groups, k), for the routing of each group.
 
     Indices of unknowns point into the vector of values with 0 and 1 appended, so that a feature without an
     unknown needs no case of its own.
@@ -185,12 +197,12 @@ class _Table:
     scale_by: IntArray  # index of the unknown that scales the feature: moment arm or compliance
     inverse: Array  # whether it divides
     sign: Array
-    shift: Array  # -1 stands for none
+    shift: IntArray  # (k,), -1 stands for none
     delay: int  # -1 stands for none
 
     @cached_property
     def lines(self) -> IntArray:
-        return np.arange(len(self.constant))
+        return np.arange(self.constant.size)
 
     @cached_property
     def divides(self) -> IntArray:
@@ -200,21 +212,26 @@ class _Table:
     def shifted(self) -> IntArray:
         return np.flatnonzero(self.shift >= 0)
 
+    @cached_property
+    def shifts(self) -> IntArray:
+        return self.shift[self.shifted]
 
-def _make_table(model: Model, cable_sign: int) -> _Table:
-    routing = CABLE_NAMES[cable_sign]
+
+def _make_table(model: Model, cable_signs: tuple[int, ...]) -> _Table:
     features = [model.layout.features[i] for i in model.active]
 
-    def padded(indices: list[int], none: int) -> IntArray:
-        return np.array([none if i < 0 else i for i in indices])
+    def padded(indices: list[list[int]], none: int) -> IntArray:
+        found = np.array(indices)
+        return np.where(found < 0, none, found)
 
-    scales = [_scaling(f, model.index, cable_sign) for f in features]
+    scales = [[_scaling(f, model.index, sign) for f in features] for sign in cable_signs]
+    places = [[model.parameter_index(f, CABLE_NAMES[sign]) for f in features] for sign in cable_signs]
     return _Table(
-        constant=np.array([f.constant for f in features]),
-        parameter=padded([model.parameter_index(f, routing) for f in features], len(model.unknowns)),
-        scale_by=padded([s[0] for s in scales], len(model.unknowns) + 1),
-        inverse=np.array([s[1] for s in scales]),
-        sign=np.array([s[2] for s in scales]),
+        constant=np.array([[f.constant for f in features]] * len(cable_signs)),
+        parameter=padded(places, len(model.unknowns)),
+        scale_by=padded([[s[0] for s in line] for line in scales], len(model.unknowns) + 1),
+        inverse=np.array([[s[1] for s in line] for line in scales]),
+        sign=np.array([[s[2] for s in line] for line in scales]),
         shift=np.array([-1 if f.shift is None else f.shift for f in features]),
         delay=model.index.get("delay", -1),
     )

@@ -11,13 +11,13 @@ expected gain in log evidence (Hunter and Reiner, "Designs for discriminating be
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
-from fingerlab.identify.diagnosis.evidence import Evidence
+from fingerlab.identify.diagnosis.evidence import LEAST_FALL, Evidence
 from fingerlab.identify.diagnosis.features import Layout
 from fingerlab.identify.diagnosis.fitting import feature_weights
 from fingerlab.identify.diagnosis.imagined import (
@@ -29,8 +29,9 @@ from fingerlab.identify.diagnosis.imagined import (
 )
 from fingerlab.identify.diagnosis.model import Choice, Model, build
 from fingerlab.identify.diagnosis.reduction import Group, layout_of, narrow_columns
-from fingerlab.identify.diagnosis.study import WANDER, Study, Trial
+from fingerlab.identify.diagnosis.study import WANDER, Study, Trial, condition_weights
 from fingerlab.identify.diagnosis.sums import Sums
+from fingerlab.identify.diagnosis.unseen import DECIDING_LOG_ODDS, hidden_values
 from fingerlab.physics.effects.base import Effect
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.rig import Rig
@@ -39,8 +40,12 @@ from fingerlab.sessions.model import Array, Session
 BENCH_LOADS_NM = (0.0, 0.05, 0.1)
 """Known loads that a motor bench is proposed with, N m; assumed."""
 WEAK_PRIOR = 1e-4
+LEAST_SEPARATION = 0.5
+"""A run that is expected to bring less (nats) is not worth the operator's time."""
 RIVALS = 4
 """So many effects of the set are separated from its first by one run; more are rarely left."""
+EQUATIONS = 3  # of a finger's run
+LOOK_ROUND = 3  # steps of a fit
 DECISIVE = 10.0
 """A separation beyond this (nats) is worth no more: the effect is out of the set."""
 
@@ -74,7 +79,7 @@ def propose(
         if best is None or worth > best[0]:
             worst = int(np.argmin(gains))
             best = (worth, proposal, rivals[worst], gains[worst])
-    if best is None or best[3] <= 0:
+    if best is None or best[3] < LEAST_SEPARATION:
         return None
     _, proposal, rival, gain = best
     return {
@@ -84,6 +89,57 @@ def propose(
         "separates": [t.model.choices[-1].effect.id for t in (first, rival)],
         "expected_separation": float(gain),
     }
+
+
+def reveal(
+    sessions: Sequence[Session], study: Study, evidence: Evidence, unseen: Sequence[int]
+) -> dict[str, Any] | None:
+    """The run that would show most of the effects that these data could not; None where none would.
+
+    What is expected is told for the likeliest effect that the run would show at its typical strength.
+    """
+    base = evidence.base
+    unseen = [i for i in unseen if evidence.trials[i].reach.strengths][:RIVALS]
+    shares = [evidence.unseen[i] for i in unseen]
+    pairs = [_present_and_absent(study, base, evidence.trials[i]) for i in unseen]
+    best: tuple[float, Proposal, list[float]] | None = None
+    for proposal in _menu(sessions, study, base):
+        imagined = _imagine(sessions[0], proposal.motion, _held([p for p, _ in pairs], proposal.motion))
+        gains = [_shown(study, imagined, present, absent) for present, absent in pairs]
+        worth = sum(s * min(g, DECISIVE) for s, g in zip(shares, gains, strict=True))
+        if gains and (best is None or worth > best[0]):
+            best = worth, proposal, gains
+    if best is None:
+        return None
+    _, proposal, gains = best
+    told = next((k for k, gain in enumerate(gains) if gain >= DECIDING_LOG_ODDS), None)
+    if told is None:
+        return None
+    return {
+        "trajectory": dict(proposal.trajectory),
+        "phase": proposal.phase,
+        "cable": proposal.cable,
+        "separates": [pairs[told][0].model.choices[-1].effect.id, "nothing_missing"],
+        "expected_separation": float(gains[told]),
+    }
+
+
+def _present_and_absent(study: Study, base: Trial, trial: Trial) -> tuple[Trial, Trial]:
+    """The trial if its last effect were there at its typical strength and the rest hid it; and without it."""
+    without = study.fit_like(base.model.choices, trial, LOOK_ROUND)
+    known = dict(zip((u.key for u in without.model.unknowns), without.fit.values, strict=True))
+    start = np.array([known.get(u.key, 0.0) for u in trial.model.unknowns])
+    absent = replace(without, misfits=base.misfits)
+    return replace(trial, fit=replace(trial.fit, values=hidden_values(trial, start))), absent
+
+
+def _shown(study: Study, run: Imagined, truth: Trial, base: Trial) -> float:
+    """Log odds that one more run brings for an effect; LEAST_FALL in the run's own condition decides."""
+    gain = _separation(study, run, truth, base, 1.0)
+    values = EFFECTIVE_SHARE * EQUATIONS * run.sums.samples
+    counts = np.append(base.misfits[:, 1], values)
+    needed = LEAST_FALL * float(counts.sum()) / float(condition_weights(counts)[-1])
+    return gain * 2.0 * DECIDING_LOG_ODDS / max(needed, 2.0 * DECIDING_LOG_ODDS)
 
 
 def _both_ways(study: Study, run: Imagined, first: Trial, second: Trial, heat: float) -> float:
@@ -183,14 +239,16 @@ class Imagined:
 
 def _imagine(session: Session, motion: Motion, effects: Sequence[Effect]) -> Imagined:
     layout = layout_of(motion, session, effects)
-    columns = narrow_columns(motion, effects, layout.signals).columns
-    return Imagined(motion, layout, Sums(columns.T @ columns), _group(motion))
+    low = narrow_columns(motion, effects, layout.signals)
+    # A trace of friction may hold a standing finger anywhere: what is seen at rest decides little.
+    columns = low.columns[~low.rest]
+    return Imagined(motion, layout, Sums(columns.T @ columns, taut_samples=len(columns)), _group(motion))
 
 
 def _separation(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) -> float:
     """Expected gain in log evidence of ``truth`` over ``rival`` from one more run."""
-    right = build(run.layout, [run.group], _choices(truth, run))
-    wrong = build(run.layout, [run.group], _choices(rival, run))
+    right = build(run.layout, [run.group], _choices(truth, run), truth.model.tip_law)
+    wrong = build(run.layout, [run.group], _choices(rival, run), rival.model.tip_law)
     told, slopes = wrong.coefficients(_values(wrong, rival), run.group)
     wander = _wander(wrong, told)
     slopes = np.concatenate((slopes, wander), axis=1)
@@ -258,9 +316,11 @@ def _known(model: Model, trial: Trial, heat: float) -> Array:
     places = [(i, old[u.key]) for i, u in enumerate(model.unknowns) if u.key in old]
     mine, theirs = [p[0] for p in places], [p[1] for p in places]
     # Unknowns of the old runs that the new one lacks are integrated out, not held.
-    covariance = np.linalg.pinv(trial.fit.information / heat, hermitian=True)
     if mine:
-        result[np.ix_(mine, mine)] = np.linalg.pinv(covariance[np.ix_(theirs, theirs)], hermitian=True)
+        covariance = trial.fit.covariance[np.ix_(theirs, theirs)] * heat
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        scaled = np.linalg.pinv(covariance * np.outer(scale, scale), hermitian=True)
+        result[np.ix_(mine, mine)] = scaled * np.outer(scale, scale)
     for i, unknown in enumerate(model.unknowns):
         if unknown.key not in old:
             result[i, i] = WEAK_PRIOR / unknown.gain.typical**2

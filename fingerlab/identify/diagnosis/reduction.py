@@ -7,14 +7,15 @@ effects then cost nothing that grows with the recording.
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.polynomial.legendre import legvander
 
 from fingerlab.errors import Cancelled, UserError
 from fingerlab.identify.diagnosis.bandwidth import (
@@ -25,6 +26,7 @@ from fingerlab.identify.diagnosis.bandwidth import (
     narrow,
     narrow_count,
 )
+from fingerlab.identify.diagnosis.conditions import Fold, deal
 from fingerlab.identify.diagnosis.features import (
     NO_SHIFT,
     SHIFTS_S,
@@ -37,16 +39,16 @@ from fingerlab.identify.diagnosis.features import (
 )
 from fingerlab.identify.diagnosis.routing import spread_of
 from fingerlab.identify.diagnosis.stretches import stretches
-from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Sums, empty, total
+from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Part, RunSums, Sums, empty, total
 from fingerlab.physics.effects import CATALOGUE
-from fingerlab.physics.effects.base import Effect, Shape
+from fingerlab.physics.effects.base import Effect, Shape, Term
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
 
 Progress = Callable[[float, str], None]
 
 FOLDS = 10
-"""Runs of a group are dealt to at most this many folds; ten runs or fewer are held out one by one."""
+"""Runs of a condition are dealt to at most this many folds; ten runs or fewer are held out one by one."""
 SLACK_TENSION_N = 0.12
 """Below this tension the cable may be slack, N; assumed: a few times the noise of the current at 8 Hz."""
 
@@ -62,7 +64,8 @@ Grid = tuple[str, Sequence[Shape]]
 class Group:
     """Runs of one routing and phase: they share moment arms, losses and noise.
 
-    ``noise`` (signals, signals) holds products of what does not repeat from cycle to cycle.
+    ``noise`` (signals, signals) holds products of what does not repeat from cycle to cycle. ``dealt`` says of
+    every fold which runs it holds; empty: every fold has its turn, all runs are of one condition.
     """
 
     key: GroupKey
@@ -71,11 +74,35 @@ class Group:
     noise: Array
     noise_samples: float = 0.0
     encoder_variance: float = 0.0  # m^2 of cable: what a standing encoder's step leaves open
+    dealt: list[Fold] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.dealt = self.dealt or [Fold(0, k) for k in range(len(self.folds))]
 
     @cached_property
     def whole(self) -> Sums:
         """Sums over all folds; asked for when all runs are in."""
         return total(self.folds)
+
+    @property
+    def conditions(self) -> list[int]:
+        """The conditions that its runs were recorded under."""
+        return sorted({fold.condition for fold in self.dealt})
+
+    def of_turn(self, turn: int) -> list[int]:
+        """Indices of the folds that are left out in this turn; none where nothing else would be left."""
+        found = [k for k, fold in enumerate(self.dealt) if fold.turn == turn]
+        return found if len(found) < len(self.folds) else []
+
+    def without(self, k: int) -> Group:
+        """The group less one of its folds."""
+        folds, dealt = list(self.folds), list(self.dealt)
+        del folds[k], dealt[k]
+        return replace(self, folds=folds, dealt=dealt)
+
+    def of_condition(self, condition: int) -> list[int]:
+        """Indices of a condition's folds."""
+        return [k for k, fold in enumerate(self.dealt) if fold.condition == condition]
 
     @property
     def samples(self) -> int:
@@ -97,7 +124,7 @@ class Reduced:
 class Narrow:
     """Signals of one stretch, decimated: ``columns`` (n, signals), ``taut`` (n,) bool, ``time`` (n,) s.
 
-    ``rest`` (n,) tells where the motor stands.
+    ``rest`` (n,) tells where the motor stands; ``live`` are the signals that are not zero throughout.
     """
 
     columns: Array
@@ -105,6 +132,7 @@ class Narrow:
     time: Array
     wide: Motion
     rest: BoolArray
+    live: IntArray
 
 
 MARGIN = round(max(abs(s) for s in SHIFTS_S) * WIDE_RATE_HZ)
@@ -122,11 +150,12 @@ def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> La
     known: dict[tuple[int, int | None], int] = {}
     kept: list[Array] = []  # so that no array's identity is given to a later one
     count = base = 0
-    for feature, values, own in _columns(motion, effects):
+    for values, shift, own, make in _columns(motion, effects):
+        feature = make()
         base += feature.owner is None
         kept.append(values)
         # What is one array in two equations is one signal; a user's own code is not relied on for that.
-        key = id(values), None if feature.shift == NO_SHIFT else feature.shift
+        key = id(values), None if shift == NO_SHIFT else shift
         place = count if own else known.setdefault(key, count)
         count = max(count, place + 1)
         features.append(feature)
@@ -137,27 +166,27 @@ def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> La
     )  # fmt: skip
 
 
-def _columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[tuple[Feature, Array, bool]]:
-    """All features in order with their values at the wide rate, and whether a user's own effect brings them.
+Column = tuple[Array, int | None, bool, Callable[[], Feature]]
+"""Values at the wide rate, shift, whether a user's own effect brings them, and what makes their feature."""
 
-    A motor channel comes once for every shift, with the same values.
-    """
+
+def _columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
+    """All features in order; a motor channel comes once for every shift, with the same values."""
     for feature, values in base_columns(motion):
-        yield feature, values, False
+        yield values, None, False, partial(replace, feature)
     for feature, values in shifted_columns(motion):
         shifts: Sequence[int | None] = [None] if motion.finger is None else range(SLOPE + 1)
         for k in shifts:
-            yield _with(feature, shift=k), values, False
+            yield values, k, False, partial(replace, feature, shift=k)
     for effect in effects:
         own = _of_the_user(effect)
         for index, shape in enumerate(effect.shapes):
             for t in effect.columns(motion, shape):
-                feature = Feature(t.row, t.gain, t.constant, t.scale, owner=effect.id, shape=index)
-                yield feature, t.values, own
+                yield t.values, None, own, partial(_feature, t, effect.id, index)
 
 
-def _with(feature: Feature, **changes: object) -> Feature:
-    return Feature(**{**vars(feature), **changes})
+def _feature(term: Term, owner: str, shape: int) -> Feature:
+    return Feature(term.row, term.gain, term.constant, term.scale, owner=owner, shape=shape)
 
 
 def narrow_columns(motion: Motion, effects: Sequence[Effect], signals: IntArray) -> Narrow:
@@ -166,15 +195,37 @@ def narrow_columns(motion: Motion, effects: Sequence[Effect], signals: IntArray)
     ``signals`` is the layout's: which signal each feature is, (features,).
     """
     inner = counted(motion)
-    columns: list[Array] = []
-    for place, (feature, values, _) in zip(signals, _columns(motion, effects), strict=True):
-        if place == len(columns):
-            columns.append(_shifted(values, feature.shift, motion.sample_rate_hz)[inner])
+    time = narrow(motion.time[inner])
+    low = np.zeros((int(signals.max()) + 1, len(time)))
     # Single precision is a hundred times finer than the sensors, and twice as fast.
-    low = narrow(np.stack(columns, dtype=np.float32, casting="same_kind"))
-    return Narrow(
-        low.T, _taut(motion, inner), narrow(motion.time[inner]), motion, _at_rest(motion.position[inner])
-    )
+    wide = np.empty((AT_ONCE, max(inner.stop - inner.start, 0)), np.float32)
+    live: list[int] = []
+    count = waiting = 0
+    for place, (values, shift, _, _) in zip(signals.tolist(), _columns(motion, effects), strict=True):
+        if place < count:
+            continue
+        count += 1
+        column = _shifted(values, shift, motion.sample_rate_hz, inner)
+        if not _is_zero(column):  # a force where nothing is touched, a stop that no joint reaches
+            wide[waiting] = column
+            live.append(place)
+            waiting += 1
+        if waiting == AT_ONCE:
+            low[live[-waiting:]] = narrow(wide)
+            waiting = 0
+    if waiting:
+        low[live[-waiting:]] = narrow(wide[:waiting])
+    return Narrow(low.T, _taut(motion, inner), time, motion, _at_rest(motion.position[inner]), np.array(live))
+
+
+AT_ONCE = 64
+"""So many signals are filtered together: they fit into the processor's cache."""
+
+
+def _is_zero(values: Array) -> bool:
+    if len(values) == 0 or values.strides == (0,):  # one value all along
+        return len(values) == 0 or bool(values[0] == 0.0)
+    return bool(values[len(values) // 2] == 0.0 and not values.any())
 
 
 AT_REST_DEG = 0.1
@@ -189,13 +240,14 @@ def _at_rest(position: Array) -> BoolArray:
     return np.asarray(np.ptp(windows, axis=1) < np.radians(AT_REST_DEG))
 
 
-def _shifted(values: Array, shift: int | None, rate: float) -> Array:
-    """A channel later by a kept shift, or its derivative; what falls out at the ends is in the margin."""
+def _shifted(values: Array, shift: int | None, rate: float, inner: slice) -> Array:
+    """Samples ``inner`` of a channel, later by a kept shift, or of its derivative; the margin has room."""
     if shift is None:
-        return values
+        return values[inner]
     if shift == SLOPE:
-        return np.asarray(np.gradient(values, 1.0 / rate))
-    return np.roll(values, round(SHIFTS_S[shift] * WIDE_RATE_HZ))
+        return np.asarray(np.gradient(values, 1.0 / rate)[inner])
+    late = round(SHIFTS_S[shift] * WIDE_RATE_HZ)
+    return values[inner.start - late : max(inner.stop - late, 0)]
 
 
 def _taut(motion: Motion, inner: slice) -> BoolArray:
@@ -240,6 +292,19 @@ def group_key(run: Run) -> GroupKey:
     return (run.cable, "contact" if run.phase == "contact" else "free")
 
 
+def deal_runs(runs: Sequence[Run]) -> tuple[dict[GroupKey, list[Fold]], list[int]]:
+    """The folds of every group of runs, and for each run which of its group's folds holds it."""
+    members: dict[GroupKey, list[int]] = {}
+    for number, run in enumerate(runs):
+        members.setdefault(group_key(run), []).append(number)
+    folds, places = {}, [0] * len(runs)
+    for key, mine in members.items():
+        folds[key], found = deal([runs[i] for i in mine], FOLDS)
+        for i, place in zip(mine, found, strict=True):
+            places[i] = place
+    return folds, places
+
+
 def reduce_sessions(
     sessions: Sequence[Session],
     effects: Sequence[Effect],
@@ -260,8 +325,7 @@ def reduce_sessions(
     phases, cables = {run.phase for _, run in pairs}, {run.cable for _, run in pairs}
     effects = [e for e in effects if (e.bench or not on_bench) and (not e.phases or phases & set(e.phases))]
     effects = [e for e in effects if cables >= set(e.cables)]
-    totals = Counter(group_key(run) for _, run in pairs)
-    seen: Counter[GroupKey] = Counter()
+    dealt, places = deal_runs([run for _, run in pairs])
     groups: dict[GroupKey, Group] = {}
     layout: Layout | None = None
     parts = _in_turn(pairs, effects, executor if keep is None else None, keep)
@@ -273,27 +337,17 @@ def reduce_sessions(
         layout, sums = next(parts)
         key = group_key(run)
         if key not in groups:
-            groups[key] = _empty_group(run, layout, min(FOLDS, totals[key]))
-        _add(groups[key], seen[key] % len(groups[key].folds), sums)
-        seen[key] += 1
+            groups[key] = _empty_group(run, layout, dealt[key])
+        _add(groups[key], places[number], sums)
     assert layout is not None
     radius = 1.0 if on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
     return Reduced(layout, list(groups.values()), on_bench, radius)
 
 
-def _empty_group(run: Run, layout: Layout, count: int) -> Group:
+def _empty_group(run: Run, layout: Layout, dealt: list[Fold]) -> Group:
     size = layout.signal_count
-    return Group(group_key(run), run.cable_sign, [empty(size) for _ in range(count)], np.zeros((size, size)))
-
-
-@dataclass
-class RunSums:
-    """Sums of signal products over one run; ``noise`` is None where nothing in the run repeats."""
-
-    sums: Sums
-    noise: Array | None = None
-    noise_samples: float = 0.0
-    encoder_variance: float = 0.0
+    folds = [empty(size) for _ in dealt]
+    return Group(group_key(run), run.cable_sign, folds, np.zeros((size, size)), dealt=dealt)
 
 
 def _in_turn(
@@ -373,54 +427,72 @@ def run_sums(
 
     ``signals`` is the layout's: which signal each feature is, (features,).
     """
-    result = RunSums(empty(int(signals.max()) + 1))
-    result.sums.runs.append(run.name)
+    result = RunSums(run.name)
     for motion in stretches(run, session.rig):
         low = narrow_columns(motion, effects, signals)
-        part = _products(low)
-        result.sums.add(part)
-        _add_noise(result, low, run, part.products)
+        live = np.ascontiguousarray(low.columns.T[low.live])
+        part = _products(low, live)
+        noise, samples = _noise(low, live, run, part.products)
+        result.add(Part(low.live, part, noise, samples))
         result.encoder_variance = (motion.radius * motion.position_step) ** 2 / 12.0
         if keep is not None:
             keep(session, run, low)
     return result
 
 
-def _products(low: Narrow) -> Sums:
-    """Sums over one stretch."""
+def _products(low: Narrow, live: Array) -> Sums:
+    """Sums over one stretch, of its live signals, (live, n)."""
     taut = int(low.taut.sum())
-    loose, still = low.columns[~low.taut], low.columns[low.taut & low.rest]
+    loose, still = live[:, ~low.taut], live[:, low.taut & low.rest]
     return Sums(
-        low.columns.T @ low.columns,
-        loose.T @ loose if len(loose) else None,
+        live @ live.T,
+        loose @ loose.T if loose.shape[1] else None,
         taut,
         len(low.taut) - taut,
-        still.T @ still if len(still) else None,
-        len(still),
+        still @ still.T if still.shape[1] else None,
+        still.shape[1],
     )
 
 
-def _add_noise(result: RunSums, low: Narrow, run: Run, products: Array) -> None:
-    """Products of what is left of every signal without the harmonics of the run's cycle."""
+def _noise(low: Narrow, live: Array, run: Run, products: Array) -> tuple[Array | None, float]:
+    """Products of what is left of the live signals without the run's cycle and its slow trend, and samples.
+
+    A trend (a sensor that warms up, a spring that creeps) is no noise of the cycles: it can be explained.
+    None where there is no cycle that repeats often enough.
+    """
     frequency = run.trajectory.get("frequency_hz")
     if run.trajectory.get("kind") != "sine" or not frequency or not bool(low.taut.all()):
-        return
+        return None, 0.0
     count = int(np.ceil(0.5 * NARROW_RATE_HZ / frequency)) - 1
     if 2 * count + 1 > 0.6 * len(low.time):
-        return
-    phase = 2 * np.pi * frequency * np.outer(low.time, np.arange(1, count + 1))
-    harmonics = np.hstack((np.ones((len(phase), 1)), np.cos(phase), np.sin(phase)))
-    basis, _ = np.linalg.qr(harmonics)
-    cyclic = basis.T @ low.columns
-    noise = products - cyclic.T @ cyclic
-    result.noise = noise if result.noise is None else result.noise + noise
-    result.noise_samples += len(low.time) - basis.shape[1]
+        return None, 0.0
+    basis = _harmonics(float(frequency), count, float(low.time[0]), float(low.time[-1]), len(low.time))
+    cyclic = live @ basis
+    return products - cyclic @ cyclic.T, len(low.time) - basis.shape[1]
+
+
+@lru_cache(maxsize=4)
+def _harmonics(frequency: float, count: int, first: float, last: float, samples: int) -> Array:
+    """Orthonormal basis, (samples, 2 count + 4), of slow trend and harmonics; the runs of a session share it.
+
+    ``frequency`` in Hz, ``first`` and ``last`` sample in s.
+    """
+    phase = 2 * np.pi * frequency * np.outer(np.linspace(first, last, samples), np.arange(1, count + 1))
+    trend = legvander(np.linspace(-1.0, 1.0, samples), TREND_DEGREE)
+    return np.linalg.qr(np.hstack((trend, np.cos(phase), np.sin(phase))))[0]
+
+
+TREND_DEGREE = 3
+"""Of the polynomial over a stretch that counts as its slow trend."""
 
 
 def _add(group: Group, k: int, found: RunSums) -> None:
     """Add a run to fold ``k`` of its group."""
-    group.folds[k].add(found.sums)
+    fold = group.folds[k]
+    fold.runs.append(found.run)
+    for part in found.parts:
+        fold.add(part.sums, part.live)
+        if part.noise is not None:
+            group.noise[np.ix_(part.live, part.live)] += part.noise
+            group.noise_samples += part.noise_samples
     group.encoder_variance = max(group.encoder_variance, found.encoder_variance)
-    if found.noise is not None:
-        group.noise += found.noise
-        group.noise_samples += found.noise_samples

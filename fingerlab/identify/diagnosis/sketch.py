@@ -43,7 +43,7 @@ class Sketch:
         self.gradient = gradient[self.free]
         self.groups = []
         for i, group in enumerate(study.data.groups):
-            raw, clean = study.data.raw(i, None), study.data.noiseless(i, None)
+            raw, clean = study.data.raw(i, None), study.data.noiseless[i]
             weights = EFFECTIVE_SHARE * study.weights[group.key]
             h, jacobian = model.coefficients(values, group)
             still = EFFECTIVE_SHARE * fitter.standing(i)

@@ -7,7 +7,8 @@ what noise alone would give has been taken away. It is reproducible by construct
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from fingerlab.identify.diagnosis.fitting import (
     Data,
     Fit,
     Fitter,
+    Part,
     Weighted,
     Weights,
     limit_noise,
@@ -28,6 +30,7 @@ from fingerlab.identify.diagnosis.losses import surprise
 from fingerlab.identify.diagnosis.model import Choice, Model, build
 from fingerlab.identify.diagnosis.reduction import Group, GroupKey, Reduced
 from fingerlab.identify.diagnosis.sums import BoolArray
+from fingerlab.identify.diagnosis.unseen import NO_REACH, Reach, reach
 from fingerlab.physics.effects.base import Row
 from fingerlab.sessions.model import Array
 
@@ -51,31 +54,48 @@ by as much."""
 class Trial:
     """A model with its fit and the misfit left on each run.
 
-    ``misfits`` holds one entry a fold of each group: (chi-square without noise, independent values);
+    ``misfits`` holds one entry a condition of each group: (chi-square without noise, independent values);
     from held-out runs where ``held_out`` is set.
     """
 
     model: Model
     fit: Fit
-    misfits: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (folds, 2); empty: not counted yet
-    touching: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (folds,): in contact
+    misfits: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (conditions, 2); empty: not counted
+    touching: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (conditions,): in contact
     held_out: bool = False
+    in_sample: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    """As ``misfits``, always of the fit to all runs: where trials are compared that are not all held out."""
     residuals: Mapping[GroupKey, Array] = field(default_factory=dict)
     """Mean products of the equations' residuals for each group, (5, 5) over ``Row``, noise included."""
     widening: float = 0.0
     """What it costs in twice the log density that sticking friction may hold any value at rest."""
     surprise: float = 0.0
     """What the constants of the joints' equations cost in twice the log density (see ``losses``)."""
+    reach: Reach = NO_REACH
+    """What the last effect would do at its typical strength."""
 
     @property
     def misfit(self) -> float:
-        """Chi-square without noise, summed over all runs."""
-        return float(self.misfits[:, 0].sum())
+        """Chi-square without noise, every condition counting with the root of its length."""
+        return float(self.misfits[:, 0] @ condition_weights(self.misfits[:, 1]))
 
     @property
     def misfit_in_contact(self) -> float:
-        """The same, summed over the runs in contact."""
-        return float(self.misfits[self.touching, 0].sum())
+        """The part of it that lies in contact."""
+        weighted = self.misfits[:, 0] * condition_weights(self.misfits[:, 1])
+        return float(weighted[self.touching].sum())
+
+    @property
+    def misfit_in_sample(self) -> float:
+        """As ``misfit``, of the fit to all runs."""
+        return float(self.in_sample[:, 0] @ condition_weights(self.in_sample[:, 1]))
+
+    @property
+    def fall_in_reach(self) -> float:
+        """By how much the misfit would fall with the last effect if it had its typical strength."""
+        if not len(self.reach.falls):
+            return 0.0
+        return float(self.reach.falls @ condition_weights(self.misfits[:, 1]))
 
     @property
     def count(self) -> float:
@@ -84,8 +104,23 @@ class Trial:
 
     @property
     def score(self) -> float:
-        """Error over all equations in units of the repeatability floor; 1.0 is the floor."""
-        return float(np.sqrt(1.0 + max(self.misfit, 0.0) / max(self.count, 1.0)))
+        """Error over all equations and samples in units of the repeatability floor; 1.0 is the floor."""
+        return float(np.sqrt(1.0 + max(float(self.misfits[:, 0].sum()), 0.0) / max(self.count, 1.0)))
+
+
+def condition_weights(counts: Array) -> Array:
+    """What each value of a condition counts, (conditions,); 1 on average.
+
+    What no model explains is partly the same in every run of a condition, and partly another in each: a
+    condition counts with the root of its length.
+
+    Args:
+        counts: independent values of each condition, (conditions,).
+    """
+    if not len(counts) or counts.sum() <= 0:
+        return np.ones(len(counts))
+    weights = 1.0 / np.sqrt(np.maximum(counts, 1.0))
+    return np.asarray(weights * counts.sum() / float(weights @ counts))
 
 
 @dataclass
@@ -101,8 +136,8 @@ class Study:
     def __post_init__(self) -> None:
         self.arms = starting_arms(self.reduced.layout, self.reduced.groups)
         _fill_missing_noise(self.reduced.groups)
-        for group in self.reduced.groups:
-            limit_noise(group)
+        with ThreadPoolExecutor() as threads:  # large matrices, for once: a core each
+            list(threads.map(limit_noise, self.reduced.groups))
         if not self.weights:
             self.weights = {g.key: _first_weights() for g in self.reduced.groups}
         self.data = Data(self.reduced.groups)
@@ -154,47 +189,64 @@ class Study:
     def count(self, trial: Trial) -> Trial:
         """The trial with its misfit on every group of runs, in sample."""
         fitter = self._fitter(trial)
-        misfits = [self._square(fitter, trial.fit.values, i, None) for i in range(len(self.reduced.groups))]
-        touching = np.array([g.key[1] == "contact" for g in self.reduced.groups])
-        return Trial(
-            trial.model,
-            trial.fit,
-            np.array(misfits),
-            touching,
+        misfits = self._in_sample(fitter, trial)
+        return replace(
+            trial,
+            misfits=misfits,
+            in_sample=misfits,
+            touching=self._touching(),
+            held_out=False,
             widening=fitter.widening,
             surprise=self._surprise(trial),
+            reach=reach(fitter, trial),
+        )
+
+    def _in_sample(self, fitter: Fitter, trial: Trial) -> Array:
+        """Chi-square without noise and independent values of each condition, (conditions, 2)."""
+        return np.array(
+            [
+                self._square(fitter, trial.fit.values, i, tuple(group.of_condition(c)))
+                for i, group in enumerate(self.reduced.groups)
+                for c in group.conditions
+            ]
         )
 
     def hold_out(self, trial: Trial, residuals: bool = False) -> Trial:
         """The same model with every run scored by a fit that has not seen it.
 
-        Fold k of every group is left out together. A group with one run only is scored in sample. With
+        The folds of one turn are left out together. A group with one run only is scored in sample. With
         ``residuals`` the equations' own residuals are kept too.
         """
-        rounds = max(len(g.folds) for g in self.reduced.groups)
-        scored: dict[tuple[GroupKey, int], tuple[float, float]] = {}
-        products = {g.key: np.zeros((5, 5)) for g in self.reduced.groups}
+        groups = self.reduced.groups
+        scored: dict[tuple[int, int], list[tuple[float, float]]] = {}
+        products = {g.key: np.zeros((5, 5)) for g in groups}
         fitter = self._fitter(trial)
-        for k in range(rounds):
-            values = fitter.without(trial.fit.values, k)
-            for i, group in enumerate(self.reduced.groups):
-                if k < len(group.folds):
-                    scored[group.key, k] = self._square(fitter, values, i, k)
-                    if residuals:
-                        products[group.key] += self._products(trial.model, values, i, k)
-        misfits = np.array([scored[g.key, k] for g in self.reduced.groups for k in range(len(g.folds))])
-        means = {g.key: products[g.key] / max(g.samples, 1) for g in self.reduced.groups}
-        touching = np.array([g.key[1] == "contact" for g in self.reduced.groups for _ in g.folds])
-        return Trial(
-            trial.model,
-            trial.fit,
-            misfits,
-            touching,
+        for turn in sorted({fold.turn for g in groups for fold in g.dealt}):
+            values = fitter.without(trial.fit.values, turn)
+            for i, group in enumerate(groups):
+                for k, fold in enumerate(group.dealt):
+                    if fold.turn == turn:
+                        one = self._square(fitter, values, i, (k,))
+                        scored.setdefault((i, fold.condition), []).append(one)
+                        if residuals:
+                            products[group.key] += self._products(trial.model, values, i, k)
+        misfits = [np.sum(scored[i, c], axis=0) for i, g in enumerate(groups) for c in g.conditions]
+        means = {g.key: products[g.key] / max(g.samples, 1) for g in groups}
+        return replace(
+            trial,
+            misfits=np.array(misfits),
+            in_sample=self._in_sample(fitter, trial),
+            touching=self._touching(),
             held_out=True,
             residuals=means if residuals else {},
             widening=fitter.widening,
             surprise=self._surprise(trial),
+            reach=reach(fitter, trial),
         )
+
+    def _touching(self) -> BoolArray:
+        """Which conditions of all groups are in contact, (conditions,)."""
+        return np.array([g.key[1] == "contact" for g in self.reduced.groups for _ in g.conditions])
 
     def _surprise(self, trial: Trial) -> float:
         routings = {g.key[0] for g in self.reduced.groups if g.key[1] == "free"}
@@ -248,9 +300,9 @@ class Study:
         products = group.whole.of(model.pick)
         return row_covariance(model, values, group, products, group.samples, np.array(mine))
 
-    def _square(self, fitter: Fitter, values: Array, i: int, k: int | None) -> tuple[float, float]:
-        """Reproducible chi-square of fold k (or all) of group i, and the independent values behind it."""
-        fold, sums = self.data.raw(i, k), fitter.part(i, k)
+    def _square(self, fitter: Fitter, values: Array, i: int, part: Part) -> tuple[float, float]:
+        """Reproducible chi-square of some folds of group i, and the independent values behind it."""
+        fold, sums = self.data.raw(i, part), fitter.part(i, part)
         h = fitter.model.features(values, self.reduced.groups[i])
         square = float(h @ sums.matrix @ h) - self._wandering(fitter.model, h, sums)
         equations = 1 if self.reduced.on_bench else 3
@@ -267,17 +319,9 @@ class Study:
 
     def _wandering(self, model: Model, h: Array, sums: Weighted) -> float:
         """What the run's own friction explains when it may differ by WANDER from the common value."""
-        gains = [
-            (c.effect.id, name)
-            for c in model.choices
-            if c.effect.wanders
-            for name in c.effect.gains
-            if name not in c.effect.offsets
-        ]
-        if not gains:
+        if not model.wandering:
             return 0.0
-        owners = [self.reduced.layout.features[i] for i in model.active]
-        parts = [np.where([(f.owner, f.parameter) == gain for f in owners], h, 0.0) for gain in gains]
+        parts = [np.where(mine, h, 0.0) for mine in model.wandering]
         columns = np.stack([part for part in parts if part.any()] or [np.zeros_like(h)], axis=1)
         pull = columns.T @ sums.matrix @ h
         stiffness = columns.T @ sums.curvature @ columns + np.eye(columns.shape[1]) / WANDER**2

@@ -72,32 +72,46 @@ class Sums:
     def samples(self) -> int:
         return self.taut_samples + self.slack_samples
 
-    def add(self, other: Sums) -> None:
-        """Count the samples of ``other`` too."""
-        self.products += other.products
+    def add(self, other: Sums, live: IntArray | None = None) -> None:
+        """Count the samples of ``other`` too; it may hold the products of the signals ``live`` alone."""
+        among: Any = slice(None) if live is None else np.ix_(live, live)
+        self.products[among] += other.products
         if other.loose is not None:
-            self.loose = other.loose.copy() if self.loose is None else self.loose + other.loose
+            if self.loose is None:
+                self.loose = np.zeros_like(self.products)
+            self.loose[among] += other.loose
         if other.rest is not None:
-            self.rest = other.rest.copy() if self.rest is None else self.rest + other.rest
+            if self.rest is None:
+                self.rest = np.zeros_like(self.products)
+            self.rest[among] += other.rest
         self.rest_samples += other.rest_samples
         self.taut_samples += other.taut_samples
         self.slack_samples += other.slack_samples
         self.runs += other.runs
 
-    def of(self, pick: Pick) -> Array:
-        """Products of features, (k, k), as the equations see them: none of the cable at slack moments."""
+    def of(self, pick: Pick, noise: Array | None = None) -> Array:
+        """Products of features, (k, k), as the equations see them: none of the cable at slack moments.
+
+        Args:
+            noise: what it adds to the features' products at one sample, (k, k), to be taken away.
+        """
         found = self.products[pick.square]
         if self.loose is not None:
-            found = found - self.loose[pick.square] * pick.in_cable
+            found -= self.loose[pick.square] * pick.in_cable
+        if noise is not None:
+            found -= noise * (self.samples - self.slack_samples * pick.in_cable)
         return found
 
     def slack(self, pick: Pick) -> Array | None:
         """Products of the cable equation's features at slack moments, (k, k); None: there are none."""
         return None if self.loose is None else self.loose[pick.square] * pick.both_cable
 
-    def at_rest(self, pick: Pick) -> Array | None:
-        """Products of features where the motor stands, (k, k); None: it never does."""
-        return None if self.rest is None else self.rest[pick.square]
+    def at_rest(self, pick: Pick, noise: Array | None = None) -> Array | None:
+        """Products of features where the motor stands, (k, k), less noise; None: it never does."""
+        if self.rest is None:
+            return None
+        found = self.rest[pick.square]
+        return found if noise is None else found - self.rest_samples * noise
 
     def taut(self) -> Array:
         """Products where the cable is taut, (signals, signals)."""
@@ -144,3 +158,36 @@ def total(parts: Sequence[Sums]) -> Sums:
 def empty(size: int) -> Sums:
     """Sums over no samples of ``size`` signals."""
     return Sums(np.zeros((size, size)))
+
+
+@dataclass
+class Part:
+    """Sums over one or more stretches in which the same signals are ``live``, and of those alone.
+
+    ``noise`` is None where nothing repeats.
+    """
+
+    live: IntArray
+    sums: Sums
+    noise: Array | None = None
+    noise_samples: float = 0.0
+
+
+@dataclass
+class RunSums:
+    """Sums of signal products over one run."""
+
+    run: str
+    parts: list[Part] = field(default_factory=list)
+    encoder_variance: float = 0.0
+
+    def add(self, part: Part) -> None:
+        """Count another stretch; what is alike is added up, so that a long run takes no more room."""
+        for mine in self.parts:
+            if np.array_equal(mine.live, part.live) and (mine.noise is None) == (part.noise is None):
+                mine.sums.add(part.sums)
+                if mine.noise is not None and part.noise is not None:
+                    mine.noise += part.noise
+                mine.noise_samples += part.noise_samples
+                return
+        self.parts.append(part)

@@ -6,11 +6,11 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.evidence import Evidence
 from fingerlab.identify.diagnosis.study import Trial
+from fingerlab.identify.diagnosis.unseen import own_keys
 from fingerlab.identify.results import ParameterEstimate
 from fingerlab.physics.effects.base import Effect, Row
 
 Z90 = 1.645  # two-sided 90 % of a normal distribution
-DETECTABLE_LOG_ODDS = 5.0
 
 SCREEN_UNITS = {
     "N m": (1e3, "mN m"),
@@ -33,14 +33,6 @@ def deviations(trial: Trial, heat: float) -> dict[str, float]:
     return dict(zip((u.key for u in trial.model.unknowns), (float(s) for s in spread), strict=True))
 
 
-def own_keys(trial: Trial, effect: Effect) -> dict[str, str]:
-    """Name of each of the effect's parameters -> key of the unknown, as far as the trial's model has it."""
-    if effect.special == "delay":
-        return {"delay": "delay"}
-    keys = {name: f"{effect.id}.{name}" for name in effect.gains} | {name: name for name in effect.relaxes}
-    return {name: key for name, key in keys.items() if key in trial.model.index}
-
-
 def parameters(trial: Trial, effect: Effect, heat: float) -> dict[str, ParameterEstimate]:
     """The effect's parameters with 90 % intervals; a grid parameter's interval is to its neighbours."""
     values = dict(zip((u.key for u in trial.model.unknowns), trial.fit.values, strict=True))
@@ -61,14 +53,29 @@ def parameters(trial: Trial, effect: Effect, heat: float) -> dict[str, Parameter
     return result
 
 
-def detectable(trial: Trial, effect: Effect, heat: float, slack_samples: int) -> bool:
-    """Whether a plausible strength of the effect would have shown in these data."""
-    if effect.special == "slack":
-        return slack_samples > 0
-    spread = deviations(trial, heat)
+def would_have_shown(trial: Trial, effect: Effect, least: float) -> str:
+    """The strength from which on an effect would have shown, in words; empty where none would.
+
+    Args:
+        least: multiple of its typical strength (see ``unseen.least_strength``).
+    """
+    names = {key: name for name, key in own_keys(trial, effect).items()}
     gains = {u.key: u.gain for u in trial.model.unknowns}
-    ratios = [gains[key].typical / max(spread[key], 1e-300) for key in own_keys(trial, effect).values()]
-    return bool(ratios) and max(ratios) > (2.0 * DETECTABLE_LOG_ODDS) ** 0.5
+    said = [
+        f"{_title(effect, names[key])} {_amount(least * strength, gains[key].unit)}"
+        for key, strength in trial.reach.strengths.items()
+        if least * strength <= MOST_NAMED * max(abs(gains[key].high), abs(gains[key].low))
+    ]
+    return " and ".join(said) if len(said) == len(trial.reach.strengths) else ""
+
+
+MOST_NAMED = 1.0
+"""A strength beyond this share of its plausible range is not named: none that is plausible would show."""
+
+
+def _amount(value: float, unit: str) -> str:
+    factor, shown = SCREEN_UNITS.get(unit, (1.0, unit))
+    return f"{value * factor:.2g}" + ("" if shown == "1" else f" {shown}")
 
 
 def quantity(estimate: ParameterEstimate) -> str:
@@ -83,13 +90,20 @@ def quantity(estimate: ParameterEstimate) -> str:
     return f"{value:.{digits}f} ± {half:.{digits}f}{shown}"
 
 
-def explanation(evidence: Evidence, trial: Trial, effect: Effect, shown: bool) -> str:
-    """One or two plain sentences with the evidence in numbers."""
+def explanation(evidence: Evidence, trial: Trial, effect: Effect, shown: bool, least: float) -> str:
+    """One or two plain sentences with the evidence in numbers.
+
+    Args:
+        shown: whether it would have shown at a typical strength. least: the multiple of that from which on.
+    """
     fall = f"{evidence.base.score:.2f} to {trial.score:.2f} floors"
     said = _said(trial, effect)
     if not shown:
-        hidden = "These data could not show it at a plausible strength"
-        return f"{said} {hidden}; {effect.reveal} would."
+        strength = would_have_shown(trial, effect, least)
+        from_there = f" (it would have shown from {strength} on)" if strength else ""
+        return (
+            f"{said} These data could not show it at a plausible strength{from_there}; {effect.reveal} would."
+        )
     if trial.misfit > evidence.base.misfit * 0.98:
         return f"{said} Nothing of that is seen: the held-out error goes from {fall}."
     numbers = [
@@ -112,6 +126,8 @@ BOTH_JOINTS, ON_BENCH = "Both joints miss the same tension", "The motor's equati
 def _grid_value(estimate: ParameterEstimate) -> str:
     """A value that was only tried on a grid has no interval worth a sign."""
     factor, unit = SCREEN_UNITS.get(estimate.unit, (1.0, estimate.unit))
+    if estimate.unit == "s" and estimate.value >= 1.0:
+        factor, unit = 1.0, "s"
     return f"about {estimate.value * factor:.3g} {unit}"
 
 

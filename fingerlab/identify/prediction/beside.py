@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,8 +32,11 @@ from fingerlab.identify.thesis.traces import Traces, trace
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Array, Session
 from fingerlab.signals.delays import normalise
-from fingerlab.signals.periods import PeriodGrid, usable
+from fingerlab.signals.periods import PeriodGrid, period_grid, settles, usable
 from fingerlab.signals.regions import REGION_TITLES
+
+LEAST_KNOWN = 0.5
+"""Share of a force that must be known for its delay to mean something (assumed)."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,7 @@ def predict_beside(session: Session, models: Mapping[str, Model], progress: Prog
     forces: dict[str, dict[str, RunForce]] = {name: {} for name in given.sets}
     for number, run in enumerate(runs if given.sets else ()):
         tell(0.7 * number / len(runs), f"run {run.name}")
-        traces = trace(run, session.rig)
+        traces = _settled(trace(run, session.rig))
         for name, one in given.sets.items():
             forces[name][run.name] = _by_set(traces, one)
     for number, (file, model) in enumerate(given.extended.items()):
@@ -142,6 +145,29 @@ def _read(models: Mapping[str, Model]) -> _Given:
     return _Given(sets, extended)
 
 
+def _settled(traces: Traces) -> Traces:
+    """The run with the periods that a model with effects sees, too: known from when it has settled."""
+    signals = traces.signals
+    if traces.grid is not None:
+        return traces
+    grid = period_grid(len(signals), signals.sample_rate_hz, traces.frequency_hz)
+    return (
+        replace(traces, grid=grid) if grid is not None and settles(signals.motor_position, grid) else traces
+    )
+
+
+def _bridged(force: Array) -> Array:
+    """A force with straight lines over its gaps, where parameters that switch know no region, N, (n,).
+
+    As it is where most of it is unknown.
+    """
+    known = np.isfinite(force)
+    if known.all() or known.mean() < LEAST_KNOWN:
+        return force
+    at = np.arange(len(force))
+    return np.asarray(np.interp(at, at[known], force[known]))
+
+
 def _by_set(traces: Traces, given: ParameterSet) -> RunForce:
     force = predicted_force(traces, given)
     measured = traces.signals.force
@@ -152,7 +178,7 @@ def _by_set(traces: Traces, given: ParameterSet) -> RunForce:
     part = slice(*usable(len(force), rate), stride)
     grid = traces.grid
     frequency = traces.frequency_hz if grid is not None else 0.0
-    delay = judge_stretches([measured[part]], [force[part]], rate / stride, frequency).delay_s
+    delay = judge_stretches([measured[part]], [_bridged(force[part])], rate / stride, frequency).delay_s
     numbers = ForceNumbers(judge(traces, force), delay)
     return _shown(
         (traces.signals.time[part], measured[part], force[part], np.full(len(force[part]), np.nan)),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -13,6 +12,7 @@ from fingerlab.identify.diagnosis.evidence import temperature
 from fingerlab.identify.diagnosis.reduction import (
     GroupKey,
     Progress,
+    deal_runs,
     group_key,
     runs_to_analyse,
 )
@@ -70,12 +70,10 @@ class _LeftOut:
 def _contact_folds(study: Study, sessions: Sequence[Session], hashes: Mapping[int, str]) -> list[_LeftOut]:
     """Contact runs as the reduction dealt them to folds; none of a group with a single fold."""
     names = {g.key: [f.runs for f in g.folds] for g in study.reduced.groups}
-    seen: Counter[GroupKey] = Counter()
+    pairs = runs_to_analyse(sessions)[0]
     dealt: dict[tuple[GroupKey, int], list[tuple[str, str]]] = {}
-    for session, run in runs_to_analyse(sessions)[0]:
+    for (session, run), k in zip(pairs, deal_runs([run for _, run in pairs])[1], strict=True):
         key = group_key(run)
-        k = seen[key] % len(names[key])
-        seen[key] += 1
         if run.name not in names[key][k]:
             raise AssertionError(f"run {run.name} is not in fold {k} of {key}")
         if run.phase == "contact" and len(names[key]) > 1:
@@ -85,10 +83,7 @@ def _contact_folds(study: Study, sessions: Sequence[Session], hashes: Mapping[in
 
 def _fitted_without(study: Study, trial: Trial, out: _LeftOut) -> Trial:
     """The same model fitted to all runs but those of one fold, under the same weights."""
-    groups = [
-        replace(g, folds=[f for k, f in enumerate(g.folds) if g.key != out.key or k != out.fold])
-        for g in study.reduced.groups
-    ]
+    groups = [g.without(out.fold) if g.key == out.key else g for g in study.reduced.groups]
     rest = Study(replace(study.reduced, groups=groups), weights=study.weights)
     return rest.fit(trial.model.choices, trial, FULL_ITERATIONS)
 

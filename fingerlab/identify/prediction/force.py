@@ -30,7 +30,7 @@ from fingerlab.physics.effects.mass import TURNED_SLIP_STIFFNESS
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.tip import TOUCHING_FORCE_N
 from fingerlab.sessions.model import Array, Run, Session
-from fingerlab.signals.periods import MAXIMUM_UNREPEATED, MINIMUM_PERIODS, PeriodGrid
+from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, settles
 
 LEVELS_N = (-1.0, 0.0, TOUCHING_FORCE_N, 1.0)
 """Forces at which the residual is evaluated, N: below, between and above the bends of the built-in terms."""
@@ -94,12 +94,7 @@ def _cycle_hz(run: Run, motion: Motion) -> float:
     grid = PeriodGrid(0.0, period, int((len(position) - 1) // period))
     if grid.count < MINIMUM_PERIODS:
         return 0.0
-    # In contact the motor settles for a few seconds, about a mean that moves: the later half tells.
-    cycles = grid.fold(position)[grid.count // 2 :]
-    cycles = cycles - cycles.mean(axis=1, keepdims=True)
-    spread = float(np.var(cycles))
-    alike = float(np.mean(np.var(cycles, axis=0))) <= MAXIMUM_UNREPEATED * spread
-    return float(frequency) if spread > 0 and alike else 0.0
+    return float(frequency) if settles(position, grid) else 0.0
 
 
 def _narrowed(motion: Motion, values: Array) -> Array:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
 
 from fingerlab.identify.results import ParameterEstimate
 from fingerlab.identify.thesis.regression import CONFIDENCE
@@ -63,6 +62,8 @@ def kinematic_arms(runs: Sequence[CableSums]) -> dict[Joint, ParameterEstimate] 
         scores = np.stack([run.right - run.matrix @ arms for run in runs])
         count = len(runs)
         variance = inverse @ (scores.T @ scores) @ inverse * count / (count - 1.0)
+        from scipy.stats import t as student  # slow to import
+
         half = float(student.ppf(0.5 + CONFIDENCE / 2, count - 1)) * np.sqrt(np.diag(variance))
     joints: tuple[Joint, ...] = ("mcp", "pip")
     return {

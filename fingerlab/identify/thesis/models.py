@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 
 from fingerlab.errors import UserError
 from fingerlab.identify.model_file import Model, hash_sessions
@@ -52,6 +51,8 @@ def delay_estimate(mean: float, delays: Spread) -> ParameterEstimate:
     good = [value for value in delays.values if np.isfinite(value)]
     half = float("nan")
     if len(good) > 1:
+        from scipy.stats import t as student  # slow to import
+
         quantile = float(student.ppf(0.5 + CONFIDENCE / 2, len(good) - 1))
         half = quantile * delays.deviation / float(np.sqrt(len(good)))
     return ParameterEstimate(mean, "s", mean - half, mean + half)

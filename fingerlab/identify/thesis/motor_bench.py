@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import t as student
 
 from fingerlab.errors import UserError
 from fingerlab.identify.results import ParameterEstimate
@@ -119,6 +118,8 @@ def _solve(session: Session, sums: Sequence[_RunSums]) -> MotorBenchFit:
     half = np.full(3, np.nan)
     if blocks > 1:
         covariance = blocks / (blocks - 1) * inverse @ (scores.T @ scores) @ inverse
+        from scipy.stats import t as student  # slow to import
+
         quantile = float(student.ppf(0.5 + CONFIDENCE / 2, blocks - 1))
         half[free] = quantile * np.sqrt(np.diag(covariance))
     for i in fixed:

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
 
 from fingerlab.identify.results import ParameterEstimate
 from fingerlab.sessions.model import Array
@@ -124,6 +123,8 @@ class Line:
 
 
 def _quantile(freedom: int) -> float:
+    from scipy.stats import t as student  # slow to import
+
     return float(student.ppf(0.5 + CONFIDENCE / 2, freedom))
 
 

@@ -22,6 +22,8 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Literal
 
+import numpy as np
+
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -34,6 +36,11 @@ class Row(IntEnum):
     CABLE = 2
     BENCH = 3
     TIP = 4
+
+
+def nothing(length: int) -> Array:
+    """Zeros, shape (length,), read-only and without memory of their own; another array at every call."""
+    return np.ndarray((length,), np.float64, bytes(8), 0, (0,))
 
 
 Scale = Literal["joint", "direct", "arm_mcp", "arm_pip", "compliance"]
@@ -108,6 +115,8 @@ class Effect:
         wanders: whether its strength differs by some per cent from run to run, as friction does.
         offsets: gains of a constant that the joints' losses could be as well: no misfit tells them apart, but
             losses that one such gain makes small at all joints and routings do.
+        excess: gains that are what comes on top of another gain of the effect, and that one's name; nobody
+            would speak of an excess that is a small share of it.
     """
 
     id: str
@@ -130,3 +139,4 @@ class Effect:
     wanders: bool = False
     sticks: bool = False
     offsets: tuple[str, ...] = ()
+    excess: Mapping[str, str] = field(default_factory=dict)

@@ -10,10 +10,12 @@ from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.closer import HALF_OCTAVE, either, every, times
 from fingerlab.physics.effects.hysteresis import (
-    first_order_lag,
+    first_order_lags,
     friction_state,
-    rubbing_force,
-    stop_operator,
+    rubbing_forces,
+    slip_states,
+    stop_operators,
+    with_grid,
 )
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
@@ -29,18 +31,22 @@ gearbox, whose friction also grows with the load, winds up by more."""
 REFERENCE_PULL_N = 5.0
 """Tension at which the travel of a friction that grows with the load is told, N: what sticks has one spring,
 so that it slides over twice the travel at twice the load. Assumed; only a scale."""
+LAGS_S = (0.004, 0.008, 0.016, 0.032)
+"""Time constants of a damper beside the cable's spring, s; assumed."""
+GAPS_DEG = (0.5, 1.0, 2.0, 4.0)
+"""Play between gearbox and pulley, degrees at the pulley; assumed."""
 
 
 def winding_state(motion: Motion, travel_deg: float = USUAL_STICKING_DEG, sharpness: float = 0.0) -> Array:
     """Direction of cable travel with sticking, in [-1, 1], shape (n,); +1 winding in."""
     way = float(np.radians(travel_deg))
 
-    def stop(position: Array, travel: float) -> Array:
-        return motion.remember(("stop", round(travel, 9)), lambda: stop_operator(position, travel))
-
-    return motion.remember(
-        ("winding", travel_deg, sharpness), lambda: friction_state(motion.position, way, sharpness, stop)
-    )
+    if sharpness > 0.0:
+        key = ("winding", travel_deg, sharpness)
+        return motion.remember(key, lambda: friction_state(motion.position, way, sharpness))
+    travels = with_grid(travel_deg, STICKING_TRAVELS_DEG)
+    keys = [("winding", travel) for travel in travels]
+    return motion.remember_each(keys[0], keys, lambda: slip_states(motion.position, np.radians(travels)))
 
 
 def pull_terms(gain: str, pull: Array) -> list[Term]:
@@ -62,18 +68,28 @@ def _lagging_stretch(motion: Motion, shape: Shape) -> list[Term]:
     if time_constant == 0:
         return []
 
-    def change(values: Array) -> Array:
-        return first_order_lag(values, time_constant, motion.sample_rate_hz) - values
+    constants = with_grid(time_constant, LAGS_S)
 
+    def change(name: str, values: Array) -> Array:
+        keys = [("lag", name, constant) for constant in constants]
+        lagging = motion.remember_each(
+            keys[0], keys, lambda: first_order_lags(values, constants, motion.sample_rate_hz)
+        )
+        return lagging - values
+
+    inertia = motion.motor.inertia or 0.0
     return [
-        Term(Row.CABLE, "", change(motion.tension), "compliance", constant=-1.0),
-        Term(Row.CABLE, "", change(motion.inertial_pull), "compliance", constant=motion.motor.inertia or 0.0),
+        Term(Row.CABLE, "", change("tension", motion.tension), "compliance", constant=-1.0),
+        Term(Row.CABLE, "", change("pull", motion.inertial_pull), "compliance", constant=inertia),
     ]
 
 
 def _backlash(motion: Motion, shape: Shape) -> list[Term]:
-    half = 0.5 * shape["gap_deg"]
-    state = stop_operator(motion.position, float(np.radians(half)))
+    gaps = with_grid(shape["gap_deg"], GAPS_DEG)
+    keys = [("gap", gap) for gap in gaps]
+    state = motion.remember_each(
+        keys[0], keys, lambda: stop_operators(motion.position, 0.5 * np.radians(gaps))
+    )
     return [Term(Row.CABLE, "half_gap", motion.radius * state)]
 
 
@@ -85,9 +101,9 @@ def _varying_arm(motion: Motion, shape: Shape) -> list[Term]:
     small (0.4/rad over 0.6 rad takes a quarter of the arm).
     """
     f, q = motion.finger_and_joints
-    force = 0.0 if motion.force is None else motion.force
-    mcp = nominal.mcp_torque(f, q).total + force * nominal.contact_lever_mcp(f, q.mcp, q.pip)
-    pip = nominal.pip_torque(f, q).total + force * nominal.contact_lever_pip(f, q.mcp, q.pip)
+    contact_mcp, contact_pip = motion.contact_torques
+    mcp = nominal.mcp_torque(f, q).total + contact_mcp
+    pip = nominal.pip_torque(f, q).total + contact_pip
     terms = [
         Term(Row.MCP, "bend_mcp", mcp * q.mcp**2, "joint"),
         Term(Row.PIP, "bend_pip", pip * q.pip**2, "joint"),
@@ -117,10 +133,10 @@ def _capstan(motion: Motion, shape: Shape) -> list[Term]:
             return cable * winding_state(motion, travel, sharpness)
         limit = np.maximum(cable, 0.0)
 
-        def stop(position: Array, reach: float) -> Array:
-            return rubbing_force(position, limit, REFERENCE_PULL_N / reach)
+        def stops(position: Array, reaches: Array) -> Array:
+            return rubbing_forces(position, limit, REFERENCE_PULL_N / reaches)
 
-        return friction_state(motion.position, float(np.radians(travel)), sharpness, stop)
+        return friction_state(motion.position, float(np.radians(travel)), sharpness, stops)
 
     terms = pull_terms("loss", motion.remember(("sheath", travel, sharpness, held), lost))
     return [t for t in terms if shape["stretch_behind"] or t.row != Row.CABLE]
@@ -162,7 +178,7 @@ EFFECTS = (
         acts_on=("cable_kinematics",),
         gains={},
         columns=_lagging_stretch,
-        shapes=tuple({"time_constant": value} for value in (0.0, 0.004, 0.008, 0.016, 0.032)),
+        shapes=tuple({"time_constant": value} for value in (0.0, *LAGS_S)),
         shape_units={"time_constant": "s"},
         closer=times("time_constant"),
         relaxes={
@@ -184,7 +200,7 @@ EFFECTS = (
         equation=Row.CABLE,
         explanation="At each reversal the motor turns through a gap before the cable follows.",
         reveal="slow steps up and down with the cable under tension",
-        shapes=tuple({"gap_deg": value} for value in (0.5, 1.0, 2.0, 4.0)),
+        shapes=tuple({"gap_deg": value} for value in GAPS_DEG),
         shape_units={"gap_deg": "deg"},
         closer=times("gap_deg"),
     ),

@@ -6,10 +6,9 @@ import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.cable import _no_columns
-from fingerlab.physics.effects.hysteresis import rubbing_force
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.sensing import lateral_levers
-from fingerlab.physics.effects.tip import tip_reach, while_pressed
+from fingerlab.physics.effects.tip import dragged_tip, tip_reach, while_pressed
 from fingerlab.sessions.model import Array
 
 SIDEWAYS_STIFFNESSES = (600.0, 1500.0, 3800.0, 9500.0)
@@ -36,8 +35,7 @@ def _soft_rubbing(motion: Motion, shape: Shape) -> list[Term]:
     """
     if motion.force is None:
         return _sideways(motion, "rub", np.zeros_like(motion.time))
-    held = np.maximum(motion.force, 0.0)
-    return _sideways(motion, "rub", -rubbing_force(tip_reach(motion), held, shape["sideways"]))
+    return _sideways(motion, "rub", -dragged_tip(motion, shape["sideways"], SIDEWAYS_STIFFNESSES))
 
 
 EFFECTS = (

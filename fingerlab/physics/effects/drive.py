@@ -15,10 +15,12 @@ from fingerlab.physics.effects.cable import (
 )
 from fingerlab.physics.effects.closer import OCTAVE, every, plus, rubbing, times
 from fingerlab.physics.effects.friction import SPEED_FACTORS, dahl_or_masing
-from fingerlab.physics.effects.hysteresis import dahl_state, friction_state, rubbing_force
+from fingerlab.physics.effects.hysteresis import dahl_states, friction_state, rubbing_forces, with_grid
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
+PRESLIDING_TRAVELS_DEG = (1.0, 2.0, 4.0, 8.0)
+"""Travel over which what winds up before it slides lets go, degrees at the pulley; assumed."""
 REFERENCE_LOAD_NM = 0.1
 """Load at which the travel of a friction that grows with it is told, N m; assumed, only a scale."""
 FRICTION = Gain("N m", 0.0, 0.1, 0.005, title="friction torque at the gearbox output")
@@ -65,9 +67,11 @@ def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
 
 def _presliding(motion: Motion, shape: Shape) -> list[Term]:
     if shape.get("masing"):
-        state = winding_state(motion, shape["travel_deg"], shape.get("sharpness", 0.0))
-    else:
-        state = dahl_state(motion.position, float(np.radians(shape["travel_deg"])))
+        winding = winding_state(motion, shape["travel_deg"], shape.get("sharpness", 0.0))
+        return drive_terms(motion, "dahl", winding)
+    travels = with_grid(shape["travel_deg"], PRESLIDING_TRAVELS_DEG)
+    keys = [("dahl", travel) for travel in travels]
+    state = motion.remember_each(keys[0], keys, lambda: dahl_states(motion.position, np.radians(travels)))
     return drive_terms(motion, "dahl", state)
 
 
@@ -91,14 +95,11 @@ def _load_dependent(motion: Motion, shape: Shape) -> list[Term]:
     inertia = motion.motor.inertia or 0.0
     load = np.abs(motion.torque - inertia * motion.acceleration if motion.load is None else motion.load)
 
-    def stop(position: Array, travel: float) -> Array:
-        key = ("loaded stop", travel)
-        return motion.remember(key, lambda: rubbing_force(position, load, REFERENCE_LOAD_NM / travel))
+    def stops(position: Array, reaches: Array) -> Array:
+        return rubbing_forces(position, load, REFERENCE_LOAD_NM / reaches)
 
-    way = float(np.radians(shape["travel_deg"]))
-    return drive_terms(
-        motion, "share", friction_state(motion.position, way, shape.get("sharpness", 0.0), stop)
-    )
+    way, sharpness = float(np.radians(shape["travel_deg"])), shape.get("sharpness", 0.0)
+    return drive_terms(motion, "share", friction_state(motion.position, way, sharpness, stops))
 
 
 def _spring(motion: Motion, shape: Shape) -> list[Term]:
@@ -192,6 +193,7 @@ EFFECTS = (
         title="Stribeck friction in motor and gearbox",
         acts_on=("motor_torque",),
         gains={"coulomb": FRICTION, "extra": FRICTION},
+        excess={"extra": "coulomb"},
         columns=_stribeck,
         coordinate="motor speed",
         equation=Row.PIP,
@@ -214,7 +216,7 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="Both joints miss the same tension; it builds up over a small travel after a reversal.",
         reveal="small sines, 1 to 5 degrees, on the motor bench",
-        shapes=tuple({"travel_deg": value} for value in (1.0, 2.0, 4.0, 8.0)),
+        shapes=tuple({"travel_deg": value} for value in PRESLIDING_TRAVELS_DEG),
         shape_units={"travel_deg": "deg"},
         closer=dahl_or_masing,
         bench=True,

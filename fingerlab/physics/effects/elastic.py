@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
+from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term, nothing
 from fingerlab.physics.effects.closer import plus, times
 from fingerlab.physics.effects.friction import both, joint_terms
-from fingerlab.physics.effects.hysteresis import first_order_lag
+from fingerlab.physics.effects.hysteresis import first_order_lags, with_grid
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
+
+RELAXING_S = (0.1, 0.2, 0.35, 0.6, 1.1, 1.9, 3.3)
+"""Time constants of creep, s; assumed: those that runs of half a minute can show."""
 
 
 def _hardening(motion: Motion, shape: Shape) -> list[Term]:
     _, joints = motion.finger_and_joints
-    return joint_terms("cubic", joints.mcp**3, joints.pip**3)
+    return joint_terms("cubic", joints.mcp * joints.mcp * joints.mcp, joints.pip * joints.pip * joints.pip)
 
 
 def _linear(motion: Motion, shape: Shape) -> list[Term]:
@@ -31,15 +34,17 @@ def _coupling(motion: Motion, shape: Shape) -> list[Term]:
     ]
 
 
-def _relaxing(angle: Array, rate: float, time_constant: float) -> Array:
-    """What a spring in series with a damper still holds, rad: the angle less its lag."""
-    return angle - first_order_lag(angle, time_constant, rate)
-
-
 def _creep(motion: Motion, shape: Shape) -> list[Term]:
+    """What a spring in series with a damper still holds: the angle less its lag."""
     _, joints = motion.finger_and_joints
-    arguments = motion.sample_rate_hz, shape["time_constant"]
-    return joint_terms("relaxing", _relaxing(joints.mcp, *arguments), _relaxing(joints.pip, *arguments))
+    constants = with_grid(shape["time_constant"], RELAXING_S)
+
+    def relaxing(name: str, angle: Array) -> Array:
+        keys = [("lag", name, constant) for constant in constants]
+        rate = motion.sample_rate_hz
+        return angle - motion.remember_each(keys[0], keys, lambda: first_order_lags(angle, constants, rate))
+
+    return joint_terms("relaxing", relaxing("mcp", joints.mcp), relaxing("pip", joints.pip))
 
 
 def _stop(motion: Motion, shape: Shape) -> list[Term]:
@@ -49,27 +54,25 @@ def _stop(motion: Motion, shape: Shape) -> list[Term]:
     proportion to its torque (Hunt and Crossley 1975).
     """
     _, joints = motion.finger_and_joints
-    edge, power = float(np.radians(shape["edge_deg"])), 1.5 if shape["hertz"] else 1.0
+    edge, hertz = float(np.radians(shape["edge_deg"])), bool(shape["hertz"])
+    mcp = _pressed(motion, "mcp", edge, hertz, joints.mcp_velocity)
+    pip = _pressed(motion, "pip", edge, hertz, joints.pip_velocity)
+    names = "stop", "shift", "damp"
+    return [t for name, *pair in zip(names, mcp, pip, strict=True) for t in joint_terms(name, *pair)]
+
+
+def _pressed(motion: Motion, joint: str, edge: float, hertz: bool, velocity: Array) -> list[Array]:
+    """Torque of a joint's stop, its change with the edge and its damping, each for a gain of 1; (n,)."""
     side = 1.0 if edge > 0 else -1.0
-
-    def depth(angle: Array) -> Array:
-        return np.maximum(side * (angle - edge), 0.0)
-
-    def pressed(angle: Array) -> Array:
-        return np.asarray(side * depth(angle) ** power)
-
-    def moved(angle: Array) -> Array:
-        # To first order, what the edge does that lies between two points of the grid.
-        return np.asarray(side * (depth(angle) > 0) * depth(angle) ** (power - 1.0))
-
-    mcp, pip = joints.mcp, joints.pip
-    return (
-        joint_terms("stop", pressed(mcp), pressed(pip))
-        + joint_terms("shift", moved(mcp), moved(pip))
-        + joint_terms(
-            "damp", side * pressed(mcp) * joints.mcp_velocity, side * pressed(pip) * joints.pip_velocity
-        )
-    )
+    angle: Array = getattr(motion.finger_and_joints[1], joint)
+    lowest, highest = motion.remember(("reach", joint), lambda: np.array((angle.min(), angle.max())))
+    if lowest >= edge if side < 0 else highest <= edge:
+        return [nothing(len(angle)) for _ in range(3)]  # three signals, although all are zero here
+    depth = motion.remember(("depth", joint, edge), lambda: np.maximum(side * (angle - edge), 0.0))
+    slope = np.sqrt(depth) if hertz else (depth > 0).astype(float)
+    torque = depth * slope
+    # The change is, to first order, what the edge does that lies between two points of the grid.
+    return [side * torque, side * slope, torque * velocity]
 
 
 EFFECTS = (
@@ -116,7 +119,7 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="After a change of angle an extra spring torque appears and dies away.",
         reveal="steps, each held for several seconds",
-        shapes=tuple({"time_constant": value} for value in (0.1, 0.2, 0.35, 0.6, 1.1, 1.9, 3.3)),
+        shapes=tuple({"time_constant": value} for value in RELAXING_S),
         shape_units={"time_constant": "s"},
         closer=times("time_constant"),
     ),

@@ -6,7 +6,7 @@ import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.closer import FINE_OCTAVE, HALF_OCTAVE, OCTAVE, either, every, rubbing, times
-from fingerlab.physics.effects.hysteresis import dahl_state, friction_state, stop_operator
+from fingerlab.physics.effects.hysteresis import dahl_states, friction_state, slip_states, with_grid
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -15,6 +15,8 @@ STICKING_TRAVELS_DEG = (0.06, 0.085, 0.12, 0.17, 0.24, 0.34, 0.48)
 (KMA210 data sheet), so that noise does not flip the sign of a joint at rest, to the least that is called
 presliding; assumed."""
 SPEED_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)
+PRESLIDING_TRAVELS_DEG = (1.0, 2.0, 4.0, 8.0)
+"""The same of presliding, degrees at the joint; assumed."""
 STRIBECK_SPEEDS = (0.2, 0.6)
 """Speeds by which the excess of breakaway has fallen to 37 %, rad/s; assumed: from where a hinge of polymer
 slides for certain to a third of the thesis' fastest motion."""
@@ -44,14 +46,14 @@ def _states(motion: Motion, shape: Shape) -> tuple[Array, Array]:
 
 
 def _state(motion: Motion, name: str, angle: Array, shape: Shape) -> Array:
-    travel, sharpness = float(np.radians(shape["travel_deg"])), shape.get("sharpness", 0.0)
-
-    def stop(position: Array, reach: float) -> Array:
-        return motion.remember(("stop", name, round(reach, 9)), lambda: stop_operator(position, reach))
-
-    return motion.remember(
-        ("sticking", name, travel, sharpness), lambda: friction_state(angle, travel, sharpness, stop)
-    )
+    travel_deg, sharpness = shape["travel_deg"], shape.get("sharpness", 0.0)
+    if sharpness > 0.0:
+        way = float(np.radians(travel_deg))
+        key = ("sticking", name, travel_deg, sharpness)
+        return motion.remember(key, lambda: friction_state(angle, way, sharpness))
+    travels = with_grid(travel_deg, STICKING_TRAVELS_DEG)
+    keys = [("sticking", name, travel) for travel in travels]
+    return motion.remember_each(keys[0], keys, lambda: slip_states(angle, np.radians(travels)))
 
 
 def _coulomb(motion: Motion, shape: Shape) -> list[Term]:
@@ -73,8 +75,13 @@ def _presliding(motion: Motion, shape: Shape) -> list[Term]:
     _, joints = motion.finger_and_joints
     if shape.get("masing"):
         return joint_terms("dahl", *_states(motion, shape))
-    travel = float(np.radians(shape["travel_deg"]))
-    return joint_terms("dahl", dahl_state(joints.mcp, travel), dahl_state(joints.pip, travel))
+
+    def state(name: str, angle: Array) -> Array:
+        travels = with_grid(shape["travel_deg"], PRESLIDING_TRAVELS_DEG)
+        keys = [("dahl", name, travel) for travel in travels]
+        return motion.remember_each(keys[0], keys, lambda: dahl_states(angle, np.radians(travels)))
+
+    return joint_terms("dahl", state("mcp", joints.mcp), state("pip", joints.pip))
 
 
 def dahl_or_masing(shape: Shape) -> list[Shape]:
@@ -120,6 +127,7 @@ EFFECTS = (
         title="Stribeck joint friction",
         acts_on=("joint_torque",),
         gains=both("coulomb", COULOMB_GAIN) | both("extra", COULOMB_GAIN),
+        excess={"extra_mcp": "coulomb_mcp", "extra_pip": "coulomb_pip"},
         columns=_stribeck,
         coordinate="joint speed",
         equation=Row.PIP,
@@ -148,7 +156,7 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="After each reversal the missing torque builds up over a small travel of the joint.",
         reveal="sines of small amplitude, 2 to 5 degrees",
-        shapes=tuple({"travel_deg": travel} for travel in (1.0, 2.0, 4.0, 8.0)),
+        shapes=tuple({"travel_deg": travel} for travel in PRESLIDING_TRAVELS_DEG),
         shape_units={"travel_deg": "deg"},
         closer=dahl_or_masing,
         wanders=True,

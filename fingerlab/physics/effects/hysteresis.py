@@ -1,66 +1,120 @@
-"""Operators with memory, computed without a sample-by-sample loop.
+"""Operators with memory, computed without a loop over all samples, for several constants at once.
 
 All of them step by maps that compose: a clamp after a clamp is a clamp, an affine map after an affine
-map is affine. All prefixes of a chain of n such maps come out of log2(n) array passes (Hillis and Steele,
-"Data parallel algorithms", 1986).
+map is affine. The path is cut into blocks that are followed side by side, sample by sample, as maps; then the
+state is handed on from block to block (Hillis and Steele, "Data parallel algorithms", 1986).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from fingerlab.sessions.model import Array
 
+BLOCK = 32
+"""Samples of a block."""
 FORGOTTEN = 1e-15
 """Below this share a state of friction is lost in the rounding of what came after it."""
 
 
-def stop_operator(position: Array, travel: float) -> Array:
-    """Elastoplastic friction state in [-1, 1], shape (n,): what sticks until it has moved ``travel``.
+def _blocked(rows: Array) -> Array:
+    """Rows (m, n) as (samples of a block, m, blocks), contiguous; the last block repeats the last sample."""
+    count = -(-rows.shape[1] // BLOCK)
+    padded = np.pad(rows, ((0, 0), (0, count * BLOCK - rows.shape[1])), mode="edge")
+    return np.ascontiguousarray(padded.reshape(len(rows), count, BLOCK).transpose(2, 0, 1))
 
-    The state follows the position with slope 1/``travel`` (same unit as ``position``) and saturates at
-    +-1: Prandtl's stop operator (Visintin, "Differential Models of Hysteresis", 1994, section III.1).
-    It starts at zero.
+
+def _joined(blocks: Array, length: int) -> Array:
+    """The inverse: (m, length)."""
+    return np.ascontiguousarray(blocks.transpose(1, 2, 0)).reshape(blocks.shape[1], -1)[:, :length]
+
+
+def _clamp(values: Array, low: Array, high: Array) -> Array:
+    result = np.maximum(values, low)
+    return np.minimum(result, high, out=result)
+
+
+def _column(values: Sequence[float] | Array) -> Array:
+    return np.asarray(values, dtype=float)[:, None]
+
+
+def with_grid(value: float, grid: Sequence[float]) -> tuple[float, ...]:
+    """``value`` and, behind it, the rest of the grid that it belongs to: all are wanted sooner or later."""
+    return (value, *(other for other in grid if other != value)) if value in grid else (value,)
+
+
+def stop_operators(position: Array, travels: Sequence[float] | Array) -> Array:
+    """Elastoplastic friction states in [-1, 1], (m, n), one a travel: what sticks until it has moved so far.
+
+    A state follows the position with slope 1/travel (same unit as ``position``) and saturates at +-1:
+    Prandtl's stop operator (Visintin, "Differential Models of Hysteresis", 1994, section III.1). It starts at
+    zero.
     """
-    low, high = position - travel, position + travel
-    step = 1
-    while step < len(position):
-        # map_k after map_{k-step}: clamp the earlier interval into the later one.
-        new_low = np.minimum(np.maximum(low[:-step], low[step:]), high[step:])
-        new_high = np.minimum(np.maximum(high[:-step], low[step:]), high[step:])
-        low = np.concatenate((low[:step], new_low))
-        high = np.concatenate((high[:step], new_high))
-        if np.array_equal(new_low, new_high):
-            break  # what came earlier no longer matters anywhere
-        step *= 2
-    play = np.clip(position[0], low, high)
-    return np.asarray((position - play) / travel)
+    return (position - _plays(position, travels)) / _column(travels)
 
 
-def rubbing_force(position: Array, limit: Array, stiffness: float) -> Array:
-    """Force of a spring that sticks until it would exceed +-``limit``, shape (n,); it starts at zero.
+def _plays(position: Array, travels: Sequence[float] | Array) -> Array:
+    """Where the sticking ends of the springs stand, (m, n): Prandtl's play operator."""
+    travel, path = _column(travels), _blocked(position[None])
+    low, high = path - travel, path + travel
+    for k in range(1, BLOCK):
+        # map_k after map_{k-1}: clamp the earlier interval into the later one.
+        new_low, new_high = np.maximum(low[k - 1], low[k]), np.maximum(high[k - 1], low[k])
+        np.minimum(new_low, high[k], out=low[k])
+        np.minimum(new_high, high[k], out=high[k])
+    start = _handed_on(np.zeros_like(low[-1]), low[-1], high[-1], position[0])
+    return _joined(_clamp(start, low, high), len(position))
+
+
+def stop_operator(position: Array, travel: float) -> Array:
+    """The state of :func:`stop_operators` for one travel, (n,)."""
+    return stop_operators(position, [travel])[0]
+
+
+def rubbing_forces(position: Array, limit: Array, stiffnesses: Sequence[float] | Array) -> Array:
+    """Forces of springs that stick until they would exceed +-``limit``, (m, n), one a stiffness; from zero.
 
     The limit may change from sample to sample: a tip that sticks keeps its sideways force while it is pressed
     harder, and loses what its friction can no longer hold when it is let go.
 
     Args:
-        position: m, shape (n,). limit: N, not negative, shape (n,). stiffness: N/m.
+        position: m, shape (n,). limit: N, not negative, shape (n,). stiffnesses: N/m.
     """
-    shift, low, high = stiffness * np.diff(position, prepend=position[:1]), -limit, limit.copy()
-    step = 1
-    while step < len(position):
+    shift = _blocked(_column(stiffnesses) * np.diff(position, prepend=position[:1]))
+    high = np.repeat(_blocked(limit[None]), shift.shape[1], axis=1)
+    low = -high
+    for k in range(1, BLOCK):
         # A shift and a clamp after a shift and a clamp are again one of each.
-        new_low = np.clip(low[:-step] + shift[step:], low[step:], high[step:])
-        new_high = np.clip(high[:-step] + shift[step:], low[step:], high[step:])
-        shift = np.concatenate((shift[:step], shift[step:] + shift[:-step]))
-        low = np.concatenate((low[:step], new_low))
-        high = np.concatenate((high[:step], new_high))
+        new_low = np.maximum(low[k - 1] + shift[k], low[k])
+        new_high = np.maximum(high[k - 1] + shift[k], low[k])
+        np.minimum(new_low, high[k], out=low[k])
+        np.minimum(new_high, high[k], out=high[k])
+        shift[k] += shift[k - 1]
+    start = _handed_on(shift[-1], low[-1], high[-1], 0.0)
+    return _joined(_clamp(start + shift, low, high), len(position))
+
+
+def _handed_on(shift: Array, low: Array, high: Array, first: float) -> Array:
+    """The states with which the blocks begin, (m, blocks), from the maps of the whole blocks, (m, blocks)."""
+    step, count = 1, shift.shape[1]
+    while step < count:
+        new_low = _clamp(low[:, :-step] + shift[:, step:], low[:, step:], high[:, step:])
+        new_high = _clamp(high[:, :-step] + shift[:, step:], low[:, step:], high[:, step:])
+        shift = np.hstack((shift[:, :step], shift[:, step:] + shift[:, :-step]))
+        low, high = np.hstack((low[:, :step], new_low)), np.hstack((high[:, :step], new_high))
         if np.array_equal(new_low, new_high):
             break  # what came earlier no longer matters anywhere
         step *= 2
-    return np.asarray(np.clip(shift, low, high))
+    start = np.full((len(shift), count), first)
+    start[:, 1:] = _clamp(first + shift, low, high)[:, :-1]
+    return start
+
+
+def rubbing_force(position: Array, limit: Array, stiffness: float) -> Array:
+    """The force of :func:`rubbing_forces` for one stiffness, (n,)."""
+    return rubbing_forces(position, limit, [stiffness])[0]
 
 
 SLIP_RATIO, SLIP_LEAST = 2.0, 0.525
@@ -68,34 +122,39 @@ SLIP_SHARES = (0.171, 0.266, 0.359, 0.204)
 """Spring-sliders in parallel whose sum builds up as 1 - exp(-x) within 2 %: travels SLIP_LEAST times powers
 of SLIP_RATIO, and their shares, the integrals of the density x exp(-x) around each."""
 
+Stops = Callable[[Array, Array], Array]
+"""Gives the states of sliders, (m, n), from a position, (n,), and their travels, (m,)."""
 
-def slip_state(
-    position: Array, travel: float, stop: Callable[[Array, float], Array] = stop_operator
-) -> Array:
-    """Friction state in [-1, 1], shape (n,), that relaxes towards sliding by exp(-x / travel) on a reversal.
+
+def slip_states(position: Array, travels: Sequence[float] | Array, stops: Stops | None = None) -> Array:
+    """Friction states in [-1, 1], (m, n), that relax towards sliding by exp(-x / travel) on a reversal.
 
     Spring-sliders in parallel (Maxwell slip; Al-Bender, Lampaert and Swevers 2005). Large moves look like
     Dahl's law; unlike it, a small shake (a sensor's noise, an encoder's flicker) leaves the state alone.
-
-    Args:
-        stop: gives the state of one slider; who asks for several travels can keep those that they share.
+    Sliders that several travels have in common are followed once; ``stops`` may give them otherwise than
+    :func:`stop_operators`.
     """
-    result = np.zeros_like(position)
-    for k, share in enumerate(SLIP_SHARES):
-        result += share * stop(position, 0.5 * SLIP_LEAST * travel * SLIP_RATIO**k)
-    return result
+    reach = 0.5 * SLIP_LEAST * np.outer(travels, SLIP_RATIO ** np.arange(len(SLIP_SHARES)))
+    sliders, places = np.unique(reach, return_inverse=True)
+    mixed = np.zeros((len(reach), len(sliders)))
+    np.put_along_axis(mixed, places.reshape(reach.shape), np.asarray([SLIP_SHARES]), axis=1)
+    if stops is not None:
+        return np.asarray(mixed @ stops(position, sliders))
+    mixed /= sliders  # of springs: the force is the way over the travel
+    return np.asarray(mixed.sum(axis=1)[:, None] * position - mixed @ _plays(position, sliders))
+
+
+def slip_state(position: Array, travel: float, stops: Stops | None = None) -> Array:
+    """The state of :func:`slip_states` for one travel, (n,)."""
+    return slip_states(position, [travel], stops)[0]
 
 
 KNOTS = 2.0 ** (np.arange(-11, 1) / 4)
-"""Ends of the straight pieces of a virgin curve that ends, of its length: one spring-slider each. In this row
-a curve longer by a quarter of an octave shares all sliders but one, so that who tries several keeps them."""
+"""Ends of the straight pieces of a virgin curve that ends, of its length: one spring-slider each."""
 
 
 def friction_state(
-    position: Array,
-    travel: float,
-    sharpness: float = 0.0,
-    stop: Callable[[Array, float], Array] = stop_operator,
+    position: Array, travel: float, sharpness: float = 0.0, stops: Stops | None = None
 ) -> Array:
     """Friction state in [-1, 1], shape (n,), of sliders whose virgin curve is 1 - (1 - x / (p d))^p.
 
@@ -105,53 +164,69 @@ def friction_state(
     :func:`slip_state`. On a reversal the curve is gone through at twice the size (Masing 1926).
     """
     if sharpness <= 0.0:
-        return slip_state(position, travel, stop)
-    result = np.zeros_like(position)
-    for share, reach in sliders(0.5 * travel, sharpness):
-        result += share * stop(position, reach)
-    return result
+        return slip_state(position, travel, stops)
+    shares, reaches = _sliders(0.5 * travel, sharpness)
+    return np.asarray(shares @ (stops or stop_operators)(position, reaches))
 
 
-def sliders(travel: float, sharpness: float) -> list[tuple[float, float]]:
+def _sliders(travel: float, sharpness: float) -> tuple[Array, Array]:
     """Share of the friction and travel of every slider of such a curve; ``sharpness`` above 0, up to 1."""
     power = 1.0 / sharpness
     if power <= 1.0:
-        return [(1.0, travel)]
+        return np.ones(1), np.array([travel])
     knots = np.append(0.0, KNOTS)
     level = 1.0 - (1.0 - knots) ** power
     slopes = np.append(np.diff(level) / np.diff(knots), 0.0)
-    shares = -np.diff(slopes) * KNOTS
-    return [(float(s), float(power * travel * k)) for s, k in zip(shares, KNOTS, strict=True)]
+    return -np.diff(slopes) * KNOTS, power * travel * KNOTS
 
 
-def dahl_state(position: Array, travel: float) -> Array:
-    """Dahl's friction state in [-1, 1], shape (n,), exact between samples; starts at zero.
+def dahl_states(position: Array, travels: Sequence[float] | Array) -> Array:
+    """Dahl's friction states in [-1, 1], (m, n), one a travel, exact between samples; they start at zero.
 
     dz/dx = (1 - z sign(v)) / travel (Dahl 1968, exponent 1), so that over a step dx the state
     relaxes towards sign(dx) by exp(-|dx| / travel).
     """
     change = np.diff(position, prepend=position[:1])
-    decay = np.exp(-np.abs(change) / travel)
-    drive = np.sign(change) * (1.0 - decay)
-    step = 1
-    while step < len(position):
-        new_drive = decay[step:] * drive[:-step] + drive[step:]
-        new_decay = decay[step:] * decay[:-step]
-        drive = np.concatenate((drive[:step], new_drive))
-        decay = np.concatenate((decay[:step], new_decay))
-        if new_decay.max() < FORGOTTEN:
-            break
-        step *= 2
-    return drive
+    kept = np.exp(-np.abs(change) / _column(travels))
+    decay, drive = _blocked(kept), _blocked(np.sign(change) * (1.0 - kept))
+    return _joined(_relaxed(decay, drive), len(position))
+
+
+def dahl_state(position: Array, travel: float) -> Array:
+    """The state of :func:`dahl_states` for one travel, (n,)."""
+    return dahl_states(position, [travel])[0]
+
+
+def first_order_lags(values: Array, time_constants: Sequence[float] | Array, sample_rate_hz: float) -> Array:
+    """Values through 1/(1 + time_constant s), (m, n), one a time constant (s); at rest on the first value."""
+    keep = np.exp(-1.0 / (sample_rate_hz * _column(time_constants)))
+    drive = (1.0 - keep) * values
+    drive[:, 0] = values[0]
+    blocks = _blocked(drive)
+    return _joined(_relaxed(np.repeat(keep[None], BLOCK, axis=0), blocks), len(values))
 
 
 def first_order_lag(values: Array, time_constant: float, sample_rate_hz: float) -> Array:
-    """Values through 1/(1 + time_constant s), shape (n,), at rest on the first value; time_constant in s."""
-    keep = float(np.exp(-1.0 / (sample_rate_hz * time_constant)))
-    drive = (1.0 - keep) * values
-    drive[0] = values[0]
-    step = 1
-    while step < len(values) and keep**step > 1e-18:
-        drive[step:] = drive[step:] + keep**step * drive[:-step]
+    """The values of :func:`first_order_lags` for one time constant, (n,)."""
+    return first_order_lags(values, [time_constant], sample_rate_hz)[0]
+
+
+def _relaxed(decay: Array, drive: Array) -> Array:
+    """State that each sample multiplies by ``decay`` and adds ``drive`` to, from zero, in blocks.
+
+    ``decay`` (samples of a block, m, blocks or 1), ``drive`` (samples of a block, m, blocks); both are used
+    up.
+    """
+    for k in range(1, BLOCK):
+        drive[k] += decay[k] * drive[k - 1]
+        decay[k] *= decay[k - 1]
+    whole, end = np.broadcast_to(decay[-1], drive[-1].shape), drive[-1]
+    step, count = 1, end.shape[1]
+    while step < count and whole.max() > FORGOTTEN:
+        end = np.hstack((end[:, :step], whole[:, step:] * end[:, :-step] + end[:, step:]))
+        whole = np.hstack((whole[:, :step], whole[:, step:] * whole[:, :-step]))
         step *= 2
-    return np.asarray(drive)
+    start = np.zeros_like(end)
+    start[:, 1:] = end[:, :-1]
+    drive += decay * start
+    return drive

@@ -2,41 +2,79 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.tip import tip_reach, while_pressed
+from fingerlab.sessions.model import Array
 
 TURNED_SLIP_STIFFNESS = 18.0
 """Sideways over normal force, and over the friction coefficient, of a tip that sticks; assumed."""
 
+LARGE_TILT_RAD = 0.3
+"""About this tilt, or none, the torques are taken as straight; up to 0.45 rad that errs by 1 per cent."""
+
 
 def _tilt(motion: Motion, shape: Shape) -> list[Term]:
-    """Derivative of the gravity torques with the wrist angle.
+    """Gravity torques of a base that stands at another angle, to first order about none or about a large one.
 
     A load cell that stands on a base of its own (``cell_stays``) then presses from another direction, too:
-    the levers of the contact force turn with the finger (derivative of thesis equation 3.18).
+    the levers of the contact force turn with the finger (thesis equation 3.18).
     """
     f, q = motion.finger_and_joints
-    proximal = f.wrist_angle - q.mcp
-    distal = q.mcp + q.pip - f.wrist_angle
-    pip = -f.distal_mass * f.gravity * f.distal_half_length * np.sin(distal)
-    mcp = (f.proximal_mass + 2 * f.distal_mass) * f.gravity * f.proximal_half_length * np.sin(proximal) + pip
+    about = LARGE_TILT_RAD * (shape.get("forwards", 0.0) - shape.get("backwards", 0.0))
+    force = motion.force if shape.get("cell_stays") else None
+    (mcp, pip), (turn_mcp, turn_pip) = _standing_torques(motion, force, about)
     rubbing, level = np.zeros_like(pip), np.zeros_like(pip)
-    if shape.get("cell_stays") and motion.force is not None:
-        turned = 2.0 * f.distal_half_length * np.sin(distal)
-        pip = pip + motion.force * turned
-        mcp = mcp + motion.force * (turned - 2.0 * f.proximal_half_length * np.sin(proximal))
+    if force is not None:
         rubbing, level = motion.slipping(TURNED_SLIP_STIFFNESS), while_pressed(motion, tip_reach(motion))
-    return [
-        Term(Row.MCP, "tilt", mcp, "joint"),
-        Term(Row.PIP, "tilt", pip, "joint"),
+    terms = [
+        Term(Row.MCP, "tilt", turn_mcp, "joint"),
+        Term(Row.PIP, "tilt", turn_pip, "joint"),
         Term(Row.TIP, "tilt", level),
         Term(Row.MCP, "rubbing", rubbing * nominal.contact_lever_mcp(f, q.mcp, q.pip), "joint"),
         Term(Row.PIP, "rubbing", rubbing * nominal.contact_lever_pip(f, q.mcp, q.pip), "joint"),
     ]
+    if about:
+        (flat_mcp, flat_pip), _ = _standing_torques(motion, force, 0.0)
+        terms += [
+            Term(Row.MCP, "", mcp - flat_mcp - about * turn_mcp, "joint", constant=1.0),
+            Term(Row.PIP, "", pip - flat_pip - about * turn_pip, "joint", constant=1.0),
+        ]
+    return terms
+
+
+Pair = tuple[Array, Array]
+
+
+def _standing_torques(motion: Motion, force: Array | None, tilt: float) -> tuple[Pair, Pair]:
+    """What gravity and the force (N) do to MCP and PIP on a tilted base, N m, and its slope with the tilt.
+
+    Thesis equations 3.16 to 3.18; the tilt comes on top of the wrist angle.
+    """
+    f, q = motion.finger_and_joints
+    proximal, distal = f.wrist_angle - q.mcp, q.mcp + q.pip - f.wrist_angle
+    sines = {
+        name: motion.remember(("tilt", name), partial(wave, angle))
+        for name, wave, angle in (
+            ("sin p", np.sin, proximal), ("cos p", np.cos, proximal),
+            ("sin d", np.sin, distal), ("cos d", np.cos, distal),
+        )
+    }  # fmt: skip
+    c, s = np.cos(tilt), np.sin(tilt)
+    pressed: Array | float = 0.0 if force is None else force
+    near = 2.0 * f.proximal_half_length * pressed
+    near = near - (f.proximal_mass + 2.0 * f.distal_mass) * f.gravity * f.proximal_half_length
+    far = 2.0 * f.distal_half_length * pressed - f.distal_mass * f.gravity * f.distal_half_length
+    pip = far * (c * sines["cos d"] + s * sines["sin d"])
+    turn_pip = far * (c * sines["sin d"] - s * sines["cos d"])
+    mcp = near * (c * sines["cos p"] - s * sines["sin p"]) + pip
+    turn_mcp = turn_pip - near * (c * sines["sin p"] + s * sines["cos p"])
+    return (mcp, pip), (turn_mcp, turn_pip)
 
 
 def _point_mass(motion: Motion, shape: Shape) -> list[Term]:
@@ -87,7 +125,11 @@ EFFECTS = (
         equation=Row.MCP,
         explanation="The missing torques are those of gravity from another direction.",
         reveal="slow steps over the whole travel",
-        shapes=({"cell_stays": 0.0}, {"cell_stays": 1.0}),
+        shapes=tuple(
+            {"cell_stays": stays, "backwards": float(k == 0), "forwards": float(k == 2)}
+            for stays in (0.0, 1.0)
+            for k in range(3)
+        ),
     ),
     Effect(
         id="added_mass",

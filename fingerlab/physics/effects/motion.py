@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from fingerlab.physics import nominal
-from fingerlab.physics.effects.hysteresis import rubbing_force
+from fingerlab.physics.effects.hysteresis import rubbing_forces, with_grid
 from fingerlab.rig import Finger, Motor
 from fingerlab.sessions.model import Array
 
@@ -46,6 +46,14 @@ class Motion:
             self._memory[key] = make()
         return self._memory[key]
 
+    def remember_each(
+        self, wanted: object, keys: Sequence[object], make: Callable[[], Iterable[Array]]
+    ) -> Array:
+        """What ``make()`` gives for the key ``wanted``; it makes the arrays of all ``keys`` at once."""
+        if wanted not in self._memory:
+            self._memory.update(zip(keys, make(), strict=True))
+        return self._memory[wanted]
+
     def glimpse(self) -> Motion:
         """The first samples: enough to see which terms there are."""
 
@@ -72,20 +80,33 @@ class Motion:
         """Tension that one kg m^2 on the motor side takes to follow its motion, N."""
         return self.remember("inertial pull", lambda: self.acceleration / self.radius)
 
-    def slipping(self, stiffness: float) -> Array:
+    @property
+    def contact_torques(self) -> tuple[Array, Array]:
+        """What the force on the tip adds to the balance of MCP and PIP, N m; zero where there is none."""
+        finger, q = self.finger_and_joints
+        force = np.zeros_like(self.time) if self.force is None else self.force
+        return (
+            self.remember("contact mcp", lambda: force * nominal.contact_lever_mcp(finger, q.mcp, q.pip)),
+            self.remember("contact pip", lambda: force * nominal.contact_lever_pip(finger, q.mcp, q.pip)),
+        )
+
+    def slipping(self, stiffness: float, grid: Sequence[float] = ()) -> Array:
         """Friction (N, for a coefficient of 1) of a tip whose sideways force follows the normal one.
 
-        It takes on ``stiffness`` N a newton of normal force until it slides. The share of the force that it
-        has on the mean is left to a lean.
+        It takes on ``stiffness`` N a newton of normal force until it slides; ``grid`` are others that will be
+        asked for. The share of the force that it has on the mean is left to a lean.
         """
-        return self.remember(("slipping", stiffness), lambda: self._slipping(stiffness))
+        stiffnesses = with_grid(stiffness, grid)
+        keys = [("slipping", one) for one in stiffnesses]
+        return self.remember_each(keys[0], keys, lambda: self._slipping(stiffnesses))
 
-    def _slipping(self, stiffness: float) -> Array:
+    def _slipping(self, stiffnesses: Sequence[float]) -> Array:
         if self.force is None:
-            return np.zeros_like(self.time)
+            return np.zeros((len(stiffnesses), len(self.time)))
         normal = np.maximum(self.force, 0.0)
-        values = rubbing_force(normal, normal, stiffness)
-        return np.asarray(values - float(values.sum()) / max(float(normal.sum()), 1e-3) * normal)
+        values = rubbing_forces(normal, normal, stiffnesses)
+        shares = values.sum(axis=1) / max(float(normal.sum()), 1e-3)
+        return np.asarray(values - shares[:, None] * normal)
 
     def pressed_by(self, force: Array, rubbing: Motion) -> Motion:
         """The same with another force at the tip, N, (n,), that rubs as in ``rubbing``.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.cable import _no_columns
 from fingerlab.physics.effects.motion import Motion
@@ -37,28 +36,32 @@ def _nonlinearity(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _drift(motion: Motion, shape: Shape) -> list[Term]:
-    return _angle_error_terms(motion, "rate", motion.time, motion.time)
+    """A sensor that warms up since the run began: fast at first and ever slower, with a time constant (s)."""
+    warm = shape["time_constant"]
+    drifted = -warm * np.expm1(-motion.time / warm)
+    return _angle_error_terms(motion, "rate", drifted, drifted)
 
 
-def _touch(motion: Motion) -> Array:
-    return np.zeros_like(motion.time) if motion.force is None else motion.force
+STEADY_S = 1e4
+"""A sensor that warms up so slowly drifts steadily, s."""
 
 
 def _force_gain(motion: Motion, shape: Shape) -> list[Term]:
-    f, q = motion.finger_and_joints
-    force = _touch(motion)
-    return [
-        Term(Row.MCP, "gain", force * nominal.contact_lever_mcp(f, q.mcp, q.pip), "joint"),
-        Term(Row.PIP, "gain", force * nominal.contact_lever_pip(f, q.mcp, q.pip), "joint"),
-    ]
+    mcp, pip = motion.contact_torques
+    return [Term(Row.MCP, "gain", mcp, "joint"), Term(Row.PIP, "gain", pip, "joint")]
 
 
 def lateral_levers(motion: Motion, gain: str) -> list[Term]:
     """Levers (m) of a force along the load cell's face about both joints."""
     f, q = motion.finger_and_joints
-    distal = q.mcp + q.pip - f.wrist_angle
-    pip = 2.0 * f.distal_half_length * np.sin(distal)
-    mcp = pip - 2.0 * f.proximal_half_length * np.sin(f.wrist_angle - q.mcp)
+
+    def distal() -> Array:
+        return np.asarray(2.0 * f.distal_half_length * np.sin(q.mcp + q.pip - f.wrist_angle))
+
+    pip = motion.remember("lateral pip", distal)
+    mcp = motion.remember(
+        "lateral mcp", lambda: pip - 2.0 * f.proximal_half_length * np.sin(f.wrist_angle - q.mcp)
+    )
     return [Term(Row.MCP, gain, mcp, "joint"), Term(Row.PIP, gain, pip, "joint")]
 
 
@@ -98,15 +101,17 @@ EFFECTS = (
         acts_on=("joint_torque", "cable_kinematics"),
         gains={
             f"rate_{joint}": Gain(
-                "rad/s", -0.004, 0.004, 0.0005, source="KMA210 data sheet: 0.64 degree", title="drift rate"
+                "rad/s", -0.01, 0.01, 0.0005, source="KMA210 data sheet: 0.64 degree", title="drift rate"
             )
             for joint in ("mcp", "pip")
         },
         columns=_drift,
         coordinate="time",
         equation=Row.CABLE,
-        explanation="The misfit grows steadily over each run.",
+        explanation="The misfit grows over each run, whatever the motion.",
         reveal="a run of several minutes at rest",
+        shapes=tuple({"time_constant": value} for value in (5.0, 10.0, 20.0, 40.0, STEADY_S)),
+        shape_units={"time_constant": "s"},
     ),
     Effect(
         id="load_cell_gain",

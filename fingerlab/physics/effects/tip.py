@@ -6,9 +6,12 @@ because the face leans, because tip and load cell give way, or because the angle
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from fingerlab.physics.effects.base import Row, Term
+from fingerlab.physics.effects.base import Row, Term, nothing
+from fingerlab.physics.effects.hysteresis import rubbing_forces, with_grid
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -38,6 +41,17 @@ def _reach(motion: Motion) -> Array:
     )
 
 
+def dragged_tip(motion: Motion, stiffness: float, grid: Sequence[float] = ()) -> Array:
+    """Friction (N, for a coefficient of 1) of a tip that takes on ``stiffness`` (N/m) on its travel, (n,).
+
+    ``grid`` are others that will be asked for.
+    """
+    held = np.zeros_like(motion.time) if motion.force is None else np.maximum(motion.force, 0.0)
+    stiffnesses = with_grid(stiffness, grid)
+    keys = [("dragged", one) for one in stiffnesses]
+    return motion.remember_each(keys[0], keys, lambda: rubbing_forces(tip_reach(motion), held, stiffnesses))
+
+
 def pressed(motion: Motion) -> Array:
     """1 where the tip presses on the load cell, 0 where it does not touch it, shape (n,)."""
     if motion.force is None:
@@ -50,17 +64,21 @@ def while_pressed(motion: Motion, values: Array) -> Array:
 
     Where the load cell's face stands is not known, and may be another place in each run.
     """
+    if motion.force is None:
+        return nothing(len(values))
     share = motion.remember("pressed", lambda: pressed(motion))
-    counted = share[motion.lead :] ** 2
+    counted = motion.remember("pressed, counted", lambda: share[motion.lead :] ** 2)
     mean = float(counted @ values[motion.lead :]) / max(float(counted.sum()), 1e-12)
     return np.asarray(share * (values - mean))
 
 
 def misread_tip(motion: Motion, gain: str, mcp: Array, pip: Array) -> list[Term]:
     """What angles that read too much by the gain times the column (rad) add to the tip's depth, by joint."""
-    f, _ = motion.finger_and_joints
+    f, q = motion.finger_and_joints
     reach = tip_reach(motion)
-    distal = reach - 2.0 * f.proximal_half_length * np.cos(f.wrist_angle - motion.finger_and_joints[1].mcp)
+    distal = motion.remember(
+        "distal reach", lambda: reach - 2.0 * f.proximal_half_length * np.cos(f.wrist_angle - q.mcp)
+    )
     return [
         Term(Row.TIP, f"{gain}_mcp", while_pressed(motion, reach * mcp)),
         Term(Row.TIP, f"{gain}_pip", while_pressed(motion, distal * pip)),

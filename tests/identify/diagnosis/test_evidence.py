@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from fingerlab.identify.diagnosis.evidence import alike, judge, justified
+from fingerlab.identify.diagnosis.evidence import alike, judge, justified, small_excess
 from fingerlab.identify.diagnosis.fitting import Fit
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.study import Trial
@@ -24,8 +25,10 @@ def trial(score: float, *effects: str) -> Trial:
     misfit = (score**2 - 1.0) * COUNT
     choices = tuple(Choice(CATALOGUE[e]) for e in effects)
     misfits = np.tile((misfit / 10, COUNT / 10), (10, 1))
-    fit = Fit(np.zeros(0), np.zeros((0, 0)), misfit)
-    return Trial(cast(Any, SimpleNamespace(choices=choices)), fit, misfits, held_out=True)
+    keys = [f"{c.effect.id}.{gain}" for c in choices for gain in c.effect.gains]
+    fit = Fit(np.ones(len(keys)), np.eye(len(keys)), misfit)
+    model = SimpleNamespace(choices=choices, index={key: i for i, key in enumerate(keys)})
+    return Trial(cast(Any, model), fit, misfits, held_out=True)
 
 
 def judged(base: float, **scores: float):
@@ -96,8 +99,19 @@ def test_a_step_must_explain_a_share_of_what_is_left() -> None:
 
 def test_more_independent_values_make_a_verdict_surer() -> None:
     few = judged(1.5, viscous_friction=1.38)
-    trials = [Trial(t.model, t.fit, t.misfits * 10, True) for t in few.trials]
-    many = judge(Trial(few.base.model, few.base.fit, few.base.misfits * 10, True), trials)
+    trials = [Trial(t.model, t.fit, t.misfits * 10, held_out=True) for t in few.trials]
+    many = judge(Trial(few.base.model, few.base.fit, few.base.misfits * 10, held_out=True), trials)
     assert max(many.nothing, named(many, "viscous_friction")) >= max(
         few.nothing, named(few, "viscous_friction")
     )
+
+
+@pytest.mark.parametrize(("share", "against"), [(1.0, 0.0), (0.2, 0.0), (0.1, 2.67), (0.01, 10.0)])
+def test_a_small_excess_at_low_speed_is_not_stribecks(share: float, against: float) -> None:
+    """Half the square of ln(0.2 / share) in units of 0.3, and never more than settles it."""
+    found = trial(1.1, LARGE)
+    names = found.model.index
+    values = [share if "extra" in name else 1.0 for name in names]
+    fit = Fit(np.array(values), found.fit.information, found.fit.cost)
+    assert small_excess(replace(found, fit=fit)) == pytest.approx(against, abs=0.01)
+    assert small_excess(trial(1.1, SMALL)) == 0.0

@@ -113,10 +113,37 @@ def test_where_nothing_is_missing_nothing_is_found() -> None:
     result = diagnosed(None)
     assert result.verdict == "nothing_missing"
     assert result.probability_nothing > 0.95
-    assert result.set == ()
+    assert result.set == UNSEEN
     assert [s.added for s in result.path] == [None]
     assert result.final_model == ()
     assert result.score < 1.1
+
+
+UNSEEN = ("load_cell_gain",)
+"""What the closed-form bench cannot show: a load cell that reads 5 per cent too much, where springs, masses
+and torque constant, each within its tolerance, may be wrong by as much together."""
+
+
+def test_what_could_not_show_is_told_and_keeps_its_share() -> None:
+    """With the effect there at its typical strength the answer is the same, as it says itself."""
+    result = diagnose([made.session(made.Bench(missing=Missing(read_share=1 / 1.05)))], with_curves=False)
+    assert result.verdict == "nothing_missing"
+    assert result.set == UNSEEN
+    found = result.candidates[0]
+    assert found.effect == "load_cell_gain"
+    assert found.in_set
+    assert not found.detectable
+    # One of all the effects against nothing, 0.45 to 0.5 before anything was seen, and nothing was seen.
+    assert found.probability == pytest.approx(
+        0.45 / len(CATALOGUE) / 0.5 * result.probability_nothing, rel=0.35
+    )
+    assert "could not show" in found.explanation
+
+
+def test_what_could_have_shown_is_not_thought_to_be_there() -> None:
+    for candidate in diagnosed(None).candidates:
+        if candidate.detectable:
+            assert candidate.probability < 2e-3, candidate.effect
 
 
 def test_a_group_of_two_runs_raises_no_alarm() -> None:

@@ -45,7 +45,9 @@ def test_the_named_effect_comes_first(name: str, shared_data: Path) -> None:
 def test_the_plain_bench_lacks_nothing(shared_data: Path) -> None:
     result = diagnosed(shared_data / "bench-plain.h5")
     assert result.verdict == "nothing_missing"
-    assert result.set == ()
+    assert result.probability_nothing > 0.9
+    # Springs, masses and torque constant can all be wrong by what a load cell is wrong.
+    assert result.set == ("load_cell_gain",)
     assert result.final_model == ()
     assert result.score < 1.25
     for error in result.errors.values():

@@ -8,6 +8,7 @@ import pytest
 from fingerlab.physics import nominal
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.base import Row, Term
+from fingerlab.physics.effects.sensing import STEADY_S
 from fingerlab.physics.nominal import JointMotion
 
 from .moving import FINGER, MOTOR, bench, column, moving
@@ -221,8 +222,17 @@ def test_a_bent_angle_sensor_bends_spring_torque_and_cable_alike() -> None:
         for part, function in (("sine", np.sin), ("cosine", np.cos)):
             error = {"mcp": function(shape["harmonic"] * q.mcp), "pip": function(shape["harmonic"] * q.pip)}
             check_angle_error(terms, part, error)
-    drift = CATALOGUE["sensor_drift"].columns(motion, {})
-    check_angle_error(drift, "rate", {"mcp": motion.time, "pip": motion.time})
+    for warm in (5.0, 40.0):
+        drift = CATALOGUE["sensor_drift"].columns(motion, {"time_constant": warm})
+        error = warm * (1.0 - np.exp(-motion.time / warm))
+        check_angle_error(drift, "rate", {"mcp": error, "pip": error})
+
+
+def test_a_sensor_that_warms_up_slowly_drifts_steadily() -> None:
+    motion = moving()
+    terms = CATALOGUE["sensor_drift"].columns(motion, {"time_constant": STEADY_S})
+    (cable,) = [t for t in terms if t.row == Row.CABLE and t.gain == "rate_mcp"]
+    assert -cable.values == pytest.approx(motion.time, rel=motion.time.max() / STEADY_S)
 
 
 def check_angle_error(terms: list[Term], gain: str, error: dict[str, np.ndarray]) -> None:

@@ -7,10 +7,16 @@ import pytest
 
 from fingerlab.physics.effects.hysteresis import (
     dahl_state,
+    dahl_states,
+    first_order_lag,
+    first_order_lags,
     friction_state,
     rubbing_force,
+    rubbing_forces,
     slip_state,
+    slip_states,
     stop_operator,
+    stop_operators,
 )
 from fingerlab.sessions.model import Array
 
@@ -142,16 +148,45 @@ def test_a_small_shake_leaves_the_slip_state_alone_and_wears_dahls_down() -> Non
 
 
 def test_slip_states_share_the_sliders_of_travels_that_are_twice_as_long() -> None:
-    asked: list[float] = []
+    asked: list[Array] = []
+    position = 0.01 * np.cumsum(np.random.default_rng(5).standard_normal(700))
 
-    def stop(position: Array, travel: float) -> Array:
-        asked.append(travel)
-        return stop_operator(position, travel)
+    def stops(path: Array, travels: Array) -> Array:
+        asked.append(travels)
+        return stop_operators(path, travels)
 
-    for travel in (0.15, 0.3, 0.6):
-        slip_state(np.linspace(0.0, 1.0, 50), float(np.radians(travel)), stop)
-    assert len(asked) == 12
-    assert len(set(asked)) == 6
+    travels = np.radians((0.15, 0.3, 0.6))
+    found = slip_states(position, travels, stops)
+    assert [len(sliders) for sliders in asked] == [6]
+    for travel, state in zip(travels, found, strict=True):
+        assert state == pytest.approx(slip_state(position, float(travel)), abs=1e-12)
+
+
+@pytest.mark.parametrize("length", [1, 2, 31, 32, 33, 1025])
+@pytest.mark.parametrize("time_constant", [0.004, 0.3, 40.0])
+def test_first_order_lag_is_the_loop(length: int, time_constant: float) -> None:
+    values = np.cumsum(np.random.default_rng(length).standard_normal(length))
+    keep, state, expected = np.exp(-1.0 / (250.0 * time_constant)), values[0], []
+    for value in values:
+        state = keep * state + (1.0 - keep) * value if expected else value
+        expected.append(state)
+    assert first_order_lag(values, time_constant, 250.0) == pytest.approx(np.array(expected), abs=1e-10)
+
+
+def test_several_constants_at_once_are_each_on_its_own() -> None:
+    rng = np.random.default_rng(6)
+    position, limit = 0.01 * np.cumsum(rng.standard_normal(500)), rng.random(500)
+    constants = (0.004, 0.03, 0.2)
+    for several, one in (
+        (stop_operators(position, constants), [stop_operator(position, c) for c in constants]),
+        (dahl_states(position, constants), [dahl_state(position, c) for c in constants]),
+        (rubbing_forces(position, limit, constants), [rubbing_force(position, limit, c) for c in constants]),
+        (
+            first_order_lags(position, constants, 250.0),
+            [first_order_lag(position, c, 250.0) for c in constants],
+        ),
+    ):
+        assert several == pytest.approx(np.stack(one), abs=1e-12)
 
 
 def looped_rubbing(position: Array, limit: Array, stiffness: float) -> Array:

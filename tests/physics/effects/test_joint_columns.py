@@ -6,12 +6,16 @@ at positive gain opposes motion, springs oppose deflection.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import sympy as sp
 
+from fingerlab.physics import nominal
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.base import Row
+from fingerlab.physics.effects.mass import LARGE_TILT_RAD
 from fingerlab.physics.effects.sensing import lateral_levers
 
 from .moving import FINGER, RATE, column, moving, wave
@@ -230,3 +234,26 @@ def test_wave_is_its_own_derivative() -> None:
     value, speed, acceleration = wave(time, 0.1, 0.2, 1.3, 0.4)
     assert np.gradient(value, time)[5:-5] == pytest.approx(speed[5:-5], abs=1e-4)
     assert np.gradient(speed, time)[5:-5] == pytest.approx(acceleration[5:-5], abs=1e-3)
+
+
+def test_a_large_tilt_is_told_by_its_own_point_of_the_grid() -> None:
+    """At the tilt that a point of the grid stands for, the terms are the change of the torques themselves."""
+    motion = moving(force=1.0)
+    assert motion.force is not None
+    assert motion.joints is not None
+    tilted = replace(FINGER, wrist_angle=FINGER.wrist_angle + LARGE_TILT_RAD)
+    shape = {"cell_stays": 1.0, "backwards": 0.0, "forwards": 1.0}
+    terms = CATALOGUE["gravity_tilt"].columns(motion, shape)
+    q = motion.joints
+    for row, torque, lever in (
+        (Row.MCP, nominal.mcp_torque, nominal.contact_lever_mcp),
+        (Row.PIP, nominal.pip_torque, nominal.contact_lever_pip),
+    ):
+        change = torque(tilted, q).gravity - torque(FINGER, q).gravity
+        change = change + motion.force * (lever(tilted, q.mcp, q.pip) - lever(FINGER, q.mcp, q.pip))
+        told = sum(
+            t.values * (t.constant + (LARGE_TILT_RAD if t.gain == "tilt" else 0.0))
+            for t in terms
+            if t.row == row and t.gain in ("tilt", "")
+        )
+        assert told == pytest.approx(change, abs=1e-12)
