@@ -12,9 +12,8 @@ from fingerlab.physics.effects.closer import HALF_OCTAVE, either, every, times
 from fingerlab.physics.effects.hysteresis import (
     first_order_lags,
     friction_state,
-    rubbing_force,
+    rubbing_forces,
     slip_states,
-    stop_operator,
     stop_operators,
     with_grid,
 )
@@ -25,10 +24,6 @@ STICKING_TRAVELS_DEG = (0.15, 0.21, 0.3, 0.42, 0.6, 0.84)
 """Travel over which friction of motor or sheath reverses by 63 %, degrees at the pulley: from a few steps of
 the encoder to the wind-up of a gearbox; assumed."""
 USUAL_STICKING_DEG = 0.3
-LAGS_S = (0.004, 0.008, 0.016, 0.032)
-"""Time constants of a damper beside the cable's spring, s; assumed."""
-GAPS_DEG = (0.5, 1.0, 2.0, 4.0)
-"""Play between gearbox and pulley, degrees at the pulley; assumed."""
 HELD_TRAVELS_DEG = (0.1, 0.2)
 """Travel over which a cable that is held in its sheath slides at a tension of REFERENCE_PULL_N, degrees at
 the pulley; assumed: what a stiff cable of 2e-5 m/N stretches under its friction on a pulley of 10 to 15 mm. A
@@ -36,19 +31,19 @@ gearbox, whose friction also grows with the load, winds up by more."""
 REFERENCE_PULL_N = 5.0
 """Tension at which the travel of a friction that grows with the load is told, N: what sticks has one spring,
 so that it slides over twice the travel at twice the load. Assumed; only a scale."""
+LAGS_S = (0.004, 0.008, 0.016, 0.032)
+"""Time constants of a damper beside the cable's spring, s; assumed."""
+GAPS_DEG = (0.5, 1.0, 2.0, 4.0)
+"""Play between gearbox and pulley, degrees at the pulley; assumed."""
 
 
 def winding_state(motion: Motion, travel_deg: float = USUAL_STICKING_DEG, sharpness: float = 0.0) -> Array:
     """Direction of cable travel with sticking, in [-1, 1], shape (n,); +1 winding in."""
     way = float(np.radians(travel_deg))
 
-    def stop(position: Array, travel: float) -> Array:
-        return motion.remember(("stop", round(travel, 9)), lambda: stop_operator(position, travel))
-
     if sharpness > 0.0:
-        return motion.remember(
-            ("winding", travel_deg, sharpness), lambda: friction_state(motion.position, way, sharpness, stop)
-        )
+        key = ("winding", travel_deg, sharpness)
+        return motion.remember(key, lambda: friction_state(motion.position, way, sharpness))
     travels = with_grid(travel_deg, STICKING_TRAVELS_DEG)
     keys = [("winding", travel) for travel in travels]
     return motion.remember_each(keys[0], keys, lambda: slip_states(motion.position, np.radians(travels)))
@@ -138,10 +133,10 @@ def _capstan(motion: Motion, shape: Shape) -> list[Term]:
             return cable * winding_state(motion, travel, sharpness)
         limit = np.maximum(cable, 0.0)
 
-        def stop(position: Array, reach: float) -> Array:
-            return rubbing_force(position, limit, REFERENCE_PULL_N / reach)
+        def stops(position: Array, reaches: Array) -> Array:
+            return rubbing_forces(position, limit, REFERENCE_PULL_N / reaches)
 
-        return friction_state(motion.position, float(np.radians(travel)), sharpness, stop)
+        return friction_state(motion.position, float(np.radians(travel)), sharpness, stops)
 
     terms = pull_terms("loss", motion.remember(("sheath", travel, sharpness, held), lost))
     return [t for t in terms if shape["stretch_behind"] or t.row != Row.CABLE]

@@ -15,7 +15,7 @@ from fingerlab.physics.effects.cable import (
 )
 from fingerlab.physics.effects.closer import OCTAVE, every, plus, rubbing, times
 from fingerlab.physics.effects.friction import SPEED_FACTORS, dahl_or_masing
-from fingerlab.physics.effects.hysteresis import dahl_states, friction_state, rubbing_force, with_grid
+from fingerlab.physics.effects.hysteresis import dahl_states, friction_state, rubbing_forces, with_grid
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -67,9 +67,8 @@ def _stribeck(motion: Motion, shape: Shape) -> list[Term]:
 
 def _presliding(motion: Motion, shape: Shape) -> list[Term]:
     if shape.get("masing"):
-        return drive_terms(
-            motion, "dahl", winding_state(motion, shape["travel_deg"], shape.get("sharpness", 0.0))
-        )
+        winding = winding_state(motion, shape["travel_deg"], shape.get("sharpness", 0.0))
+        return drive_terms(motion, "dahl", winding)
     travels = with_grid(shape["travel_deg"], PRESLIDING_TRAVELS_DEG)
     keys = [("dahl", travel) for travel in travels]
     state = motion.remember_each(keys[0], keys, lambda: dahl_states(motion.position, np.radians(travels)))
@@ -96,14 +95,11 @@ def _load_dependent(motion: Motion, shape: Shape) -> list[Term]:
     inertia = motion.motor.inertia or 0.0
     load = np.abs(motion.torque - inertia * motion.acceleration if motion.load is None else motion.load)
 
-    def stop(position: Array, travel: float) -> Array:
-        key = ("loaded stop", travel)
-        return motion.remember(key, lambda: rubbing_force(position, load, REFERENCE_LOAD_NM / travel))
+    def stops(position: Array, reaches: Array) -> Array:
+        return rubbing_forces(position, load, REFERENCE_LOAD_NM / reaches)
 
-    way = float(np.radians(shape["travel_deg"]))
-    return drive_terms(
-        motion, "share", friction_state(motion.position, way, shape.get("sharpness", 0.0), stop)
-    )
+    way, sharpness = float(np.radians(shape["travel_deg"])), shape.get("sharpness", 0.0)
+    return drive_terms(motion, "share", friction_state(motion.position, way, sharpness, stops))
 
 
 def _spring(motion: Motion, shape: Shape) -> list[Term]:

@@ -6,13 +6,7 @@ import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.closer import FINE_OCTAVE, HALF_OCTAVE, OCTAVE, either, every, rubbing, times
-from fingerlab.physics.effects.hysteresis import (
-    dahl_states,
-    friction_state,
-    slip_states,
-    stop_operator,
-    with_grid,
-)
+from fingerlab.physics.effects.hysteresis import dahl_states, friction_state, slip_states, with_grid
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array
 
@@ -20,9 +14,9 @@ STICKING_TRAVELS_DEG = (0.06, 0.085, 0.12, 0.17, 0.24, 0.34, 0.48)
 """Travel over which a Coulomb joint reverses 63 % of its friction, degrees: from the sensor's 0.04 degrees
 (KMA210 data sheet), so that noise does not flip the sign of a joint at rest, to the least that is called
 presliding; assumed."""
+SPEED_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)
 PRESLIDING_TRAVELS_DEG = (1.0, 2.0, 4.0, 8.0)
 """The same of presliding, degrees at the joint; assumed."""
-SPEED_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)
 STRIBECK_SPEEDS = (0.2, 0.6)
 """Speeds by which the excess of breakaway has fallen to 37 %, rad/s; assumed: from where a hinge of polymer
 slides for certain to a third of the thesis' fastest motion."""
@@ -53,15 +47,10 @@ def _states(motion: Motion, shape: Shape) -> tuple[Array, Array]:
 
 def _state(motion: Motion, name: str, angle: Array, shape: Shape) -> Array:
     travel_deg, sharpness = shape["travel_deg"], shape.get("sharpness", 0.0)
-
-    def stop(position: Array, reach: float) -> Array:
-        return motion.remember(("stop", name, round(reach, 9)), lambda: stop_operator(position, reach))
-
     if sharpness > 0.0:
-        return motion.remember(
-            ("sticking", name, travel_deg, sharpness),
-            lambda: friction_state(angle, float(np.radians(travel_deg)), sharpness, stop),
-        )
+        way = float(np.radians(travel_deg))
+        key = ("sticking", name, travel_deg, sharpness)
+        return motion.remember(key, lambda: friction_state(angle, way, sharpness))
     travels = with_grid(travel_deg, STICKING_TRAVELS_DEG)
     keys = [("sticking", name, travel) for travel in travels]
     return motion.remember_each(keys[0], keys, lambda: slip_states(angle, np.radians(travels)))

@@ -150,15 +150,11 @@ def slip_state(position: Array, travel: float, stops: Stops | None = None) -> Ar
 
 
 KNOTS = 2.0 ** (np.arange(-11, 1) / 4)
-"""Ends of the straight pieces of a virgin curve that ends, of its length: one spring-slider each. In this row
-a curve longer by a quarter of an octave shares all sliders but one, so that who tries several keeps them."""
+"""Ends of the straight pieces of a virgin curve that ends, of its length: one spring-slider each."""
 
 
 def friction_state(
-    position: Array,
-    travel: float,
-    sharpness: float = 0.0,
-    stop: Callable[[Array, float], Array] = stop_operator,
+    position: Array, travel: float, sharpness: float = 0.0, stops: Stops | None = None
 ) -> Array:
     """Friction state in [-1, 1], shape (n,), of sliders whose virgin curve is 1 - (1 - x / (p d))^p.
 
@@ -168,25 +164,20 @@ def friction_state(
     :func:`slip_state`. On a reversal the curve is gone through at twice the size (Masing 1926).
     """
     if sharpness <= 0.0:
-        return slip_state(
-            position, travel, lambda at, reaches: np.stack([stop(at, float(r)) for r in reaches])
-        )
-    result = np.zeros_like(position)
-    for share, reach in sliders(0.5 * travel, sharpness):
-        result += share * stop(position, reach)
-    return result
+        return slip_state(position, travel, stops)
+    shares, reaches = _sliders(0.5 * travel, sharpness)
+    return np.asarray(shares @ (stops or stop_operators)(position, reaches))
 
 
-def sliders(travel: float, sharpness: float) -> list[tuple[float, float]]:
+def _sliders(travel: float, sharpness: float) -> tuple[Array, Array]:
     """Share of the friction and travel of every slider of such a curve; ``sharpness`` above 0, up to 1."""
     power = 1.0 / sharpness
     if power <= 1.0:
-        return [(1.0, travel)]
+        return np.ones(1), np.array([travel])
     knots = np.append(0.0, KNOTS)
     level = 1.0 - (1.0 - knots) ** power
     slopes = np.append(np.diff(level) / np.diff(knots), 0.0)
-    shares = -np.diff(slopes) * KNOTS
-    return [(float(s), float(power * travel * k)) for s, k in zip(shares, KNOTS, strict=True)]
+    return -np.diff(slopes) * KNOTS, power * travel * KNOTS
 
 
 def dahl_states(position: Array, travels: Sequence[float] | Array) -> Array:
