@@ -55,9 +55,8 @@ class Reading(QWidget):
         font.setBold(True)
         self.value.setFont(font)
         widest = QLabel(quantity.unit.after("−8888." + "8" * quantity.digits))
-        widest.setFont(font)
         # Nothing moves as digits come and go, and a label of fixed size does not lay out the window.
-        self.value.setFixedSize(widest.sizeHint())
+        self.value.setFixedSize(widest.sizeHint().width() * 5 // 4, self.value.sizeHint().height())
         self.setToolTip(quantity.help)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
