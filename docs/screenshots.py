@@ -32,6 +32,7 @@ from screenshot_states import FACTS, TABS, States, pause
 from fingerlab.ui import application
 from fingerlab.ui.settings import Settings
 from fingerlab.ui.theme import apply_appearance
+from fingerlab.ui.tidying import Tidier
 from fingerlab.ui.window import MainWindow
 
 SIZES = ((1280, 800), (1920, 1080))
@@ -50,6 +51,7 @@ def main() -> None:
     target.mkdir(parents=True, exist_ok=True)
     wanted = given[1:] or list(TABS)
     app = QApplication([])
+    tidier = Tidier(app)
     home = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)  # so that a window shows "recordings" and not where this machine keeps such folders
@@ -59,6 +61,7 @@ def main() -> None:
                 keep_facts(target / "facts.toml")
         finally:
             os.chdir(home)
+            tidier.end()
 
 
 def keep_facts(path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import traceback
 from importlib.resources import files
@@ -16,6 +17,7 @@ import fingerlab
 
 from .settings import Settings
 from .theme import apply_appearance
+from .tidying import Tidier
 from .window import MainWindow
 
 
@@ -25,6 +27,7 @@ def run(arguments: list[str], settings: Settings | None = None) -> int:
     assert isinstance(app, QApplication)
     settings = settings if settings is not None else Settings()
     prepare(app, settings)
+    tidier = Tidier(app)
     window = MainWindow(settings)
     follow_system(app, settings)
     previous = sys.excepthook
@@ -38,6 +41,7 @@ def run(arguments: list[str], settings: Settings | None = None) -> int:
     finally:
         sys.excepthook = previous
         let_go(window)
+        tidier.end()
 
 
 def let_go(window: QWidget) -> None:
@@ -50,6 +54,7 @@ def let_go(window: QWidget) -> None:
     window.close()
     window.deleteLater()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
+    gc.collect()  # what Qt does not own, such as the menus of plots, here and not in some worker's thread
 
 
 def prepare(app: QApplication, settings: Settings) -> None:

@@ -16,7 +16,7 @@ from pytestqt.qtbot import QtBot
 from fingerlab.library.notes import FILE_NAME
 from fingerlab.sessions import open_session
 from fingerlab.ui.browse.tab import SessionsTab
-from fingerlab.ui.browse.table_model import NAME, QUALITY, RECORDED, TAGS
+from fingerlab.ui.browse.table_model import NAME, QUALITY, RECORDED, TAGS, VERDICT
 from fingerlab.ui.window import MainWindow
 
 from .hands import LEFT, PATIENCE, child, click, drop, invented_diagnosis, lab_of
@@ -115,6 +115,15 @@ def test_tags_are_kept_beside_the_recording_and_found_again(browsing: Opened, fo
     QTest.keyClicks(child(window, QLineEdit, "search"), "tag:cable")
     assert texts(tab, NAME) == ["ring.h5\nRing finger, Łódź"]
     assert (folder / "ring.h5").read_bytes() == before
+
+
+def test_a_wide_window_gives_the_verdict_room(browsing: Opened, qtbot: QtBot) -> None:
+    window, tab = browsing
+    narrow = tab.page.table.columnWidth(VERDICT)
+    window.resize(1900, 760)
+    qtbot.waitUntil(lambda: tab.page.table.columnWidth(VERDICT) > 1.5 * narrow)
+    window.resize(1280, 760)
+    qtbot.waitUntil(lambda: tab.page.table.columnWidth(VERDICT) == narrow)
 
 
 def test_a_double_click_opens_the_session_in_the_model_lab(browsing: Opened, qtbot: QtBot) -> None:

@@ -116,7 +116,8 @@ class LibraryPage(QWidget):
         table.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         header.setSortIndicator(RECORDED, Qt.SortOrder.DescendingOrder)
         table.setSortingEnabled(True)
-        table.installEventFilter(self)
+        for watched in (table, table.viewport()):
+            watched.installEventFilter(self)
 
     def _connect(self) -> None:
         self.choose.clicked.connect(self.folder_asked)
@@ -189,7 +190,7 @@ class LibraryPage(QWidget):
         self.table.setColumnWidth(VERDICT, min(max(room, least), most))
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        if event.type() == QEvent.Type.Resize:
+        if watched is self.table.viewport() and event.type() == QEvent.Type.Resize:
             self._share_room()
         pressed = isinstance(event, QKeyEvent) and event.type() == QEvent.Type.KeyPress
         if pressed and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):  # type: ignore[attr-defined]
