@@ -109,14 +109,15 @@ def _outcome(row: Row) -> str:
 
 
 def not_shown_sentence(rows: Sequence[Row]) -> str:
-    """What the sessions in which nothing is missing could not have shown, and in how many; or nothing."""
+    """What the sessions in which nothing is missing leave open, and how many of them; or nothing."""
     left = [row["set"] for row in rows if row["verdict"] == "nothing_missing" and row["set"]]
     if not left:
         return ""
     titles = Counter(in_sentence(effect_title(effect)) for effects in left for effect in effects)
     named = [f"{title} ({count})" for title, count in titles.most_common()]
     where = "One session" if len(left) == 1 else f"{len(left)} sessions"
-    return f"{where} with nothing missing could not have shown, at a plausible strength: {listed(named)}."
+    leave = "leaves" if len(left) == 1 else "leave"
+    return f"{where} with nothing missing {leave} open, at a plausible strength: {listed(named)}."
 
 
 def _sessions(rows: Sequence[Row], contents: Contents, narrow: bool) -> Table:

@@ -71,6 +71,13 @@ def not_shown(diagnosis: Diagnosis) -> tuple[str, ...]:
     return diagnosis.set if diagnosis.verdict == "nothing_missing" else ()
 
 
+def left_open(diagnosis: Diagnosis) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Where nothing is missing: ids of what these data could not have shown, and of what shows too weakly."""
+    visible = {c.effect for c in diagnosis.candidates if c.detectable}
+    unseen = not_shown(diagnosis)
+    return tuple(e for e in unseen if e not in visible), tuple(e for e in unseen if e in visible)
+
+
 def hidden_besides(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Ids of the effects that these data could not show, and that no other sentence names."""
     named = not_shown(diagnosis)
@@ -144,10 +151,10 @@ def _as_well(diagnosis: Diagnosis, best: Candidate) -> str:
 def set_sentence(diagnosis: Diagnosis) -> str:
     """What the data cannot tell apart, or could not have shown where nothing is missing."""
     if not_shown(diagnosis):
-        return (
-            "These data could not have shown, at a plausible strength: "
-            f"{_names(not_shown(diagnosis))}. Whether one of these is missing they leave open."
-        )
+        hidden, weak = left_open(diagnosis)
+        text = "Whether one of these is missing these data leave open."
+        text += f" They could not have shown, at a plausible strength: {_names(hidden)}." if hidden else ""
+        return f"{text} What they show of these is too weak to tell: {_names(weak)}." if weak else text
     if len(diagnosis.set) > 1:
         return (
             f"These data cannot tell apart {_names(diagnosis.set)}. The one that is truly missing is meant "

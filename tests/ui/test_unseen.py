@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 
 from fingerlab.library.verdicts import Verdict
+from fingerlab.report.diagnosis_words import set_sentence
 from fingerlab.ui.browse.wording import verdict_help, verdict_text
 from fingerlab.ui.lab.wording import set_help, set_words
 from fingerlab.ui.window import MainWindow
@@ -68,7 +69,18 @@ def test_many_effects_are_counted_and_named_in_the_tooltip() -> None:
 def test_the_browser_does_not_show_them_as_found() -> None:
     verdict = Verdict("nothing_missing", ("gravity_tilt",), 0.82, 1.03, Path("v.parquet"), outdated=False)
     assert verdict_text(verdict) == "nothing missing\n82 %"
-    assert "could not have shown, at a plausible strength: tilted base" in verdict_help(verdict)
+    assert "leaves open, at a plausible strength: tilted base" in verdict_help(verdict)
     found = Verdict("missing_effect", ("gravity_tilt",), 0.9, 1.03, Path("v.parquet"), outdated=False)
     assert verdict_text(found) == "Tilted base\n90 %"
-    assert "could not have shown" not in verdict_help(found)
+    assert "leaves open" not in verdict_help(found)
+
+
+def test_what_shows_too_weakly_is_told_apart_from_what_could_not_show() -> None:
+    known = invented.unseen_diagnosis("s.h5")
+    weak = replace(known, set=("coulomb_friction", *known.set), next_experiment=None)
+    assert set_words(weak) == (
+        "They could not have shown: Stribeck joint friction, tilted base and cable stretch. "
+        "Too weak to tell: Coulomb joint friction."
+    )
+    assert set_words(replace(weak, set=("coulomb_friction",))) == "Too weak to tell: Coulomb joint friction."
+    assert "too weak to tell: Coulomb joint friction." in set_sentence(weak)

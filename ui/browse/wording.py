@@ -74,5 +74,5 @@ def verdict_help(verdict: Verdict | None) -> str:
     error = "" if verdict.score is None else f" Final error: {score_text(verdict.score)} times the floor."
     old = " The session was written after the table." if verdict.outdated else ""
     unseen = [in_sentence(effect_title(effect)) for effect in unseen_in(verdict)]
-    left = f" It could not have shown, at a plausible strength: {listed(unseen)}." if unseen else ""
+    left = f" It leaves open, at a plausible strength: {listed(unseen)}." if unseen else ""
     return f"{' '.join(verdict_text(verdict).split())}, from {verdict.table.name}.{error}{left}{old}"

@@ -12,6 +12,7 @@ from fingerlab.report.diagnosis_words import (
     UNKNOWN_WORDS,
     effect_title,
     in_sentence,
+    left_open,
     listed,
     next_experiment_sentence,
     not_shown,
@@ -66,7 +67,9 @@ def verdict_headline(diagnosis: Diagnosis) -> str:
 def set_words(diagnosis: Diagnosis) -> str:
     """Which effects these data cannot tell apart, or could not have shown where nothing is missing."""
     if not_shown(diagnosis):
-        text = f"They could not have shown: {_named(not_shown(diagnosis))}."
+        hidden, weak = left_open(diagnosis)
+        text = f"They could not have shown: {_named(hidden)}." if hidden else ""
+        text += f"{' ' if text else ''}Too weak to tell: {_named(weak)}." if weak else ""
         shown = would_show(diagnosis)
         return f"{text} The proposed run would show {_named(shown)}." if shown else text
     titles = [in_sentence(effect_title(name)) for name in diagnosis.set]
@@ -79,7 +82,7 @@ def set_help(diagnosis: Diagnosis) -> str:
     """Where the words on the set had to leave some out: all of them."""
     hidden = not_shown(diagnosis)
     titles = [in_sentence(effect_title(name)) for name in hidden]
-    return f"These data could not have shown: {listed(titles)}." if len(hidden) > NAMED else ""
+    return f"These data leave open: {listed(titles)}." if len(hidden) > NAMED else ""
 
 
 def _named(effects: Sequence[str]) -> str:
