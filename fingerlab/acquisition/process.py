@@ -101,11 +101,12 @@ def loop_main(plan: Plan, commands: Connection, recorder_lives: Connection, aliv
             loop.lose(sentence, farewell=sentence is WINDOW_LOST)
 
     lives = Lives(os.getppid(), board, lost, (WINDOW_LOST, RECORDER_LOST))
-    threading.Thread(target=_listen, args=(loop, lives, commands, recorder_lives), daemon=True).start()
     gc.collect()
     gc.freeze()
     gc.disable()
     come_first(plan.device.real_time)
+    # Only now, so that it comes first, too: set aside while it holds Python, it would hold up the loop.
+    threading.Thread(target=_listen, args=(loop, lives, commands, recorder_lives), daemon=True).start()
     loop.run(lives.look)
     _leave()
 
@@ -217,7 +218,9 @@ def _leave() -> NoReturn:
 
 
 def come_first(paced: bool = False) -> None:
-    """Ask for this thread to run before ordinary programs; not every system or user is granted it.
+    """Ask for this thread, and those that it starts from now on, to run before ordinary programs.
+
+    Not every system or user is granted it.
 
     Args:
         paced: it mostly waits, and may therefore come before everything else where another core is left.
