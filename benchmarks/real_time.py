@@ -20,7 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,8 @@ import numpy as np
 import psutil
 
 from benchmarks.benches import in_processes, keep_option, kept, shown_window
-from benchmarks.machine import load_average, machine_words, used
+from benchmarks.machine import load_average, used
+from benchmarks.real_time_page import page
 from fingerlab.acquisition.board import Board, Slot
 from fingerlab.acquisition.columns import COLUMN, COLUMNS, RowFlag
 from fingerlab.acquisition.commands import Enable, Initialise, Reset, SetUp, Start
@@ -54,7 +55,7 @@ PIECE_SECONDS = 5.0
 
 REST_S = 2.0
 """After a stop the finger swings for so long before the sensors are set again (assumed)."""
-TRIES = 15
+TRIES = 60
 
 Pause = Callable[[float], None]
 
@@ -121,6 +122,11 @@ class Watch:
         return np.concatenate(self._pieces)
 
 
+def a_run(start: int) -> RunInfo:
+    """A run that begins with a sample, and ends when it is told to."""
+    return RunInfo("on_air", "extension", RATE_HZ, SINE, start)
+
+
 class Drive:
     """Keeps the motor running: after a stop by the checks it begins again, as an operator would.
 
@@ -135,7 +141,7 @@ class Drive:
 
     def start(self) -> None:
         """Enable, and go."""
-        for command in (Enable(), Start(SINE, endless=True)):
+        for command in (Initialise(), Enable(), Start(SINE, endless=True)):
             self._bench.ask(command)
 
     def look(self) -> None:
@@ -145,14 +151,16 @@ class Drive:
             return
         self._faults = status.faults
         self.stops.append(status.fault)
+        print(status.fault, file=sys.stderr)
         if status.loop_ended:
             raise SystemExit(f"The loop has ended: {status.fault}")
         self._bench.ask(Reset())
         for _ in range(TRIES):
             self._pause(REST_S)
             try:
-                self._bench.ask(Initialise())
                 self.start()
+                if not self._bench.status().recording:  # the window ends a run where the bench is stopped
+                    self._bench.recorder.begin(a_run(self._bench.board[Slot.INDEX] + 1))
                 return
             except UserError as error:
                 print(error, file=sys.stderr)
@@ -171,10 +179,11 @@ def measure(
         bench.ask(command)
     load, bare = load_average(), bare_lateness()
     start = bench.board[Slot.INDEX] + 1
-    bench.recorder.begin(RunInfo("on_air", "extension", RATE_HZ, SINE, start))
+    bench.recorder.begin(a_run(start))
     watch, own, drive = Watch(bench), psutil.Process(), Drive(bench, pause)
     if asked.driven:
-        drive.start()
+        with suppress(UserError):  # stopped at once: the first look tells why
+            drive.start()
     before = psutil.cpu_times()
     spent = sum(own.cpu_times()[:2])
     began, end = time.monotonic(), time.monotonic() + 60.0 * asked.minutes
@@ -188,14 +197,15 @@ def measure(
             drive.look()
     share = (sum(own.cpu_times()[:2]) - spent) / (time.monotonic() - began)
     busy, stolen = used(before, psutil.cpu_times())
-    bench.recorder.end()
+    if bench.status().recording:
+        bench.recorder.end()
     if asked.driven:
         bench.stop()
     watch.look()
     unread = bench.status().unread + watch.unread
     bench.recorder.close()
     ms = 1e3 * watch.lateness
-    run = open_session(path).runs[0]
+    recorded = sum(run.length for run in open_session(path).runs)
     return Timed(
         window,
         asked.minutes,
@@ -204,7 +214,7 @@ def measure(
         int((ms > 1e3 * LATE_S).sum()),
         watch.lost,
         unread,
-        run.length,
+        recorded,
         load,
         load_average(),
         busy,
@@ -313,68 +323,6 @@ def _recorder(path: Path) -> Iterator[tuple[Ring, Recorder, Board]]:
     recorder.close()
 
 
-def page(results: list[Timed], speeds: dict[int, float]) -> str:
-    """The measurements as a page of documentation."""
-    table = {
-        "window drawing": ["yes" if r.window else "no" for r in results],
-        "motor driven": [
-            f"yes, {100 * r.driven_share:.1f} % of the time" if r.driven else "no" for r in results
-        ],
-        "stopped by the safety checks": [str(len(r.stops)) if r.driven else "-" for r in results],
-        "the loop is scheduled": [r.granted for r in results],
-        "minutes": [f"{r.minutes:g}" for r in results],
-        "cycles": [f"{r.cycles:,}" for r in results],
-        "lateness p50, ms": [f"{r.lateness_ms[0]:.3f}" for r in results],
-        "lateness p99, ms": [f"{r.lateness_ms[1]:.3f}" for r in results],
-        "lateness p99.9, ms": [f"{r.lateness_ms[2]:.3f}" for r in results],
-        "latest cycle, ms": [f"{r.lateness_ms[3]:.1f}" for r in results],
-        "bare loop of waits: p50, p99, p99.9, latest, ms": [
-            ", ".join(f"{one:.3g}" for one in r.bare_ms) for r in results
-        ],
-        "cycles more than 0.5 ms late": [f"{r.late:,}" for r in results],
-        "cycles lost": [f"{r.lost:,} ({100 * r.lost / (r.cycles + r.lost):.3f} %)" for r in results],
-        "samples that the recorder or the witness missed": [str(r.unread) for r in results],
-        "samples in the file": [f"{r.recorded:,}" for r in results],
-        "processor time of the window's process, % of a core": [f"{r.window_share:.0f}" for r in results],
-        "load average before, after": [f"{r.load_before:.1f}, {r.load_after:.1f}" for r in results],
-        "machine busy meanwhile, % of all cores": [f"{r.busy:.0f}" for r in results],
-        "kept by the host for other machines, %": [f"{r.stolen:.0f}" for r in results],
-    }
-    rows = [f"| {words} | {' | '.join(cells)} |" for words, cells in table.items()]
-    rows.insert(1, "|---|" + "---|" * len(results))
-    speed = "\n".join(f"| {piece} | {rate:,.0f} | {rate / RATE_HZ:.0f} |" for piece, rate in speeds.items())
-    stops = "".join(f"- {sentence}\n" for r in results for sentence in r.stops)
-    told = (
-        f"\nWhat stopped the motor, each time begun anew by hand as after any fault:\n\n{stops}"
-        if stops
-        else ""
-    )
-    return TEXT.format(rows="\n".join(rows), stops=told, speed=speed, machine=machine_words())
-
-
-TEXT = """# Real time
-
-Made with `python -m benchmarks.real_time`, without and with `--with-window` and `--driven`, on {machine}.
-Other programs shared the machine, as its load tells: a machine of one's own is more punctual.
-
-The simulated rig at 1 kHz by the machine's clock, every sample recorded. Where the motor is not driven the
-loop is spared the checks and the position loop (some 10 of 1000 us a cycle). Where it is, it follows a sine
-on air with every safety check on, and is stopped at the first 20 ms that the machine holds the loop up.
-Lateness is how long after its due time a cycle began, the machine's own oversleeping included; who comes a
-whole period late has lost the cycles in between, and they are stored as a gap. The loop asks the system to be
-scheduled in real time (Linux, where the user may), else before others.
-
-{rows}
-{stops}
-Samples a second that the recorder takes from the ring to the disk, sixteen channels and time, flushed ten
-times a second of rig time:
-
-| samples at a time | samples a second | times 1 kHz |
-|---|---|---|
-{speed}
-"""
-
-
 def main() -> None:
     """Measure and write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
@@ -389,7 +337,7 @@ def main() -> None:
         result = run(Path(folder), options)
         speeds = sustained(Path(folder))
     results = kept(result, options.keep)
-    options.page.write_text(page(results, speeds), encoding="utf-8")
+    options.page.write_text(page(results, speeds, RATE_HZ), encoding="utf-8")
 
 
 if __name__ == "__main__":
