@@ -35,6 +35,8 @@ class RigLine:
         device: name; samples: cycles since the device was opened; late: late and lost cycles.
         free_bytes: room on the disk, 0 before it is known.
         live: whether the motor may have current now.
+        cycle_s, longest_cycle_s: measured cycle of the control loop in the last seconds, s: mean and longest;
+            0 before it is known.
     """
 
     light: Light = "off"
@@ -48,6 +50,8 @@ class RigLine:
     free_bytes: int = 0
     warning: str = ""
     live: bool = False
+    cycle_s: float = 0.0
+    longest_cycle_s: float = 0.0
 
 
 def read_session(path: Path) -> Session:

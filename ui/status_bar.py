@@ -1,4 +1,4 @@
-"""The line at the bottom: device, samples, late cycles, disk; what is running; the last log line."""
+"""The line at the bottom: device, samples, cycles, disk; what is running; the last log line."""
 
 from __future__ import annotations
 
@@ -10,6 +10,11 @@ from .tasks import TaskRunner
 
 LOW_DISK_BYTES = 1 << 30
 """With less room than this the status bar warns (assumed): about two hours of recording at 1 kHz."""
+
+CYCLE_HELP = (
+    "Late: cycles of the control loop that came too late or were lost, since the device was connected.\n"
+    "Cycle: measured over the last ten seconds, mean and longest."
+)
 
 
 class StatusBar(QWidget):
@@ -32,14 +37,16 @@ class StatusBar(QWidget):
         """How the rig does."""
         self.device.setText(device_text(line))
         self.device.setVisible(bool(line.device))
-        self.device.setToolTip(line.warning)
+        self.device.setToolTip("\n".join(filter(None, (line.warning, CYCLE_HELP if line.cycle_s else ""))))
 
 
 def device_text(line: RigLine) -> str:
-    """Device, samples, late cycles, disk, in words."""
+    """Device, samples, late cycles, cycle time, disk, in words."""
     if not line.device:
         return ""
     parts = [line.device, f"{line.samples:,} samples".replace(",", "\u202f"), f"{line.late} late"]
+    if line.cycle_s:
+        parts.append(f"cycle {1e3 * line.cycle_s:.2f} ms, longest {1e3 * line.longest_cycle_s:.2f} ms")
     if line.free_bytes:
         room = f"{line.free_bytes / 1e9:.0f} GB free" if line.free_bytes >= 1e10 else _little(line.free_bytes)
         parts.append(f"⚠ only {room}" if line.free_bytes < LOW_DISK_BYTES else room)

@@ -14,6 +14,7 @@ from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from fingerlab.acquisition.bench import Bench, Status
 from fingerlab.acquisition.columns import COLUMN
 from fingerlab.acquisition.commands import Command, SetUp
+from fingerlab.acquisition.cycle_times import CycleTimes
 from fingerlab.acquisition.machine import MODE_WORDS, Event, Machine, Mode
 from fingerlab.acquisition.recording import seconds_of_room
 from fingerlab.acquisition.ring import RingReader
@@ -76,6 +77,7 @@ class Station(QObject):
         self.doing = ""
         self.history = History((*SHOWN, *MODELLED), 1000.0, 1.0)
         self.model: LiveModel | None = None
+        self._cycles = CycleTimes(1000.0)
         self.caller = Caller(self)
         self._opener = opener
         self._reader: RingReader | None = None
@@ -124,6 +126,7 @@ class Station(QObject):
     def _on_opened(self, opened: OpenBench) -> None:
         self.opened, self.bench = opened, opened.bench
         self.history = History((*SHOWN, *MODELLED), opened.bench.rate_hz)
+        self._cycles = CycleTimes(opened.bench.rate_hz)
         self.status = self._seen = opened.bench.status()
         self._reader = opened.bench.ring.reader()
         self.set_up = SetUp()
@@ -271,6 +274,7 @@ class Station(QObject):
         self.ticked.emit()
 
     def _take(self, rows: np.ndarray[Any, np.dtype[np.float64]]) -> None:
+        self._cycles.take(rows)
         index = rows[:, COLUMN["index"]]
         whole = self.history.extend(index, {name: rows[:, COLUMN[name]] for name in SHOWN})
         model = self.model
@@ -316,6 +320,8 @@ class Station(QObject):
                 free_bytes=status.free_bytes,
                 warning=self.warning,
                 live=status.enabled,
+                cycle_s=_known(self._cycles.mean),
+                longest_cycle_s=_known(self._cycles.longest),
             )
         )
 
@@ -366,6 +372,10 @@ def has_virtual_clock(bench: Bench) -> TypeGuard[InlineBench]:
     """Whether its time only passes when it is told to; such a bench has its own, late import."""
     module = sys.modules.get("fingerlab.acquisition.inline")
     return module is not None and isinstance(bench, module.InlineBench)
+
+
+def _known(seconds: float) -> float:
+    return seconds if seconds == seconds else 0.0
 
 
 def _state(status: Status | None) -> Status | None:
