@@ -153,7 +153,7 @@ def _steps(runs: Sequence[RunPlan], contact_force: float, rest_s: float) -> Iter
     for number, run in enumerate(runs, start=1):
         now = SetUp(run.phase, run.cable, run.load_torque)
         if now != before:
-            yield Change(now, _prompt(now))
+            yield Change(now, prompt_of(now))
         elif number > 1:
             yield Rest(rest_s)
         if run.phase == "contact" and _goes_about_contact(run.trajectory) and now != before:
@@ -162,6 +162,12 @@ def _steps(runs: Sequence[RunPlan], contact_force: float, rest_s: float) -> Iter
         if run.load_torque and run.trajectory.get("kind") != "torque":
             yield Lift(_lift(run.trajectory, run.load_torque))
         yield Record(number, len(runs), run.phase, run.cable, run.trajectory, run.load_torque, run.attributes)
+
+
+def lifting(step: Lift) -> Start:
+    """The command that lifts the known load; after ``LIFT_S`` a run can begin."""
+    hold = {"kind": "blocked", "offset_deg": step.degrees, "ramp_s": LIFT_RAMP_S}
+    return Start(hold, endless=True)
 
 
 def _goes_about_contact(trajectory: Mapping[str, Any]) -> bool:
@@ -187,7 +193,8 @@ def _lift(trajectory: Mapping[str, Any], load_torque: float) -> float:
     return side * LIFT_DEG
 
 
-def _prompt(set_up: SetUp) -> str:
+def prompt_of(set_up: SetUp) -> str:
+    """What the operator does to the bench for a set-up."""
     if not set_up.load_torque:
         return f"{CABLE_WORDS[set_up.cable]} {PHASE_WORDS[set_up.phase]}"
     turns = "forwards" if set_up.load_torque > 0 else "backwards"
@@ -317,8 +324,7 @@ class ProtocolDriver:
         self._wait_for_rest()
 
     def _lift(self, step: Lift) -> None:
-        hold = {"kind": "blocked", "offset_deg": step.degrees, "ramp_s": LIFT_RAMP_S}
-        self._bench.ask(Start(hold, endless=True))
+        self._bench.ask(lifting(step))
         self._wait(LIFT_S, "lifting the load")
 
     def _record(self, step: Record) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import (
     QButtonGroup,
     QDoubleSpinBox,
@@ -21,6 +21,7 @@ from PySide6.QtWidgets import (
 )
 
 from fingerlab.acquisition.machine import Event, Mode
+from fingerlab.acquisition.safety import Limits
 
 from ..widgets.labels import ElidedLabel, heading, remark
 from .fields import ActionButton, choice, number, row
@@ -29,6 +30,7 @@ from .initial_form import InitialButton
 from .motion_form import MotionForm
 from .protocol_form import ProtocolForm
 from .recording import Recording
+from .set_up import LOADED_PHASE
 from .station import Station
 
 PHASES = {
@@ -38,6 +40,7 @@ PHASES = {
     "free": "Free",
 }
 CABLES = {"extension": "Extension cable", "flexion": "Flexion cable", "none": "No cable"}
+LOAD_HELP = "Known load: torque of a weight on the pulley; above 0 where the motor lifts it turning forwards."
 WIDTH = 272
 LONGEST_BEFORE_S = 25.0
 """Pre-trigger: well within the shortest ring."""
@@ -76,9 +79,12 @@ class _Value:
 
 
 class Panel(QWidget):
-    """Signal ``set_up_chosen(phase, cable)``; the cable is empty where the phase was changed."""
+    """Signals: ``set_up_chosen(phase, cable)``; the cable is empty where the phase was changed.
+    ``load_chosen(load_torque)``, N m.
+    """
 
     set_up_chosen = Signal(str, str)
+    load_chosen = Signal(float)
 
     def __init__(
         self, station: Station, recording: Recording, actions: Actions, parent: QWidget | None = None
@@ -123,6 +129,10 @@ class Panel(QWidget):
     def _make_bench(self, actions: Actions) -> None:
         self.phase = choice("phase", PHASES, "Phase: what is on the bench.")
         self.cable = choice("cable", CABLES, "Cable: which one is fixed to the pulley.")
+        self.load = number("knownLoad", 0.0, -1.0, 1.0, 4, 0.01, LOAD_HELP)
+        self.load_label = QLabel("Known load (N m)")
+        self.load_label.setBuddy(self.load)
+        self.load.valueChanged.connect(self.load_chosen)
         self.initialise = ActionButton(
             "&Initialise",
             "initialise",
@@ -148,6 +158,7 @@ class Panel(QWidget):
         self._bench = (
             heading("Bench"),
             row(self.phase, self.cable),
+            row(self.load_label, self.load),
             row(self.initialise, self.tare),
             self.initial,
             self.enable,
@@ -261,6 +272,15 @@ class Panel(QWidget):
         set_up = self._station.set_up
         self.phase.setCurrentIndex(self.phase.findData(set_up.phase))
         self.cable.setCurrentIndex(self.cable.findData(set_up.cable))
+        with QSignalBlocker(self.load):
+            self.load.setValue(set_up.load_torque)
+        for widget in (self.load_label, self.load):
+            widget.setVisible(set_up.phase == LOADED_PHASE)
+
+    def show_limits(self, limits: Limits) -> None:
+        """No known load that the motor may not hold."""
+        with QSignalBlocker(self.load):
+            self.load.setRange(-limits.torque, limits.torque)
 
     def refresh(self) -> None:
         """Which buttons can be used now, and why not."""
@@ -287,7 +307,11 @@ class Panel(QWidget):
         self._set_text(self.enable, "Disa&ble" if on else "&Enable")
         self._set_text(self.start, "&Change" if mode is Mode.RUNNING else "&Start")
         fixed = hands_off or ("The amplifier is enabled; disable it first." if on else "")
-        for field, help_text in ((self.phase, "What is on the bench."), (self.cable, "Fixed to the pulley.")):
+        for field, help_text in (
+            (self.phase, "What is on the bench."),
+            (self.cable, "Fixed to the pulley."),
+            (self.load, LOAD_HELP),
+        ):
             field.setEnabled(not fixed and station.status is not None)
             field.setToolTip(fixed or help_text)
         self._refresh_recording()

@@ -93,6 +93,8 @@ class Recording(QObject):
             return "A protocol is under way; STOP ends it."
         if self.station.caller.busy:
             return f"{self.station.caller.title} is under way."
+        if what == "record" and not self.recording and self._load_rests():
+            return "The known load rests on its support; start the motion first, which lifts it."
         if what == "record":
             return "A run is being recorded; end it first." if self.recording else ""
         if what in ("end", "pause", "mark"):
@@ -107,6 +109,9 @@ class Recording(QObject):
             return "The stop is latched; release it first."
         return ""
 
+    def _load_rests(self) -> bool:
+        return bool(self.station.set_up.load_torque) and self.station.mode is not Mode.RUNNING
+
     def record(self, trajectory: Mapping[str, Any], before_s: float) -> None:
         """Begin a run, ``before_s`` seconds ago; a session is opened where none is."""
         info = self.told_info() if self.session is None else None
@@ -119,6 +124,8 @@ class Recording(QObject):
                 bench.recorder.open(info)
             status = bench.status()
             start = max(status.index + 1 - round(before_s * bench.rate_hz), 0)
+            if set_up.load_torque:  # before, the load was not yet carried
+                start = max(start, status.run_start)
             further = {"pre_trigger_s": before_s} if before_s else {}
             if status.run_active:  # where the trajectory's own time begins in the run's
                 further["trajectory_start_s"] = (status.run_start - start) / bench.rate_hz

@@ -381,19 +381,3 @@ def _known(seconds: float) -> float:
 def _state(status: Status | None) -> Status | None:
     """A status without what counts on all the time."""
     return status and replace(status, index=0, cycles=0, late=0, run_start=0, recorded=0, free_bytes=0)
-
-
-def changed_set_up(before: SetUp, **values: Any) -> SetUp:
-    """A set-up whose cable goes with its phase.
-
-    Raises:
-        UserError: phase and cable do not go together.
-    """
-    from fingerlab.twin.protocols import setup_of
-
-    wanted = replace(before, **values)
-    if "cable" not in values and "phase" in values:
-        phase, cable = setup_of(wanted.phase)
-    else:
-        phase, cable = setup_of(wanted.phase, wanted.cable)
-    return replace(wanted, phase=phase, cable=cable)

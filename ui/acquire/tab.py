@@ -21,6 +21,8 @@ from fingerlab.acquisition.commands import (
 )
 from fingerlab.acquisition.initial import initial_of
 from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.protocol import prompt_of
+from fingerlab.acquisition.safety import Limits
 from fingerlab.errors import UserError
 
 from ..desk import Desk
@@ -38,7 +40,8 @@ from .panel import Actions, Panel
 from .plots import LivePlots
 from .prompt_bar import PromptBar
 from .recording import Details, Recording
-from .station import Station, changed_set_up
+from .set_up import changed_set_up, lift_and_start, lift_before
+from .station import Station
 from .toolbar import Toolbar
 
 TEXT_TABLES = (".csv", ".txt", ".tsv")
@@ -122,6 +125,7 @@ class AcquireTab(Tab):
         page.look_asked.connect(self._look_for_devices)
         page.runs_asked.connect(self._look_for_runs)
         self.panel.set_up_chosen.connect(self._on_set_up_chosen)
+        self.panel.load_chosen.connect(self._on_load_chosen)
         self.panel.history.changed.connect(desk.commands_changed)
         self.bar.disconnect_asked.connect(self.disconnect_rig)
         self.bar.open_asked.connect(lambda path: desk.open_paths([Path(path)]))
@@ -199,9 +203,18 @@ class AcquireTab(Tab):
         self.station.ask("Switching the amplifier", Disable() if on else Enable())
 
     def _start(self) -> None:
-        motion = self.panel.motion
-        self.station.doing = motion.words()
-        self.station.ask("Starting", Start(motion.settings(), motion.endless))
+        motion, station = self.panel.motion, self.station
+        start = Start(motion.settings(), motion.endless)
+        try:
+            lift = lift_before(station.set_up, start.trajectory)
+        except UserError as error:
+            self.desk.tell(str(error))
+            return
+        station.doing = motion.words()
+        if lift is None or station.mode is Mode.RUNNING:  # what runs has the load lifted already
+            station.ask("Starting", start)
+        else:
+            station.do("Lifting the load", lift_and_start(lift, start))
 
     def _toggle_record(self) -> None:
         if self.recording.recording:
@@ -238,6 +251,17 @@ class AcquireTab(Tab):
             self.panel.show_set_up()
             return
         self.station.apply(wanted, self._after_set_up)
+
+    def _on_load_chosen(self, load_torque: float) -> None:
+        wanted = changed_set_up(self.station.set_up, load_torque=load_torque)
+
+        def done() -> None:
+            self._after_set_up()
+            if self.station.set_up == wanted:
+                self.desk.tell(prompt_of(wanted))
+
+        if wanted != self.station.set_up:
+            self.station.apply(wanted, done)
 
     def _on_set_up(self, set_up: SetUp) -> None:
         self.station.set_up = set_up
@@ -287,6 +311,7 @@ class AcquireTab(Tab):
         opened = self.station.opened
         if opened is None:
             return
+        self.panel.show_limits(Limits.from_rig(opened.rig))
         self.panel.history.note()
         try:
             self.panel.initial.show_command(initial_of(opened.rig))
