@@ -19,7 +19,8 @@ class Trial:
     Attributes:
         truth: strength by effect, SI. rank: of the (first) true effect, from 1; 0 without an effect.
         could_show: what the diagnosis says of every true effect: at a plausible strength it would show.
-        in_set: all true effects are in the set or in the final model; with none, the set is empty.
+        in_set: all true effects are in the set or in the final model; with none, none is claimed
+            (the set then holds what could not show).
         score: of the nominal model. final_score: with the final model, or with the first candidate.
     """
 
@@ -77,7 +78,7 @@ def blind_trial(
         verdict=answer.verdict,
         rank=min(ranks, default=0),
         could_show=all(shows.get(name, True) for name in truth),
-        in_set=set(truth) <= claimed if truth else not answer.set,
+        in_set=set(truth) <= claimed if truth else answer.verdict == "nothing_missing",
         found=tuple(answer.set),
         model=tuple(answer.final_model),
         score=answer.score,
