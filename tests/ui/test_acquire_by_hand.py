@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QAbstractSpinBox, QDoubleSpinBox, QWidget
 
 from fingerlab.acquisition.machine import Mode
 from fingerlab.sessions import open_session
+from fingerlab.sessions.model import Array
 
 from .bench_hands import Rig
 from .hands import LEFT, child
@@ -77,3 +78,68 @@ def test_a_load_goes_with_the_motor_bench_alone(rig: Rig) -> None:
     assert rig.station.opened is not None
     limit = rig.station.opened.rig.limits.torque
     assert (load.minimum(), load.maximum()) == (-limit, limit)  # no more than the motor may hold
+
+
+# lines, sequence, ramp
+
+
+def commanded(rig: Rig) -> Array:
+    """The command since the motion was started, degrees at the pulley."""
+    start = rig.bench.status().run_start
+    _, values = rig.station.history.series("motor_command", start, rig.station.history.stop)
+    return np.degrees(values)
+
+
+def test_a_multisine_of_one_line_is_a_sine(rig: Rig) -> None:
+    rig.choose("kind", "multisine")
+    enter(rig, "lines", "1")
+    enter(rig, "frequency", "2")
+    enter(rig, "ramp", "1")
+    rig.start()
+    rig.run(6.5)
+    # The first line is 0.3 times the base: 0.6 Hz, here over three whole periods after the ramp.
+    wave = commanded(rig)[1000:6000]
+    spectrum = np.abs(np.fft.rfft(wave)) / len(wave)
+    assert spectrum[0] == pytest.approx(22.0, abs=0.1)
+    assert 2 * spectrum[3] == pytest.approx(15.0, abs=0.1)
+    assert 2 * np.delete(spectrum, [0, 3]).max() < 0.1
+
+
+def test_lines_are_the_first_of_the_table_and_those_handed_over_stay(rig: Rig) -> None:
+    motion = rig.tab.panel.motion
+    rig.choose("kind", "multisine")
+    assert "frequencies_hz" not in motion.settings()  # all five
+    enter(rig, "lines", "3")
+    assert motion.settings()["frequencies_hz"] == [0.3, 0.7, 1.1]
+    lines = [0.4, 0.9, 1.5, 2.3, 2.9, 3.1]
+    given = {"kind": "multisine", "amplitude_deg": 4.0, "frequency_hz": 1.0, "frequencies_hz": lines}
+    rig.window.desk.hand_trajectory(given)
+    assert motion.settings()["frequencies_hz"] == lines
+    assert motion.numbers["lines"].value() == 6
+    rig.tab.panel.history.note()
+    enter(rig, "lines", "2")
+    assert motion.settings()["frequencies_hz"] == [0.3, 0.7]
+    rig.tab.panel.history.note()
+    rig.tab.undo()
+    assert (motion.settings()["frequencies_hz"], motion.numbers["lines"].value()) == (lines, 6)
+
+
+def test_the_sequence_of_steps_and_the_ramp(rig: Rig) -> None:
+    rig.choose("kind", "blocked")
+    enter(rig, "ramp", "4")
+    rig.start()
+    rig.run(5.0)
+    # A raised cosine: half of the way after half of the time, all of it after all.
+    way = commanded(rig)
+    assert (way[2000], way[1000]) == (pytest.approx(11.0, abs=0.05), pytest.approx(3.22, abs=0.05))
+    assert way[4200] == pytest.approx(22.0, abs=0.01)
+    rig.choose("kind", "steps")
+    taken = []
+    for seed in ("7", "8", "7"):
+        enter(rig, "seed", seed)
+        assert rig.tab.panel.motion.settings()["seed"] == int(seed)
+        rig.click("start")
+        rig.run(7.5)
+        taken.append(commanded(rig)[4000:7000])  # the change itself takes the ramp's four seconds
+    assert np.abs(taken[0] - taken[2]).max() < 0.01
+    assert np.abs(taken[0] - taken[1]).max() > 1.0

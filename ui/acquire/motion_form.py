@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QFileDialog, QFormLayout, QPushButton, QWidget
+from PySide6.QtWidgets import QDoubleSpinBox, QFileDialog, QFormLayout, QPushButton, QWidget
 
-from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.trajectories import DEFAULT_RAMP_S, MULTISINE_RATIOS, read_trajectory
 
 from .fields import choice, number
 
@@ -34,9 +34,26 @@ FIELDS = {
     "frequency_hz": MOVES,
     "end_frequency_hz": ("chirp",),
     "rise_s": ("steps",),
+    "seed": ("steps",),
+    "lines": ("multisine",),
     "offset_deg": (*MOVES, "blocked"),
+    "ramp_s": tuple(KINDS),
 }
 """Which numbers each kind has."""
+DEFAULTS = {"seed": 0.0, "ramp_s": DEFAULT_RAMP_S}
+"""What a trajectory means that does not name them; so they are not named."""
+LABELS = {
+    "amplitude_deg": "&Amplitude (°)",
+    "frequency_hz": "F&requency (Hz)",
+    "end_frequency_hz": "&To (Hz)",
+    "rise_s": "R&ise (s)",
+    "seed": "Se&quence",
+    "lines": "Li&nes",
+    "offset_deg": "&Offset (°)",
+    "ramp_s": "Ramp (s)",
+}
+ALL_LINES = len(MULTISINE_RATIOS)
+RATIOS = ", ".join(f"{ratio:g}" for ratio in MULTISINE_RATIOS)
 
 FILE_HELP = "Text table of time (s) and angle (degrees), or of time (s) and torque (N m)."
 ENDLESS_S = 60.0
@@ -51,19 +68,7 @@ class MotionForm(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.kind = choice("kind", KINDS, "Mode: what the motor does.")
-        self.numbers = {
-            "amplitude_deg": number(
-                "amplitude", 15.0, 0.0, 120.0, 1, 1.0, "Amplitude: half of the range, at the pulley."
-            ),
-            "frequency_hz": number("frequency", 1.0, 0.01, 10.0, 2, 0.1, "Frequency: of the motion."),
-            "end_frequency_hz": number(
-                "endFrequency", 3.0, 0.01, 10.0, 2, 0.1, "End frequency of the chirp."
-            ),
-            "rise_s": number("rise", 0.15, 0.01, 2.0, 2, 0.05, "Rise: time from one step to the next."),
-            "offset_deg": number(
-                "offset", 22.0, -180.0, 180.0, 1, 1.0, "Offset: middle of the range, at the pulley."
-            ),
-        }
+        self.numbers = _make_numbers()
         self.duration = number(
             "duration", 0.0, 0.0, 36_000.0, 1, 5.0, "Duration: 0 goes on until it is brought to rest."
         )
@@ -77,19 +82,14 @@ class MotionForm(QWidget):
         self._form.setContentsMargins(0, 0, 0, 0)
         self._form.setSpacing(4)
         self._form.addRow("&Mode", self.kind)
-        labels = {
-            "amplitude_deg": "&Amplitude (°)",
-            "frequency_hz": "F&requency (Hz)",
-            "end_frequency_hz": "&To (Hz)",
-            "rise_s": "R&ise (s)",
-            "offset_deg": "&Offset (°)",
-        }
         for name, field in self.numbers.items():
-            self._form.addRow(labels[name], field)
+            self._form.addRow(LABELS[name], field)
             field.valueChanged.connect(self._on_edited)
         self._form.addRow("File", self.file)
         self._form.addRow("&Duration (s)", self.duration)
         self.duration.valueChanged.connect(self._on_edited)
+        for name in ("lines", "frequency_hz"):
+            self.numbers[name].valueChanged.connect(self._forget_lines)
         self.kind.currentIndexChanged.connect(self._on_kind)
         self.file.clicked.connect(self._choose_file)
         self._on_kind()
@@ -104,8 +104,13 @@ class MotionForm(QWidget):
         kind = str(self.kind.currentData())
         settings: dict[str, Any] = {"kind": kind, **self._further}
         for name, kinds in FIELDS.items():
-            if kind in kinds:
-                settings[name] = self.numbers[name].value()
+            value = self.numbers[name].value()
+            if kind in kinds and name != "lines" and value != DEFAULTS.get(name):
+                settings[name] = round(value) if name == "seed" else value
+        lines = round(self.numbers["lines"].value())
+        if kind == "multisine" and lines < ALL_LINES and "frequencies_hz" not in settings:
+            base = settings["frequency_hz"]
+            settings["frequencies_hz"] = [round(ratio * base, 6) for ratio in MULTISINE_RATIOS[:lines]]
         if kind in BY_POINTS and self._path is not None:
             settings["file"] = str(self._path)
         if not self.endless:
@@ -125,8 +130,9 @@ class MotionForm(QWidget):
         row = self.kind.findData(given["kind"])
         self.kind.setCurrentIndex(row)
         for name, field in self.numbers.items():
-            if name in given:
-                field.setValue(float(given[name]))
+            if name in given or name in DEFAULTS:
+                field.setValue(float(given.get(name, DEFAULTS.get(name))))
+        self._show_lines(len(given.get("frequencies_hz", MULTISINE_RATIOS)))
         self.duration.setValue(float(given.get("duration_s", 20.0)))
         listed = given["kind"] in BY_POINTS and "time_s" in settings
         path = Path(str(settings["file"])) if "file" in given and not listed else None
@@ -152,6 +158,7 @@ class MotionForm(QWidget):
     def restore(self, state: Mapping[str, Any]) -> None:
         """Every field as it was."""
         self.kind.setCurrentIndex(self.kind.findData(state["kind"]))
+        self._show_lines(state["lines"])
         for name, field in self.numbers.items():
             field.setValue(state[name])
         self.duration.setValue(state["duration"])
@@ -200,3 +207,43 @@ class MotionForm(QWidget):
 
     def _on_edited(self) -> None:
         self.edited.emit()
+
+    def _show_lines(self, count: float) -> None:
+        """So many lines, which may be more than this form makes where they were handed over."""
+        self.numbers["lines"].setMaximum(max(count, ALL_LINES))
+        self.numbers["lines"].setValue(count)
+
+    def _forget_lines(self) -> None:
+        """Lines that were handed over hold until their number or their base is changed by hand."""
+        if self._further.pop("frequencies_hz", None) is not None:
+            self.numbers["lines"].setMaximum(ALL_LINES)
+
+
+def _make_numbers() -> dict[str, QDoubleSpinBox]:
+    """The number fields in the order in which they stand."""
+    return {
+        "amplitude_deg": number(
+            "amplitude", 15.0, 0.0, 120.0, 1, 1.0, "Amplitude: half of the range, at the pulley."
+        ),
+        "frequency_hz": number("frequency", 1.0, 0.01, 10.0, 2, 0.1, "Frequency: of the motion."),
+        "end_frequency_hz": number("endFrequency", 3.0, 0.01, 10.0, 2, 0.1, "End frequency of the chirp."),
+        "rise_s": number("rise", 0.15, 0.01, 2.0, 2, 0.05, "Rise: time from one step to the next."),
+        "seed": number(
+            "seed",
+            0.0,
+            0.0,
+            99_999.0,
+            0,
+            1.0,
+            "Sequence: seed of the steps' heights; the same gives the same.",
+        ),
+        "lines": number(
+            "lines", ALL_LINES, 1.0, ALL_LINES, 0, 1.0, f"Lines: the first of {RATIOS} times the frequency."
+        ),
+        "offset_deg": number(
+            "offset", 22.0, -180.0, 180.0, 1, 1.0, "Offset: middle of the range, at the pulley."
+        ),
+        "ramp_s": number(
+            "ramp", DEFAULT_RAMP_S, 0.0, 60.0, 2, 0.5, "Ramp: time from rest to the whole motion."
+        ),
+    }
