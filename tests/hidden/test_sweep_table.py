@@ -53,6 +53,7 @@ def test_every_kind_is_counted_against_its_own_truth() -> None:
     assert told["rich: nothing: false alarms"] == "1 of 2 (50 %)"
     assert told["rich: one effect: first"] == "1 of 2 (50 %)"
     assert told["rich: one effect: in the set"] == "2 of 2 (100 %)"
+    assert told["rich: one effect: in the set, and the verdict is a missing effect"] == "2 of 2 (100 %)"
     assert told["rich: one effect: median set"] == "1.5"
     assert told["pairs: both found"] == "1 of 2 (50 %)"
     assert told["outside the catalogue: called so, or a neighbour"] == "1 of 2 (50 %)"
@@ -115,3 +116,11 @@ def test_every_effect_and_protocol_gets_its_seeds(seeds: int) -> None:
             ]
             assert sorted(alone) == sorted(ids * seeds)
     assert all(t.proposed for t in every if t.protocol == "thesis" and t.effects)
+
+
+def test_an_effect_that_is_said_not_to_show_is_in_the_set_but_not_found() -> None:
+    hidden = {**entry(("added_mass",), (), 0.8), "set": ["added_mass", "motor_inertia"]}
+    told = dict(figures([hidden]))
+    assert told["rich: one effect: first"] == "0 of 1 (0 %)"
+    assert told["rich: one effect: in the set"] == "1 of 1 (100 %)"
+    assert told["rich: one effect: in the set, and the verdict is a missing effect"] == "0 of 1 (0 %)"

@@ -50,7 +50,13 @@ def is_first(told: Entry, truth: Sequence[str]) -> bool:
 
 
 def in_set(told: Entry, truth: Sequence[str]) -> bool:
-    return told.get("verdict") == "missing_effect" and bool(set(truth) & set(told["set"]))
+    """Whether the truth is in the set: of what is missing, or of what could not have shown."""
+    return bool(set(truth) & set(told.get("set", ())))
+
+
+def in_found_set(told: Entry, truth: Sequence[str]) -> bool:
+    """The same where the verdict is that an effect is missing."""
+    return told.get("verdict") == "missing_effect" and in_set(told, truth)
 
 
 def both_found(told: Entry, truth: Sequence[str]) -> bool:
@@ -101,6 +107,10 @@ def _singles(name: str, group: Sequence[Entry]) -> Rows:
     rows = [
         (f"{name}: first", _share(is_first(g, t) for g, t in pairs)),
         (f"{name}: in the set", _share(in_set(g, t) for g, t in pairs)),
+        (
+            f"{name}: in the set, and the verdict is a missing effect",
+            _share(in_found_set(g, t) for g, t in pairs),
+        ),
         (f"{name}: median set", f"{np.median(sizes):g}" if sizes else "-"),
     ]
     left = [g["path"][1][1] for g, t in pairs if is_first(g, t) and len(g["path"]) > 1]
