@@ -143,3 +143,31 @@ def test_the_sequence_of_steps_and_the_ramp(rig: Rig) -> None:
         taken.append(commanded(rig)[4000:7000])  # the change itself takes the ramp's four seconds
     assert np.abs(taken[0] - taken[2]).max() < 0.01
     assert np.abs(taken[0] - taken[1]).max() > 1.0
+
+
+# countdown
+
+
+def test_a_timed_motion_counts_down(rig: Rig) -> None:
+    enter(rig, "duration", "70")
+    rig.start()
+    assert rig.tab.panel.hand_left.isVisible()
+    said = []
+    for _ in range(3):
+        rig.run(10.0)
+        said.append(rig.label("motionLeft"))
+        left = 70.0 - (rig.bench.status().index - rig.bench.status().run_start) / 1000.0
+        assert left == pytest.approx(60.0 - 10.0 * (len(said) - 1), abs=0.3)
+    assert said == ["1:00 left", "0:50 left", "0:40 left"]
+    enter(rig, "duration", "2")
+    rig.click("start")  # the change begins its own time
+    rig.run(0.5)
+    assert rig.label("motionLeft") == "0:02 left"
+    rig.run(3.5)
+    assert rig.mode is Mode.ENABLED
+    assert rig.label("motionLeft") == ""
+    enter(rig, "duration", "0")
+    rig.click("start")
+    rig.run(0.5)
+    assert rig.mode is Mode.RUNNING
+    assert rig.label("motionLeft") == ""  # until it is stopped

@@ -9,6 +9,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject
 
+from fingerlab.acquisition.bench import Status
 from fingerlab.acquisition.commands import SetUp
 from fingerlab.errors import UserError
 
@@ -95,6 +96,11 @@ class Conducting(QObject):
             return
         self._panel.by_hand.click()
         self._desk.say(f"Motion set: {title or self._panel.motion.words()}")
+
+
+def left_of_run(status: Status, rate_hz: float, lasts_s: float) -> float:
+    """What is left of the trajectory that runs and lasts so long, s."""
+    return max(lasts_s - (status.index - status.run_start) / rate_hz, 0.0)
 
 
 def countdown(seconds: float) -> str:

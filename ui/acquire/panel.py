@@ -191,10 +191,13 @@ class Panel(QWidget):
         self.progress.setObjectName("protocolProgress")
         self.progress.setAccessibleName("Progress of the protocol")
         self.progress.setRange(0, 1000)
+        self.hand_left = ElidedLabel()
+        self.hand_left.setObjectName("motionLeft")
+        self.hand_left.setAccessibleName("Time left of the motion")
         self.left = ElidedLabel()
         self.left.setObjectName("protocolLeft")
         for entries in (
-            (self.motion, row(self.start, self.finish)),
+            (self.motion, row(self.start, self.finish), self.hand_left),
             (self.protocol, self.run, self.progress, self.left),
         ):
             page = QWidget()

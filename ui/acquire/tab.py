@@ -30,7 +30,7 @@ from ..tab import Tab
 from ..tasks import Failed
 from .caller import Call
 from .comparing import Comparing
-from .conducting import Conducting
+from .conducting import Conducting, countdown, left_of_run
 from .connect_page import ConnectPage
 from .details_dialog import DetailsDialog
 from .header import AcquireHeader
@@ -73,6 +73,7 @@ class AcquireTab(Tab):
         self._looked = False
         self._painted = Event()
         self._mark_at: int | None = None
+        self._lasts_s: float | None = None
         self._build()
         self.commands = acquire_menu(self)
         self._connect()
@@ -211,10 +212,16 @@ class AcquireTab(Tab):
             self.desk.tell(str(error))
             return
         station.doing = motion.words()
+        lasts_s = None if motion.endless else motion.duration.value()
+
+        def begun() -> None:
+            self._lasts_s = lasts_s
+
         if lift is None or station.mode is Mode.RUNNING:  # what runs has the load lifted already
-            station.ask("Starting", start)
+            station.ask("Starting", start, done=begun)
         else:
-            station.do("Lifting the load", lift_and_start(lift, start))
+            self._lasts_s = None
+            station.do("Lifting the load", lift_and_start(lift, start), lambda _: begun())
 
     def _toggle_record(self) -> None:
         if self.recording.recording:
@@ -326,7 +333,18 @@ class AcquireTab(Tab):
         if self.station.numbers_due:
             self.comparing.show_errors()
             self.panel.refresh()
+            self._count_down()
             self._follow_mode()
+
+    def _count_down(self) -> None:
+        """What is left of a motion that was started by hand for a time."""
+        status, bench = self.station.status, self.station.bench
+        words = ""
+        running = status is not None and status.mode is Mode.RUNNING and not self.recording.in_protocol
+        if self._lasts_s is not None and running and status is not None and bench is not None:
+            words = f"{countdown(left_of_run(status, bench.rate_hz, self._lasts_s))} left"
+        if words != self.panel.hand_left.text():
+            self.panel.hand_left.setText(words)
 
     def _follow_mode(self) -> None:
         status = self.station.status
