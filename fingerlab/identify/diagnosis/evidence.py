@@ -13,7 +13,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fingerlab.identify.diagnosis.study import Trial
-from fingerlab.identify.diagnosis.unseen import AS_LIKELY, bayes_factor, least_strength, with_unseen
+from fingerlab.identify.diagnosis.unseen import (
+    AS_LIKELY,
+    DECIDING_LOG_ODDS,
+    bayes_factor,
+    least_strength,
+    with_unseen,
+)
 from fingerlab.sessions.model import Array
 
 CORRELATED_VALUES = 16.0
@@ -52,7 +58,6 @@ NEXT_SHARE = 0.4
 """A second effect must explain more of what is left: the first one's own law is never quite the plant's
 (where a joint sticks, say), and a partner that only mends that law is not missing physics."""
 PRIOR_NOTHING, PRIOR_UNKNOWN, PRIOR_EFFECTS = 0.5, 0.05, 0.45
-LEAST_LOG_ODDS = 5.0
 SET_PROBABILITY = 0.95
 SET_LOG_ODDS = 3.0
 """An effect is in the set when its log odds against the best are above minus this (odds of about 1 to 20)."""
@@ -122,7 +127,7 @@ def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
     effects = -0.5 * charged / heat + np.log(PRIOR_EFFECTS / max(len(trials), 1))
     nothing = -0.5 * tolerated / heat + np.log(PRIOR_NOTHING)
     least_unknown = UNKNOWN_LEAST_BEYOND if base.model.choices else UNKNOWN_LEAST
-    unexplained = (1.0 - UNKNOWN_SHARE) * zero + least_unknown * count + 2 * LEAST_LOG_ODDS * heat
+    unexplained = (1.0 - UNKNOWN_SHARE) * zero + least_unknown * count + 2 * DECIDING_LOG_ODDS * heat
     unknown = -0.5 * unexplained / heat + np.log(PRIOR_UNKNOWN)
     everything = np.concatenate((effects, [nothing, unknown]))
     weights = np.exp(everything - everything.max())
@@ -167,7 +172,7 @@ def small_excess(trial: Trial) -> float:
     extra = sum(abs(float(trial.fit.values[a])) for a, _ in names)
     under = sum(abs(float(trial.fit.values[b])) for _, b in names)
     short = np.log(LEAST_EXCESS * under / max(extra, 1e-300)) if under > 0 else 0.0
-    return float(min(0.5 * (max(short, 0.0) / EXCESS_SPREAD) ** 2, 2.0 * LEAST_LOG_ODDS))
+    return float(min(0.5 * (max(short, 0.0) / EXCESS_SPREAD) ** 2, 2.0 * DECIDING_LOG_ODDS))
 
 
 NOT_BORNE_OUT = 0.05
@@ -210,8 +215,9 @@ def needed(evidence: Evidence, trial: Trial) -> float:
     base = evidence.base
     remaining = min([base.misfit, *(t.misfit for t in evidence.trials)])
     in_contact = CONTACT_CHARGE if _reaches_contact_alone(trial) else 0.0
-    least = max(LEAST_SHARE * max(remaining, 0.0), _least_part(base) * base.count) + in_contact * base.count
-    return max(least, 2.0 * LEAST_LOG_ODDS * evidence.temperature)
+    least = max(least_share(base) * max(remaining, 0.0), _least_part(base) * base.count)
+    least += in_contact * base.count
+    return max(least, 2.0 * DECIDING_LOG_ODDS * evidence.temperature)
 
 
 def _reaches_contact_alone(trial: Trial) -> bool:
@@ -271,7 +277,7 @@ def justified(base: Trial, trial: Trial, level: float = 0.0) -> bool:
     fall = base.misfit - trial.misfit - level
     heat = temperature(trial.misfit, trial.count)
     in_contact = _contact_charge(base, trial)
-    likely = 0.5 * (fall - charge(base, trial) - in_contact * trial.count) / heat > LEAST_LOG_ODDS
+    likely = 0.5 * (fall - charge(base, trial) - in_contact * trial.count) / heat > DECIDING_LOG_ODDS
     least = _least_part(base) + in_contact
     shares = fall > max(least_share(base) * max(base.misfit, 0.0), least * base.count)
     return bool(likely and shares)
