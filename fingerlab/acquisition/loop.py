@@ -324,6 +324,8 @@ class ControlLoop:
         averaging, self._averaging = self._averaging, None
         assert averaging is not None
         sentence = averaging.finish(self._reader.zeros)
+        if not sentence:
+            self._board[Slot.SET_AT] = self._reader.index + 1
         if not sentence and isinstance(averaging.what, Initialise):
             self._become(Event.INITIALISE)
             self._reader.forget_speed()
@@ -335,6 +337,7 @@ class ControlLoop:
         change = getattr(self.device, "set_up", None)
         if change is not None and self._reader.index >= 0:
             change(command.phase, command.cable, command.load_torque)
+        self._board[Slot.SET_AT] = self._reader.index + 1
         self._cable = command.cable != "none"
         self._safety = safety_checks(
             self.settings.limits,
