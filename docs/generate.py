@@ -39,6 +39,7 @@ from fingerlab.rig_file import CONSTANT_UNITS, default_rig, sources_of
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS))
 from fingerprints import picture  # noqa: E402  (stands beside this file, in no package)
+from stated import page as decisions  # noqa: E402
 from summary import MARK, summary  # noqa: E402
 
 FAMILIES = {
@@ -80,6 +81,7 @@ def pages() -> dict[str, str]:
         "limits.md": _limits(),
         "nuisances.md": _nuisances(),
         "constants.md": _constants(),
+        "decisions.md": decisions(),
     }
     return {path: COMMENT + text for path, text in made.items()}
 

@@ -228,6 +228,18 @@ def test_the_page_of_commands_has_all_of_them(pages: dict[str, str]) -> None:
     assert re.findall(r"^## (\S+)$", pages["commands.md"], re.MULTILINE) == list(COMMANDS)
 
 
+def test_the_numbers_of_the_diagnosis_are_read_from_its_modules(pages: dict[str, str]) -> None:
+    from fingerlab.identify.diagnosis import conditions, evidence
+
+    made = sys.modules["stated"]
+    rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", pages["decisions.md"], re.MULTILINE))
+    assert float(rows["CORRELATED_VALUES"]) == evidence.CORRELATED_VALUES
+    assert float(rows["SAME_SHARE"]) == conditions.SAME_SHARE
+    assert rows["SAME_DIFFERENCE"].startswith("frequency hz 0.02, amplitude deg 1")
+    assert all(len(list(made.stated(name))) > 0 for name in made.MODULES)
+    assert made.shown({"a": object()}) == made.shown(float("inf")) == ""
+
+
 def test_formulas_become_mathml(generate: ModuleType) -> None:
     html = (
         '<p>so <span class="arithmatex">\\(a &lt; b\\)</span></p><div class="arithmatex">\\[\nx^2\n\\]</div>'
