@@ -24,7 +24,6 @@ NOT_RUN = {
     "it installs what the tests run with",
     "it needs the card",
     "it takes minutes",
-    "it takes as long as the runs",
 }
 """The reasons for which a command may be left out."""
 MOST_LEFT_OUT = 12
