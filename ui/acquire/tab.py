@@ -29,6 +29,7 @@ from fingerlab.errors import UserError
 from ..desk import Desk
 from ..tab import Tab
 from ..tasks import Failed
+from ..widgets.room import SideRoom
 from .caller import Call
 from .comparing import Comparing
 from .conducting import Conducting, left_of_run
@@ -92,7 +93,7 @@ class AcquireTab(Tab):
         across.setContentsMargins(0, 0, 0, 0)
         across.setSpacing(0)
         across.addLayout(left, 1)
-        across.addWidget(self.panel)
+        across.addWidget(SideRoom(self.panel))
         self.bench_page = bench
         self.pages = QStackedWidget()
         self.pages.addWidget(self.connect_page)
