@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 @click.option(
     "--device",
     metavar="NAME",
-    help="simulated, or a card such as Dev1 or host:31763/Dev1; else the first one found.",
+    help="simulated; a card such as Dev1 or host:31763/Dev1; own:FILE.py; else the first one found.",
 )
 @click.option("--rig", "rig_file", type=click.Path(path_type=Path), help="Rig file (TOML).")
 @click.option("--title", help="Title of the session.")

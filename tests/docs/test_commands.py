@@ -24,6 +24,7 @@ NOT_RUN = {
     "it installs what the tests run with",
     "it needs the card",
     "it takes minutes",
+    "it moves a motor in real time",
 }
 """The reasons for which a command may be left out."""
 MOST_LEFT_OUT = 12
