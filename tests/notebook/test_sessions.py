@@ -15,7 +15,7 @@ import xarray
 
 import fingerlab
 from fingerlab.errors import UserError
-from fingerlab.notebook.layout import Table
+from fingerlab.notebook.layout import Table, filled
 from fingerlab.sessions import Run
 
 MakeSession = Callable[..., Path]
@@ -134,6 +134,11 @@ def test_a_table_aligns_numbers_at_the_right() -> None:
     assert table.text() == "two & three\nname     n\na        1\nbcdef  100"
     assert "two &amp; three" in table.html()
     assert '<td style="text-align:right">100</td>' in table.html()
+
+
+def test_a_number_stays_with_its_unit_where_a_line_ends() -> None:
+    text = filled("a " * 41 + "lasts 600 s, and 90 % of it at 1000 Hz")
+    assert text.splitlines() == [("a " * 41 + "lasts").strip(), "600 s, and 90 % of it at 1000 Hz"]
 
 
 def test_wrong_words_get_one_sentence(make_session: MakeSession, tmp_path: Path) -> None:
