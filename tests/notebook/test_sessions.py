@@ -161,4 +161,10 @@ def test_the_catalogue_prints_every_effect() -> None:
     assert len(catalogue) > 25
     text = repr(catalogue)
     assert all(name in text for name in catalogue)
-    assert catalogue["coulomb_friction"].title in text
+    one = catalogue["coulomb_friction"]
+    assert one.title in text
+    shown = repr(one)
+    assert shown.startswith("Coulomb joint friction (coulomb_friction), changes joint torque")
+    gain = one.effect.gains["coulomb_mcp"]
+    assert f"{gain.low:g} to {gain.high:g}" in shown
+    assert f"What reveals it: {one.effect.reveal}." in " ".join(shown.split())
