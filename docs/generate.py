@@ -38,6 +38,8 @@ from fingerlab.rig_file import CONSTANT_UNITS, default_rig, sources_of
 
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS))
+from arrows import MARK as ARROWS  # noqa: E402
+from arrows import drawing  # noqa: E402
 from fingerprints import picture  # noqa: E402  (stands beside this file, in no package)
 from stated import page as decisions  # noqa: E402
 from summary import MARK, summary  # noqa: E402
@@ -326,8 +328,11 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put the summary of the measurements where a page asks for it."""
-    return markdown.replace(MARK, summary(DOCS)) if MARK in markdown else markdown
+    """Put the summary of the measurements, and the arrows, where a page asks for them."""
+    for mark, make in ((MARK, lambda: summary(DOCS)), (ARROWS, lambda: f"<div>{drawing()}</div>")):
+        if mark in markdown:
+            markdown = markdown.replace(mark, make())
+    return markdown
 
 
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)

@@ -240,6 +240,19 @@ def test_the_numbers_of_the_diagnosis_are_read_from_its_modules(pages: dict[str,
     assert made.shown({"a": object()}) == made.shown(float("inf")) == ""
 
 
+def test_no_import_runs_up_an_arrow(generate: ModuleType) -> None:
+    made = sys.modules["arrows"]
+    rank, edges = made.ranks(), made.imports()
+    assert [edge for edge in sorted(edges) if rank[edge[0]] >= rank[edge[1]]] == []
+    folders = {path.parent.name for path in (ROOT / "fingerlab").glob("*/__init__.py")}
+    assert folders <= {*rank, *made.GROUND}  # each part is drawn
+    assert {("ui", "identify"), ("cli", "identify"), ("devices", "twin")} <= edges
+    assert ("ui", "identify") not in made.drawn(edges)  # it runs over the report
+    page = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    svg = generate.on_page_markdown(page)
+    assert svg.count('marker-end="url(#tip)"') == len(made.drawn(edges))
+
+
 def test_formulas_become_mathml(generate: ModuleType) -> None:
     html = (
         '<p>so <span class="arithmatex">\\(a &lt; b\\)</span></p><div class="arithmatex">\\[\nx^2\n\\]</div>'
