@@ -186,11 +186,14 @@ class Lines:
     """Lines of standard input as they come, read in a thread of their own.
 
     It reads past Python's buffer: a thread that waits inside of it would break the program's end.
+
+    Attributes:
+        ended: there will be no further line.
     """
 
     def __init__(self, take: Callable[[str], None]) -> None:
         self._take = take
-        self._begun = False
+        self._begun = self.ended = False
 
     def begin(self) -> None:
         """Read from now on."""
@@ -199,8 +202,10 @@ class Lines:
             threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self) -> None:
-        for line in _lines(sys.stdin):
-            self._take(line)
+        if sys.stdin is not None:
+            for line in _lines(sys.stdin):
+                self._take(line)
+        self.ended = True
 
 
 def _lines(stream: IO[str]) -> Iterator[str]:

@@ -104,7 +104,13 @@ class _Attendant:
         self.script.asking, self.script.answered = True, False
 
         def answered() -> bool:
+            over = self._lines.ended
             self.look()
+            if over and not self.script.answered:
+                raise UserError(
+                    "Nobody is there to say that the bench has been changed; record from a terminal, or give "
+                    "--yes."
+                )
             return self.script.answered
 
         try:

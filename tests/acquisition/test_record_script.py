@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import subprocess
 import sys
@@ -13,12 +14,25 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from fingerlab.acquisition.commands import Initialise
+from fingerlab.acquisition.inline import InlineBench
+from fingerlab.acquisition.protocol import plan_steps
+from fingerlab.acquisition.protocol_driver import Beginning
+from fingerlab.acquisition.requests import LoopSettings
+from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.script import Order, read_order
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.acquisition.trigger import Level, crossings, read_level
+from fingerlab.acquisition.units import BenchUnits
+from fingerlab.cli.common import progress_bar
 from fingerlab.cli.record import record
+from fingerlab.cli.record_events import Events
+from fingerlab.cli.record_session import Told, take
 from fingerlab.errors import UserError
+from fingerlab.rig_file import default_rig
 from fingerlab.sessions import check_session, open_session
+from fingerlab.twin.protocols import RunPlan
+from tests.acquisition.fake_device import FakeDevice
 
 RUN = {"kind": "sine", "amplitude_deg": 10.0, "frequency_hz": 1.0, "offset_deg": 20.0, "duration_s": 2.0}
 
@@ -49,9 +63,7 @@ def of(events: list[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
 
 
 def test_markers_and_a_pause_at_their_moments(tmp_path: Path) -> None:
-    orders = (
-        "# remarks are left out\n@1:0.5 pause\n@1:1 resume\n@2:0.75 mark light touch, Łódź\n@1.5 mark one\n"
-    )
+    orders = "# a remark\n@1:0.5 pause\n@1:1 resume\n@2:0.753 mark light touch, Łódź\n@1.507 mark one\n"
     result, events = call(tmp_path, "--runs", "2", "--rest", "0.1", orders=orders)
     assert result.exit_code == 0, result.output
     session = open_session(tmp_path / "s.h5")
@@ -62,8 +74,8 @@ def test_markers_and_a_pause_at_their_moments(tmp_path: Path) -> None:
     assert first.channel("time")[np.argmax(steps)] == pytest.approx(0.5, abs=0.03)
     assert np.sort(steps)[-2] == pytest.approx(1e-3)
     # A marker stands at its very sample; one for any run belongs to the first in which its moment comes.
-    assert _markers(first) == [{"time": 1.5, "note": "one"}]
-    assert _markers(second) == [{"time": 0.75, "note": "light touch, Łódź"}]
+    assert _markers(first) == [{"time": 1.507, "note": "one"}]
+    assert _markers(second) == [{"time": 0.753, "note": "light touch, Łódź"}]
     assert [e["run"] for e in of(events, "marked")] == [1, 2]
     assert session.attributes["ended"] == "clean"
 
@@ -160,6 +172,48 @@ def test_on_air_then_contact_with_the_model_beside_it(tmp_path: Path) -> None:
     assert forces
     left = [e["left_s"] for e in of(events, "progress")]
     assert left == sorted(left, reverse=True)
+
+
+@pytest.mark.parametrize(
+    ("typed", "lines", "ends"),
+    [
+        (False, "\n", "2 runs"),
+        (True, "mark too early\nready\n", "2 runs"),
+        (True, "end\n", "at least one"),
+        (True, "stop\n", "KeyboardInterrupt"),
+        (False, "", "Nobody is there"),
+        (True, "mark\n", "Nobody is there"),
+    ],
+)
+def test_who_is_asked_to_change_the_bench(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, typed: bool, lines: str, ends: str
+) -> None:
+    device = FakeDevice()
+    settings = LoopSettings(BenchUnits.from_rig(default_rig()), Limits())
+    bench = InlineBench(device, settings, tmp_path / "rescued")
+    plan = RunPlan("on_air", "extension", {**RUN, "duration_s": 1.0})
+    told = Told(
+        out=tmp_path / "s.h5", name="own", title=None, attributes={}, initial=Initialise(),
+        beginning=Beginning(), model=None, orders=[], typed=typed, asks=True,
+    )  # fmt: skip
+    monkeypatch.setattr(sys, "stdin", io.StringIO(lines))
+    bar, report = progress_bar("test")
+    with Events(str(tmp_path / "events.jsonl")) as events:
+        try:
+            path, samples, runs = take(
+                bench, default_rig(), plan_steps([plan, plan], 0.8, 0.1), told, events, bar, report
+            )
+            seen = f"{runs} runs"
+            assert samples == 2000
+            assert open_session(path).attributes["ended"] == "clean"
+        except (UserError, KeyboardInterrupt) as error:
+            seen = str(error) or type(error).__name__
+    assert ends in seen
+    assert (device.volts, device.enabled) == (0.0, False)
+    told_lines = (tmp_path / "events.jsonl").read_text(encoding="utf-8").splitlines()
+    asked = of([json.loads(line) for line in told_lines], "ask")
+    assert [e["sentence"].startswith("Fix the extension cable") for e in asked] == [True]
+    bench.close()
 
 
 def test_a_script_at_the_other_end_of_a_pipe(tmp_path: Path) -> None:
