@@ -293,7 +293,7 @@ def on_config(config: Any) -> Any:
 def navigation(nav: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The navigation of ``mkdocs.yml`` with what is only known when the pages are built."""
     families = [
-        {family: [f"catalogue/{effect.id}.md" for effect in module.EFFECTS]}
+        {family: [{effect.title: f"catalogue/{effect.id}.md"} for effect in module.EFFECTS]}
         for family, module in FAMILIES.items()
     ]
     named = set(_named(nav))
@@ -338,6 +338,11 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
 
 
+FUNCTION = re.compile(r"<mi>(?:cos|sin|tan|sgn|max|min|ln)</mi>")
+THIN = '<mspace width="0.14em"></mspace>'
+"""Room about the name of a function, which the converter leaves out."""
+
+
 def on_page_content(html: str, **_: Any) -> str:
     """Formulas as MathML, which browsers show without a script and without a network."""
     from html import unescape
@@ -346,7 +351,8 @@ def on_page_content(html: str, **_: Any) -> str:
 
     def formula(found: re.Match[str]) -> str:
         display = "inline" if found[2] == "(" else "block"
-        return str(convert(unescape(found[3]).strip(), display=display))
+        made = str(convert(unescape(found[3]).strip(), display=display))
+        return FUNCTION.sub(rf"<mrow>{THIN}\g<0>{THIN}</mrow>", made)
 
     return FORMULA.sub(formula, html)
 
