@@ -222,6 +222,8 @@ def _open(
 
 def _choice(options: Mapping[str, Any]) -> DeviceChoice:
     from fingerlab.devices.choosing import choose_device
+    from fingerlab.devices.detect import detect, opening_sentence
+    from fingerlab.devices.protocol import first_available
     from fingerlab.devices.simulated import Simulation
     from fingerlab.rig_file import load_rig
     from fingerlab.twin.effects import parse_effects
@@ -232,7 +234,13 @@ def _choice(options: Mapping[str, Any]) -> DeviceChoice:
     simulation = Simulation(
         options["preset"], options["seed"], parse_effects(options["effects"]), options["hidden"]
     )
-    return choose_device(options["device"], rig, simulation, real_time=options["real_time"])
+    name = options["device"]
+    if name is None:
+        found = detect(rig)
+        click.echo(opening_sentence(found), err=True)
+        first = first_available(found)
+        name = first.name if first is not None else None
+    return choose_device(name, rig, simulation, real_time=options["real_time"])
 
 
 def _plans(options: Mapping[str, Any]) -> tuple[str, list[Any]]:

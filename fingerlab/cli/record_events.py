@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import locale
 import math
 import os
 import sys
@@ -217,10 +218,17 @@ def _lines(stream: IO[str]) -> Iterator[str]:
     rest = b""
     while piece := os.read(number, 4096):
         *whole, rest = (rest + piece).split(b"\n")
-        for line in whole:
-            yield line.decode("utf-8", errors="replace")
+        yield from map(_text, whole)
     if rest:
-        yield rest.decode("utf-8", errors="replace")
+        yield _text(rest)
+
+
+def _text(line: bytes) -> str:
+    """UTF-8, as scripts write it, else as a terminal of this system writes it."""
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode(locale.getencoding(), errors="replace")
 
 
 def _plain(value: Any) -> Any:

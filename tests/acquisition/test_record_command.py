@@ -57,6 +57,15 @@ def test_one_run_on_the_simulated_rig(tmp_path: Path) -> None:
     assert session.attributes["operator"] == "Ada"
 
 
+def test_what_was_found_is_said_where_no_device_is_named(tmp_path: Path) -> None:
+    """Nobody should take the simulated rig's runs for the bench's."""
+    brief = json.dumps({**RUN, "duration_s": 1.0})
+    result = call("--trajectory", brief, "--phase", "on_air", "--out", str(tmp_path / "s.h5"))
+    assert result.exit_code == 0, result.output
+    assert "no NI-DAQmx driver: using the simulated rig" in result.stderr
+    assert open_session(tmp_path / "s.h5").attributes["device"] == "simulated rig"
+
+
 def test_several_runs_from_predefined_values(tmp_path: Path) -> None:
     """The finger hangs still on air: where its joints stand is where they are said to stand."""
     hold = {"kind": "blocked", "offset_deg": 5.0, "duration_s": 1.0, "ramp_s": 0.5}

@@ -16,10 +16,18 @@ import psutil
 import pytest
 
 from fingerlab.acquisition.board import Board, Slot
+from fingerlab.acquisition.commands import Enable, Initialise
 from fingerlab.acquisition.lives import Standstill
+from fingerlab.acquisition.loop import STOOD_STILL
+from fingerlab.acquisition.process_bench import ProcessBench
+from fingerlab.acquisition.requests import LoopSettings
+from fingerlab.acquisition.units import BenchUnits
+from fingerlab.errors import UserError
+from fingerlab.rig_file import default_rig
 from fingerlab.sessions import check_session, open_session
 from tests.faults.killing import ROOT
-from tests.faults.shared_device import make_output, read_output
+from tests.faults.shared_device import SharedChoice, make_output, read_output
+from tests.faults.window import PATIENT
 
 PATIENCE_S = 45.0
 
@@ -55,6 +63,25 @@ def test_a_loop_that_hangs_is_stopped_in_its_place(tmp_path: Path) -> None:
     assert not check_session(found).errors
     assert found.attributes["ended"] == "truncated"
     assert found.runs[0].length > 400
+
+
+def test_who_drives_is_told_that_the_loop_stood_still(tmp_path: Path) -> None:
+    make_output(tmp_path / "output")
+    settings = LoopSettings(BenchUnits.from_rig(default_rig()), PATIENT)
+    bench = ProcessBench(SharedChoice(tmp_path / "output"), settings, tmp_path / "rescued")
+    try:
+        bench.ask(Initialise())
+        bench.ask(Enable())
+        bench.board[Slot.KEEPER] = 1  # as the guardian says it
+        assert wait_for(lambda: bench.status().loop_ended)
+        assert bench.status().fault == STOOD_STILL
+        with pytest.raises(UserError, match="stood still"):
+            bench.ask(Initialise())
+        with pytest.raises(UserError, match="stood still"):
+            bench.wait(1.0)
+        assert wait_for(lambda: read_output(tmp_path / "output").zero)
+    finally:
+        bench.close()
 
 
 def attach(name: str) -> Board:
