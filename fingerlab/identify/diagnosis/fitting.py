@@ -191,7 +191,7 @@ def _limited(noise: Array, whole: Array) -> Array:
     among = np.ix_(live, live)
     units = np.outer(scale, scale)
     # In units of the whole (its Cholesky factor) the noise is a share between 0 and 1 in every direction.
-    factor = np.linalg.cholesky(whole[among] * units + RIDGE * np.eye(len(live)))
+    factor = _factor(whole[among] * units)
     half = np.linalg.solve(factor, noise[among] * units)
     shares, directions = np.linalg.eigh(np.linalg.solve(factor, half.T))
     wrong = (shares > MOST_NOISE) | (shares < 0.0)
@@ -200,6 +200,18 @@ def _limited(noise: Array, whole: Array) -> Array:
     limited = np.zeros_like(noise)
     limited[among] = noise[among] - (reach * excess) @ reach.T / units
     return limited
+
+
+def _factor(products: Array) -> Array:
+    """Cholesky factor of products with ones on the diagonal, lifted to be definite, (n, n)."""
+    ridge = RIDGE * np.eye(len(products))
+    try:
+        return np.linalg.cholesky(products + ridge)
+    except np.linalg.LinAlgError:
+        # Products of the taut moments are those of all less those of the slack ones: where nearly all is
+        # slack, what is left of a signal may be rounding, which is no product of anything.
+        sizes, directions = np.linalg.eigh(products)
+        return np.linalg.cholesky((directions * np.maximum(sizes, 0.0)) @ directions.T + ridge)
 
 
 SETTLING_ITERATIONS = 4
