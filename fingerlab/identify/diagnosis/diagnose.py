@@ -15,18 +15,21 @@ from fingerlab.identify.diagnosis.errors import equation_errors
 from fingerlab.identify.diagnosis.evidence import (
     Evidence,
     alike,
+    borne_out,
     distrusted,
     hidden,
     justified,
+    much_left,
     needed,
     unseen,
 )
 from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
-from fingerlab.identify.diagnosis.search import Watch, forward, rescore, weigh
+from fingerlab.identify.diagnosis.search import LONGEST_PATH, Watch, forward, rescore, weigh
 from fingerlab.identify.diagnosis.second_look import (
     closely,
     closest,
     look_again_along,
+    look_beyond,
     settled,
     worth_a_look,
 )
@@ -130,7 +133,13 @@ def _diagnose(
         evidence = distrusted(evidence)
     closer: Study | None = None
     if len(path) > 1 and worth_a_look(path[-1].model.choices):
-        closer, path = look_again_along(sessions, path, scale.part(0.9, 0.97), cancelled, executor)
+        closer, path = look_again_along(sessions, path, scale.part(0.9, 0.93), cancelled, executor)
+        while much_left(path[-1]) and len(path) <= LONGEST_PATH:
+            beyond = Watch(scale.part(0.93, 0.97), cancelled)
+            longer = look_beyond(sessions, catalogue, path, beyond, executor)
+            if longer is None:
+                break
+            closer, path = longer
         study.weights = closer.weights
     if closer is not None or len(path) > 2:
         # Every score of an answer is told in the floors of the same, last model.
@@ -138,6 +147,7 @@ def _diagnose(
         path = [evidence.base, *path[1:]]
     else:
         study.weights = first_weights
+    evidence = borne_out(evidence, path[-1])
     loose = sum(f.slack_samples for g in reduced.groups for f in g.folds)
     evidence = unseen(evidence)
     verdict = _verdict(evidence)

@@ -74,6 +74,9 @@ class Evidence:
     nothing: float
     unknown: float
     temperature: float
+    against_nothing: float
+    """Log odds that an effect of the catalogue is missing rather than nothing; held also where the two
+    probabilities are too small to be told beside that of something unknown."""
     unseen: Array = field(default_factory=lambda: np.zeros(0))
     """Probabilities of effects that are not found because they could not show, (trials,); see ``unseen``."""
     factors: Array = field(default_factory=lambda: np.zeros(0))
@@ -135,7 +138,8 @@ def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
     log_odds = among(base, trials)
     shares = np.exp(log_odds) / max(float(np.exp(log_odds).sum()), 1.0)
     found = shares * float(weights[:-2].sum())
-    return Evidence(base, tuple(trials), found, log_odds, float(weights[-2]), float(weights[-1]), heat)
+    odds = float(np.logaddexp.reduce(effects) - nothing)
+    return Evidence(base, tuple(trials), found, log_odds, float(weights[-2]), float(weights[-1]), heat, odds)
 
 
 def among(base: Trial, trials: Sequence[Trial]) -> Array:
@@ -190,6 +194,41 @@ def distrusted(evidence: Evidence) -> Evidence:
         probabilities=kept,
         nothing=evidence.nothing + share * rest,
         unknown=evidence.unknown + (1.0 - share) * rest,
+    )
+
+
+MUCH = 1.0
+"""Squared score above one that no bench leaves (``USUAL_LEFT``) and no nearly right law (about 0.5)."""
+
+
+def much_left(trial: Trial) -> bool:
+    """Whether a model leaves so much that something is missing for certain."""
+    return trial.misfit > MUCH * trial.count
+
+
+def borne_out(evidence: Evidence, last: Trial) -> Evidence:
+    """The evidence when steps of which each is justified lead from the base to ``last``.
+
+    What one effect leaves and others of the catalogue explain is no sign of something outside of it.
+    """
+    beyond = len(last.model.choices) - len(evidence.base.model.choices) - 1
+    if beyond < 1 or not evidence.trials:
+        return evidence
+    best = min(t.misfit for t in evidence.trials)
+    further = beyond * (np.log(PRIOR_EFFECTS / len(evidence.trials)) - DECIDING_LOG_ODDS)
+    gain = 0.5 * (best - last.misfit) / evidence.temperature + further
+    found = float(evidence.probabilities.sum())
+    if gain <= 0.0 or found <= 0.0:
+        return evidence
+    grown = np.log(found) + gain
+    weights = np.array([grown, np.log(max(evidence.nothing, 1e-300)), np.log(max(evidence.unknown, 1e-300))])
+    weights = np.exp(weights - weights.max())
+    weights /= weights.sum()
+    return replace(
+        evidence,
+        probabilities=evidence.probabilities * float(weights[0]) / found,
+        nothing=float(weights[1]),
+        unknown=float(weights[2]),
     )
 
 

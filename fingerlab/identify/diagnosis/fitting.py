@@ -67,6 +67,10 @@ class Data:
     def __init__(self, groups: Sequence[Group]) -> None:
         self.groups = groups
         self._noise = [_noise_of_a_sample(g) for g in groups]
+        self._taut_noise = [
+            noise if g.taut_noise is None else g.taut_noise
+            for g, noise in zip(groups, self._noise, strict=True)
+        ]
         self._kept: dict[tuple[int, int], tuple[Model, Gathered]] = {}
         self._joined: dict[tuple[int, Part], Sums] = {}
 
@@ -89,7 +93,8 @@ class Data:
     @cached_property
     def noiseless(self) -> list[Sums]:
         """All folds of every group as one, without noise."""
-        return [g.whole.without(noise) for g, noise in zip(self.groups, self._noise, strict=True)]
+        noises = zip(self._noise, self._taut_noise, strict=True)
+        return [g.whole.without(*noise) for g, noise in zip(self.groups, noises, strict=True)]
 
     def weighted(
         self, i: int, part: Part | None, model: Model, weights: Array, standing: Callable[[], Array]
@@ -121,7 +126,7 @@ class Data:
         noise = self._noise[i][pick.square]
         found = Gathered(
             sums.of(pick),
-            sums.of(pick, noise),
+            sums.of(pick, noise, self._taut_noise[i][pick.square]),
             sums.at_rest(pick),
             sums.at_rest(pick, noise),
             sums.slack(pick),
@@ -176,11 +181,11 @@ def limit_noise(group: Group) -> None:
     if group.noise_samples <= 0:
         return
     whole = group.whole
-    noise = _noise_of_a_sample(group)
-    noise = _limited(noise, whole.taut() / max(whole.taut_samples, 1))
-    if whole.loose is not None:
-        noise = _limited(noise, whole.products / whole.samples)
+    noise = _limited(_noise_of_a_sample(group), whole.products / whole.samples)
     group.noise = noise * group.noise_samples
+    if whole.loose is not None:
+        # Few taut moments hold little of it; what is not in them says nothing of how noisy the others are.
+        group.taut_noise = _limited(noise, whole.taut() / max(whole.taut_samples, 1))
 
 
 def _limited(noise: Array, whole: Array) -> Array:

@@ -51,6 +51,8 @@ FOLDS = 10
 """Runs of a condition are dealt to at most this many folds; ten runs or fewer are held out one by one."""
 SLACK_TENSION_N = 0.12
 """Below this tension the cable may be slack, N; assumed: a few times the noise of the current at 8 Hz."""
+INERTIA_SPREADS = 2.0
+"""... and more where the rotor speeds up: its inertia may be off by so many standard deviations."""
 
 TASKS_AHEAD = 2
 """Runs that a second process is given at a time: one at work and one waiting."""
@@ -73,6 +75,8 @@ class Group:
     folds: list[Sums]
     noise: Array
     noise_samples: float = 0.0
+    taut_noise: Array | None = None
+    """What noise adds to the products at one taut moment, (signals, signals); None: as at any other."""
     encoder_variance: float = 0.0  # m^2 of cable: what a standing encoder's step leaves open
     dealt: list[Fold] = field(default_factory=list)
     trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)
@@ -257,6 +261,7 @@ def _taut(motion: Motion, inner: slice) -> BoolArray:
     if motion.finger is None:
         return np.ones(len(narrow(motion.time[inner])), dtype=bool)
     pull = (motion.torque - (motion.motor.inertia or 0.0) * motion.acceleration) / motion.radius
+    pull -= INERTIA_SPREADS * motion.inertia_spread * np.abs(motion.acceleration) / motion.radius
     smooth = np.convolve(pull, np.ones(9) / 9, mode="same")  # 36 ms: the tension's own noise is then small
     loose = (smooth < SLACK_TENSION_N)[inner]
     # A slack cable hangs through by millimetres, the taut one is known to micrometres: no window that

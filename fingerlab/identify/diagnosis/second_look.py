@@ -13,10 +13,10 @@ from concurrent.futures import Executor
 from dataclasses import replace
 
 from fingerlab.errors import UserError
-from fingerlab.identify.diagnosis.evidence import justified
+from fingerlab.identify.diagnosis.evidence import justified, least_fall
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
-from fingerlab.identify.diagnosis.search import refine
+from fingerlab.identify.diagnosis.search import STEP_PROMISE, Watch, forward, refine, weigh
 from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study, Trial
 from fingerlab.physics.effects.base import Effect, Shape
 from fingerlab.sessions.model import Session
@@ -107,6 +107,34 @@ def look_again_along(
         if not idle or idle[0] == 1:
             return study, steps
         chosen = chosen[: idle[0]]
+
+
+def look_beyond(
+    sessions: Sequence[Session],
+    catalogue: Sequence[Effect],
+    path: Sequence[Trial],
+    watch: Watch,
+    executor: Executor | None = None,
+) -> tuple[Study, list[Trial]] | None:
+    """The path with steps that show only beside the closer shapes of the effects on it; None: there are none.
+
+    Returns:
+        As ``look_again_along``.
+
+    Raises:
+        Cancelled: the user asked for it.
+    """
+    given = closest(path[-1])
+    beside = [next((g for g in given if g.id == e.id), e) for e in catalogue]
+    study = Study(reduce_sessions(sessions, beside, watch.progress, watch.cancelled, executor=executor))
+    effects = study.reduced.layout.effects
+    base = study.hold_out(settled(study, given))
+    evidence = weigh(study, base, effects, watch, STEP_PROMISE * least_fall(base))
+    found = forward(study, evidence, effects, len(given), watch)
+    if len(found) == 1:
+        return None
+    fewer = [study.fit(found[0].model.choices[:k], found[0]) for k in range(len(given))]
+    return look_again_along(sessions, [*fewer, *found], watch.progress, watch.cancelled, executor)
 
 
 def closest(trial: Trial) -> list[Effect]:

@@ -38,6 +38,7 @@ class Motion:
     load: Array | None = None
     lead: int = 0  # samples at the start that only set the memory of what has one; no equation counts there
     position_step: float = 0.0  # of the motor's encoder, rad
+    inertia_spread: float = 0.0  # of the rotor's inertia, one standard deviation, kg m^2
     _memory: dict[object, Array] = field(default_factory=dict, repr=False, compare=False)
 
     def remember(self, key: object, make: Callable[[], Array]) -> Array:
