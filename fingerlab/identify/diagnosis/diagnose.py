@@ -137,7 +137,7 @@ def _diagnose(
         while much_left(path[-1]) and len(path) <= LONGEST_PATH:
             beyond = Watch(scale.part(0.93, 0.97), cancelled)
             longer = look_beyond(sessions, catalogue, path, beyond, executor)
-            if longer is None:
+            if longer is None or len(longer[1]) <= len(path):  # found, but not borne out when looked at again
                 break
             closer, path = longer
         study.weights = closer.weights

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fingerlab.errors import Cancelled
-from fingerlab.identify.diagnosis.evidence import Evidence, judge, justified, least_fall, much_left
+from fingerlab.identify.diagnosis.evidence import (
+    Evidence,
+    alike,
+    among,
+    judge,
+    justified,
+    least_fall,
+    much_left,
+)
 from fingerlab.identify.diagnosis.fitting import Weights
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.reduction import Progress
@@ -200,6 +208,7 @@ def forward(study: Study, first: Evidence, effects: Sequence[Effect], keep: int,
     """
     steps, weights = [first.base], [study.weights]
     sound = 1  # so many of the steps are borne out
+    rivals: dict[str, list[Effect]] = {}
     evidence = first
     while len(steps) <= LONGEST_PATH and evidence.trials:
         if evidence.against_nothing <= 0.0:
@@ -215,10 +224,52 @@ def forward(study: Study, first: Evidence, effects: Sequence[Effect], keep: int,
             chosen = reshape(study, chosen)
         steps.append(chosen)
         weights.append(study.weights)
+        rivals[best.model.choices[-1].effect.id] = _rivals(evidence)
         sound = len(steps) if borne_out else sound
         watch.tell(0.5, f"looking beyond {best.model.choices[-1].effect.title.lower()}")
         evidence = weigh(study, chosen, effects, watch, STEP_PROMISE * least_fall(chosen))
+    if sound > 2:
+        exchanged = _exchanged(study, steps[sound - 1], keep, rivals)
+        if exchanged is not None:
+            steps[:sound], weights[:sound] = exchanged
     return _borne_out(study, steps[:sound], weights[:sound])
+
+
+def _rivals(evidence: Evidence) -> list[Effect]:
+    """Effects that were hardly told from the one that was taken, itself left out."""
+    return [evidence.trials[i].model.choices[-1].effect for i in alike(evidence)[: FRONT + 1]][1:]
+
+
+def _exchanged(
+    study: Study, last: Trial, keep: int, rivals: Mapping[str, Sequence[Effect]]
+) -> tuple[list[Trial], list[Weights]] | None:
+    """Steps to a model in which effects have given way to rivals that do better beside the later ones.
+
+    What was taken first was judged with the others still missing. None: all stay.
+    """
+    choices = list(last.model.choices)
+    for place in range(keep, len(choices) - 1):
+        others = [*choices[:place], *choices[place + 1 :]]
+        held = {c.effect.id for c in choices}
+        wanted = [e for e in rivals.get(choices[place].effect.id, ()) if e.id not in held]
+        if not wanted:
+            continue
+        base = study.hold_out(study.fit(others, last, FULL_ITERATIONS))
+        promise = Sketch(study, base).promise
+        tried = [refine(study, study.fit([*others, choices[place]], last, SCREEN_ITERATIONS))]
+        tried += [
+            refine(study, study.fit([*others, Choice(e, promise(e).shape)], last, SCREEN_ITERATIONS))
+            for e in wanted
+        ]
+        odds = among(base, [study.hold_out(t) for t in tried])
+        choices[place] = tried[int(np.argmax(odds))].model.choices[-1]
+    if [c.effect.id for c in choices] == [c.effect.id for c in last.model.choices]:
+        return None
+    end = study.settle(choices, last)
+    steps = [
+        study.hold_out(study.fit(choices[:k], end, FULL_ITERATIONS)) for k in range(keep, len(choices) + 1)
+    ]
+    return steps, [study.weights] * len(steps)
 
 
 def _borne_out(study: Study, steps: list[Trial], weights: list[Weights]) -> list[Trial]:
