@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fingerlab.identify.diagnosis.study import Trial
+from fingerlab.identify.diagnosis.sums import BoolArray
 from fingerlab.identify.diagnosis.unseen import (
     AS_LIKELY,
     DECIDING_LOG_ODDS,
@@ -156,7 +157,14 @@ def among(base: Trial, trials: Sequence[Trial]) -> Array:
     log -= COST_OF_A_GAIN * np.array([freedom(t) for t in trials])
     log -= 0.5 * np.array([t.surprise for t in trials])
     log -= np.array([small_excess(t) for t in trials])
+    log[idle(base, trials)] -= 2.0 * DECIDING_LOG_ODDS
     return np.asarray(log - log.max())
+
+
+def idle(base: Trial, trials: Sequence[Trial]) -> BoolArray:
+    """Which effects explain so little that they would not be missing if they were alone, (trials,)."""
+    falls = np.array([base.misfit - t.misfit - charge(base, t) for t in trials])
+    return falls < least_fall(base)
 
 
 LEAST_EXCESS = 0.2

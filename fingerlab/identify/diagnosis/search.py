@@ -127,9 +127,20 @@ def weigh(
         )
         trials = sorted(again, key=lambda t: t.fit.cost)
     watch.tell(0.95, "scoring on held-out runs")
+    base = study.hold_out(base, residuals=True)
     scored = [study.hold_out(t) for t in trials[:HELD_OUT_TRIALS]]
-    scored += [study.count(t) for t in trials[HELD_OUT_TRIALS:]]
-    return judge(study.hold_out(base, residuals=True), scored)
+    scored += [_as_held_out(base, study.count(t)) for t in trials[HELD_OUT_TRIALS:]]
+    return judge(base, scored)
+
+
+def _as_held_out(base: Trial, trial: Trial) -> Trial:
+    """A trial scored in sample, as much below the held-out base as it is below it in sample.
+
+    Where runs differ, a model misses more in those that it has not seen, with an effect or without.
+    """
+    misfits = trial.misfits.copy()
+    misfits[:, 0] += base.misfits[:, 0] - base.in_sample[:, 0]
+    return replace(trial, misfits=misfits)
 
 
 def _cost(trial: Trial) -> float:
@@ -320,7 +331,7 @@ def rescore(study: Study, evidence: Evidence) -> Evidence:
     )
     trials = [study.fit(t.model.choices, t, FULL_ITERATIONS if t.held_out else 1) for t in evidence.trials]
     scored = [
-        study.hold_out(new) if old.held_out else study.count(new)
+        study.hold_out(new) if old.held_out else _as_held_out(base, study.count(new))
         for old, new in zip(evidence.trials, trials, strict=True)
     ]
     return replace(evidence, base=base, trials=tuple(scored))
