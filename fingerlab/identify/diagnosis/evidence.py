@@ -91,8 +91,11 @@ class Evidence:
 
 def freedom(trial: Trial) -> int:
     """Unknowns that the trial's last effect brings: gains, and one for a grid of shapes."""
-    effect = trial.model.choices[-1].effect
-    gains = len(effect.gains) - len(effect.offsets)  # what the losses could be as well explains no misfit
+    effect, shape = trial.model.choices[-1].effect, trial.model.choices[-1].shape
+    layout = trial.model.layout
+    used = {layout.features[i].parameter for i in layout.indices(effect.id, shape)}  # one law may need fewer
+    # What the losses could be as well explains no misfit.
+    gains = len([name for name in effect.gains if name in used or effect.special]) - len(effect.offsets)
     return gains + len(effect.relaxes) + (1 if len(effect.shapes) > 3 else 0)
 
 
