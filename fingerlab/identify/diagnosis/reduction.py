@@ -8,8 +8,8 @@ effects then cost nothing that grows with the recording.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 
@@ -37,6 +37,7 @@ from fingerlab.identify.diagnosis.features import (
     nuisance_ranges,
     shifted_columns,
 )
+from fingerlab.identify.diagnosis.recall import Recall, Seen
 from fingerlab.identify.diagnosis.routing import spread_of
 from fingerlab.identify.diagnosis.stretches import stretches
 from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Part, RunSums, Sums, empty, total
@@ -172,18 +173,35 @@ def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> La
     )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of every run: the layout's features as signals; the first ``common`` every model has."""
+
+    signals: IntArray  # (features,)
+    common: int
+
+
 Column = tuple[Array, int | None, bool, Callable[[], Feature]]
 """Values at the wide rate, shift, whether a user's own effect brings them, and what makes their feature."""
 
 
 def _columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
-    """All features in order; a motor channel comes once for every shift, with the same values."""
+    """All features in order: those of every model, then those of the effects."""
+    yield from _common_columns(motion)
+    yield from _effect_columns(motion, effects)
+
+
+def _common_columns(motion: Motion) -> Iterator[Column]:
+    """A motor channel comes once for every shift, with the same values."""
     for feature, values in base_columns(motion):
         yield values, None, False, partial(replace, feature)
     for feature, values in shifted_columns(motion):
         shifts: Sequence[int | None] = [None] if motion.finger is None else range(SLOPE + 1)
         for k in shifts:
             yield values, k, False, partial(replace, feature, shift=k)
+
+
+def _effect_columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
     for effect in effects:
         own = _of_the_user(effect)
         for index, shape in enumerate(effect.shapes):
@@ -203,11 +221,35 @@ def narrow_columns(motion: Motion, effects: Sequence[Effect], signals: IntArray)
     inner = counted(motion)
     time = narrow(motion.time[inner])
     low = np.zeros((int(signals.max()) + 1, len(time)))
+    live = _fill(low, motion, _columns(motion, effects), signals, 0)
+    return Narrow(low.T, _taut(motion, inner), time, motion, _at_rest(motion.position[inner]), np.array(live))
+
+
+def narrow_again(seen: Seen, effects: Sequence[Effect], signals: IntArray) -> Narrow:
+    """The same of a stretch that was read before; ``signals`` begin as they did then."""
+    known = len(seen.low)
+    low = np.zeros((max(int(signals.max()) + 1, known), len(seen.time)))
+    low[:known] = seen.low
+    rest = _fill(low, seen.motion, _effect_columns(seen.motion, effects), signals[seen.features :], known)
+    live = np.concatenate((seen.live, np.array(rest, dtype=seen.live.dtype)))
+    return Narrow(low.T, seen.taut, seen.time, seen.motion, seen.rest, live)
+
+
+def _seen(low: Narrow, asked: Asked) -> Seen:
+    """What a later reading needs of a stretch beside its motion."""
+    known = int(asked.signals[: asked.common].max()) + 1
+    common = low.columns.T[:known].astype(np.float32)
+    return Seen(low.wide, asked.common, common, low.live[low.live < known], low.taut, low.rest, low.time)
+
+
+def _fill(low: Array, motion: Motion, columns: Iterable[Column], signals: IntArray, count: int) -> list[int]:
+    """Filter the signals from the number ``count`` on into ``low``; gives those that are not zero."""
+    inner = counted(motion)
     # Single precision is a hundred times finer than the sensors, and twice as fast.
     wide = np.empty((AT_ONCE, max(inner.stop - inner.start, 0)), np.float32)
     live: list[int] = []
-    count = waiting = 0
-    for place, (values, shift, _, _) in zip(signals.tolist(), _columns(motion, effects), strict=True):
+    waiting = 0
+    for place, (values, shift, _, _) in zip(signals.tolist(), columns, strict=True):
         if place < count:
             continue
         count += 1
@@ -221,7 +263,7 @@ def narrow_columns(motion: Motion, effects: Sequence[Effect], signals: IntArray)
             waiting = 0
     if waiting:
         low[live[-waiting:]] = narrow(wide[:waiting])
-    return Narrow(low.T, _taut(motion, inner), time, motion, _at_rest(motion.position[inner]), np.array(live))
+    return live
 
 
 AT_ONCE = 64
@@ -318,11 +360,12 @@ def reduce_sessions(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     keep: Callable[[Session, Run, Narrow], None] | None = None,
-    executor: Executor | None = None,
+    recall: Recall | None = None,
 ) -> Reduced:
     """One pass over the data; ``keep`` is shown every stretch as it passes.
 
-    ``executor`` is a second process that takes a share of the runs; not together with ``keep``.
+    ``recall`` tells whether a second process takes a share of the runs (not together with ``keep``), and
+    holds what earlier passes over the same sessions left.
 
     Raises:
         UserError: nothing to analyse, or a run that cannot be read.
@@ -335,7 +378,7 @@ def reduce_sessions(
     dealt, places = deal_runs([run for _, run in pairs])
     groups: dict[GroupKey, Group] = {}
     layout: Layout | None = None
-    parts = _in_turn(pairs, effects, executor if keep is None else None, keep)
+    parts = _in_turn(pairs, effects, recall or Recall(), keep)
     for number, (_, run) in enumerate(pairs):
         if cancelled is not None and cancelled():
             raise Cancelled
@@ -362,32 +405,47 @@ def _empty_group(run: Run, layout: Layout, dealt: list[Fold]) -> Group:
 def _in_turn(
     pairs: Sequence[tuple[Session, Run]],
     effects: Sequence[Effect],
-    executor: Executor | None,
+    recall: Recall,
     keep: Callable[[Session, Run, Narrow], None] | None,
 ) -> Iterator[tuple[Layout, RunSums]]:
     """The sums of every run, in order; a second process works ahead on every run that is not yet begun.
 
-    The layout is made here, from the first run: only its sums travel between the processes.
+    The layout is made here, from the first run: only its sums travel between the processes. A run goes to the
+    process that has read it before.
     """
     first, run = pairs[0]
-    layout = layout_of(next(stretches(run, first.rig)).glimpse(), first, effects)
-    signals = layout.signals
+    known = next(recall.stretches(0), None)
+    motion = known.motion if known is not None else next(stretches(run, first.rig))
+    layout = layout_of(motion.glimpse(), first, effects)
+    asked = Asked(layout.signals, len(layout.base))
     grids = [(e.id, e.shapes) for e in effects]
-    if any(_of_the_user(e) for e in effects):
-        executor = None  # a user's own effect lives in this process only
+    # A user's own effect lives in this process only, and so does what is shown.
+    alone = recall.executor is None or keep is not None or any(_of_the_user(e) for e in effects)
     waiting = deque(range(len(pairs)))
     ahead: dict[int, Future[RunSums]] = {}
     done: dict[int, RunSums] = {}
+
+    def ask(number: int) -> None:
+        session, run = pairs[number]
+        waiting.remove(number)
+        recall.elsewhere.add(number)
+        assert recall.executor is not None
+        ahead[number] = recall.executor.submit(
+            _elsewhere, number, replace(session, runs=()), run, grids, asked, recall.name
+        )
+
     try:
         for number in range(len(pairs)):
             while number not in done:
-                _refill(executor, ahead, waiting, pairs, (grids, signals))
-                if number in waiting:
-                    waiting.remove(number)
-                    done[number] = run_sums(*pairs[number], effects, signals, keep)
-                elif waiting and not ahead[number].done():
-                    own = waiting.popleft()
-                    done[own] = run_sums(*pairs[own], effects, signals, keep)
+                while not alone and sum(not f.done() for f in ahead.values()) < TASKS_AHEAD:
+                    theirs = _theirs(recall, waiting)
+                    if theirs is None:
+                        break
+                    ask(theirs)
+                own = next((n for n in waiting if alone or n not in recall.elsewhere), None)
+                if own is not None and (number in waiting or not ahead[number].done()):
+                    waiting.remove(own)
+                    done[own] = run_sums(own, *pairs[own], effects, asked, keep, recall)
                 else:
                     done[number] = ahead.pop(number).result()
             yield layout, done.pop(number)
@@ -396,27 +454,28 @@ def _in_turn(
             future.cancel()
 
 
-def _refill(
-    executor: Executor | None,
-    ahead: dict[int, Future[RunSums]],
-    waiting: deque[int],
-    pairs: Sequence[tuple[Session, Run]],
-    constants: tuple[Sequence[Grid], IntArray],
-) -> None:
-    """Keep the second process busy; the next run in turn is left to this one."""
-    if executor is None:
-        return
-    while len(waiting) > 1 and sum(not f.done() for f in ahead.values()) < TASKS_AHEAD:
-        number = waiting[1]
-        waiting.remove(number)
-        session, run = pairs[number]
-        ahead[number] = executor.submit(_elsewhere, replace(session, runs=()), run, *constants)
+def _theirs(recall: Recall, waiting: Iterable[int]) -> int | None:
+    """The run that the second process is given next: one that it has read, or one that neither has.
+
+    Of the latter the next in turn is left to this process.
+    """
+    read = [n for n in waiting if n in recall.elsewhere]
+    return (read + [n for n in waiting if n not in recall][1:2] + [None])[0]
 
 
-def _elsewhere(session: Session, run: Run, grids: Sequence[Grid], signals: IntArray) -> RunSums:
+_recalled = Recall()
+"""In the second process: what it has read of the analysis that is going on."""
+
+
+def _elsewhere(
+    number: int, session: Session, run: Run, grids: Sequence[Grid], asked: Asked, analysis: str
+) -> RunSums:
     """What the second process does."""
+    global _recalled
+    if _recalled.name != analysis:
+        _recalled = Recall(name=analysis)
     effects = [replace(CATALOGUE[name], shapes=shapes) for name, shapes in grids]
-    return run_sums(session, run, effects, signals, None)
+    return run_sums(number, session, run, effects, asked, None, _recalled)
 
 
 def _of_the_user(effect: Effect) -> bool:
@@ -426,19 +485,18 @@ def _of_the_user(effect: Effect) -> bool:
 
 
 def run_sums(
+    number: int,
     session: Session,
     run: Run,
     effects: Sequence[Effect],
-    signals: IntArray,
+    asked: Asked,
     keep: Callable[[Session, Run, Narrow], None] | None,
+    recall: Recall,
 ) -> RunSums:
-    """Products of all signals over a run, in stretches of at most a minute.
-
-    ``signals`` is the layout's: which signal each feature is, (features,).
-    """
+    """Products of all signals over a run, in stretches of at most a minute; ``number`` is its own."""
     result = RunSums(run.name)
-    for motion in stretches(run, session.rig):
-        low = narrow_columns(motion, effects, signals)
+    for low in _narrowed(number, session, run, effects, asked, recall):
+        motion = low.wide
         live = np.ascontiguousarray(low.columns.T[low.live])
         part = _products(low, live)
         repeating = _repeating(low, run)
@@ -453,6 +511,25 @@ def run_sums(
         if keep is not None:
             keep(session, run, low)
     return result
+
+
+def _narrowed(
+    number: int, session: Session, run: Run, effects: Sequence[Effect], asked: Asked, recall: Recall
+) -> Iterator[Narrow]:
+    """All signals of a run's stretches, read or recalled."""
+    if number in recall:
+        for seen in recall.stretches(number):
+            yield narrow_again(seen, effects, asked.signals)
+        return
+    found: list[Seen] | None = []
+    for motion in stretches(run, session.rig):
+        low = narrow_columns(motion, effects, asked.signals)
+        yield low
+        if found is not None:
+            found.append(_seen(low, asked))
+            found = found if recall.has_room(found) else None
+    if found is not None:
+        recall.keep(number, found)
 
 
 def _products(low: Narrow, live: Array) -> Sums:

@@ -127,7 +127,7 @@ def weigh(
         )
         trials = sorted(again, key=lambda t: t.fit.cost)
     watch.tell(0.95, "scoring on held-out runs")
-    base = study.hold_out(base, residuals=True)
+    base = study.told(study.hold_out(base, residuals=True))
     scored = [study.hold_out(t) for t in trials[:HELD_OUT_TRIALS]]
     scored += [_as_held_out(base, study.count(t)) for t in trials[HELD_OUT_TRIALS:]]
     return judge(base, scored)
@@ -326,9 +326,8 @@ def _reordered(study: Study, steps: Sequence[Trial]) -> list[Trial]:
 
 def rescore(study: Study, evidence: Evidence) -> Evidence:
     """The same verdict and probabilities, with every model fitted and scored under the present weights."""
-    base = study.hold_out(
-        study.fit(evidence.base.model.choices, evidence.base, FULL_ITERATIONS), residuals=True
-    )
+    fitted = study.fit(evidence.base.model.choices, evidence.base, FULL_ITERATIONS)
+    base = study.told(study.hold_out(fitted, residuals=True))
     trials = [study.fit(t.model.choices, t, FULL_ITERATIONS if t.held_out else 1) for t in evidence.trials]
     scored = [
         study.hold_out(new) if old.held_out else _as_held_out(base, study.count(new))

@@ -1,20 +1,20 @@
 """A second look at the recordings, for the effects that were found alone: between the points of their grids.
 
 The catalogue is searched on coarse grids, for every point costs columns in every pass over the data. What is
-found is then read once more, with few columns of other effects in the way: finer shapes around the best one,
-and other laws of the same physics. A law that is only nearly right leaves a remainder that passes for more
-physics, so every step of the path is judged again.
+found is then looked at once more (see ``recall``), with few columns of other effects in the way: finer shapes
+around the best one, and other laws of the same physics. A law that is only nearly right leaves a remainder
+that passes for more physics, so every step of the path is judged again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 
 from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.evidence import justified, least_fall
 from fingerlab.identify.diagnosis.model import Choice
+from fingerlab.identify.diagnosis.recall import Recall
 from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
 from fingerlab.identify.diagnosis.search import STEP_PROMISE, Watch, forward, refine, weigh
 from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study, Trial
@@ -42,7 +42,7 @@ def closely(
     effects: Sequence[Effect],
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
-    executor: Executor | None = None,
+    recall: Recall | None = None,
 ) -> tuple[Study, Trial]:
     """All effects in, settled on their grids and then looked at again; own weights.
 
@@ -50,14 +50,15 @@ def closely(
         UserError: an effect does not apply to these runs, or a run cannot be read.
         Cancelled: ``cancelled`` answered True.
     """
-    study = Study(reduce_sessions(sessions, effects, progress, cancelled, executor=executor))
+    recall = recall or Recall()
+    study = Study(reduce_sessions(sessions, effects, progress, cancelled, recall=recall))
     for one in effects:
         if one not in study.reduced.layout.effects:
             raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
     trial = settled(study, effects)
     if not worth_a_look(trial.model.choices):
         return study, trial
-    return look_again(sessions, trial.model.choices, progress, cancelled, executor)
+    return look_again(sessions, trial.model.choices, progress, cancelled, recall)
 
 
 def look_again(
@@ -65,7 +66,7 @@ def look_again(
     found: Sequence[Choice],
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
-    executor: Executor | None = None,
+    recall: Recall | None = None,
 ) -> tuple[Study, Trial]:
     """The effects at the best of the shapes around those found, under their own model's weights.
 
@@ -76,7 +77,7 @@ def look_again(
         Cancelled: ``cancelled`` answered True.
     """
     closer = [_closer(c) for c in found]
-    study = Study(reduce_sessions(sessions, closer, progress, cancelled, executor=executor))
+    study = Study(reduce_sessions(sessions, closer, progress, cancelled, recall=recall))
     places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(closer, found, strict=True)]
     trial = study.settle([Choice(e, i) for e, i in zip(closer, places, strict=True)])
     several = [k for k, e in enumerate(closer) if len(e.shapes) > 1]
@@ -91,7 +92,7 @@ def look_again_along(
     path: Sequence[Trial],
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
-    executor: Executor | None = None,
+    recall: Recall | None = None,
 ) -> tuple[Study, list[Trial]]:
     """A path of models, each held out, with the shapes of a second look; steps that it spares drop out.
 
@@ -99,7 +100,7 @@ def look_again_along(
     """
     chosen = list(path)
     while True:
-        study, last = look_again(sessions, chosen[-1].model.choices, progress, cancelled, executor)
+        study, last = look_again(sessions, chosen[-1].model.choices, progress, cancelled, recall)
         by_id = {c.effect.id: c for c in last.model.choices}
         kept = [[by_id[c.effect.id] for c in step.model.choices if c.effect.id in by_id] for step in chosen]
         steps = [study.hold_out(study.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
@@ -114,7 +115,7 @@ def look_beyond(
     catalogue: Sequence[Effect],
     path: Sequence[Trial],
     watch: Watch,
-    executor: Executor | None = None,
+    recall: Recall | None = None,
 ) -> tuple[Study, list[Trial]] | None:
     """The path with steps that show only beside the closer shapes of the effects on it; None: there are none.
 
@@ -126,7 +127,7 @@ def look_beyond(
     """
     given = closest(path[-1])
     beside = [next((g for g in given if g.id == e.id), e) for e in catalogue]
-    study = Study(reduce_sessions(sessions, beside, watch.progress, watch.cancelled, executor=executor))
+    study = Study(reduce_sessions(sessions, beside, watch.progress, watch.cancelled, recall=recall))
     effects = study.reduced.layout.effects
     base = study.hold_out(settled(study, given))
     evidence = weigh(study, base, effects, watch, STEP_PROMISE * least_fall(base))
@@ -134,7 +135,7 @@ def look_beyond(
     if len(found) == 1:
         return None
     fewer = [study.fit(found[0].model.choices[:k], found[0]) for k in range(len(given))]
-    return look_again_along(sessions, [*fewer, *found], watch.progress, watch.cancelled, executor)
+    return look_again_along(sessions, [*fewer, *found], watch.progress, watch.cancelled, recall)
 
 
 def closest(trial: Trial) -> list[Effect]:

@@ -64,7 +64,9 @@ class Trial:
     touching: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (conditions,): in contact
     held_out: bool = False
     in_sample: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    """As ``misfits``, always of the fit to all runs: where trials are compared that are not all held out."""
+    """As ``misfits``, always of the fit to all runs: where trials are compared that are not all held out.
+
+    Empty where it was not asked for (see ``Study.told``)."""
     residuals: Mapping[GroupKey, Array] = field(default_factory=dict)
     """Mean products of the equations' residuals for each group, (5, 5) over ``Row``, noise included."""
     widening: float = 0.0
@@ -72,7 +74,7 @@ class Trial:
     surprise: float = 0.0
     """What the constants of the joints' equations cost in twice the log density (see ``losses``)."""
     reach: Reach = NO_REACH
-    """What the last effect would do at its typical strength."""
+    """What the last effect would do at its typical strength (see ``Study.told``)."""
 
     @property
     def misfit(self) -> float:
@@ -198,8 +200,16 @@ class Study:
             held_out=False,
             widening=fitter.widening,
             surprise=self._surprise(trial),
-            reach=reach(fitter, trial),
         )
+
+    def told(self, trial: Trial) -> Trial:
+        """A scored trial with what only an answer tells of it: its misfit in sample, and its effect's reach.
+
+        Under the weights that it was scored with.
+        """
+        fitter = self._fitter(trial)
+        in_sample = trial.in_sample if len(trial.in_sample) else self._in_sample(fitter, trial)
+        return replace(trial, in_sample=in_sample, reach=reach(fitter, trial))
 
     def _in_sample(self, fitter: Fitter, trial: Trial) -> Array:
         """Chi-square without noise and independent values of each condition, (conditions, 2)."""
@@ -235,13 +245,12 @@ class Study:
         return replace(
             trial,
             misfits=np.array(misfits),
-            in_sample=self._in_sample(fitter, trial),
+            in_sample=np.zeros((0, 2)),
             touching=self._touching(),
             held_out=True,
             residuals=means if residuals else {},
             widening=fitter.widening,
             surprise=self._surprise(trial),
-            reach=reach(fitter, trial),
         )
 
     def _touching(self) -> BoolArray:
