@@ -34,6 +34,7 @@ from fingerlab.identify.diagnosis.features import (
     Feature,
     Layout,
     base_columns,
+    beside_a_finger,
     nuisance_ranges,
     shifted_columns,
 )
@@ -107,6 +108,16 @@ class Group:
         return [k for k, fold in enumerate(self.dealt) if fold.condition == condition]
 
     @property
+    def on_bench(self) -> bool:
+        """Whether these are runs of the motor alone, which have the motor's equation and no other."""
+        return self.cable_sign == 0
+
+    @property
+    def equations(self) -> int:
+        """How many equations its runs have."""
+        return 1 if self.on_bench else 3
+
+    @property
     def samples(self) -> int:
         """Decimated samples in the group."""
         return sum(f.samples for f in self.folds)
@@ -114,7 +125,7 @@ class Group:
 
 @dataclass
 class Reduced:
-    """All that the diagnosis needs of the sessions."""
+    """All that the diagnosis needs of the sessions; ``on_bench``: all runs are of the motor alone."""
 
     layout: Layout
     groups: list[Group]
@@ -145,8 +156,13 @@ def counted(motion: Motion) -> slice:
     return slice(motion.lead + MARGIN, len(motion.time) - MARGIN)
 
 
-def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> Layout:
-    """The features in the order in which :func:`narrow_columns` meets them."""
+def layout_of(
+    motion: Motion, session: Session, effects: Sequence[Effect], beside_finger: bool = False
+) -> Layout:
+    """The features in the order in which :func:`narrow_columns` meets them.
+
+    ``beside_finger``: if it is a run of the motor alone, the motor is that of a finger's runs.
+    """
     features: list[Feature] = []
     signals: list[int] = []
     known: dict[tuple[int, int | None], int] = {}
@@ -154,6 +170,8 @@ def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> La
     count = base = 0
     for values, shift, own, make in _columns(motion, effects):
         feature = make()
+        if beside_finger and motion.finger is None:
+            feature = beside_a_finger(feature, session.rig)
         base += feature.owner is None
         kept.append(values)
         # What is one array in two equations is one signal; a user's own code is not relied on for that.
@@ -168,6 +186,25 @@ def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> La
     )  # fmt: skip
 
 
+def _layout_of_all(pairs: Sequence[tuple[Session, Run]], effects: Sequence[Effect]) -> Layout:
+    """The features of all runs: those of a finger's runs, and behind them those of the motor alone."""
+    firsts = {run.phase == "motor_bench": (session, run) for session, run in reversed(pairs)}
+    layouts = []
+    for on_bench in sorted(firsts):
+        session, run = firsts[on_bench]
+        glimpse = next(stretches(run, session.rig)).glimpse()
+        layouts.append(layout_of(glimpse, session, effects, beside_finger=len(firsts) == 2))
+    if len(layouts) == 1:
+        return layouts[0]
+    finger, bench = layouts
+    return replace(
+        finger,
+        features=(*finger.features, *bench.features),
+        base=np.concatenate((finger.base, len(finger.features) + bench.base)),
+        signals=np.concatenate((finger.signals, finger.signal_count + bench.signals)),
+    )
+
+
 Column = tuple[Array, int | None, bool, Callable[[], Feature]]
 """Values at the wide rate, shift, whether a user's own effect brings them, and what makes their feature."""
 
@@ -180,7 +217,10 @@ def _columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
         shifts: Sequence[int | None] = [None] if motion.finger is None else range(SLOPE + 1)
         for k in shifts:
             yield values, k, False, partial(replace, feature, shift=k)
+    alone = motion.finger is None
     for effect in effects:
+        if alone and not (effect.bench or effect.bench_beside_finger):
+            continue
         own = _of_the_user(effect)
         for index, shape in enumerate(effect.shapes):
             for t in effect.columns(motion, shape):
@@ -191,18 +231,19 @@ def _feature(term: Term, owner: str, shape: int) -> Feature:
     return Feature(term.row, term.gain, term.constant, term.scale, owner=owner, shape=shape)
 
 
-def narrow_columns(motion: Motion, effects: Sequence[Effect], signals: IntArray) -> Narrow:
+def narrow_columns(motion: Motion, effects: Sequence[Effect], signals: IntArray, size: int = 0) -> Narrow:
     """All signals of a stretch, low-passed at 8 Hz and decimated to 25 Hz.
 
-    ``signals`` is the layout's: which signal each feature is, (features,).
+    ``signals`` is the layout's: which signal each feature of such a run is, (features,). ``size``: how many
+    signals the layout has, those of other runs too; 0: these.
     """
     inner = counted(motion)
     time = narrow(motion.time[inner])
-    low = np.zeros((int(signals.max()) + 1, len(time)))
+    low = np.zeros((max(size, int(signals.max()) + 1), len(time)))
     # Single precision is a hundred times finer than the sensors, and twice as fast.
     wide = np.empty((AT_ONCE, max(inner.stop - inner.start, 0)), np.float32)
     live: list[int] = []
-    count = waiting = 0
+    count, waiting = int(signals.min()), 0
     for place, (values, shift, _, _) in zip(signals.tolist(), _columns(motion, effects), strict=True):
         if place < count:
             continue
@@ -268,19 +309,19 @@ def _taut(motion: Motion, inner: slice) -> BoolArray:
 
 
 def runs_to_analyse(sessions: Sequence[Session]) -> tuple[list[tuple[Session, Run]], bool]:
-    """Finger runs of all sessions; motor-bench runs only where there is nothing else.
+    """Finger runs of all sessions and the motor-bench runs beside them; whether there are only the latter.
 
     Raises:
         UserError: there is no run at all, or finger runs without the finger's constants.
     """
     every = [(s, r) for s in sessions for r in s.runs]
+    bench = [(s, r) for s, r in every if r.phase == "motor_bench"]
     finger = [(s, r) for s, r in every if r.phase != "motor_bench" and r.cable_sign != 0]
     if finger:
         for session, _ in finger:
             if session.rig.finger is None:
                 raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
-        return finger, False
-    bench = [(s, r) for s, r in every if r.phase == "motor_bench"]
+        return finger + bench, False
     if not bench:
         names = ", ".join(str(s.path) for s in sessions)
         raise UserError(
@@ -364,9 +405,8 @@ def _in_turn(
 
     The layout is made here, from the first run: only its sums travel between the processes.
     """
-    first, run = pairs[0]
-    layout = layout_of(next(stretches(run, first.rig)).glimpse(), first, effects)
-    signals = layout.signals
+    layout = _layout_of_all(pairs, effects)
+    kinds = [layout.signals_of(run.phase == "motor_bench") for _, run in pairs]
     grids = [(e.id, e.shapes) for e in effects]
     if any(_of_the_user(e) for e in effects):
         executor = None  # a user's own effect lives in this process only
@@ -376,13 +416,13 @@ def _in_turn(
     try:
         for number in range(len(pairs)):
             while number not in done:
-                _refill(executor, ahead, waiting, pairs, (grids, signals))
+                _refill(executor, ahead, waiting, pairs, (grids, kinds))
                 if number in waiting:
                     waiting.remove(number)
-                    done[number] = run_sums(*pairs[number], effects, signals, keep)
+                    done[number] = run_sums(*pairs[number], effects, kinds[number], keep, layout.signal_count)
                 elif waiting and not ahead[number].done():
                     own = waiting.popleft()
-                    done[own] = run_sums(*pairs[own], effects, signals, keep)
+                    done[own] = run_sums(*pairs[own], effects, kinds[own], keep, layout.signal_count)
                 else:
                     done[number] = ahead.pop(number).result()
             yield layout, done.pop(number)
@@ -396,16 +436,17 @@ def _refill(
     ahead: dict[int, Future[RunSums]],
     waiting: deque[int],
     pairs: Sequence[tuple[Session, Run]],
-    constants: tuple[Sequence[Grid], IntArray],
+    constants: tuple[Sequence[Grid], Sequence[IntArray]],
 ) -> None:
     """Keep the second process busy; the next run in turn is left to this one."""
     if executor is None:
         return
+    grids, kinds = constants
     while len(waiting) > 1 and sum(not f.done() for f in ahead.values()) < TASKS_AHEAD:
         number = waiting[1]
         waiting.remove(number)
         session, run = pairs[number]
-        ahead[number] = executor.submit(_elsewhere, replace(session, runs=()), run, *constants)
+        ahead[number] = executor.submit(_elsewhere, replace(session, runs=()), run, grids, kinds[number])
 
 
 def _elsewhere(session: Session, run: Run, grids: Sequence[Grid], signals: IntArray) -> RunSums:
@@ -426,14 +467,15 @@ def run_sums(
     effects: Sequence[Effect],
     signals: IntArray,
     keep: Callable[[Session, Run, Narrow], None] | None,
+    size: int = 0,
 ) -> RunSums:
     """Products of all signals over a run, in stretches of at most a minute.
 
-    ``signals`` is the layout's: which signal each feature is, (features,).
+    ``signals`` and ``size``: as in :func:`narrow_columns`.
     """
     result = RunSums(run.name)
     for motion in stretches(run, session.rig):
-        low = narrow_columns(motion, effects, signals)
+        low = narrow_columns(motion, effects, signals, size)
         live = np.ascontiguousarray(low.columns.T[low.live])
         part = _products(low, live)
         repeating = _repeating(low, run)
