@@ -7,6 +7,7 @@ that samples a cycle apart are not new evidence. Temperature 1 is white noise at
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -75,7 +76,7 @@ class Evidence:
     nothing: float
     unknown: float
     temperature: float
-    against_nothing: float
+    for_an_effect: float
     """Log odds that an effect of the catalogue is missing rather than nothing; held also where the two
     probabilities are too small to be told beside that of something unknown."""
     unseen: Array = field(default_factory=lambda: np.zeros(0))
@@ -91,11 +92,8 @@ class Evidence:
 
 def freedom(trial: Trial) -> int:
     """Unknowns that the trial's last effect brings: gains, and one for a grid of shapes."""
-    effect, shape = trial.model.choices[-1].effect, trial.model.choices[-1].shape
-    layout = trial.model.layout
-    used = {layout.features[i].parameter for i in layout.indices(effect.id, shape)}  # one law may need fewer
-    # What the losses could be as well explains no misfit.
-    gains = len([name for name in effect.gains if name in used or effect.special]) - len(effect.offsets)
+    effect = trial.model.choices[-1].effect
+    gains = len(trial.model.last_gains) - len(effect.offsets)  # what the losses could be explains no misfit
     return gains + len(effect.relaxes) + (1 if len(effect.shapes) > 3 else 0)
 
 
@@ -155,8 +153,7 @@ def among(base: Trial, trials: Sequence[Trial]) -> Array:
     if not trials:
         return np.zeros(0)
     left = np.array([max(t.misfit + charge(base, t), 0.0) / max(t.count, 1.0) for t in trials])
-    law_error = LEAST_DIFFERENCE + max(float(left.min()) - USUAL_LEFT, 0.0)
-    log = -0.5 * SYSTEMATIC_VALUES * np.log(law_error + left - left.min())
+    log = by_what_is_left(left)
     log -= COST_OF_A_GAIN * np.array([freedom(t) for t in trials])
     log -= 0.5 * np.array([t.surprise for t in trials])
     log -= np.array([small_excess(t) for t in trials])
@@ -170,6 +167,31 @@ def idle(base: Trial, trials: Sequence[Trial]) -> BoolArray:
     return falls < least_fall(base)
 
 
+def by_what_is_left(left: Array) -> Array:
+    """Log odds of models by the misfit that they leave of each value, (models,), up to a constant."""
+    return np.asarray(-0.5 * SYSTEMATIC_VALUES * np.log(_law_error(left) + left - left.min()))
+
+
+def _law_error(left: Array) -> float:
+    return LEAST_DIFFERENCE + max(float(left.min()) - USUAL_LEFT, 0.0)
+
+
+def left_for(log_odds: float, least: float) -> float:
+    """What a model leaves of each value that has these log odds, not above 0, against one that leaves least.
+
+    The inverse of :func:`by_what_is_left`.
+    """
+    return least + _law_error(np.array([least])) * float(np.expm1(-2.0 * log_odds / SYSTEMATIC_VALUES))
+
+
+def against_nothing(base: Trial, misfit: float, left: float, count: float) -> float:
+    """Log odds of one of many effects against none, by the misfit without it and with it."""
+    least = max(least_share(base) * misfit, _least_part(base) * count)
+    return 0.5 * (misfit - least - left) / temperature(left, count) + float(
+        np.log(PRIOR_EFFECTS / PRIOR_NOTHING)
+    )
+
+
 LEAST_EXCESS = 0.2
 """Share of a friction by which that at low speed is usually larger at least where one speaks of Stribeck's;
 assumed. The unevenness of a simple law of friction is taken up by a smaller one."""
@@ -177,8 +199,11 @@ EXCESS_SPREAD = 0.3
 """How far below it may lie, one standard deviation of its logarithm; assumed."""
 
 
-def small_excess(trial: Trial) -> float:
-    """Log odds against a last effect whose excess is so small that the simpler effect would be named."""
+def small_excess(trial: Trial, zero_spread: float | None = None) -> float:
+    """Log odds against a last effect whose excess is so small that the simpler effect would be named.
+
+    ``zero_spread``: as it would be if a constant were there to none but this spread (N m).
+    """
     effect = trial.model.choices[-1].effect
     if not effect.excess:
         return 0.0
@@ -186,8 +211,23 @@ def small_excess(trial: Trial) -> float:
     names = [(index[f"{effect.id}.{a}"], index[f"{effect.id}.{b}"]) for a, b in effect.excess.items()]
     extra = sum(abs(float(trial.fit.values[a])) for a, _ in names)
     under = sum(abs(float(trial.fit.values[b])) for _, b in names)
+    if effect.offsets:
+        spread = sum(float(trial.fit.deviations[a]) for a, _ in names)
+        if zero_spread is not None:
+            extra, spread = 0.0, 1.0 / np.hypot(1.0 / spread, 1.0 / zero_spread)
+        return min(-_log_beyond(LEAST_EXCESS * under, extra, spread), 2.0 * DECIDING_LOG_ODDS)
     short = np.log(LEAST_EXCESS * under / max(extra, 1e-300)) if under > 0 else 0.0
     return float(min(0.5 * (max(short, 0.0) / EXCESS_SPREAD) ** 2, 2.0 * DECIDING_LOG_ODDS))
+
+
+def _log_beyond(least: float, value: float, spread: float) -> float:
+    """Logarithm of the chance that a constant known to a normal ``spread`` is beyond ``least`` either way.
+
+    What no misfit tells, only what is known of it beforehand: it may be larger than it came out.
+    """
+    scale = np.sqrt(2.0) * max(spread, 1e-300)
+    beyond = 0.5 * (math.erfc((least - value) / scale) + math.erfc((least + value) / scale))
+    return math.log(max(beyond, 1e-300))
 
 
 NOT_BORNE_OUT = 0.05

@@ -211,12 +211,12 @@ def _factor(products: Array) -> Array:
     """Cholesky factor of products with ones on the diagonal, lifted to be definite, (n, n)."""
     ridge = RIDGE * np.eye(len(products))
     try:
-        return np.linalg.cholesky(products + ridge)
+        return np.asarray(np.linalg.cholesky(products + ridge))
     except np.linalg.LinAlgError:
         # Products of the taut moments are those of all less those of the slack ones: where nearly all is
         # slack, what is left of a signal may be rounding, which is no product of anything.
         sizes, directions = np.linalg.eigh(products)
-        return np.linalg.cholesky((directions * np.maximum(sizes, 0.0)) @ directions.T + ridge)
+        return np.asarray(np.linalg.cholesky((directions * np.maximum(sizes, 0.0)) @ directions.T + ridge))
 
 
 SETTLING_ITERATIONS = 4

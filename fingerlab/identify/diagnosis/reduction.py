@@ -34,6 +34,7 @@ from fingerlab.identify.diagnosis.features import (
     Feature,
     Layout,
     base_columns,
+    beside_a_finger,
     nuisance_ranges,
     shifted_columns,
 )
@@ -112,6 +113,16 @@ class Group:
         return [k for k, fold in enumerate(self.dealt) if fold.condition == condition]
 
     @property
+    def on_bench(self) -> bool:
+        """Whether these are runs of the motor alone, which have the motor's equation and no other."""
+        return self.cable_sign == 0
+
+    @property
+    def equations(self) -> int:
+        """How many equations its runs have."""
+        return 1 if self.on_bench else 3
+
+    @property
     def samples(self) -> int:
         """Decimated samples in the group."""
         return sum(f.samples for f in self.folds)
@@ -119,7 +130,7 @@ class Group:
 
 @dataclass
 class Reduced:
-    """All that the diagnosis needs of the sessions."""
+    """All that the diagnosis needs of the sessions; ``on_bench``: all runs are of the motor alone."""
 
     layout: Layout
     groups: list[Group]
@@ -150,8 +161,13 @@ def counted(motion: Motion) -> slice:
     return slice(motion.lead + MARGIN, len(motion.time) - MARGIN)
 
 
-def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> Layout:
-    """The features in the order in which :func:`narrow_columns` meets them."""
+def layout_of(
+    motion: Motion, session: Session, effects: Sequence[Effect], beside_finger: bool = False
+) -> Layout:
+    """The features in the order in which :func:`narrow_columns` meets them.
+
+    ``beside_finger``: if it is a run of the motor alone, the motor is that of a finger's runs.
+    """
     features: list[Feature] = []
     signals: list[int] = []
     known: dict[tuple[int, int | None], int] = {}
@@ -159,6 +175,8 @@ def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> La
     count = base = 0
     for values, shift, own, make in _columns(motion, effects):
         feature = make()
+        if beside_finger and motion.finger is None:
+            feature = beside_a_finger(feature, session.rig)
         base += feature.owner is None
         kept.append(values)
         # What is one array in two equations is one signal; a user's own code is not relied on for that.
@@ -173,12 +191,44 @@ def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> La
     )  # fmt: skip
 
 
+def _layout_of_all(
+    pairs: Sequence[tuple[Session, Run]], effects: Sequence[Effect], recall: Recall
+) -> tuple[Layout, list[Asked]]:
+    """The features of all runs, those of the motor alone last; and what is asked of each run."""
+    kinds = [run.phase == "motor_bench" for _, run in pairs]
+    layouts = {}
+    for on_bench in sorted(set(kinds)):
+        number = kinds.index(on_bench)
+        session, run = pairs[number]
+        known = next(recall.stretches(number), None)
+        motion = known.motion if known is not None else next(stretches(run, session.rig))
+        beside = len(set(kinds)) == 2
+        layouts[on_bench] = layout_of(motion.glimpse(), session, effects, beside_finger=beside)
+    asked, start = {}, 0
+    for on_bench, layout in layouts.items():
+        asked[on_bench] = Asked(layout.signals, len(layout.base), start)
+        start += layout.signal_count
+    finger, *bench = layouts.values()
+    if bench:
+        finger = replace(
+            finger,
+            features=(*finger.features, *bench[0].features),
+            base=np.concatenate((finger.base, len(finger.features) + bench[0].base)),
+            signals=np.concatenate((finger.signals, finger.signal_count + bench[0].signals)),
+        )
+    return finger, [asked[on_bench] for on_bench in kinds]
+
+
 @dataclass(frozen=True)
 class Asked:
-    """What is asked of every run: the layout's features as signals; the first ``common`` every model has."""
+    """What is asked of a run: its kind's features as signals, of which the first ``common`` every model has.
 
-    signals: IntArray  # (features,)
+    ``signals`` (features,) count from ``start``, the kind's first signal among those of all runs.
+    """
+
+    signals: IntArray
     common: int
+    start: int
 
 
 Column = tuple[Array, int | None, bool, Callable[[], Feature]]
@@ -202,7 +252,10 @@ def _common_columns(motion: Motion) -> Iterator[Column]:
 
 
 def _effect_columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
+    alone = motion.finger is None
     for effect in effects:
+        if alone and not (effect.bench or effect.bench_beside_finger):
+            continue
         own = _of_the_user(effect)
         for index, shape in enumerate(effect.shapes):
             for t in effect.columns(motion, shape):
@@ -315,19 +368,19 @@ def _taut(motion: Motion, inner: slice) -> BoolArray:
 
 
 def runs_to_analyse(sessions: Sequence[Session]) -> tuple[list[tuple[Session, Run]], bool]:
-    """Finger runs of all sessions; motor-bench runs only where there is nothing else.
+    """Finger runs of all sessions and the motor-bench runs beside them; whether there are only the latter.
 
     Raises:
         UserError: there is no run at all, or finger runs without the finger's constants.
     """
     every = [(s, r) for s in sessions for r in s.runs]
+    bench = [(s, r) for s, r in every if r.phase == "motor_bench"]
     finger = [(s, r) for s, r in every if r.phase != "motor_bench" and r.cable_sign != 0]
     if finger:
         for session, _ in finger:
             if session.rig.finger is None:
                 raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
-        return finger, False
-    bench = [(s, r) for s, r in every if r.phase == "motor_bench"]
+        return finger + bench, False
     if not bench:
         names = ", ".join(str(s.path) for s in sessions)
         raise UserError(
@@ -413,11 +466,8 @@ def _in_turn(
     The layout is made here, from the first run: only its sums travel between the processes. A run goes to the
     process that has read it before.
     """
-    first, run = pairs[0]
-    known = next(recall.stretches(0), None)
-    motion = known.motion if known is not None else next(stretches(run, first.rig))
-    layout = layout_of(motion.glimpse(), first, effects)
-    asked = Asked(layout.signals, len(layout.base))
+    layout, asked = _layout_of_all(pairs, effects, recall)
+    size = layout.signal_count
     grids = [(e.id, e.shapes) for e in effects]
     # A user's own effect lives in this process only, and so does what is shown.
     alone = recall.executor is None or keep is not None or any(_of_the_user(e) for e in effects)
@@ -431,7 +481,7 @@ def _in_turn(
         recall.elsewhere.add(number)
         assert recall.executor is not None
         ahead[number] = recall.executor.submit(
-            _elsewhere, number, replace(session, runs=()), run, grids, asked, recall.name
+            _elsewhere, number, replace(session, runs=()), run, grids, asked[number], recall.name
         )
 
     try:
@@ -445,13 +495,30 @@ def _in_turn(
                 own = next((n for n in waiting if alone or n not in recall.elsewhere), None)
                 if own is not None and (number in waiting or not ahead[number].done()):
                     waiting.remove(own)
-                    done[own] = run_sums(own, *pairs[own], effects, asked, keep, recall)
+                    shown = None if keep is None else partial(_shown, keep, asked[own].start, size)
+                    done[own] = run_sums(own, *pairs[own], effects, asked[own], shown, recall)
                 else:
                     done[number] = ahead.pop(number).result()
             yield layout, done.pop(number)
     finally:
         for future in ahead.values():
             future.cancel()
+
+
+def _shown(
+    keep: Callable[[Session, Run, Narrow], None],
+    start: int,
+    size: int,
+    session: Session,
+    run: Run,
+    low: Narrow,
+) -> None:
+    """Keep a stretch with its signals in their places among those of all runs."""
+    columns = low.columns
+    if columns.shape[1] != size:
+        columns = np.zeros((len(low.time), size))
+        columns[:, start : start + low.columns.shape[1]] = low.columns
+    keep(session, run, replace(low, columns=columns, live=low.live + start))
 
 
 def _theirs(recall: Recall, waiting: Iterable[int]) -> int | None:
@@ -501,12 +568,12 @@ def run_sums(
         part = _products(low, live)
         repeating = _repeating(low, run)
         if repeating is None:
-            result.add(Part(low.live, part))
+            result.add(Part(low.live + asked.start, part))
         else:
             cyclic, trend = live @ repeating[0], live @ repeating[1]
             noise = part.products - cyclic @ cyclic.T
-            result.add(Part(low.live, part, noise, len(low.time) - cyclic.shape[1]))
-            result.trends.append((low.live, trend))
+            result.add(Part(low.live + asked.start, part, noise, len(low.time) - cyclic.shape[1]))
+            result.trends.append((low.live + asked.start, trend))
         result.encoder_variance = (motion.radius * motion.position_step) ** 2 / 12.0
         if keep is not None:
             keep(session, run, low)

@@ -222,7 +222,7 @@ def forward(study: Study, first: Evidence, effects: Sequence[Effect], keep: int,
     rivals: dict[str, list[Effect]] = {}
     evidence = first
     while len(steps) <= LONGEST_PATH and evidence.trials:
-        if evidence.against_nothing <= 0.0:
+        if evidence.for_an_effect <= 0.0:
             break
         best = evidence.trials[int(np.argmax(evidence.log_odds))]
         if not justified(evidence.base, best):

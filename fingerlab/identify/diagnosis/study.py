@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
-from fingerlab.identify.diagnosis.features import TIP_LAWS
+from fingerlab.identify.diagnosis.features import TIP_LAWS, TORQUE_ZERO
 from fingerlab.identify.diagnosis.fitting import (
     Data,
     Fit,
@@ -27,6 +27,7 @@ from fingerlab.identify.diagnosis.fitting import (
     starting_arms,
 )
 from fingerlab.identify.diagnosis.losses import surprise
+from fingerlab.identify.diagnosis.missing_noise import fill_missing_noise
 from fingerlab.identify.diagnosis.model import Choice, Model, build
 from fingerlab.identify.diagnosis.reduction import Group, GroupKey, Reduced
 from fingerlab.identify.diagnosis.sums import BoolArray
@@ -137,7 +138,7 @@ class Study:
 
     def __post_init__(self) -> None:
         self.arms = starting_arms(self.reduced.layout, self.reduced.groups)
-        _fill_missing_noise(self.reduced.groups)
+        fill_missing_noise(self.reduced)
         with ThreadPoolExecutor() as threads:  # large matrices, for once: a core each
             list(threads.map(limit_noise, self.reduced.groups))
         if not self.weights:
@@ -257,9 +258,18 @@ class Study:
         """Which conditions of all groups are in contact, (conditions,)."""
         return np.array([g.key[1] == "contact" for g in self.reduced.groups for _ in g.conditions])
 
-    def _surprise(self, trial: Trial) -> float:
+    def _surprise(self, trial: Trial, zero_spread: float | None = None) -> float:
         routings = {g.key[0] for g in self.reduced.groups if g.key[1] == "free"}
-        return surprise(trial.model, trial.fit.values, self.reduced.radius, routings)
+        return surprise(trial.model, trial.fit.values, self.reduced.radius, routings, zero_spread)
+
+    def narrowed(self, trial: Trial) -> float:
+        """By how much a run of the motor alone would make the trial's constants more of a surprise."""
+        return self._surprise(trial, self.zero_spread) - self._surprise(trial)
+
+    @property
+    def zero_spread(self) -> float:
+        """Spread of the current's zero, N m."""
+        return self.reduced.layout.nuisances[TORQUE_ZERO].typical
 
     def _fitter(self, trial: Trial) -> Fitter:
         fitter = Fitter(trial.model, self.data, self.weights)
@@ -298,7 +308,7 @@ class Study:
         covariance = noise_covariance(model, values, group)
         if group.key[1] == "contact":
             covariance = covariance + TIP_FRICTION_SPREAD**2 * self._rubbing(model, values, group)
-        return _inverse(covariance, self.reduced.on_bench)
+        return _inverse(covariance, group.on_bench)
 
     def _rubbing(self, model: Model, values: Array, group: Group) -> Array:
         """Mean products of what the tip's friction does to the equations, (5, 5)."""
@@ -314,8 +324,7 @@ class Study:
         fold, sums = self.data.raw(i, part), fitter.part(i, part)
         h = fitter.model.features(values, self.reduced.groups[i])
         square = float(h @ sums.matrix @ h) - self._wandering(fitter.model, h, sums)
-        equations = 1 if self.reduced.on_bench else 3
-        return square, EFFECTIVE_SHARE * equations * fold.samples
+        return square, EFFECTIVE_SHARE * self.reduced.groups[i].equations * fold.samples
 
     def _products(self, model: Model, values: Array, i: int, k: int) -> Array:
         """Sums of residual products over a fold, (5, 5); slack moments count where they are charged."""
@@ -354,15 +363,3 @@ def _inverse(covariance: Array, on_bench: bool) -> Array:
     scale = np.sqrt(np.diag(block))
     result[rows] = np.linalg.inv(block / np.outer(scale, scale)) / np.outer(scale, scale)
     return result
-
-
-def _fill_missing_noise(groups: Sequence[Group]) -> None:
-    """Groups without a repeated cycle take the noise of the others, per sample."""
-    known = [g for g in groups if g.noise_samples > 0]
-    if not known:
-        return
-    total = sum(g.noise_samples for g in known)
-    pooled = sum((g.noise for g in known[1:]), known[0].noise) / total
-    for group in groups:
-        if group.noise_samples <= 0:
-            group.noise, group.noise_samples = pooled * total, total

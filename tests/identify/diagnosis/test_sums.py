@@ -69,7 +69,7 @@ def test_noise_is_taken_from_every_sample_that_counts(
 ) -> None:
     _, _, sums = recorded
     noise = np.eye(SIGNALS)
-    less = sums.of(PICK) - sums.without(noise).of(PICK)
+    less = sums.of(PICK) - sums.without(noise, noise).of(PICK)
     # Signal 1 stands in a joint's equation, where every sample counts, and in the cable's, where taut do.
     assert less[1, 1] == pytest.approx(SAMPLES)
     assert less[1, 2] == pytest.approx(sums.taut_samples)
