@@ -362,12 +362,14 @@ def _least_part(base: Trial) -> float:
 def justified(base: Trial, trial: Trial, level: float = 0.0) -> bool:
     """Whether adding the trial's last effect to ``base`` is a step that the held-out runs bear out.
 
-    ``level`` is added to the trial's misfit where the two are seen under different weights.
+    ``level`` is added to the trial's misfit where the two are seen under different weights. That a further
+    effect lowers the floor makes it likelier, but explains nothing of what the first one left.
     """
     fall = base.misfit - trial.misfit - level
+    explained = min(fall, fall + level) if base.model.choices else fall
     heat = temperature(trial.misfit, trial.count)
     in_contact = _contact_charge(base, trial)
     likely = 0.5 * (fall - charge(base, trial) - in_contact * trial.count) / heat > DECIDING_LOG_ODDS
     least = _least_part(base) + in_contact
-    shares = fall > max(least_share(base) * max(base.misfit, 0.0), least * base.count)
+    shares = explained > max(least_share(base) * max(base.misfit, 0.0), least * base.count)
     return bool(likely and shares)

@@ -16,7 +16,7 @@ from fingerlab.identify.diagnosis.evidence import justified, least_fall
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.recall import Recall
 from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
-from fingerlab.identify.diagnosis.search import STEP_PROMISE, Watch, forward, refine, weigh
+from fingerlab.identify.diagnosis.search import STEP_PROMISE, Watch, forward, refine, weigh, worth_adding
 from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study, Trial
 from fingerlab.physics.effects.base import Effect, Shape
 from fingerlab.sessions.model import Session
@@ -105,9 +105,25 @@ def look_again_along(
         kept = [[by_id[c.effect.id] for c in step.model.choices if c.effect.id in by_id] for step in chosen]
         steps = [study.hold_out(study.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
         idle = [k for k in range(1, len(steps)) if not justified(steps[k - 1], steps[k])]
+        if not idle and len(steps) > 2 and _mends_a_shape(study, steps):
+            idle = [len(steps) - 1]
         if not idle or idle[0] == 1:
             return study, steps
         chosen = chosen[: idle[0]]
+
+
+def _mends_a_shape(study: Study, steps: Sequence[Trial]) -> bool:
+    """Whether the last effect does no more than other shapes of the earlier ones would."""
+    shorter = steps[-2]
+    for k, choice in enumerate(shorter.model.choices):
+        others = shorter.model.choices[:k], shorter.model.choices[k + 1 :]
+        tried = [
+            study.fit_like([*others[0], Choice(choice.effect, i), *others[1]], shorter, LOOKING_ITERATIONS)
+            for i in range(len(choice.effect.shapes))
+        ]
+        shorter = min(tried, key=lambda t: t.fit.cost)
+    shorter = study.hold_out(study.fit(shorter.model.choices, shorter, FULL_ITERATIONS))
+    return not (justified(shorter, steps[-1]) and worth_adding(study, shorter, steps[-1]))
 
 
 def look_beyond(
