@@ -422,12 +422,12 @@ def bounded_step(values: Array, gradient: Array, information: Array, low: Array,
     matrix = information * np.outer(scale, scale) + 1e-9 * np.eye(len(values))
     slope = gradient * scale
     floor, ceiling = (low - values) / scale, (high - values) / scale
-    step = np.zeros(len(values))
-    # What stands at a bound and is pushed outwards starts fixed; it is let go below if that was wrong.
-    fixed = ((floor > -1e-12) & (slope > 0)) | ((ceiling < 1e-12) & (slope < 0))
     quick = _pivoted(matrix, slope, floor, ceiling)
     if quick is not None:
         return quick * scale
+    step = np.zeros(len(values))
+    # What stands at a bound and is pushed outwards starts fixed; it is let go below if that was wrong.
+    fixed = ((floor > -1e-12) & (slope > 0)) | ((ceiling < 1e-12) & (slope < 0))
     for _ in range(6 * len(values)):
         free = np.flatnonzero(~fixed)
         target = step.copy()
