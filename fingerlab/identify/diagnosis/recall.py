@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
-from uuid import uuid4
+from functools import partial
+from itertools import count
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from fingerlab.sessions.model import Array
 
 MOST_BYTES = 48_000_000
 """So much is kept in each process, about forty runs of half a minute; longer recordings are read again."""
+
+
+_NUMBERS = count()
 
 
 @dataclass(frozen=True)
@@ -53,12 +57,12 @@ class Recall:
 
     Attributes:
         executor: a second process that takes a share of the runs; None: there is none.
-        name: tells analyses apart in the second process, which keeps what it read itself.
+        number: tells analyses apart in the second process, which keeps what it read itself.
         elsewhere: runs that the second process has read; runs are told by their numbers.
     """
 
     executor: Executor | None = None
-    name: str = field(default_factory=lambda: uuid4().hex)
+    number: int = field(default_factory=partial(next, _NUMBERS))
     elsewhere: set[int] = field(default_factory=set)
     _runs: dict[int, list[Seen]] = field(default_factory=dict, repr=False)
     _size: int = 0

@@ -481,7 +481,7 @@ def _in_turn(
         recall.elsewhere.add(number)
         assert recall.executor is not None
         ahead[number] = recall.executor.submit(
-            _elsewhere, number, replace(session, runs=()), run, grids, asked[number], recall.name
+            _elsewhere, number, replace(session, runs=()), run, grids, asked[number], recall.number
         )
 
     try:
@@ -530,17 +530,17 @@ def _theirs(recall: Recall, waiting: Iterable[int]) -> int | None:
     return (read + [n for n in waiting if n not in recall][1:2] + [None])[0]
 
 
-_recalled = Recall()
+_recalled = Recall(number=-1)
 """In the second process: what it has read of the analysis that is going on."""
 
 
 def _elsewhere(
-    number: int, session: Session, run: Run, grids: Sequence[Grid], asked: Asked, analysis: str
+    number: int, session: Session, run: Run, grids: Sequence[Grid], asked: Asked, analysis: int
 ) -> RunSums:
     """What the second process does."""
     global _recalled
-    if _recalled.name != analysis:
-        _recalled = Recall(name=analysis)
+    if _recalled.number != analysis:
+        _recalled = Recall(number=analysis)
     effects = [replace(CATALOGUE[name], shapes=shapes) for name, shapes in grids]
     return run_sums(number, session, run, effects, asked, None, _recalled)
 

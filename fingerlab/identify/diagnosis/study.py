@@ -135,6 +135,7 @@ class Study:
     arms: dict[str, float] = field(default_factory=dict)
     touches: bool = False
     models: dict[tuple[object, ...], Model] = field(default_factory=dict)
+    _scored: tuple[Weights, dict[int, tuple[Fit, Fitter]]] = field(default_factory=lambda: ({}, {}))
 
     def __post_init__(self) -> None:
         self.arms = starting_arms(self.reduced.layout, self.reduced.groups)
@@ -272,9 +273,15 @@ class Study:
         return self.reduced.layout.nuisances[TORQUE_ZERO].typical
 
     def _fitter(self, trial: Trial) -> Fitter:
-        fitter = Fitter(trial.model, self.data, self.weights)
-        fitter.hold(trial.fit.values)
-        return fitter
+        """What scores the trial; kept while the weights stay, for what an answer tells asks it again."""
+        if self._scored[0] is not self.weights:
+            self._scored = self.weights, {}
+        known = self._scored[1]
+        if id(trial.fit) not in known:
+            fitter = Fitter(trial.model, self.data, self.weights)
+            fitter.hold(trial.fit.values)
+            known[id(trial.fit)] = trial.fit, fitter  # with the fit, so that its identity stays its own
+        return known[id(trial.fit)][1]
 
     def reweigh(self, trial: Trial) -> None:
         """Take the noise covariance that the trial's own features leave between cycles as the new weights."""
