@@ -79,6 +79,8 @@ class Evidence:
     for_an_effect: float
     """Log odds that an effect of the catalogue is missing rather than nothing; held also where the two
     probabilities are too small to be told beside that of something unknown."""
+    least_left: float = 0.0
+    """Misfit of each value that the best trial left when all were judged; later it may be fitted closer."""
     unseen: Array = field(default_factory=lambda: np.zeros(0))
     """Probabilities of effects that are not found because they could not show, (trials,); see ``unseen``."""
     factors: Array = field(default_factory=lambda: np.zeros(0))
@@ -141,7 +143,9 @@ def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
     shares = np.exp(log_odds) / max(float(np.exp(log_odds).sum()), 1.0)
     found = shares * float(weights[:-2].sum())
     odds = float(np.logaddexp.reduce(effects) - nothing)
-    return Evidence(base, tuple(trials), found, log_odds, float(weights[-2]), float(weights[-1]), heat, odds)
+    least_left = max(float(min(charged, default=zero)), 0.0) / max(count, 1.0)
+    none, other = map(float, weights[-2:])
+    return Evidence(base, tuple(trials), found, log_odds, none, other, heat, odds, least_left)
 
 
 def among(base: Trial, trials: Sequence[Trial]) -> Array:

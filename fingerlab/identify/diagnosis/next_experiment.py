@@ -191,9 +191,7 @@ def _gain(study: Study, run: Imagined, evidence: Evidence, true: int, other: int
     alone = run.group.on_bench and not any(g.on_bench for g in study.reduced.groups)
     found = apart(study, run, _with_offsets(truth) if alone else truth, rival, evidence.temperature)
     odds = evidence.log_odds[[true, other]]
-    better = (truth, rival)[int(np.argmax(odds))]
-    least = max(better.misfit, 0.0) / better.count
-    left = [left_for(float(one), least) for one in odds - odds.max()]
+    left = [left_for(float(one), evidence.least_left) for one in odds - odds.max()]
     usual = _values(run) * left[0]
     after = [
         _after(truth, run, left[0], usual),
