@@ -210,8 +210,17 @@ def worth_adding(study: Study, base: Trial, best: Trial) -> bool:
     return justified(before, best, gained)
 
 
-def forward(study: Study, first: Evidence, effects: Sequence[Effect], keep: int, watch: Watch) -> list[Trial]:
+def forward(
+    study: Study,
+    first: Evidence,
+    effects: Sequence[Effect],
+    keep: int,
+    watch: Watch,
+    most: int = LONGEST_PATH,
+) -> list[Trial]:
     """The model as given, then with each effect worth adding; all held out, under the last step's weights.
+
+    At ``most`` so many are added.
 
     Two effects may hide each other: seen through one of them alone, what the other does can pass for noise.
     A step that is not borne out by itself is therefore kept for a while where much is left to explain, and
@@ -221,7 +230,7 @@ def forward(study: Study, first: Evidence, effects: Sequence[Effect], keep: int,
     sound = 1  # so many of the steps are borne out
     rivals: dict[str, list[Effect]] = {}
     evidence = first
-    while len(steps) <= LONGEST_PATH and evidence.trials:
+    while len(steps) <= most and evidence.trials:
         if evidence.for_an_effect <= 0.0:
             break
         best = evidence.trials[int(np.argmax(evidence.log_odds))]

@@ -16,7 +16,15 @@ from fingerlab.identify.diagnosis.evidence import justified, least_fall
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.recall import Recall
 from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
-from fingerlab.identify.diagnosis.search import STEP_PROMISE, Watch, forward, refine, weigh, worth_adding
+from fingerlab.identify.diagnosis.search import (
+    LONGEST_PATH,
+    STEP_PROMISE,
+    Watch,
+    forward,
+    refine,
+    weigh,
+    worth_adding,
+)
 from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study, Trial
 from fingerlab.physics.effects.base import Effect, Shape
 from fingerlab.sessions.model import Session
@@ -147,7 +155,8 @@ def look_beyond(
     effects = study.reduced.layout.effects
     base = study.hold_out(settled(study, given))
     evidence = weigh(study, base, effects, watch, STEP_PROMISE * least_fall(base))
-    found = forward(study, evidence, effects, len(given), watch)
+    most = LONGEST_PATH - (len(path) - 1)
+    found = forward(study, evidence, effects, len(given), watch, most)
     if len(found) == 1:
         return None
     fewer = [study.fit(found[0].model.choices[:k], found[0]) for k in range(len(given))]
