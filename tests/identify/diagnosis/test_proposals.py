@@ -117,7 +117,7 @@ def test_an_imagined_bench_follows_its_equation() -> None:
 
 @pytest.fixture(scope="module")
 def judged() -> tuple[Session, Study, Evidence]:
-    """A bench with viscous joints, and all effects judged on it."""
+    """A bench with viscous joints, and all effects judged on it, as if its data had not told them apart."""
     session = made.session(made.Bench(missing=made.Missing(viscous=(3e-3, 2e-3))))
     chosen = (
         "viscous_friction",
@@ -128,7 +128,8 @@ def judged() -> tuple[Session, Study, Evidence]:
     )
     study = Study(reduce_sessions([session], [CATALOGUE[n] for n in chosen]))
     base = study.settle([])
-    return session, study, weigh(study, base, study.reduced.layout.effects, Watch())
+    evidence = weigh(study, base, study.reduced.layout.effects, Watch())
+    return session, study, replace(evidence, log_odds=np.zeros(len(evidence.trials)))
 
 
 def index(evidence: Evidence, name: str) -> int:
