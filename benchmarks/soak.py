@@ -35,7 +35,8 @@ from fingerlab.acquisition.bench import Bench
 from fingerlab.acquisition.board import Slot
 from fingerlab.acquisition.columns import COLUMN
 from fingerlab.acquisition.process_bench import ProcessBench
-from fingerlab.acquisition.protocol import ProtocolDriver, plan_steps
+from fingerlab.acquisition.protocol import plan_steps
+from fingerlab.acquisition.protocol_driver import ProtocolDriver
 from fingerlab.acquisition.recording import SessionInfo
 from fingerlab.acquisition.ring import Array, RingReader
 from fingerlab.sessions import open_session

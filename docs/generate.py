@@ -38,7 +38,10 @@ from fingerlab.rig_file import CONSTANT_UNITS, default_rig, sources_of
 
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS))
+from arrows import MARK as ARROWS  # noqa: E402
+from arrows import drawing  # noqa: E402
 from fingerprints import picture  # noqa: E402  (stands beside this file, in no package)
+from stated import page as decisions  # noqa: E402
 from summary import MARK, summary  # noqa: E402
 
 FAMILIES = {
@@ -80,6 +83,7 @@ def pages() -> dict[str, str]:
         "limits.md": _limits(),
         "nuisances.md": _nuisances(),
         "constants.md": _constants(),
+        "decisions.md": decisions(),
     }
     return {path: COMMENT + text for path, text in made.items()}
 
@@ -289,7 +293,7 @@ def on_config(config: Any) -> Any:
 def navigation(nav: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The navigation of ``mkdocs.yml`` with what is only known when the pages are built."""
     families = [
-        {family: [f"catalogue/{effect.id}.md" for effect in module.EFFECTS]}
+        {family: [{effect.title: f"catalogue/{effect.id}.md"} for effect in module.EFFECTS]}
         for family, module in FAMILIES.items()
     ]
     named = set(_named(nav))
@@ -324,11 +328,19 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put the summary of the measurements where a page asks for it."""
-    return markdown.replace(MARK, summary(DOCS)) if MARK in markdown else markdown
+    """Put the summary of the measurements, and the arrows, where a page asks for them."""
+    for mark, make in ((MARK, lambda: summary(DOCS)), (ARROWS, lambda: f"<div>{drawing()}</div>")):
+        if mark in markdown:
+            markdown = markdown.replace(mark, make())
+    return markdown
 
 
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
+
+
+FUNCTION = re.compile(r"<mi>(?:cos|sin|tan|sgn|max|min|ln)</mi>")
+THIN = '<mspace width="0.14em"></mspace>'
+"""Room about the name of a function, which the converter leaves out."""
 
 
 def on_page_content(html: str, **_: Any) -> str:
@@ -339,7 +351,8 @@ def on_page_content(html: str, **_: Any) -> str:
 
     def formula(found: re.Match[str]) -> str:
         display = "inline" if found[2] == "(" else "block"
-        return str(convert(unescape(found[3]).strip(), display=display))
+        made = str(convert(unescape(found[3]).strip(), display=display))
+        return FUNCTION.sub(rf"<mrow>{THIN}\g<0>{THIN}</mrow>", made)
 
     return FORMULA.sub(formula, html)
 

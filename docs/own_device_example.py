@@ -1,12 +1,13 @@
 """A device of your own: a current-driven rotor that is computed, with the five raw channels of the bench.
 
-It keeps to ``fingerlab/devices/protocol.py`` and needs nothing else of FingerLab. Replace ``_turn`` and
-``_raw`` by the calls of your hardware. All numbers here are assumed; none is a bench's.
+It keeps to ``fingerlab/devices/protocol.py`` and needs nothing else of FingerLab. Replace ``_wait``,
+``_turn`` and ``_raw`` by the calls of your hardware. All numbers here are assumed; none is a bench's.
 """
 
 from __future__ import annotations
 
 import math
+import time
 
 from fingerlab.devices.protocol import DeviceFault, Sample
 
@@ -26,7 +27,7 @@ class Rotor:
     def __init__(self) -> None:
         self._angle = self._speed = self._volts = 0.0
         self._enabled = self._running = False
-        self._index = -1
+        self._index, self._began = -1, 0.0
 
     def open(self) -> None:
         self.make_safe()
@@ -34,7 +35,7 @@ class Rotor:
     def start(self) -> None:
         if self._running:
             raise DeviceFault("The computed rotor runs already; stop it before it is started again.")
-        self._running, self._index = True, -1
+        self._running, self._index, self._began = True, -1, time.perf_counter()
 
     def set_enable(self, on: bool) -> None:
         self._enabled = on
@@ -45,6 +46,7 @@ class Rotor:
         self._turn(self._volts)  # the command of the cycle before acts up to this edge of the clock
         self._volts = command_volts
         self._index += 1
+        self._wait()
         return Sample(self._index, self._raw())
 
     def make_safe(self) -> bool:
@@ -53,6 +55,10 @@ class Rotor:
 
     def close(self) -> None:
         self.make_safe()
+
+    def _wait(self) -> None:
+        """Until this cycle is over; a card does that by itself."""
+        time.sleep(max(self._began + self._index / self.rate_hz - time.perf_counter(), 0.0))
 
     def _turn(self, volts: float) -> None:
         """One cycle of inertia and damping under a constant torque, exactly."""

@@ -19,9 +19,10 @@ TEXT_NAMES = re.compile(r"licen[cs]e|copying|notice|authors", re.IGNORECASE)
 HEAD = """# What a packaged program bundles
 
 Made by `python packaging/licences.py` from `requirements/app.txt` and what each package says of itself; the
-full texts lie in each package's own folder (`*.dist-info`). Besides these: Python itself (PSF-2.0). Qt comes
-with PySide6 under LGPL-3.0: it is bundled as shared libraries, which a user may replace. FingerLab's own
-licence is for its owners to choose; none is stated yet.
+full texts lie in each package's own folder (`*.dist-info`). Besides these: Python itself (PSF-2.0), and what
+starts it, PyInstaller's (GPL-2.0 with an exception that leaves what it starts under its own terms). Qt comes
+with PySide6 under LGPL-3.0: it is bundled as shared libraries, which a user may replace. FingerLab itself is
+under the BSD 3-Clause License (`LICENSE`).
 
 | package | version | licence |
 |---|---|---|

@@ -79,13 +79,33 @@ class Settings:
 
     def heights(self, name: str) -> tuple[int, ...]:
         """Heights of a splitter's parts, px, as the user left them; empty where there are none to trust."""
-        value = self._store.value(f"heights/{name}", [])
-        parts = [str(part) for part in value] if isinstance(value, (list, tuple)) else []
-        whole = tuple(int(part) for part in parts if part.isdecimal())
-        return whole if len(whole) == len(parts) and sum(whole) > 0 else ()
+        return self._sizes(f"heights/{name}")
 
     def set_heights(self, name: str, heights: Sequence[int]) -> None:
         self._store.setValue(f"heights/{name}", [str(height) for height in heights])
+
+    def widths(self, name: str) -> tuple[int, ...]:
+        """Widths of a table's columns, px, as the user left them; empty where there are none to trust."""
+        return self._sizes(f"widths/{name}")
+
+    def set_widths(self, name: str, widths: Sequence[int]) -> None:
+        self._store.setValue(f"widths/{name}", [str(width) for width in widths])
+
+    def sorting(self, name: str) -> tuple[int, bool]:
+        """The column by which a table is sorted, and whether downwards; column -1 where nobody chose one."""
+        column, _, order = str(self._store.value(f"sorting/{name}", "")).partition(" ")
+        return (
+            (int(column), order == "down") if column.isdecimal() and order in ("up", "down") else (-1, False)
+        )
+
+    def set_sorting(self, name: str, column: int, descending: bool) -> None:
+        self._store.setValue(f"sorting/{name}", f"{column} {'down' if descending else 'up'}")
+
+    def _sizes(self, key: str) -> tuple[int, ...]:
+        value = self._store.value(key, [])
+        parts = [str(part) for part in value] if isinstance(value, (list, tuple)) else []
+        whole = tuple(int(part) for part in parts if part.isdecimal())
+        return whole if len(whole) == len(parts) and sum(whole) > 0 else ()
 
     def save_place(self, window: QWidget) -> None:
         self._store.setValue("geometry", window.saveGeometry())

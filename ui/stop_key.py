@@ -25,6 +25,8 @@ class StopKey(QObject):
         if on == self._armed or app is None:
             return
         self._armed = on
+        # The system's own file dialogs would keep Escape to themselves.
+        QCoreApplication.setAttribute(Qt.ApplicationAttribute.AA_DontUseNativeDialogs, on)
         if on:
             app.installEventFilter(self)
         else:

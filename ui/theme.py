@@ -16,6 +16,13 @@ from PySide6.QtWidgets import QApplication, QWidget
 Appearance = Literal["system", "light", "dark"]
 
 
+FRAMED = ("QAbstractSpinBox", "QLineEdit", "QCheckBox", "QRadioButton")
+"""Widgets whose outline the style derives from the window's colour, darker, which nobody sees on black."""
+
+OUTLINE_DARKER = 1.4
+"""So much darker than the window the style draws an outline."""
+
+
 @dataclass(frozen=True)
 class Colours:
     """What each colour means, as ``#rrggbb``; read from ``resources/style/colours.toml``."""
@@ -60,6 +67,8 @@ def apply_appearance(app: QApplication, appearance: Appearance) -> None:
         hints.setColorScheme(scheme)  # the title bar and native dialogs follow where the desktop can
     colours = _schemes()["dark" if scheme == Qt.ColorScheme.Dark else "light"]
     app.setPalette(_palette(colours))
+    for name in FRAMED:
+        app.setPalette(_framed_palette(colours), name)  # type: ignore[arg-type]  # the stub is wrong
     template = files("fingerlab.resources").joinpath("style/window.qss").read_text(encoding="utf-8")
     values = {field.name: str(getattr(colours, field.name)) for field in fields(colours)}
     app.setStyleSheet(Template(template).substitute(values))
@@ -91,6 +100,24 @@ def _palette(colours: Colours) -> QPalette:
         palette.setColor(target, QColor(colour))
     for target in (role.WindowText, role.Text, role.ButtonText):
         palette.setColor(QPalette.ColorGroup.Disabled, target, QColor(colours.muted))
+    return palette
+
+
+def _framed_palette(colours: Colours) -> QPalette:
+    """As all, with a window colour from which the style comes to an outline that can be seen."""
+    palette = _palette(colours)
+    outline = QColor(colours.line)
+    if QColor(colours.window).lightness() < 128:
+        muted = QColor(colours.muted)
+        pairs = (
+            (outline.red(), muted.red()),
+            (outline.green(), muted.green()),
+            (outline.blue(), muted.blue()),
+        )
+        outline = QColor(*((one + other) // 2 for one, other in pairs))
+    value = min(round(outline.value() * OUTLINE_DARKER), 255)
+    lighter = QColor.fromHsv(max(outline.hue(), 0), outline.saturation(), value)
+    palette.setColor(QPalette.ColorRole.Window, lighter)
     return palette
 
 

@@ -43,6 +43,7 @@ class Slot(IntEnum):
     KEEPER = 26  # keeper: 1 when it had to make the bench safe in the loop's place
     APPROACHED = 27  # loop: 1 reached, -1 not reached
     FLUSHED = 28  # recorder: samples of this run that survive its own death
+    SET_AT = 29  # loop: first sample with the references and the set-up that hold now
 
 
 class Text(IntEnum):

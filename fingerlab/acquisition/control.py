@@ -49,12 +49,13 @@ def slowed(gains: Gains, cycles: int) -> Gains:
     """Gains for a loop that sets its command only every ``cycles`` samples, with the delay of as many.
 
     The bandwidth falls with the square root: 12 Hz become 4 Hz at ten samples, where a delay of 15 ms costs
-    21 degrees of phase. Assumed.
+    21 degrees of phase. The integral keeps its time, or the finger's springs would hold the motor back from
+    where it is to be for seconds. Assumed.
     """
     share = cycles**-0.5
     return Gains(
         gains.proportional * share**2,
-        gains.integral * share**3,
+        gains.integral * share**2,
         gains.derivative * share,
         gains.derivative_cutoff_hz,
         gains.current_limit,

@@ -8,6 +8,7 @@ process at once; other systems have the pipe alone.
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
@@ -50,6 +51,34 @@ class Pulse:
         if self._file is not None:
             os.close(self._file)
             self._file = None
+
+
+STANDSTILL = 5.0
+"""For so many times the lateness at which it stops by itself a loop may stand still (assumed)."""
+
+FEWEST_LOOKS = 5
+"""Whoever was held up as well, as by a machine that slept, looks so often before it judges (assumed)."""
+
+
+class Standstill:
+    """Tells whether the loop makes no cycles any more while the amplifier is on: it hangs in a driver, say.
+
+    Args:
+        late_time: s, lateness at which the loop stops by itself, where it can.
+    """
+
+    def __init__(self, board: Board, late_time: float) -> None:
+        self._board, self._seconds = board, STANDSTILL * late_time
+        self._cycles, self._since, self._looks = -1, 0.0, 0
+
+    def seen(self) -> bool:
+        """To be called every few milliseconds."""
+        cycles, now = self._board[Slot.CYCLES], time.monotonic()
+        if cycles != self._cycles or not self._board[Slot.ENABLE_LINE]:
+            self._cycles, self._since, self._looks = cycles, now, 0
+            return False
+        self._looks += 1
+        return self._looks >= FEWEST_LOOKS and now - self._since > self._seconds
 
 
 class Lives:

@@ -45,6 +45,8 @@ from fingerlab.errors import UserError
 FAREWELL_S = 0.5
 """The loop goes on reading for this long after its window is lost, so that the stop is recorded (assumed)."""
 
+STOOD_STILL = "The control loop stood still; the motor was stopped in its place, connect the device again."
+
 SAFE_TRIES = 50
 """How often zero output is tried before the device is given up."""
 
@@ -152,6 +154,9 @@ class ControlLoop:
         if self._lost_process:
             sentence, self._lost_process = self._lost_process, ""
             return sentence
+        if self._board[Slot.KEEPER]:
+            self.ended = True
+            return STOOD_STILL
         errors = self._board[Slot.RECORDER_ERRORS]
         failed, self._recorder_errors = errors != self._recorder_errors, errors
         if not self.machine.enable_allowed:
@@ -324,6 +329,8 @@ class ControlLoop:
         averaging, self._averaging = self._averaging, None
         assert averaging is not None
         sentence = averaging.finish(self._reader.zeros)
+        if not sentence:
+            self._board[Slot.SET_AT] = self._reader.index + 1
         if not sentence and isinstance(averaging.what, Initialise):
             self._become(Event.INITIALISE)
             self._reader.forget_speed()
@@ -335,6 +342,7 @@ class ControlLoop:
         change = getattr(self.device, "set_up", None)
         if change is not None and self._reader.index >= 0:
             change(command.phase, command.cable, command.load_torque)
+        self._board[Slot.SET_AT] = self._reader.index + 1
         self._cable = command.cable != "none"
         self._safety = safety_checks(
             self.settings.limits,

@@ -3,8 +3,8 @@
 Who holds which end tells who lives: every process holds the writing end of a pipe to each that has to know,
 and the system closes it with the process, whatever killed it; where the system tells sooner, loop and
 guardian look there (``lives.py``). Silence without death is told by heartbeats in the board. The recorder's
-process also keeps a guardian: when the loop dies without having said goodbye, it writes zero output and drops
-the enable line through a device of its own.
+process also keeps a guardian: when the loop dies without having said goodbye, or stands still with the
+amplifier on, it writes zero output and drops the enable line through a device of its own.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import NoReturn, Protocol
 
 from fingerlab.acquisition.board import Board, Slot, Text
-from fingerlab.acquisition.lives import Lives, Pulse
+from fingerlab.acquisition.lives import Lives, Pulse, Standstill
 from fingerlab.acquisition.loop import SAFE_TRIES, ControlLoop
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.requests import LoopSettings
@@ -131,7 +131,7 @@ def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, aliv
     ring, board = Ring.attach(plan.ring), Board.attach(plan.board)
     board[Slot.RECORDER_PID] = os.getpid()
     recorder = Recorder(ring, board, plan.rescue)
-    threading.Thread(target=_guard, args=(plan.device, board, loop_lives), daemon=True).start()
+    threading.Thread(target=_guard, args=(plan, board, loop_lives), daemon=True).start()
     come_first()
     cut = False
     while True:
@@ -179,11 +179,14 @@ def _write_whole(recorder: Recorder, note: str) -> None:
         recorder.close()
 
 
-def _guard(choice: Choice, board: Board, loop_lives: Connection) -> None:
+def _guard(plan: Plan, board: Board, loop_lives: Connection) -> None:
     """Wait for the loop's end; where it was no proper one, make the bench safe in its place."""
+    choice = plan.device
     # Built before it is needed: importing a driver takes longer than the motor may run.
     device = None if choice.kind in IN_THE_LOOP else choice.build()
-    _wait_until_dying(board, loop_lives)
+    # Without a clock nothing moves while the loop does not.
+    standstill = Standstill(board, plan.settings.limits.late_time) if choice.real_time else None
+    _wait_until_lost(board, loop_lives, standstill)
     if board[Slot.LOOP_ENDED]:
         return
     confirmed = device is None or device.make_safe()
@@ -194,19 +197,21 @@ def _guard(choice: Choice, board: Board, loop_lives: Connection) -> None:
         return
     with suppress(EOFError, OSError):
         loop_lives.recv()
-    # What the dying loop had handed to the driver may have come after the zero: write it once more.
+    # What the loop had handed to the driver may have come after the zero: write it once more.
     confirmed = any(device.make_safe() for _ in range(SAFE_TRIES))
     board[Slot.SAFE] = int(confirmed)
 
 
-def _wait_until_dying(board: Board, loop_lives: Connection) -> None:
-    """Until the loop's process is gone, or the system says that it is going."""
+def _wait_until_lost(board: Board, loop_lives: Connection, standstill: Standstill | None) -> None:
+    """Until the loop's process is gone, or the system says that it is going, or it stands still."""
     pulse: Pulse | None = None
     with suppress(EOFError, OSError):
         while not loop_lives.poll(GUARD_S):
             if pulse is None and board[Slot.LOOP_PID]:
                 pulse = Pulse(board[Slot.LOOP_PID])
             if pulse is not None and pulse.dying():
+                return
+            if standstill is not None and standstill.seen():
                 return
 
 

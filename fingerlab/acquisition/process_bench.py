@@ -14,6 +14,7 @@ from fingerlab.acquisition.bench import Bench, RecorderFace, Status
 from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.columns import COLUMNS
 from fingerlab.acquisition.commands import Command, Quit
+from fingerlab.acquisition.loop import STOOD_STILL
 from fingerlab.acquisition.process import Choice, Plan, loop_main, recorder_main
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.requests import LoopSettings
@@ -79,8 +80,8 @@ class ProcessBench(Bench):
             raise UserError("The control loop has ended; open the bench again.") from None
         end = time.monotonic() + ANSWER_S
         while self.board[Slot.ACK] != self._number:
-            if self.board[Slot.LOOP_ENDED] or not self.loop_process.is_alive():
-                raise UserError(self.board.text(Text.FAULT) or "The control loop has ended.")
+            if self.board[Slot.LOOP_ENDED] or self._loss:
+                raise UserError(self._loss or self.board.text(Text.FAULT) or "The control loop has ended.")
             if time.monotonic() > end:
                 raise UserError("The control loop does not answer; stop the motor by its own switch.")
             self.beat()
@@ -91,16 +92,26 @@ class ProcessBench(Bench):
 
     def status(self) -> Status:
         status = super().status()
-        if self._closed or status.loop_ended or self.loop_process.is_alive():
-            return status
-        if self.board[Slot.LOOP_ENDED]:  # meanwhile, and properly
-            return super().status()
-        return replace(status, loop_ended=True, fault=LOOP_DIED)
+        loss = "" if self._closed else self._loss
+        if loss:
+            return replace(status, loop_ended=True, fault=loss)
+        return super().status() if not self._closed and self.board[Slot.LOOP_ENDED] else status
+
+    @property
+    def _loss(self) -> str:
+        """How the loop was lost without having ended; empty where it was not."""
+        alive = self.loop_process.is_alive()
+        if self.board[Slot.LOOP_ENDED]:  # looked at last: it may have ended meanwhile, and properly
+            return ""
+        if not alive:
+            return LOOP_DIED
+        return STOOD_STILL if self.board[Slot.KEEPER] else ""
 
     def idle(self) -> None:
         self.beat()
-        if not self.loop_process.is_alive() and not self.board[Slot.LOOP_ENDED]:
-            raise UserError(LOOP_DIED)
+        loss = self._loss
+        if loss:
+            raise UserError(loss)
         if not self.recorder_process.is_alive():
             raise UserError("The recorder has ended unexpectedly; the motor was stopped.")
         time.sleep(IDLE_S)
@@ -133,6 +144,9 @@ class ProcessBench(Bench):
         process.join(10.0)
         if process.is_alive():
             process.terminate()
+            process.join(5.0)
+        if process.is_alive():  # one that is held still does not hear it
+            process.kill()
             process.join(5.0)
 
 

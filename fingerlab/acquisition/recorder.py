@@ -16,12 +16,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 
 from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.columns import COLUMN, RowFlag
+from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.recording import (
     LEAST_FREE_BYTES,
     RunInfo,
@@ -223,15 +225,36 @@ class Recorder:
         self._board[Slot.UNREAD] += piece.lost
         rows = piece.rows
         index = rows[:, COLUMN["index"]]
-        inside = index >= run.next
-        if run.stop is not None:
-            inside &= index < run.stop
+        inside = _inside(run, index)
+        note = ""
+        if run.info.load_torque:
+            note = self._load_set_down(run, rows[inside])
+            inside = _inside(run, index)
         over = run.stop is not None and bool(len(index)) and index[-1] >= run.stop - 1
         if inside.any():
             self._write(run, rows[inside])
         if over:
-            self._finish("")
+            self._finish(note)
         return len(rows)
+
+    def _load_set_down(self, run: _Run, rows: Array) -> str:
+        """End a run against a known load with its motion: afterwards the load hangs on its support again.
+
+        Returns:
+            Why the run was cut, empty where its motion ended in order or goes on.
+        """
+        modes = rows[:, COLUMN["mode"]]
+        ended = np.flatnonzero(modes != Mode.RUNNING)
+        if not len(ended):
+            return ""
+        first, mode = ended[0], Mode(int(modes[ended[0]]))
+        # The row that begins a soft stop still holds the last sample of the motion.
+        stop = int(rows[first, COLUMN["index"]]) + (mode is Mode.STOPPING)
+        run.stop = stop if run.stop is None else min(run.stop, stop)
+        if mode is Mode.FAULT:
+            return self._board.text(Text.FAULT)
+        latched = int(rows[first, COLUMN["flags"]]) & RowFlag.LATCHED
+        return "The bench was stopped by the operator." if latched else ""
 
     def _write(self, run: _Run, rows: Array) -> None:
         index = rows[:, COLUMN["index"]]
@@ -353,6 +376,12 @@ class Recorder:
             return self._ring.reader()
         behind = int(newest[0, COLUMN["index"]]) - index + 2
         return self._ring.reader(max(behind, 0))
+
+
+def _inside(run: _Run, index: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Which samples belong to the run and are not yet written."""
+    inside = index >= run.next
+    return inside if run.stop is None else inside & (index < run.stop)
 
 
 def _lossy_note(run: _Run) -> str:

@@ -109,9 +109,9 @@ def print_diagnosis(result: Diagnosis) -> None:
     proposal = words.next_experiment_sentence(result)
     if proposal is not None:
         console.print(Text(proposal))
-    hidden = words.hidden_besides(result)
+    hidden = words.hidden_sentence(result)
     if hidden:
-        console.print(Text(f"These data could not show, at a plausible strength: {', '.join(hidden)}."))
+        console.print(Text(hidden))
     console.print(Text(f"{result.seconds:.1f} s", style="dim"))
 
 

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Callable, Mapping
-from datetime import datetime
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
-from fingerlab.cli.interrupts import Interrupts
 from fingerlab.cli.proposals import TRAJECTORY_HELP, single_plan
+from fingerlab.cli.record_events import Events
 from fingerlab.cli.simulate import PROTOCOL_NAMES
 from fingerlab.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
     from fingerlab.acquisition.commands import Initialise
+    from fingerlab.acquisition.protocol_driver import Beginning
+    from fingerlab.acquisition.script import Order
     from fingerlab.devices.choosing import DeviceChoice
+    from fingerlab.identify.model_file import Model
     from fingerlab.rig import Rig
 
 
@@ -37,19 +40,50 @@ if TYPE_CHECKING:
 @click.option(
     "--device",
     metavar="NAME",
-    help="simulated, or a card such as Dev1 or host:31763/Dev1; else the first one found.",
+    help="simulated; a card such as Dev1 or host:31763/Dev1; own:FILE.py; else the first one found.",
 )
 @click.option("--rig", "rig_file", type=click.Path(path_type=Path), help="Rig file (TOML).")
 @click.option("--title", help="Title of the session.")
 @click.option("--operator", help="Who records.")
 @click.option("--notes", help="Notes on the session.")
 @click.option(
-    "--set-position", default=0.0, show_default=True, help="°, the pulley where it stands at first."
+    "--set-position", type=float, help="°, the pulley where it stands at first; else as the rig file, or 0."
 )
-@click.option("--set-mcp", type=float, help="°, the MCP joint at rest; else as its sensor is calibrated.")
+@click.option("--set-mcp", type=float, help="°, the MCP joint at rest; else as rig file or calibration say.")
 @click.option("--set-pip", type=float, help="°, the PIP joint, in the same way.")
 @click.option("--rest", default=2.0, show_default=True, type=click.FloatRange(min=0), help="s between runs.")
 @click.option("--force", default=0.8, show_default=True, type=click.FloatRange(min=0.05), help="N, contact.")
+@click.option(
+    "--then-contact",
+    type=click.FloatRange(min=0.0, max=90.0),
+    help="°, after --trajectory on air as many runs in contact, with this amplitude about the found contact.",
+)
+@click.option(
+    "--pre-trigger",
+    default=0.0,
+    show_default=True,
+    type=click.FloatRange(min=0.0, max=25.0),
+    help="s that each run begins earlier than its motion, or than its trigger.",
+)
+@click.option(
+    "--trigger",
+    metavar="LEVEL",
+    help="Begin each run where its motion crosses a level, such as 'endpoint_force>0.5', "
+    "'motor_position<-10deg' or 'motor_speed>90deg/s'.",
+)
+@click.option(
+    "--commands",
+    metavar="FILE",
+    help="Lines to obey meanwhile, '-' for standard input: 'mark NOTE', 'pause', 'resume', 'end', 'stop', "
+    "'ready' (the bench is changed as asked); each maybe after a moment of a run, '@SECONDS' or "
+    "'@RUN:SECONDS'.",
+)
+@click.option("--events", metavar="FILE", help="Tell what happens as JSON lines; '-' for standard output.")
+@click.option(
+    "--compare",
+    metavar="nominal|MODEL.json",
+    help="Tell among --events by how much this model misses torque (N m) and force (N).",
+)
 @click.option("--yes", is_flag=True, help="Do not wait for a key where the cable is to be changed.")
 @click.option("--real-time", is_flag=True, help="Let the simulated rig run in real time, as a card does.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="Which simulated bench.")
@@ -65,66 +99,50 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
     The simulated rig runs as fast as it can, unless it is asked for real time.
     """
     from fingerlab.acquisition.protocol import plan_steps
+    from fingerlab.cli.record_session import Told, take
     from fingerlab.devices.choosing import REPLAY
 
     refuse_existing(out)
+    if json_target == options["events"] == "-":
+        raise UserError("--json and --events cannot both have standard output; give one of them a file.")
     name, plans = _plans(options)
-    options["initial"] = _initial(options)
+    angles, beginning = _angles(options), _beginning(options)
+    orders, model = _orders(options["commands"]), _model(options["compare"])
     choice = _choice(options)
     if choice.kind == REPLAY:
         raise UserError("A replay has been recorded already; record from 'simulated' or from a card.")
     steps = plan_steps(plans, options["force"], options["rest"])
     simulated = choice.kind == "simulated"
-    bar, report = progress_bar("Recording")
-    with bar:
+    with ExitStack() as stack:
+        events = stack.enter_context(Events(options["events"]))
+        bar, report = progress_bar("Recording")
+        stack.enter_context(bar)
         report(0.0, "opening the device")
         bench, rig, attributes = _open(choice, options, simulated)
-        told = {"protocol": name, "device": bench.status().device, **attributes}
-        quiet = options["yes"] or simulated  # nobody has to change a cable
-        ask = _tell(report) if quiet else _ask(bench, bar)
-        try:
-            path, samples = _run(bench, steps, out, rig, options, told, ask, report)
-        finally:
-            bench.close()
-    click.echo(f"{len(plans)} runs, {samples} samples, written to {path}.", err=True)
+        stack.callback(bench.close)
+        attributes |= {k: v for k in ("operator", "notes") if (v := options[k])}
+        told = Told(
+            out=out,
+            name=name,
+            title=options["title"],
+            attributes=attributes,
+            initial=_initial(rig, angles),
+            beginning=beginning,
+            model=model,
+            orders=orders,
+            typed=options["commands"] == "-",
+            asks=not (options["yes"] or simulated),  # nobody has to change a cable
+        )
+        path, samples, runs = take(bench, rig, steps, told, events, bar, report)
+        result = _result(path, name, samples)
+        events.tell("written", result)
+    click.echo(f"{runs} runs, {samples} samples, written to {path}.", err=True)
     if json_target is not None:
-        write_json(_result(path, name, samples), json_target)
+        write_json(result, json_target)
 
 
-def _run(
-    bench: Bench,
-    steps: Any,
-    out: Path,
-    rig: Rig,
-    options: Mapping[str, Any],
-    told: Mapping[str, Any],
-    ask: Callable[[str], None],
-    report: Callable[[float, str], None],
-) -> tuple[Path, int]:
-    from fingerlab.acquisition.protocol import ProtocolDriver
-    from fingerlab.acquisition.recording import SessionInfo
-
-    attributes = {k: v for k in ("operator", "notes") if (v := options[k])}
-    title = options["title"] or f"{told['protocol']} protocol on {told['device']}"
-    now = datetime.now().astimezone().isoformat(timespec="seconds")
-    driver = ProtocolDriver(bench, ask, report, options["initial"])
-    with Interrupts(bench.stop) as interrupts:
-        try:
-            bench.recorder.open(SessionInfo(out, rig.to_json(), title, now, {**attributes, **told}))
-            driver.take(steps)
-        except BaseException as error:
-            bench.stop()  # before anything else
-            why = KeyboardInterrupt() if interrupts.asked else error
-            _keep(bench, why, out)
-            raise why from None
-    report(1.0, "writing and verifying")
-    return bench.recorder.close(), driver.samples
-
-
-def _initial(options: Mapping[str, Any]) -> Initialise:
-    """The values to which encoder and angle sensors are set after each change of the bench."""
-    from fingerlab.acquisition.commands import Initialise
-
+def _angles(options: Mapping[str, Any]) -> dict[str, float]:
+    """The values that were given for encoder and angle sensors, rad."""
     angles: dict[str, float] = {}
     for name in ("position", "mcp", "pip"):
         angle = options[f"set_{name}"]
@@ -132,18 +150,43 @@ def _initial(options: Mapping[str, Any]) -> Initialise:
             raise UserError(f"--set-{name} is {angle:g}; it should be an angle from -180 to 180 degrees.")
         if angle is not None:
             angles[name] = math.radians(angle)
-    return Initialise(**angles)
+    return angles
 
 
-def _keep(bench: Bench, error: BaseException, out: Path) -> None:
-    """What was recorded before it broke off becomes a session that says so."""
-    note = str(error) if isinstance(error, UserError) else "The recording was stopped by the operator."
+def _initial(rig: Rig, angles: Mapping[str, float]) -> Initialise:
+    """What the sensors are set to after each change of the bench: as given, else as the rig predefines it."""
+    from fingerlab.acquisition.initial import initial_of
+
+    return replace(initial_of(rig), **angles)
+
+
+def _beginning(options: Mapping[str, Any]) -> Beginning:
+    from fingerlab.acquisition.protocol_driver import Beginning
+    from fingerlab.acquisition.trigger import read_level
+
+    level = options["trigger"]
+    return Beginning(options["pre_trigger"], None if level is None else read_level(level))
+
+
+def _orders(source: str | None) -> list[Order]:
+    """What a file asks for; standard input is read while it is recorded."""
+    from fingerlab.acquisition.script import read_orders
+
+    if source is None or source == "-":
+        return []
     try:
-        bench.recorder.cut(note)
-        path = bench.recorder.close()
-    except UserError:
-        return
-    click.echo(f"The recording broke off; what was taken is in {path}.", err=True)
+        text = Path(source).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"--commands {source} cannot be read ({error}); give a text file, or '-'.") from None
+    return read_orders(text.splitlines(), source)
+
+
+def _model(source: str | None) -> Model | str | None:
+    if source is None or source == "nominal":
+        return source
+    from fingerlab.identify.model_file import load_model
+
+    return load_model(Path(source))
 
 
 def _open(
@@ -193,43 +236,27 @@ def _choice(options: Mapping[str, Any]) -> DeviceChoice:
 
 
 def _plans(options: Mapping[str, Any]) -> tuple[str, list[Any]]:
+    from fingerlab.acquisition.own_runs import in_contact
     from fingerlab.twin.preset import load_preset
     from fingerlab.twin.protocols import PROTOCOLS
 
-    protocol, text = options["protocol"], options["trajectory"]
+    protocol, text, press = options["protocol"], options["trajectory"], options["then_contact"]
     if (protocol is None) == (text is None):
         raise UserError("Give either --protocol with a name or --trajectory, not both or neither.")
     if protocol is not None:
-        if options["phase"] or options["cable"] or options["runs"] > 1:
-            raise UserError(f"--phase, --cable and --runs go with --trajectory; {protocol} has its own.")
+        if options["phase"] or options["cable"] or options["runs"] > 1 or press is not None:
+            raise UserError(
+                f"--phase, --cable, --runs and --then-contact go with --trajectory; {protocol} has its own."
+            )
         amplitude = load_preset(options["preset"]).numbers["protocol"]["contact_amplitude_deg"]
         return protocol, PROTOCOLS[protocol](amplitude)
-    return "single", [single_plan(text, options["phase"], options["cable"])] * options["runs"]
-
-
-def _tell(report: Callable[[float, str], None]) -> Callable[[str], None]:
-    return lambda sentence: report(0.0, sentence)
-
-
-def _ask(bench: Bench, bar: Any) -> Callable[[str], None]:
-    """Ask the operator on the terminal while the bench keeps seeing that somebody is there."""
-    import threading
-
-    def question(sentence: str) -> None:
-        bar.stop()
-        click.echo(f"{sentence} Then press Enter.", err=True)
-        done = threading.Event()
-
-        def read() -> None:
-            sys.stdin.readline()
-            done.set()
-
-        threading.Thread(target=read, daemon=True).start()
-        while not done.is_set():
-            bench.idle()
-        bar.start()
-
-    return question
+    plan = single_plan(text, options["phase"], options["cable"])
+    plans = [plan] * options["runs"]
+    if press is None:
+        return "single", plans
+    if plan.phase != "on_air":
+        raise UserError(f"--then-contact goes with --phase on_air; it is {plan.phase}.")
+    return "on air, then contact", [*plans, *[in_contact(plan, press)] * options["runs"]]
 
 
 def _result(path: Path, name: str, samples: int) -> dict[str, Any]:

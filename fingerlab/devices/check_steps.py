@@ -55,6 +55,19 @@ HANDS = {
 """What to do, how much of it the simulated operator does, and how much must at least be seen (N, rad)."""
 
 
+KNOWN = {
+    "load_cell": (
+        "Lay a known weight of 200 g on the load cell, where the fingertip presses",
+        0.2 * 9.81,
+        0.1,
+    ),
+    "mcp": ("Flex the MCP joint by 30 degrees more than at rest, by a set square", math.radians(30.0), 0.2),
+    "pip": ("Flex the PIP joint by 30 degrees more than at rest, by a set square", math.radians(30.0), 0.2),
+}
+"""What to do, how much it is (N, rad), and the share by which a right scaling may miss it: a weight that is
+not quite in the axis, a joint that is held by hand (assumed)."""
+
+
 def channels_at_rest(bench: Bench) -> Iterator[Outcome]:
     """Every analog channel reads something, quietly, and not at the end of its range."""
     raw = bench.watch(REST_SECONDS)
@@ -94,6 +107,32 @@ def channels_moved(bench: Bench) -> Iterator[Outcome]:
             continue
         raw = bench.watch(HAND_SECONDS, hand=(name, amount))
         yield _judge_movement(bench, k, raw, least, title, question)
+
+
+def scaling(bench: Bench) -> Iterator[Outcome]:
+    """A known weight and a known angle read as what they are."""
+    for k, name in enumerate(CHANNELS[:3]):
+        channel = bench.rig.daq.inputs[k]
+        title = f"{_sentence_case(TITLES[name])}, scaling"
+        if not channel.terminal or math.isnan(bench.rest[k]):
+            yield Outcome(f"scale/{name}", title, SKIPPED, "The channel could not be read at rest.")
+            continue
+        act, amount, tolerance = KNOWN[name]
+        question = f"{act}, within {HAND_SECONDS:g} s from your 'yes', and leave it so. Ready?"
+        answer = bench.operator.ask(f"scale/{name}", question)
+        if answer != YES:
+            yield Outcome(f"scale/{name}", title, SKIPPED, "The operator left it out.", question, answer)
+            continue
+        raw = bench.watch(HAND_SECONDS, hand=(name, amount))
+        last = raw[-len(raw) // 4 :, k].mean()
+        shown = float(channel.gain * channel.sign * (last - bench.rest[k]))
+        measured = {"shown": shown, "known": amount, "tolerance": tolerance}
+        sentence = f"It shows {_shown(name, shown)} of {_shown(name, amount)}"
+        if abs(shown / amount - 1.0) <= tolerance:
+            yield Outcome(f"scale/{name}", title, CONFIRMED, f"{sentence}.", question, answer, measured)
+            continue
+        sentence += f"; calibrate it ('fingerlab calibrate'), or correct its gain and sign in [daq.{name}]."
+        yield Outcome(f"scale/{name}", title, FAILED, sentence, question, answer, measured)
 
 
 def encoder_turned(bench: Bench) -> Iterator[Outcome]:
@@ -175,6 +214,7 @@ def stop(bench: Bench) -> Iterator[Outcome]:
 STEPS: tuple[Step, ...] = (
     channels_at_rest,
     channels_moved,
+    scaling,
     encoder_turned,
     drive,
     limits,

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 REPLAY = "replay"
 CARD = "card"
+OWN = "own"
 
 
 @dataclass(frozen=True)
@@ -27,9 +28,9 @@ class DeviceChoice:
     """A device before it is built; can be pickled.
 
     Attributes:
-        kind: ``card``, ``simulated`` or ``replay``.
+        kind: ``card``, ``simulated``, ``replay`` or ``own``.
         rig: whose wiring is used; for the simulated rig None means its own, a replay has its session's.
-        simulation, faults: of the simulated rig. session, run: of a replay.
+        simulation, faults: of the simulated rig. session, run: of a replay. file: of an own device.
         real_time: paced by the machine's clock, else as fast as possible (simulated rig and replay).
     """
 
@@ -40,6 +41,7 @@ class DeviceChoice:
     session: Path | None = None
     run: str | None = None
     real_time: bool = True
+    file: Path | None = None
 
     def build(self, clock: Clock | None = None) -> Device:
         """The device, not yet open.
@@ -61,6 +63,12 @@ class DeviceChoice:
             if self.session is None:
                 raise UserError("A replay needs a session file; give replay:FILE or replay:FILE#RUN.")
             return Replay(self.session, self.run, pace)
+        if self.kind == OWN:
+            from fingerlab.devices.own import own_device
+
+            if self.file is None:
+                raise UserError("A device of your own needs its Python file; give own:FILE.")
+            return own_device(self.file, (self.rig or default_rig()).daq.rate_hz)
         from fingerlab.devices.simulated import SimulatedRig
 
         return SimulatedRig(self.rig, self.simulation, self.faults, pace)
@@ -77,7 +85,8 @@ def choose_device(
 
     Args:
         name: ``simulated``; ``replay:FILE`` or ``replay:FILE#RUN``; the name of a card (``Dev1``, or
-            ``host:port/Dev1`` behind a device server); None for the first one that is found.
+            ``host:port/Dev1`` behind a device server); ``own:FILE`` for a device of one's own; None for the
+            first one that is found.
         rig: names the card, its terminals and scaling; the default rig where it is None.
         faults: of the simulated rig.
 
@@ -96,6 +105,13 @@ def choose_device(
         if not path:
             raise UserError("A replay needs a session file; give replay:FILE or replay:FILE#RUN.")
         return DeviceChoice(REPLAY, session=Path(path), run=run or None, real_time=real_time)
+    if name.startswith(f"{OWN}:"):
+        file = Path(name.removeprefix(f"{OWN}:"))
+        if not file.name:
+            raise UserError("A device of your own needs its Python file; give own:FILE.")
+        choice = DeviceChoice(OWN, rig or default_rig(), file=file.resolve())
+        choice.build()  # what is wrong with the file is said here, and not in the loop's process
+        return choice
     server, slash, card = name.rpartition("/")
     if not card or (slash and ":" not in server):
         raise UserError(

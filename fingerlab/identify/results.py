@@ -27,7 +27,8 @@ class Comparison:
 
     ``measured`` and ``modelled`` are in ``unit`` (SI), low-passed and decimated; both hold NaN where
     the equation says nothing (start-up, filter edges, slack cable). ``floor`` is the repeatability
-    of the bench for this equation, in ``unit``.
+    of the bench for this equation, in ``unit``. ``coordinates`` tell at the same times, each (n,) in SI,
+    what :mod:`fingerlab.identify.where` asks for: "tension", "motor angle", "joint speed mcp" and so on.
     """
 
     equation: str
@@ -40,6 +41,7 @@ class Comparison:
     unit: str
     floor: float
     held_out: bool = True
+    coordinates: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

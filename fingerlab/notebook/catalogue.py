@@ -8,13 +8,44 @@ from fingerlab.notebook.layout import Part, Shown, Table
 from fingerlab.physics.effects.base import Effect
 
 
-class Catalogue(Mapping[str, Effect], Shown):
+class EffectView(Shown):
+    """One effect. ``effect`` is the object behind it (``fingerlab.physics.effects.Effect``)."""
+
+    def __init__(self, effect: Effect) -> None:
+        self.effect = effect
+
+    @property
+    def id(self) -> str:
+        """What ``added`` and ``--add`` call it."""
+        return self.effect.id
+
+    @property
+    def title(self) -> str:
+        """What the screen calls it."""
+        return self.effect.title
+
+    def _parts(self) -> Sequence[Part]:
+        from fingerlab.report.diagnosis_words import FAMILY_TITLES, listed
+
+        one = self.effect
+        changes = listed([FAMILY_TITLES.get(e, e).lower() for e in one.acts_on])
+        rows = [
+            (name, gain.title or name, gain.unit, f"{gain.low:g} to {gain.high:g}", gain.source)
+            for name, gain in {**one.gains, **one.relaxes}.items()
+        ]
+        parts: list[Part] = [f"{one.title} ({one.id}), changes {changes}", one.explanation]
+        if rows:
+            parts.append(Table(("unknown", "what", "unit", "plausible range", "source"), rows))
+        return (*parts, f"What reveals it: {one.reveal}.")
+
+
+class Catalogue(Mapping[str, EffectView], Shown):
     """Effects by id, one's own included."""
 
     def __init__(self, effects: Mapping[str, Effect]) -> None:
-        self._effects = dict(effects)
+        self._effects = {name: EffectView(one) for name, one in effects.items()}
 
-    def __getitem__(self, effect: str) -> Effect:
+    def __getitem__(self, effect: str) -> EffectView:
         return self._effects[effect]
 
     def __iter__(self) -> Iterator[str]:
@@ -28,6 +59,6 @@ class Catalogue(Mapping[str, Effect], Shown):
 
         rows = [
             (one.id, one.title, listed([FAMILY_TITLES.get(e, e).lower() for e in one.acts_on]))
-            for one in self.values()
+            for one in (view.effect for view in self.values())
         ]
         return (f"{len(self)} effects", Table(("id", "effect", "acts on"), rows))

@@ -31,7 +31,12 @@ class DiagnosisView(Shown):
     @property
     def missing(self) -> tuple[str, ...]:
         """Ids of the effects that these data cannot tell apart, best first; empty where none is missing."""
-        return self.result.set
+        return words.suspects(self.result)
+
+    @property
+    def left_open(self) -> tuple[str, ...]:
+        """Where none is missing: ids of the effects that these data could not have shown, likeliest first."""
+        return words.not_shown(self.result)
 
     @property
     def score(self) -> float:
@@ -90,9 +95,9 @@ class DiagnosisView(Shown):
         proposal = words.next_experiment_sentence(result)
         if proposal is not None:
             parts.append(proposal)
-        unseen = words.hidden_besides(result)
+        unseen = words.hidden_sentence(result)
         if unseen:
-            parts.append(f"These data could not show, at a plausible strength: {', '.join(unseen)}.")
+            parts.append(unseen)
         return parts
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -51,6 +52,12 @@ class Table:
 Part = str | Table
 
 
+def filled(text: str) -> str:
+    """Lines of at most ``WIDTH`` characters; a number and its unit stay together."""
+    bound = re.sub(r"(?<=\d) (?=(?:s|ms|Hz|N|mm|mN|%|°)\b|%)", "\u00a0", text)
+    return textwrap.fill(bound, WIDTH).replace("\u00a0", " ")
+
+
 class Shown:
     """An object that shows itself: a subclass says in ``_parts`` what there is to see."""
 
@@ -58,9 +65,7 @@ class Shown:
         raise NotImplementedError
 
     def __repr__(self) -> str:
-        return "\n\n".join(
-            part.text() if isinstance(part, Table) else textwrap.fill(part, WIDTH) for part in self._parts()
-        )
+        return "\n\n".join(part.text() if isinstance(part, Table) else filled(part) for part in self._parts())
 
     def _repr_html_(self) -> str:
         first, *rest = self._parts()

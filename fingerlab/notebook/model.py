@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fingerlab.errors import UserError
 from fingerlab.identify.model_file import DIAGNOSIS_METHOD, Model, save_model
 from fingerlab.identify.results import ParameterEstimate
 from fingerlab.notebook.figures import Figures
@@ -17,6 +18,7 @@ from fingerlab.report.screen import estimate_text
 
 if TYPE_CHECKING:
     from fingerlab.identify.prediction import ExtendedPrediction
+    from fingerlab.identify.prediction.predict import RunPrediction
     from fingerlab.notebook.session import SessionView
 
 PREDICTION_COLUMNS = (
@@ -108,20 +110,31 @@ class PredictionView(Shown):
 
         return Figures(extended_figures(self.result))
 
-    def r2(self, variant: str = "extended") -> float:
-        """Mean R2 over the runs, of the ``extended`` or the ``nominal`` model."""
+    def r2(self, variant: str | None = None) -> float:
+        """Mean R2 over the runs, of the ``extended`` or the ``nominal`` model; the former where there is one.
+
+        Raises:
+            UserError: there is no such model in this prediction.
+        """
         return self._spread(variant, "r2")[0]
 
-    def coverage(self, variant: str = "extended") -> float:
-        """Mean share of the load cell's samples inside the 90 % interval."""
+    def coverage(self, variant: str | None = None) -> float:
+        """Mean share of the load cell's samples inside the 90 % interval; models as for ``r2``."""
         from fingerlab.identify.thesis.pooling import Spread
 
-        return Spread(tuple(run.coverage for run in self.result.runs[variant])).mean
+        return Spread(tuple(run.coverage for run in self._runs(variant))).mean
 
-    def _spread(self, variant: str, number: str) -> tuple[float, float]:
+    def _runs(self, variant: str | None) -> Sequence[RunPrediction]:
+        runs = self.result.runs
+        name = variant or next(iter(runs))
+        if name not in runs:
+            raise UserError(f"This prediction has no model '{name}'; it has {words.listed(list(runs))}.")
+        return runs[name]
+
+    def _spread(self, variant: str | None, number: str) -> tuple[float, float]:
         from fingerlab.identify.thesis.pooling import Spread
 
-        spread = Spread(tuple(run.numbers["both"].value(number) for run in self.result.runs[variant]))
+        spread = Spread(tuple(run.numbers["both"].value(number) for run in self._runs(variant)))
         return spread.mean, spread.deviation
 
     def _parts(self) -> Sequence[Part]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fingerlab.errors import UserError
-from fingerlab.identify.results import Diagnosis
+from fingerlab.identify.results import Diagnosis, ParameterEstimate
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.analysis_section import Analysis, analyse
 from fingerlab.report.equation import FinalEquation, final_equation
@@ -25,6 +25,8 @@ class Content:
     analysis: Analysis | None
     prediction: Prediction | None
     equation: FinalEquation | None
+    bench: Mapping[str, ParameterEstimate]
+    """What the fit gives for the bench itself, with the model that the diagnosis begins with."""
 
     def model_words(self) -> str:
         """The model that the diagnosis ends at."""
@@ -53,11 +55,14 @@ def gather(sessions: Sequence[Session], diagnosis: Diagnosis, progress: Progress
         model = fitted_model(
             sessions, diagnosis.final_model, lambda share, what: progress(0.5 + 0.4 * share, what)
         )
+    shown = {c.effect: c.parameters for c in diagnosis.candidates}
+    same = model is not None and diagnosis.final_model == diagnosis.model
     progress(0.9, "predicting the endpoint force")
     return Content(
         sessions,
         diagnosis,
         analysis,
         predict_force(sessions, model) if diagnosis.final_parameters else None,
-        None if model is None else final_equation(model, sessions[0].rig),
+        None if model is None else final_equation(model, sessions[0].rig, shown),
+        model.parameters if model is not None and same else diagnosis.parameters,
     )

@@ -129,8 +129,8 @@ def comparison_figure(shown: Shown, failure: Failure | None = None) -> Figure:
 
 
 QUANTITIES = {
-    "mcp_torque": "torque at the MCP",
-    "pip_torque": "torque at the PIP",
+    "mcp_torque": "MCP torque",
+    "pip_torque": "PIP torque",
     "cable_kinematics": "cable wound",
     "motor_torque": "motor torque",
     "endpoint_force_pip": "endpoint force",

@@ -84,6 +84,16 @@ def hidden_besides(diagnosis: Diagnosis) -> tuple[str, ...]:
     return tuple(c.effect for c in diagnosis.candidates if not c.detectable and c.effect not in named)
 
 
+def hidden_sentence(diagnosis: Diagnosis) -> str:
+    """What these data could not show besides what the other sentences name; empty where there is nothing."""
+    ids = ", ".join(hidden_besides(diagnosis))
+    if not ids:
+        return ""
+    if not_shown(diagnosis):
+        return f"Nor could they have shown, although one of these is less likely: {ids}."
+    return f"These data could not show, at a plausible strength: {ids}."
+
+
 def would_show(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Ids of the effects that the proposed run is about; the two outcomes that are no effect are left out."""
     proposal = diagnosis.next_experiment or {}

@@ -56,11 +56,18 @@ def effect_equations() -> Mapping[str, Mapping[str, Any]]:
     return tomllib.loads(place.read_text(encoding="utf-8"))
 
 
-def final_equation(model: ExtendedModel, rig: Rig) -> FinalEquation:
+Estimates = Mapping[str, ParameterEstimate]
+
+
+def final_equation(
+    model: ExtendedModel, rig: Rig, found_with: Mapping[str, Estimates] | None = None
+) -> FinalEquation:
     """The equations of a fitted model with numbers.
 
     Args:
         rig: the bench that the model was fitted to.
+        found_with: parameters of effects by their id, as a diagnosis gives them. A shape has its interval
+            from there, where it is the same; a fit has none for it.
     """
     found = model.parameters
     chosen = model.extended.effects
@@ -76,7 +83,10 @@ def final_equation(model: ExtendedModel, rig: Rig) -> FinalEquation:
             *_contact_part(finger, found),
             _cable_part(rig.motor, found, "x" in adds),
         ]
-    values = [*_model_values(found), *(v for one in chosen for v in _effect_values(one, found))]
+    values = [
+        *_model_values(found),
+        *(v for one in chosen for v in _effect_values(one, found, (found_with or {}).get(one.effect.id, {}))),
+    ]
     return FinalEquation((*parts, *(_effect_part(one) for one in chosen)), tuple(values))
 
 
@@ -171,7 +181,7 @@ def _tension_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_eff
     return Part(
         "Cable tension from the motor",
         (rf"T = \frac{{{number(gain)}\,M {rotor}{effect}}}{{{number(motor.pulley_radius)}}}{current}",),
-        "M is the torque at the gearbox output, i the motor current.",
+        "M: torque at the gearbox output. i: motor current.",
     )
 
 
@@ -201,7 +211,7 @@ def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Ite
         rf"\ell_2 = {two}\,\cos(\theta_1 + \theta_2 - {alpha}),\qquad"
         rf" \ell_1 = {one}\,\cos({alpha} - \theta_1) + \ell_2"
     ]
-    note = "F is what the load cell reads."
+    note = "F: what the load cell reads."
     if "lateral" in found:
         lines.append(
             rf"\lambda_2 = {two}\,\sin(\theta_1 + \theta_2 - {alpha}),\qquad"
@@ -209,17 +219,19 @@ def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Ite
         )
         slips = sorted(key for key in found if key.startswith("lateral_slip_"))
         factors = [
-            ("lateral", r"\,F"),
-            ("lateral_constant", ""),
-            ("lateral_spring", r"\,u"),
-            ("lateral_rub", r"\,z_F\,F"),
-            *((key, rf"\,f_{k}") for k, key in enumerate(slips, start=1)),
+            ("lateral", 1.0, r"\,F"),
+            ("lateral_constant", 1.0, ""),
+            ("lateral_spring", 1.0, r"\,u"),
+            ("lateral_rub", -1.0, r"\,f_H"),
+            *((key, 1.0, rf"\,f_{k}") for k, key in enumerate(slips, start=1)),
         ]
-        sides = [rf"{signed(_value(found, key))}{factor}" for key, factor in factors if _value(found, key)]
+        sides = [
+            f"{signed(sign * _value(found, key))}{by}" for key, sign, by in factors if _value(found, key)
+        ]
         lines.append(rf"H = {' '.join(sides).removeprefix('+ ') or '0'}")
         note += (
-            " H is the force along its face; u the travel of the tip since it was set down, z_F the state of "
-            "its friction, between −1 and 1 against the travel; f_1 and on, friction by the swing of F."
+            " H: force along its face. u: travel of the tip from where it stands on average. f_H: "
+            "friction of the tip by its travel, F at most. f_1 and on: friction by the swing of F."
         )
     yield Part("Levers of the contact force", tuple(lines), note)
 
@@ -255,7 +267,7 @@ def _bench_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> Pa
         if key in found
     ]
     line = rf"M = {' '.join(terms).removeprefix('+ ')}" + (r" + \tau_m" if with_effect else "")
-    return Part("Torque of the motor", (line,), "M is the torque at the gearbox output, τ_l the known load.")
+    return Part("Torque of the motor", (line,), "M: torque at the gearbox output. τ_l: known load.")
 
 
 def _effect_part(one: ChosenEffect) -> Part:
@@ -264,7 +276,7 @@ def _effect_part(one: ChosenEffect) -> Part:
         return Part(one.effect.title, (), "An effect of your own; its terms stand in its own file.")
     text = str(entry["equation"]).replace(r"\begin{align*}", "").replace(r"\end{align*}", "")
     lines = tuple(line.replace("&", "").strip() for line in text.split(r"\\"))
-    return Part(one.effect.title, lines, str(entry["symbols"]))
+    return Part(one.effect.title, lines, re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", str(entry["symbols"])))
 
 
 _MODEL_SYMBOLS = {
@@ -290,8 +302,8 @@ def _model_values(found: Mapping[str, ParameterEstimate]) -> Iterator[Value]:
                 yield Value(symbol, title + (f", {cable} cable" if cable else ""), estimate)
 
 
-def _effect_values(one: ChosenEffect, found: Mapping[str, ParameterEstimate]) -> Iterator[Value]:
-    """Gains of an effect with their interval, then its shape, which was chosen from a grid and has none."""
+def _effect_values(one: ChosenEffect, found: Estimates, seen: Estimates) -> Iterator[Value]:
+    """Gains of an effect with their interval, then its shape, which was chosen from a grid: see ``seen``."""
     effect, entry = one.effect, effect_equations().get(one.effect.id, {})
     symbols: Mapping[str, str] = entry.get("values", {})
     gains = {**effect.gains, **effect.relaxes}
@@ -302,10 +314,10 @@ def _effect_values(one: ChosenEffect, found: Mapping[str, ParameterEstimate]) ->
             yield Value(symbols.get(name, ""), _upper(titles[name]), estimate)
     for name, value in one.shape.items():
         if name in effect.shape_units:
-            unit = effect.shape_units[name]
-            yield Value(
-                symbols.get(name, ""), _upper(titles[name]), ParameterEstimate(value, unit, value, value)
-            )
+            estimate = ParameterEstimate(value, effect.shape_units[name], value, value)
+            if name in seen and math.isclose(seen[name].value, value, rel_tol=1e-3):
+                estimate = replace(estimate, low=seen[name].low, high=seen[name].high)
+            yield Value(symbols.get(name, ""), _upper(titles[name]), estimate)
 
 
 def _upper(title: str) -> str:

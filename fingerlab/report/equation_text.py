@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -15,6 +16,7 @@ SI_NOTE = (
     "Every number in the equations is in SI: angles in rad, tension and force in N, torques in N m, lengths "
     "in m. Angles are flexion positive; T and F are never negative."
 )
+VALUES_TITLE = "Fitted values, ± half the 90 % interval; one without was chosen among values that were tried"
 UNIT_LATEX = {"1": "", "tan": "", "deg": r"^\circ", "of the distal length": ""}
 LINE_INCHES, FONT_SIZE, WIDTH_INCHES = 0.3, 10.5, 7.2
 
@@ -32,7 +34,7 @@ def to_markdown(equation: FinalEquation, title: str, model: str) -> str:
         f"| {f'${v.symbol}$' if v.symbol else ''} | {v.title} | ${value_latex(v)}$ | {_unit(v)} |"
         for v in equation.values
     ]
-    parts += ["## Fitted values, ± half the 90 % interval"]
+    parts += [f"## {VALUES_TITLE}"]
     parts += ["\n".join(["| symbol | what | value | unit |", "|---|---|---|---|", *rows])]
     return "\n\n".join(parts) + "\n"
 
@@ -45,8 +47,9 @@ def to_latex(equation: FinalEquation, title: str, model: str) -> str:
         if part.lines:
             lines.append(_aligned(part, "align*"))
         if part.note:
-            lines += [f"% {part.note}"]
-    lines += [r"\begin{tabular}{llll}", r"symbol & what & value & unit \\ \hline"]
+            lines.append(rf"\noindent {{\small {latex_words(part.note)}}}\par")
+    lines += [rf"\paragraph{{{_escaped(VALUES_TITLE.replace('±', 'with'))}}}", r"\medskip\noindent\\"]
+    lines += [r"\begin{tabular}{llll}", r"symbol & what & value & unit \\ \hline\rule{0pt}{2.6ex}%"]
     for v in equation.values:
         symbol = f"${v.symbol}$" if v.symbol else ""
         unit = f"$\\mathrm{{{_unit_latex(v)}}}$" if _unit_latex(v) else ""
@@ -135,6 +138,50 @@ def _unit(value: Value) -> str:
 def _unit_latex(value: Value) -> str:
     unit = value.estimate.unit
     return UNIT_LATEX.get(unit, unit.replace(" ", r"\,"))
+
+
+SYMBOL = re.compile(
+    r"(?:(?<![^\W_])(?P<base>Δ?[A-Za-zα-ωℓ])(?:_(?P<below>\w+)|(?P<digit>[₁₂])))"
+    r"|(?P<greek>[α-ωΔℓ])|(?<!\w)(?P<lone>[A-Za-z])(?=:|, [A-Za-z]:)"
+)
+"""A symbol in a sentence: with an index, Greek, or a letter that is explained."""
+GREEK = (
+    *(
+        "alpha",
+        "beta",
+        "gamma",
+        "delta",
+        "varepsilon",
+        "zeta",
+        "eta",
+        "theta",
+        "iota",
+        "kappa",
+        "lambda",
+        "mu",
+    ),
+    *("nu", "xi", "o", "pi", "rho", "varsigma", "sigma", "tau", "upsilon", "phi", "chi", "psi", "omega"),
+)
+LATEX_OF = {chr(ord("α") + k): rf"\{name} " for k, name in enumerate(GREEK)} | {
+    "Δ": r"\Delta ",
+    "ℓ": r"\ell ",
+}
+
+
+def latex_words(text: str) -> str:
+    r"""A sentence whose symbols stand in mathematics: ``δ, C_j`` as ``$\delta $, $C_{j}$``."""
+
+    def letters(found: str) -> str:
+        return "".join(LATEX_OF.get(letter, letter) for letter in found)
+
+    def symbol(found: re.Match[str]) -> str:
+        below = found["below"] or {"₁": "1", "₂": "2"}.get(found["digit"] or "", "")
+        index = f"_{{{letters(below)}}}" if below else ""
+        return f"\0{letters(found['base'] or found['greek'] or found['lone'])}{index}\0"
+
+    # Symbols are set apart first, so that what is escaped in the rest does not reach them.
+    parts = SYMBOL.sub(symbol, text.replace("−", "\0-\0")).split("\0")
+    return "".join(f"${part}$" if k % 2 else _escaped(part) for k, part in enumerate(parts))
 
 
 def _escaped(text: str) -> str:

@@ -24,6 +24,7 @@ from fingerlab.report.figure_style import (
     new_figure,
 )
 from fingerlab.report.onair_figures import region_patches, run_ticks, shade
+from fingerlab.report.screen import fixed, r2_text
 from fingerlab.sessions.model import Array
 from fingerlab.signals.delays import normalise
 from fingerlab.signals.regions import Labels
@@ -110,7 +111,7 @@ def normalised_force(prediction: Prediction, title: str) -> Figure | None:
     time = np.arange(len(prediction.measured)) / len(prediction.measured) * prediction.period_s
     axes.plot(time, normalise(prediction.measured), color=MEASURED, lw=1.6, label="measured")
     axes.plot(time, normalise(prediction.modelled), color=MODELLED, ls="--", label="modelled")
-    title += f", R2 = {prediction.normalised_r2:.3f}"
+    title += f", R2 = {r2_text(prediction.normalised_r2)}"
     label(axes, "time in the period (s)", "normalised force (–)", title)
     legend(axes)
     return figure
@@ -124,7 +125,7 @@ def angle_figure(prediction: Prediction, sweep: Sequence[AngleStep], title: str)
     axes.plot(time, prediction.measured, color=MEASURED, lw=1.8, label="measured")
     for step, (colour, style) in zip(sweep, _series(len(sweep)), strict=True):
         words = (
-            f"{step.angle_deg:g}°, R2 {step.r2:.2f}"
+            f"{step.angle_deg:g}°, R2 {fixed(step.r2, 2)}"
             if np.isfinite(step.r2)
             else f"{step.angle_deg:g}°, no lever"
         )

@@ -39,6 +39,7 @@ from fingerlab.report.figure_style import (
     legend_below,
     new_figure,
 )
+from fingerlab.report.screen import r2_text
 from fingerlab.sessions.model import Array
 from fingerlab.signals.delays import normalise
 from fingerlab.signals.regions import (
@@ -219,7 +220,7 @@ def _plane(analysis: ThesisAnalysis, region: str) -> Figure | None:
         axes.plot(
             ends, 1e3 * (line.slope * ends + line.intercept), color=MODELLED, lw=1.5, label="regression"
         )
-        title += f", R2 = {line.r2:.3f}"
+        title += f", R2 = {r2_text(line.r2)}"
     label(axes, "cable tension (N)", "LHS of the PIP equation (mN m)", title)
     legend(axes)
     return figure

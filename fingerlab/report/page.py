@@ -29,7 +29,7 @@ from fingerlab.report.diagnosis_figures import (
     fingerprint_figure,
     path_figure,
 )
-from fingerlab.report.equation_text import WRITERS, equation_figures, equation_text, to_latex
+from fingerlab.report.equation_text import VALUES_TITLE, WRITERS, equation_figures, equation_text, to_latex
 from fingerlab.report.pdf import pdf_of_page
 from fingerlab.report.pictures import NamedFigure, Pictures, save_figures
 from fingerlab.report.prediction_section import Prediction
@@ -175,7 +175,7 @@ def render(content: Content, progress: Progress) -> Page:
         equations=_equations(diagnosis, pictures, len(sessions) > 1),
         candidates=[_candidate(c, pictures) for c in _drawn_candidates(diagnosis)],
         next_experiment=words.next_experiment_sentence(diagnosis),
-        model_rows=tables.model_rows(diagnosis.parameters),
+        model_rows=tables.model_rows(content.bench),
         prediction=content.prediction,
         prediction_picture=_prediction_picture(content.prediction, pictures),
         equation=_equation(content, pictures, title),
@@ -211,6 +211,7 @@ def _equation(content: Content, pictures: Pictures, title: str) -> dict[str, Any
             for part in content.equation.parts
         ],
         "rows": [(v.title, estimate_text(v.estimate)) for v in content.equation.values],
+        "values_title": VALUES_TITLE,
         "latex": to_latex(content.equation, title, content.model_words()),
     }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
@@ -113,9 +114,26 @@ def outcome_of(candidate: Candidate) -> Outcome:
         score_text(candidate.score),
         candidate.in_set,
         candidate.detectable,
-        candidate.explanation,
+        printed(candidate.explanation),
         True,
     )
+
+
+_PRINTED = (
+    (r"(?<![\w.)])-(?=\d)", "−"),
+    (r"(?<=\d) deg\b", "°"),
+    (r"\bdeg/s", "°/s"),
+    (r"\bum\b", "µm"),
+    (r"\^2\b", "²"),
+    (r"\^3\b", "³"),
+)
+
+
+def printed(text: str) -> str:
+    """A sentence of the terminal, whose letters are those of every keyboard, as it is printed."""
+    for pattern, by in _PRINTED:
+        text = re.sub(pattern, by, text)
+    return text
 
 
 def parameter_rows(candidate: Candidate) -> list[tuple[str, str]]:

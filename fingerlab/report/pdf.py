@@ -8,6 +8,7 @@ figures are matplotlib's own PDF, laid over the place that was kept for them, so
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Callable, Mapping
 from xml.etree import ElementTree
 
@@ -131,7 +132,9 @@ def words(element: Element) -> str:
         parts.append("\n" if child.tag == f"{XHTML}br" else words_raw(child))
         parts.append(child.tail or "")
     lines = "".join(parts).split("\n") if element.find(f"{XHTML}br") is not None else ["".join(parts)]
-    return "\n".join(" ".join(line.replace("\u00a0", " ").split()) for line in lines).strip()
+    return "\n".join(
+        re.sub(r"[ \t\r\n]+", " ", line).strip() for line in lines
+    ).strip()  # no-break spaces stay
 
 
 def words_raw(element: Element) -> str:

@@ -14,9 +14,9 @@ from fingerlab.identify.prediction.extended import EQUATION_WORDS, EQUATIONS, Ex
 from fingerlab.identify.prediction.force import contact_runs
 from fingerlab.identify.prediction.predict import ExtendedPrediction, RunPrediction
 from fingerlab.identify.thesis.pooling import Spread
-from fingerlab.report.estimates import mean_and_deviation
+from fingerlab.report.estimates import mean_and_deviation, plus_minus
 from fingerlab.report.extended_figures import force_figure
-from fingerlab.report.screen import with_minus
+from fingerlab.report.screen import r2_text, with_minus
 from fingerlab.sessions.model import Session
 
 Progress = Callable[[float, str], None]
@@ -93,7 +93,7 @@ def _rows(found: ExtendedPrediction) -> list[tuple[str, ...]]:
                 (
                     VARIANT_TITLES.get(name, name),
                     EQUATION_WORDS[equation],
-                    _mean(runs, equation, "r2", 1.0, 4),
+                    _r2(runs, equation),
                     _mean(runs, equation, "rmse", 1e3, 1),
                     _mean(runs, equation, "peak_measured", 1.0, 2),
                     _mean(runs, equation, "peak_modelled", 1.0, 2),
@@ -102,6 +102,14 @@ def _rows(found: ExtendedPrediction) -> list[tuple[str, ...]]:
                 )
             )
     return rows
+
+
+def _r2(runs: Sequence[RunPrediction], equation: str) -> str:
+    """With as many nines as tell it from 1, and the deviation over the runs."""
+    spread = Spread(tuple(run.numbers[equation].value("r2") for run in runs))  # type: ignore[index]
+    if not spread.deviation > 0:
+        return r2_text(spread.mean)
+    return with_minus(plus_minus(spread.mean, spread.deviation))
 
 
 def _mean(runs: Sequence[RunPrediction], equation: str, key: str, factor: float, digits: int) -> str:

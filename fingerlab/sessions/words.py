@@ -32,8 +32,18 @@ def trajectory_words(trajectory: Mapping[str, Any]) -> str:
     if isinstance(wanted, Mapping):
         words += f", for a wanted force ({', '.join(f'{k} {_number(v)}' for k, v in wanted.items())})"
     for key, value in rest.items():
-        words += f", {key.replace('_', ' ')} {_number(value)}"
+        words += f", {_named(key, value)}"
     return words
+
+
+UNITS = {"_s": " s", "_hz": " Hz", "_deg": "°", "_n": " N"}
+"""What the end of a number's name says of its unit."""
+
+
+def _named(key: str, value: Any) -> str:
+    """``duration 20 s`` for ``duration_s`` and 20."""
+    end = next((e for e in UNITS if key.endswith(e) and isinstance(value, int | float)), "")
+    return f"{key.removesuffix(end).replace('_', ' ')} {_number(value)}{UNITS.get(end, '')}"
 
 
 def _number(value: Any) -> str:

@@ -14,12 +14,12 @@ from fingerlab.acquisition.protocol import (
     Change,
     Find,
     Lift,
-    ProtocolDriver,
     Record,
     Rest,
     plan_seconds,
     plan_steps,
 )
+from fingerlab.acquisition.protocol_driver import ProtocolDriver
 from fingerlab.acquisition.recording import SessionInfo
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.safety import Limits

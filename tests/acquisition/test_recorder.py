@@ -7,6 +7,7 @@ import json
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import pytest
 
 from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.columns import COLUMN, COLUMNS, RowFlag
+from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import Ring
@@ -93,6 +95,47 @@ def test_pre_trigger_takes_what_the_ring_still_has(bench: Bench) -> None:
     run = open_session(bench.recorder.close()).runs[0]
     assert run.length == 2050
     assert run.attributes["dropped_samples"] == 0
+
+
+LOADED = RunInfo("motor_bench", "none", 1000.0, SINE, 0, None, 0.05)
+
+
+def test_a_run_against_a_known_load_ends_when_the_load_is_set_down(bench: Bench) -> None:
+    bench.recorder.begin(LOADED)
+    bench.publish(150, mode=Mode.RUNNING)
+    assert bench.board[Slot.RECORDING] == 1
+    bench.publish(50, mode=Mode.STOPPING)
+    assert bench.board[Slot.RECORDING] == 0
+    bench.recorder.begin(replace(LOADED, start=bench.index + 1, stop=bench.index + 101))
+    bench.publish(99, mode=Mode.RUNNING)
+    bench.publish(60, mode=Mode.STOPPING)
+    session = open_session(bench.recorder.close())
+    # The first row of the soft stop still holds the motion's last sample.
+    assert [run.length for run in session.runs] == [151, 100]
+
+
+@pytest.mark.parametrize(
+    ("mode", "flags", "words"),
+    [
+        (Mode.FAULT, 0, "The finger hit its stop."),
+        (Mode.IDLE, int(RowFlag.LATCHED), "stopped by the operator"),
+        (Mode.INITIALISED, 0, ""),
+    ],
+)
+def test_a_load_that_falls_is_not_recorded_as_carried(
+    bench: Bench, mode: Mode, flags: int, words: str
+) -> None:
+    bench.publish(1)
+    bench.recorder.begin(replace(LOADED, start=1))
+    bench.publish(150, mode=Mode.RUNNING)
+    bench.board.set_text(Text.FAULT, "The finger hit its stop.")
+    bench.publish(50, mode=mode, flags=flags)
+    (run,) = open_session(bench.recorder.close()).runs
+    assert run.length == 150
+    assert run.attributes["ended"] == ("truncated" if words else "clean")
+    note = str(run.attributes.get("ended_note", ""))
+    assert words in note
+    assert bool(words) == bool(note)
 
 
 def test_gaps_are_gaps_and_are_told(bench: Bench) -> None:

@@ -95,7 +95,7 @@ def test_the_effect_takes_away_what_the_delay_costs(
     found = predictions(session_file, model_file, tmp_path)
     out = capsys.readouterr().out
     for words in (
-        "recorded late",
+        "Late recording",
         "PIP and MCP",
         "delay (ms)",
         "90 % interval, extended model",

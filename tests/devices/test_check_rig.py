@@ -68,6 +68,8 @@ def test_a_bench_wired_like_its_rig_file_is_confirmed() -> None:
     }
     assert found["rest/load_cell"].measured["quantity"] == pytest.approx(0.0, abs=0.01)
     assert found["moved/mcp"].measured["peak"] == pytest.approx(0.52, abs=0.02)
+    for name, known in (("load_cell", 1.962), ("mcp", 0.5236), ("pip", 0.5236)):
+        assert found[f"scale/{name}"].measured["shown"] == pytest.approx(known, rel=0.02)
     assert found["encoder"].measured["counts"] == pytest.approx(8600, abs=5)
     assert found["drive/monitor"].measured["current"] == pytest.approx(0.3, abs=0.02)
     assert math.degrees(found["drive/direction"].measured["travel"]) == pytest.approx(60, abs=3)
@@ -87,6 +89,8 @@ def test_a_bench_wired_like_its_rig_file_is_confirmed() -> None:
         ("[daq.current_monitor]\nsign = 1\n", "drive/monitor", "turn the monitor's sign"),
         ("[daq.current_monitor]\ngain = 2.5\n", "drive/monitor", "correct the gain"),
         ("[daq.load_cell]\nterminal = ''\n", "rest/load_cell", "gives no number"),
+        ("[daq.load_cell]\ngain = 9.0\n", "scale/load_cell", "shows 2.44 N of 1.96 N; calibrate it"),
+        ("[daq.pip]\ngain = 0.35\n", "scale/pip", "of 30.00°; calibrate it"),
         ("[daq.pip]\noffset = 9.0\nlow = -5\nhigh = 5\n", "rest/pip", "the end of its range"),
     ],
 )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pickle
 import subprocess
 import sys
-from pathlib import Path
 from typing import Any
 
 import grpc
@@ -142,8 +141,9 @@ def test_a_choice_can_be_handed_to_another_process() -> None:
     assert raw[0][-1].index == 51
 
 
-def test_a_server_over_tcp_and_its_loss(tmp_path: Path) -> None:
+def test_a_server_over_tcp_and_its_loss(monkeypatch: pytest.MonkeyPatch) -> None:
     """Once over a real port: the loop in blocks, and the server's end as a lost device."""
+    monkeypatch.setattr("fingerlab.devices.ni.connection.RPC_DEADLINE", 30.0)  # other tests share the machine
     from fingerlab.devices.protocol import DeviceLost
 
     plant_card = Card(SimplePlant())

@@ -7,8 +7,15 @@ import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
+
 MARK = re.compile(r"<!-- not run: (.+?) -->")
-CALL = re.compile(r"^(?: {4}|)(fingerlab|python start\.py)( +[^\s#].*)?$")
+STARTER = "python start.py"
+OURS = re.compile(rf"^(?:fingerlab|{re.escape(STARTER)})(?= |$)")
+PROGRAMS = ("fingerlab", "python", "mkdocs", "pip", "uv")
+"""What a command in the middle of a sentence begins with; alone, such a word is a name."""
+INSTALLS = "it installs what the tests run with"
 
 
 @dataclass(frozen=True)
@@ -24,21 +31,40 @@ class Console:
         return shlex.split(self.line)
 
 
-def console_lines(text: str) -> Iterator[Console]:
-    """Every whole line of code that calls FingerLab, with the mark above its block."""
-    reason, inside = "", False
-    for line in text.splitlines():
-        mark = MARK.match(line)
+def tokens(text: str) -> list[Token]:
+    """The page as a Markdown parser reads it: code in a list, a quotation or a fence is code, too."""
+    return MarkdownIt("commonmark").enable("table").parse(text)
+
+
+def shell_lines(text: str) -> Iterator[Console]:
+    """Every line of code in no named language, whole, without its comment, with the mark above its block."""
+    reason = ""
+    for token in tokens(text):
+        mark = MARK.search(token.content) if token.type == "html_block" else None
         if mark:
-            reason, inside = mark[1], False
-            continue
-        code = line.startswith("    ") or line.startswith("fingerlab ")
-        found = CALL.match(line)
-        if found and code and ("|" not in line or line.startswith("    ")):
-            inside = True
-            command = re.sub(r"\s#.*$", "", found[2] or "").strip()
-            why = reason or ("it installs what the tests run with" if "start.py" in found[1] else "")
-            if command:
-                yield Console(command, why)
-        elif inside and not code and line.strip():
-            reason, inside = "", False  # the block is over, and its mark with it
+            reason = mark[1]
+        elif token.type in ("code_block", "fence"):
+            if not token.info.strip() or token.info.strip() in ("console", "bash", "sh", "shell"):
+                for line in token.content.splitlines():
+                    command = re.sub(r"(^|\s)#.*$", "", line).strip()
+                    if command:
+                        yield Console(command, reason)
+            reason = ""
+
+
+def console_lines(text: str) -> Iterator[Console]:
+    """Those that call FingerLab, without its name."""
+    for one in shell_lines(text):
+        command = OURS.sub("", one.line).strip()
+        if OURS.match(one.line) and command:
+            starts = one.line.startswith(STARTER)
+            yield Console(command, one.reason or (INSTALLS if starts else ""))
+
+
+def mentions(text: str) -> Iterator[str]:
+    """Commands in the middle of a sentence, whole; they may leave out what they need."""
+    for token in tokens(text):
+        for code in token.children or ():
+            words = code.content.split()
+            if code.type == "code_inline" and len(words) > 1 and words[0] in PROGRAMS:
+                yield " ".join(words)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,20 +11,38 @@ import pytest
 
 import fingerlab.identify.diagnosis
 import fingerlab.twin.protocols
-from tests.docs.console import Console, console_lines
+from tests.docs.console import OURS, Console, console_lines, mentions, shell_lines
 from tests.docs.shelf import ROOT, Remembered, fill, run, shortened, supply, thin_reports
 
 DOCS = ROOT / "docs"
-PAGES = (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
+PAGES = (
+    *(ROOT / name for name in ("README.md", "CHANGELOG.md", "packaging/README.md", "packaging/LICENCES.md")),
+    *sorted(DOCS.rglob("*.md")),
+)
 CHECKED = DOCS / "hidden-effect.md"
 NOT_RUN = {
     "it installs what the tests run with",
     "it needs the card",
     "it takes minutes",
-    "it takes as long as the runs",
+    "it moves a motor in real time",
 }
 """The reasons for which a command may be left out."""
 MOST_LEFT_OUT = 12
+RUN_ELSEWHERE = {
+    "mkdocs": ("tests/docs/test_documents.py", "build.build(config)"),
+    "pip install": (".ci/run", "start.py"),  # the starter installs what these lines name
+    "python docs/hidden_effect_story.py": ("tests/notebook/test_story.py", "hidden_effect_story.py"),
+    "python packaging/bundle.py": (".ci/run", "packaging/bundle.py"),
+    "python packaging/distribution.py": ("tests/packaging/test_packages.py", "distribution.build_both"),
+    "python packaging/licences.py": ("tests/docs/test_documents.py", "licences.locked()"),
+    "python packaging/try_wheel.py": (".ci/run", "packaging/try_wheel.py"),
+    "python start.py": (".ci/run", "start.py test"),
+}
+"""Commands of other programs: the file that runs the same, and the words by which it does."""
+TAKES_HOURS = (
+    *("benchmarks", "docs/screenshots.py", "packaging/lock.py", "tests.faults.sweep", "tests.hidden.sweep"),
+)
+"""Programs that measure for hours, draw all pictures, or ask the network: they exist, with their options."""
 
 
 def commands(page: Path) -> list[Console]:
@@ -67,6 +87,63 @@ def test_every_command_of_the_page_runs(
             run(command.words)
 
 
+def whole_mentions(page: Path) -> list[list[str]]:
+    """Commands of FingerLab in the middle of a sentence that have all they need, and take seconds."""
+    found = [m for m in mentions(page.read_text(encoding="utf-8")) if OURS.match(m)]
+    words = [shlex.split(OURS.sub("", m)) for m in found if "COMMAND" not in m and "..." not in m]
+    return [
+        w for w in words if w and w[-1].startswith("--")
+    ]  # the others are names: what they read is left out
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_commands_in_the_middle_of_a_sentence_run(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("FINGERLAB_SETTINGS_DIR", str(tmp_path / "settings"))
+    for words in whole_mentions(page):
+        run(words)
+
+
+def others(text: str) -> list[str]:
+    """Every line of code, and every command in a sentence, that calls another program than FingerLab."""
+    lines = [c.line for c in shell_lines(text) if not c.reason]
+    return [line for line in (*lines, *mentions(text)) if not OURS.match(line) or line.startswith("python")]
+
+
+def unaccounted(line: str) -> str:
+    """Why a command of another program is not known to work; empty where it is."""
+    for start, (file, words) in RUN_ELSEWHERE.items():
+        if line == start or line.startswith(f"{start} "):
+            there = (ROOT / file).read_text(encoding="utf-8")
+            return "" if words in there else f"{file} does not hold {words!r}"
+    called = re.match(r"python (?:-m )?([\w./]+)(.*)", line)
+    if called is None or not called[1].startswith(TAKES_HOURS):
+        return f"nothing runs '{line}'"
+    name = called[1] if called[1].endswith(".py") else called[1].replace(".", "/")
+    places = [ROOT / name, ROOT / f"{name}.py", ROOT / name / "__main__.py"]
+    source = "".join(p.read_text(encoding="utf-8") for p in places if p.is_file())
+    missing = [o for o in re.findall(r"--[a-z-]+", called[2]) if o not in source]
+    return f"{called[1]} has no {missing}" if missing or not source else ""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_every_other_line_of_code_is_run_somewhere(page: Path) -> None:
+    wrong = [why for line in others(page.read_text(encoding="utf-8")) if (why := unaccounted(line))]
+    assert not wrong
+
+
+def test_what_nothing_runs_is_seen() -> None:
+    text = (
+        "1. Text.\n\n       python nowhere.py\n\n> `python -m benchmarks.soak --houres 2`\n\n"
+        "```\ndiagnose s.h5\n```\n\n    mkdocs build\n"
+    )
+    lines = others(text)
+    assert len(lines) == 4
+    assert [line for line in lines if not unaccounted(line)] == ["mkdocs build"]
+
+
 def test_few_commands_are_left_out_and_each_says_why() -> None:
     left_out = [c for page in PAGES for c in commands(page) if c.reason]
     assert {c.reason for c in left_out} <= NOT_RUN
@@ -74,15 +151,17 @@ def test_few_commands_are_left_out_and_each_says_why() -> None:
     assert sum(not c.reason for page in PAGES for c in commands(page)) > 2 * len(left_out)
 
 
-def test_marks_hold_for_their_block_alone() -> None:
+def test_marks_hold_for_their_block_alone_and_every_kind_of_block_is_seen() -> None:
     text = (
         "Text.\n\n<!-- not run: it takes minutes -->\n\n"
         "    fingerlab replicate    # all\n    fingerlab info a.h5\n\n"
-        "More.\n\n    fingerlab fit a.h5\n\n```text\nfingerlab | a table\n```\n\nfingerlab fit b.h5\n"
+        "More.\n\n    fingerlab fit a.h5\n\n```text\nfingerlab | a table\n```\n\n"
+        "- a list\n\n      fingerlab fit b.h5\n\n```console\nfingerlab fit c.h5\n```\n"
     )
     assert list(console_lines(text)) == [
         Console("replicate", "it takes minutes"),
         Console("info a.h5", "it takes minutes"),
         Console("fit a.h5", ""),
         Console("fit b.h5", ""),
+        Console("fit c.h5", ""),
     ]

@@ -8,7 +8,6 @@ import re
 import shlex
 import sys
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -20,10 +19,14 @@ from fingerlab.cli.main import COMMANDS, cli
 from fingerlab.devices.protocol import Device
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.base import Row
+from tests.docs.console import OURS, console_lines, mentions
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-WRITTEN = (ROOT / "README.md", ROOT / "packaging" / "README.md", *sorted(DOCS.rglob("*.md")))
+WRITTEN = (
+    *(ROOT / name for name in ("README.md", "CHANGELOG.md", "packaging/README.md")),
+    *sorted(DOCS.rglob("*.md")),
+)
 PLACEHOLDERS = {"N": "1", "ID": "coulomb_friction", "THAT_FOLDER": "folder", "FILE": "file.json"}
 
 
@@ -47,20 +50,6 @@ def pages(generate: ModuleType) -> dict[str, str]:
     made = generate.pages()
     assert isinstance(made, dict)
     return made
-
-
-def command_lines(text: str) -> Iterator[str]:
-    """Whole lines of code that call FingerLab, without their comments."""
-    for line in text.splitlines():
-        found = re.match(r"(?: {4}|)(?:fingerlab|python start\.py) +([^\s#].*)$", line)
-        if found and (line.startswith(" ") or "|" not in line):  # else a cell of a table
-            yield re.sub(r"\s#.*$", "", found[1]).strip()
-
-
-def mentions(text: str) -> Iterator[str]:
-    """Commands in the middle of a sentence, which may leave out what they need."""
-    for found in re.finditer(r"`fingerlab ([^`\n]+)`", text):
-        yield found[1]
 
 
 def parsed(line: str, whole: bool) -> None:
@@ -87,15 +76,15 @@ def parsed(line: str, whole: bool) -> None:
 @pytest.mark.parametrize("page", WRITTEN, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_every_command_in_the_documents_parses(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    for line in command_lines(text):
+    for line in (command.line for command in console_lines(text)):
         if line.split()[0] in ("COMMAND", "test"):
             continue
         try:
             parsed(line, whole=True)
         except click.ClickException as error:
             pytest.fail(f"{page.name}: 'fingerlab {line}': {error.format_message()}")
-    for line in mentions(text):
-        if line.split()[0] == "COMMAND":
+    for line in (OURS.sub("", m).strip() for m in mentions(text) if OURS.match(m)):
+        if not line or line.split()[0] in ("COMMAND", "test"):
             continue
         try:
             parsed(line, whole=False)
@@ -105,7 +94,7 @@ def test_every_command_in_the_documents_parses(page: Path) -> None:
 
 def test_the_check_of_commands_sees_them_and_refuses_wrong_ones() -> None:
     text = (DOCS / "quick-start.md").read_text(encoding="utf-8")
-    assert "reveal session.h5" in list(command_lines(text))
+    assert "reveal session.h5" in [command.line for command in console_lines(text)]
     for wrong in ("diagnos session.h5", "simulate --protocol rich", "fit session.h5 --method halves"):
         with pytest.raises(click.ClickException):
             parsed(wrong, whole=True)
@@ -237,6 +226,31 @@ def test_fingerprints_show_the_course_of_the_effect(pages: dict[str, str]) -> No
 
 def test_the_page_of_commands_has_all_of_them(pages: dict[str, str]) -> None:
     assert re.findall(r"^## (\S+)$", pages["commands.md"], re.MULTILINE) == list(COMMANDS)
+
+
+def test_the_numbers_of_the_diagnosis_are_read_from_its_modules(pages: dict[str, str]) -> None:
+    from fingerlab.identify.diagnosis import conditions, evidence
+
+    made = sys.modules["stated"]
+    rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", pages["decisions.md"], re.MULTILINE))
+    assert float(rows["CORRELATED_VALUES"]) == evidence.CORRELATED_VALUES
+    assert float(rows["SAME_SHARE"]) == conditions.SAME_SHARE
+    assert rows["SAME_DIFFERENCE"].startswith("frequency hz 0.02, amplitude deg 1")
+    assert all(len(list(made.stated(name))) > 0 for name in made.MODULES)
+    assert made.shown({"a": object()}) == made.shown(float("inf")) == ""
+
+
+def test_no_import_runs_up_an_arrow(generate: ModuleType) -> None:
+    made = sys.modules["arrows"]
+    rank, edges = made.ranks(), made.imports()
+    assert [edge for edge in sorted(edges) if rank[edge[0]] >= rank[edge[1]]] == []
+    folders = {path.parent.name for path in (ROOT / "fingerlab").glob("*/__init__.py")}
+    assert folders <= {*rank, *made.GROUND}  # each part is drawn
+    assert {("ui", "identify"), ("cli", "identify"), ("devices", "twin")} <= edges
+    assert ("ui", "identify") not in made.drawn(edges)  # it runs over the report
+    page = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    svg = generate.on_page_markdown(page)
+    assert svg.count('marker-end="url(#tip)"') == len(made.drawn(edges))
 
 
 def test_formulas_become_mathml(generate: ModuleType) -> None:

@@ -11,7 +11,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from fingerlab.devices.protocol import Sample
+from fingerlab.devices.protocol import DeviceFault, Sample
 from tests.acquisition.fake_device import FakeDevice
 
 LAYOUT = struct.Struct("qdqqqq")
@@ -84,6 +84,9 @@ class SharedDevice(FakeDevice):
             time.sleep(early)
         else:
             self._due -= early
+        if LAYOUT.unpack(self._memory[:])[5]:  # the guardian has reset the card, which took its tasks away
+            self.volts, self.enabled = 0.0, False
+            raise DeviceFault("The shared bench was taken away.")
         sample = super().exchange(command_volts)
         self._tell()
         return sample

@@ -17,6 +17,8 @@ def test_a_killed_process_stops_the_motor_and_loses_a_quarter_of_a_second_at_mos
     outcome = kill_once(tmp_path, victim, after)
     assert outcome.zero
     assert outcome.moving
+    if victim != "loop":  # cycles of the bench, which waits for a machine that is busy; the sweep counts them
+        assert outcome.plant_ms <= 250
     assert outcome.lost_s <= 0.25
     assert outcome.flushed_lost == 0
     assert outcome.wrong == 0

@@ -1,7 +1,7 @@
 """Stands for the window in fault tests: opens a bench, lets it run, records, and shows that it is alive.
 
-``python -m tests.faults.window OUTPUT SESSION RESCUE [BEATS]`` prints one line of JSON when it records. With
-BEATS it freezes after so many.
+``python -m tests.faults.window OUTPUT SESSION RESCUE [LATE]`` prints one line of JSON when it records. LATE
+is the lateness in s at which the loop stops by itself.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-import time
+from dataclasses import replace
 from pathlib import Path
 
 from fingerlab.acquisition.commands import Enable, Initialise, SetUp, Start
@@ -28,9 +28,9 @@ SINE = {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0, "offset_deg"
 PATIENT = Limits(late_time=30.0, late_cycles=1e9, window_time=20.0, recorder_time=20.0)
 
 
-def main(output: str, session: str, rescue: str, beats: str = "1000000000") -> None:
+def main(output: str, session: str, rescue: str, late: str = "30") -> None:
     rig = default_rig()
-    settings = LoopSettings(BenchUnits.from_rig(rig), PATIENT)
+    settings = LoopSettings(BenchUnits.from_rig(rig), replace(PATIENT, late_time=float(late)))
     bench = ProcessBench(SharedChoice(Path(output)), settings, Path(rescue))
     bench.recorder.open(SessionInfo(Path(session), rig.to_json(), "fault test", "2026-11-01T09:00:00+01:00"))
     for command in (SetUp("on_air", "extension"), Initialise(), Enable(), Start(SINE, True)):
@@ -47,13 +47,9 @@ def main(output: str, session: str, rescue: str, beats: str = "1000000000") -> N
     }
     print(json.dumps(told), flush=True)
     try:
-        for _ in range(int(beats)):
+        while not bench.status().recorder:
             bench.idle()
-            if bench.status().recorder:
-                print(bench.status().recorder, file=sys.stderr)
-                break
-        else:
-            time.sleep(600)
+        print(bench.status().recorder, file=sys.stderr)
     except UserError as error:
         print(error, file=sys.stderr)
     bench.close()

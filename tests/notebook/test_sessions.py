@@ -15,7 +15,7 @@ import xarray
 
 import fingerlab
 from fingerlab.errors import UserError
-from fingerlab.notebook.layout import Table
+from fingerlab.notebook.layout import Table, filled
 from fingerlab.sessions import Run
 
 MakeSession = Callable[..., Path]
@@ -136,6 +136,11 @@ def test_a_table_aligns_numbers_at_the_right() -> None:
     assert '<td style="text-align:right">100</td>' in table.html()
 
 
+def test_a_number_stays_with_its_unit_where_a_line_ends() -> None:
+    text = filled("a " * 41 + "lasts 600 s, and 90 % of it at 1000 Hz")
+    assert text.splitlines() == [("a " * 41 + "lasts").strip(), "600 s, and 90 % of it at 1000 Hz"]
+
+
 def test_wrong_words_get_one_sentence(make_session: MakeSession, tmp_path: Path) -> None:
     path = make_session()
     with pytest.raises(UserError, match="There is no protocol 'riche'"):
@@ -156,4 +161,10 @@ def test_the_catalogue_prints_every_effect() -> None:
     assert len(catalogue) > 25
     text = repr(catalogue)
     assert all(name in text for name in catalogue)
-    assert catalogue["coulomb_friction"].title in text
+    one = catalogue["coulomb_friction"]
+    assert one.title in text
+    shown = repr(one)
+    assert shown.startswith("Coulomb joint friction (coulomb_friction), changes joint torque")
+    gain = one.effect.gains["coulomb_mcp"]
+    assert f"{gain.low:g} to {gain.high:g}" in shown
+    assert f"What reveals it: {one.effect.reveal}." in " ".join(shown.split())

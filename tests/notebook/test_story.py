@@ -47,12 +47,18 @@ def test_the_story_finds_what_the_bench_hid(story: dict[str, Any]) -> None:
     assert list(story["diagnosis"].missing) == hidden
     assert story["diagnosis"].verdict == "missing_effect"
     assert story["again"].verdict == "nothing_missing"
+    assert story["again"].missing == ()
+    assert story["again"].left_open == story["again"].result.set
+    assert story["diagnosis"].left_open == ()
     assert story["again"].score < 0.5 * story["diagnosis"].score
 
 
 def test_it_predicts_better_with_the_effect_and_the_interval_holds(story: dict[str, Any]) -> None:
     prediction = story["prediction"]
     assert prediction.r2("extended") > prediction.r2("nominal") > 0.9
+    assert prediction.r2() == prediction.r2("extended")
+    with pytest.raises(UserError, match="no model 'mine'; it has extended and nominal"):
+        prediction.r2("mine")
     assert prediction.coverage() == pytest.approx(0.9, abs=0.05)
     assert "each predicted by a fit that has not seen it" in " ".join(repr(prediction).split())
 

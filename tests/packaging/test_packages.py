@@ -109,10 +109,18 @@ def test_versions_agree() -> None:
     assert f"({PROJECT['version']})" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 
 
-def test_the_licence_is_stated_everywhere_or_nowhere() -> None:
-    """The owners choose it; until then nothing may claim one, and the reader is told."""
-    text = (ROOT / "LICENSE").is_file()
-    assert text == ("license" in PROJECT)
-    assert text == ("\nlicense:" in (ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert text != ("no licence has been chosen" in " ".join(readme.split()))
+def test_the_licence_is_the_same_everywhere_and_comes_with_both_packages(built: tuple[Path, Path]) -> None:
+    text = (ROOT / "LICENSE").read_text(encoding="utf-8")
+    name = PROJECT["license"]
+    assert text.splitlines()[0].replace(" ", "-").removesuffix("-License") == name
+    assert "Copyright (c)" in text
+    assert f"\nlicense: {name}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    for page in ("README.md", "docs/contributing.md", "packaging/LICENCES.md"):
+        assert text.splitlines()[0] in " ".join((ROOT / page).read_text(encoding="utf-8").split()), page
+    info = f"fingerlab-{PROJECT['version']}"
+    with zipfile.ZipFile(built[0]) as wheel:
+        told = email.message_from_bytes(wheel.read(f"{info}.dist-info/METADATA"))
+        assert (told["License-Expression"], told["License-File"]) == (name, "LICENSE")
+        assert wheel.read(f"{info}.dist-info/licenses/LICENSE").decode() == text
+    with tarfile.open(built[1]) as sdist:
+        assert f"{info}/LICENSE" in sdist.getnames()

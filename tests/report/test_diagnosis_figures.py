@@ -55,7 +55,7 @@ def test_curves_are_the_comparison_in_millinewton_metres(found) -> None:
     np.testing.assert_allclose(
         lines(below)["residual"].get_ydata(), 4.8 * np.sign(np.cos(2 * np.pi * time)), atol=1e-9
     )
-    assert above.get_ylabel() == "torque at the PIP (mN m)"
+    assert above.get_ylabel() == "PIP torque (mN m)"
     assert below.get_ylabel() == "residual (mN m)"
     assert below.get_xlabel() == "time in the run (s)"
     band = next(p for p in below.patches if p.get_label() == "floor")
@@ -94,7 +94,7 @@ def test_the_fingerprint_has_bins_intervals_and_curve(found) -> None:
     np.testing.assert_allclose(curve.get_ydata(), 1.1 * 4.8 * np.sign(speed))
     assert to_hex(curve.get_color()) == CANDIDATE.lower()
     assert axes.get_xlabel() == "joint speed (°/s)"
-    assert axes.get_ylabel() == "residual, torque at the PIP (mN m)"
+    assert axes.get_ylabel() == "residual, PIP torque (mN m)"
 
 
 def test_the_path_shows_every_step_down_to_the_floor(found) -> None:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +17,13 @@ from fingerlab.identify.results import ParameterEstimate
 from fingerlab.physics import nominal
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.report.equation import effect_equations, final_equation, fitted_finger, number, signed
-from fingerlab.report.equation_text import check_ending, equation_figures, to_latex, to_markdown
+from fingerlab.report.equation_text import (
+    check_ending,
+    equation_figures,
+    latex_words,
+    to_latex,
+    to_markdown,
+)
 from fingerlab.rig import Rig
 from fingerlab.rig_file import default_rig
 
@@ -147,6 +156,50 @@ def test_every_effect_can_be_printed_with_a_symbol_for_each_unknown(name: str) -
     body = str(entry["equation"]) + str(entry["symbols"])
     assert len(part.lines) >= 1
     assert body.strip()
+
+
+def whole(name: str) -> str:
+    """LaTeX of a model with that effect and a typical strength of each of its gains."""
+    effect = CATALOGUE[name]
+    gains = {f"{name}.{key}": estimate(g.typical, g.unit, 0.1 * g.typical) for key, g in effect.gains.items()}
+    chosen = ChosenEffect(effect, dict(effect.shapes[0]) if len(effect.shapes) else {})
+    variant = Variant((chosen,), {}, (), 1.0)
+    fitted = ExtendedModel(variant, variant, {**PARAMETERS, **gains}, ())
+    return to_latex(final_equation(fitted, default_rig()), "A bench_1 & more", f"the model with {name}")
+
+
+def test_every_model_s_latex_compiles(tmp_path: Path) -> None:
+    """A page for each effect, with a real TeX; every word of it in letters that any TeX takes."""
+    pages = [whole(name) for name in sorted(CATALOGUE)]
+    assert all(page.isascii() for page in pages)
+    if shutil.which("pdflatex") is None:
+        pytest.skip("no TeX is installed here; apt-get install texlive-latex-recommended brings one")
+    head = "\\documentclass[a4paper]{article}\n\\usepackage[margin=20mm]{geometry}\\usepackage{amsmath}\n"
+    text = head + "\\begin{document}\n" + "\n\\clearpage\n".join(pages) + "\n\\end{document}\n"
+    (tmp_path / "all.tex").write_text(text, encoding="utf-8")
+    done = subprocess.run(
+        ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "all.tex"],
+        cwd=tmp_path, capture_output=True, text=True, errors="replace", check=False, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-2000:]
+    assert "Overfull" not in done.stdout
+    assert f"({len(pages)} pages" in done.stdout
+
+
+def test_symbols_in_a_sentence_become_mathematics() -> None:
+    assert latex_words("C_j: torque, −1 to 1 & 50 % of f_H.") == (
+        r"$C_{j}$: torque, $-$1 to 1 \& 50 \% of $f_{H}$."
+    )
+    assert latex_words("ΔK_j over l₁; 1/a(θ₁)") == r"$\Delta K_{j}$ over $l_{1}$; 1/a($\theta _{1}$)"
+
+
+def test_a_shape_has_the_interval_that_the_diagnosis_gave_it() -> None:
+    seen = {"coulomb_friction": {"travel_deg": ParameterEstimate(0.12, "deg", 0.08, 0.2)}}
+    values = {v.title: v.estimate for v in final_equation(model(coulomb()), default_rig(), seen).values}
+    assert (values["Travel"].low, values["Travel"].high) == (0.08, 0.2)
+    seen = {"coulomb_friction": {"travel_deg": ParameterEstimate(0.3, "deg", 0.08, 0.4)}}
+    values = {v.title: v.estimate for v in final_equation(model(coulomb()), default_rig(), seen).values}
+    assert values["Travel"].low == values["Travel"].high == 0.12  # another shape than the fit's
 
 
 @pytest.mark.parametrize(

@@ -92,7 +92,7 @@ def test_the_numbers_are_those_of_the_diagnosis(found_page) -> None:
     ]
     assert table(root, "errors", 1) == [["Moment arm at the PIP, extension cable", "8.1 ± 0.2 mm"]]
     assert table(root, "effects") == [
-        ["Coulomb joint friction", "83 %", "", "1.10", "cannot be ruled out"],
+        ["Coulomb joint friction", "83 %", "", "1.10", "found"],
         ["Not in the catalogue", "10 %", "", "", ""],
         ["Cable stretch", "4 %", "", "12.3", ""],
         ["Nothing missing", "3 %", "", "", ""],

@@ -47,7 +47,7 @@ def test_pdf_and_figures_say_what_the_page_says(written) -> None:
     parts = ["".join(e.itertext()) for e in root.iter(f"{xhtml}h2")]
     assert [str(entry.title) for entry in reader.outline] == parts
     # A figure's letters are letters, and nothing is a picture of dots.
-    assert "torque at the PIP (mN m)" in text
+    assert "PIP torque (mN m)" in text
     assert not any(list(p.images) for p in reader.pages)
     figures = sorted((written / "drawn").iterdir())
     svgs = len(re.findall(r"<svg", page))

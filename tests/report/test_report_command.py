@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import pytest
 
 from fingerlab.cli.main import main
+from fingerlab.report.page_tables import printed
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import RunPlan
@@ -55,7 +56,7 @@ def test_a_recording_of_the_finger_becomes_a_page(tmp_path: Path, capsys) -> Non
     assert text.count("in contact") >= 1
     best = told["candidates"][0]
     assert f"{told['score']:.2f} times" in text or f"{told['score']:.1f} times" in text
-    assert best["explanation"] in text
+    assert printed(best["explanation"]) in text
     for part in (
         "MCP torque", "PIP torque", "Cable kinematics", "Motor torque", "Endpoint force (PIP equation)",
         "Regression over all runs", "The thesis' numbers", "simulated session, short protocol",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -122,3 +123,10 @@ def test_starter_imports_the_standard_library_only() -> None:
             for name in names:
                 top = name.split(".")[0]
                 assert top == "bootstrap" or top in sys.stdlib_module_names, f"{path.name}: {name}"
+
+
+def test_no_package_of_tests_takes_the_name_of_a_library() -> None:
+    """pytest imports such a folder by its own name when it is asked for it, and the library is gone."""
+    named = {path.parent.name for path in (ROOT / "tests").glob("*/__init__.py")}
+    assert named
+    assert not named & set(packages_distributions())

@@ -73,7 +73,15 @@ def _comparison(
     gap: np.ndarray,
 ) -> Comparison:
     measured, modelled = np.where(gap, np.nan, measured), np.where(gap, np.nan, modelled)
-    return Comparison(equation, session, run, "on_air", time, measured, modelled, unit, floor)
+    turn = 2 * np.pi * FREQUENCY * time
+    angle, speed = AMPLITUDE * np.sin(turn), AMPLITUDE * 2 * np.pi * FREQUENCY * np.cos(turn)
+    coordinates = {
+        "motor angle": 2 * angle, "motor speed": 2 * speed, "tension": 3.0 + angle, "joint angle mcp": angle,
+        "joint angle pip": angle, "joint speed mcp": speed, "joint speed pip": speed,
+    }  # fmt: skip
+    return Comparison(
+        equation, session, run, "on_air", time, measured, modelled, unit, floor, coordinates=coordinates
+    )
 
 
 def _fingerprint(gain: float) -> Fingerprint:

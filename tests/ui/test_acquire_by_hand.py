@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -64,6 +65,98 @@ def test_a_known_load_is_lifted_and_recorded(rig: Rig) -> None:
     assert math.degrees(held["motor_position"].min()) > 2.0
     assert math.degrees(held["motor_position"][-1]) == pytest.approx(25.0, abs=0.5)
     assert held["motor_torque"][-500:].mean() == pytest.approx(0.05, abs=0.01)  # but for friction
+
+
+def loaded(rig: Rig, *fields: tuple[str, str]) -> None:
+    """A known load held at 25 degrees, recorded."""
+    rig.choose("phase", "motor_bench")
+    enter(rig, "knownLoad", "0.05")
+    rig.run(0.3)
+    rig.enable()
+    rig.choose("kind", "blocked")
+    enter(rig, "offset", "25")
+    for name, text in fields:
+        enter(rig, name, text)
+    rig.click("start")
+    rig.run(0.2)
+    rig.click("record")
+
+
+def test_a_run_against_a_load_ends_with_its_timed_motion(rig: Rig) -> None:
+    """Afterwards the load rests on its support: what was recorded then would say that it is carried."""
+    loaded(rig, ("duration", "3"))
+    assert rig.button("record").text() == "End &run"
+    rig.run(5.0)
+    assert rig.mode is Mode.ENABLED
+    assert rig.button("record").text() == "Re&cord"
+    assert rig.label("recordedText") == "1 run, not yet written"
+    assert "Run 1 ended with its motion: the load is set down" in rig.label("status")
+    (run,) = open_session(rig.write()).runs
+    # From the key to the last sample of the motion's three seconds, and not one of the way down.
+    began = round(1000 * float(run.attributes["trajectory_start_s"]))
+    assert began < 0
+    assert run.length == 3000 + began
+    held = run.load(["load_torque", "motor_torque", "motor_command"])
+    assert np.ptp(held["load_torque"]) == 0.0
+    assert math.degrees(held["motor_command"][-1]) == pytest.approx(25.0, abs=0.1)
+    assert held["motor_torque"][-500:].mean() == pytest.approx(0.05, abs=0.01)
+    assert run.attributes["ended"] == "clean"
+
+
+@pytest.mark.parametrize(("button", "ended"), [("finish", "clean"), ("stop", "truncated")])
+def test_a_run_against_a_load_ends_where_it_is_set_down_by_hand(rig: Rig, button: str, ended: str) -> None:
+    loaded(rig)
+    rig.run(3.0)
+    if button == "stop":
+        rig.key(Qt.Key.Key_Escape)
+    else:
+        rig.click(button)
+    at = rig.bench.status().index
+    rig.run(2.0)
+    assert not rig.recording.recording
+    assert rig.label("recordedText") == "1 run, not yet written"
+    (run,) = open_session(rig.write()).runs
+    assert run.attributes["ended"] == ended
+    torque = run.load(["motor_torque"])["motor_torque"]
+    assert torque[-200:].mean() == pytest.approx(0.05, abs=0.01)  # carried to the last sample
+    assert abs(run.length - (at - rig.bench.status().run_start)) < 300
+
+
+def test_a_run_without_a_load_goes_on_after_its_motion(rig: Rig) -> None:
+    """The way back to rest is a measurement like any other."""
+    enter(rig, "duration", "2")
+    rig.start()
+    rig.click("record")
+    rig.run(5.0)
+    assert rig.mode is Mode.ENABLED
+    assert rig.recording.recording
+    rig.click("record")
+    rig.run(0.2)
+    (run,) = open_session(rig.write()).runs
+    assert run.length > 4000
+
+
+def test_a_run_says_which_motion_it_began_with_and_where_it_changed(rig: Rig) -> None:
+    rig.start()
+    began = rig.bench.status().run_start
+    enter(rig, "amplitude", "7")  # not yet gone over to
+    rig.click("record")
+    rig.run(1.0)
+    rig.click("start")
+    changed = rig.bench.status().run_start
+    rig.run(1.0)
+    rig.click("record")
+    rig.run(0.2)
+    (run,) = open_session(rig.write()).runs
+    assert run.trajectory["amplitude_deg"] == 15.0
+    told = run.attributes["markers"]
+    (marker,) = json.loads(told) if isinstance(told, str) else told
+    assert marker["note"].startswith("motion: ")
+    assert "7" in marker["note"]
+    moved = float(run.attributes["trajectory_start_s"])
+    assert moved < 0.0  # it ran before the key
+    first = began - round(1000 * moved)
+    assert first + round(1000 * marker["time"]) == changed
 
 
 def test_a_load_goes_with_the_motor_bench_alone(rig: Rig) -> None:

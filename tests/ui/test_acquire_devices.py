@@ -237,6 +237,7 @@ def test_a_card_behind_the_server_of_a_rig_file(  # type: ignore[no-untyped-def]
     unconnected, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     card = Card(SimulatedBench(Simulation(seed=5), default_rig().daq))
+    monkeypatch.setattr("fingerlab.devices.ni.connection.RPC_DEADLINE", 30.0)  # other tests share the machine
     server = TcpServer(Servicer(card))
     rig_file = tmp_path / "far.toml"
     default = resources.files("fingerlab.resources").joinpath("rigs/default.toml").read_text(encoding="utf-8")

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import pytest
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QLabel
+from PySide6.QtWidgets import QLabel, QLineEdit
 from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.machine import Mode
 from fingerlab.devices.faults import Faults
 from fingerlab.sessions import open_session
+from fingerlab.ui.acquire.details_dialog import DetailsDialog
 from fingerlab.ui.registry import TABS
 
 from .bench_hands import PATIENCE, Rig
@@ -128,6 +129,26 @@ def test_escape_stops_from_another_tab_and_from_a_field(rig: Rig) -> None:
     field.setFocus()
     QTest.keyClick(field, Qt.Key.Key_Escape)
     assert not rig.bench.status().enabled
+
+
+@pytest.mark.qt_log_ignore("This plugin does not support")  # of Qt's off-screen platform
+def test_escape_stops_from_within_a_dialog(rig: Rig) -> None:
+    """Which it closes, too; the system's own file dialogs would not let it through and are not used."""
+    own = Qt.ApplicationAttribute.AA_DontUseNativeDialogs
+    assert QCoreApplication.testAttribute(own)
+    rig.start()
+    rig.click("details")
+    (dialog,) = rig.window.findChildren(DetailsDialog)
+    assert dialog.isVisible()
+    assert dialog.isModal()
+    QTest.keyClick(dialog.findChildren(QLineEdit)[0], Qt.Key.Key_Escape)
+    status = rig.bench.status()
+    assert (status.latched, status.enabled) == (True, False)
+    assert not dialog.isVisible()
+    rig.run(0.1)
+    rig.tab.disconnect_rig()
+    rig.wait_idle()
+    assert not QCoreApplication.testAttribute(own)
 
 
 def test_recording_shows_in_the_header_of_another_tab(rig: Rig) -> None:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import h5py
 import pytest
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QAction
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QFileDialog, QLabel, QLineEdit, QPlainTextEdit
+from PySide6.QtWidgets import QApplication, QFileDialog, QLabel, QLineEdit, QPlainTextEdit
 from pytestqt.qtbot import QtBot
 
 from fingerlab.library.notes import FILE_NAME
@@ -124,6 +124,38 @@ def test_a_wide_window_gives_the_verdict_room(browsing: Opened, qtbot: QtBot) ->
     qtbot.waitUntil(lambda: tab.page.table.columnWidth(VERDICT) > 1.5 * narrow)
     window.resize(1280, 760)
     qtbot.waitUntil(lambda: tab.page.table.columnWidth(VERDICT) == narrow)
+
+
+def test_columns_come_back_as_they_were_left(browsing: Opened, make_window, qtbot: QtBot) -> None:  # type: ignore[no-untyped-def]
+    """Without the first window having been closed; and a wider window then leaves them alone."""
+    _, tab = browsing
+    header = tab.page.table.horizontalHeader()
+    edge = header.sectionViewportPosition(RECORDED) + header.sectionSize(RECORDED) - 1
+    place, wide = QPoint(edge, header.height() // 2), header.sectionSize(RECORDED)
+    QTest.mousePress(header.viewport(), LEFT, pos=place)
+    QTest.mouseMove(header.viewport(), place + QPoint(40, 0))
+    QTest.mouseRelease(header.viewport(), LEFT, pos=place + QPoint(40, 0))
+    assert header.sectionSize(RECORDED) == wide + 40
+    title = QPoint(header.sectionViewportPosition(TAGS) + 20, header.height() // 2)
+    QTest.mouseClick(header.viewport(), LEFT, pos=title)
+    left = [header.sectionSize(column) for column in range(header.count()) if column != NAME]
+    again = sessions_of(make_window(tab="sessions", diagnose=invented_diagnosis))
+    later = again.page.table.horizontalHeader()
+    assert [later.sectionSize(column) for column in range(later.count()) if column != NAME] == left
+    assert (later.sortIndicatorSection(), later.sortIndicatorOrder()) == (TAGS, header.sortIndicatorOrder())
+    again.page.window().resize(1900, 760)
+    QApplication.processEvents()
+    assert later.sectionSize(VERDICT) == left[VERDICT - 1]
+
+
+def test_of_sessions_that_a_search_hides_nothing_is_said(browsing: Opened) -> None:
+    window, tab = browsing
+    tab.page.table.selectAll()
+    assert tab.page.details.title.text() == "3 sessions chosen"
+    assert entry(window, "Merge").isEnabled()
+    QTest.keyClicks(child(window, QLineEdit, "search"), "phase:contact")
+    assert tab.page.details.title.text() == ("Index finger" if tab.page.paths() else "No session chosen")
+    assert not entry(window, "Merge").isEnabled()
 
 
 def test_a_double_click_opens_the_session_in_the_model_lab(browsing: Opened, qtbot: QtBot) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -102,6 +103,45 @@ def test_a_new_file_goes_to_the_trash_and_comes_back(
     window.menus.redo.trigger()
     qtbot.waitUntil(lambda: tab.page.count.text() == "4 sessions", timeout=PATIENCE)
     assert target.read_bytes() == content
+
+
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="elsewhere the trash is the user's own and has no other place"
+)
+@pytest.mark.parametrize("there", [False, True])
+def test_the_desktops_own_trash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: bool) -> None:
+    """By Qt itself, in the home of a new user, who has no folder for data yet, and in one that is used."""
+    data = tmp_path / "home" / ".local" / "share"
+    if there:
+        data.mkdir(parents=True)
+    monkeypatch.setenv("XDG_DATA_HOME", str(data))
+    path = tmp_path / "new.h5"
+    path.write_text("as written", encoding="utf-8")
+    history = EditHistory()
+    history.note(FileEdit(path, lambda _: False))
+    history.undo()
+    assert not path.exists()
+    assert (data / "Trash" / "files" / "new.h5").read_text(encoding="utf-8") == "as written"
+    assert f"Path={path}" in (data / "Trash" / "info" / "new.h5.trashinfo").read_text(encoding="utf-8")
+    history.redo()
+    assert path.read_text(encoding="utf-8") == "as written"
+    assert not [*(data / "Trash").rglob("new.h5*")]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="as above")
+def test_where_there_is_no_trash_the_file_stays_and_older_steps_can_be_undone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "file" / "share"))  # nothing can be made in a file
+    path = tmp_path / "new.h5"
+    path.write_text("as written", encoding="utf-8")
+    history = EditHistory()
+    history.note(FileEdit(path, lambda _: False))
+    with pytest.raises(Gone, match=r"new\.h5 stays, for there is no trash .* delete it in the file manager"):
+        history.undo()
+    assert path.is_file()
+    assert not history.can_undo
 
 
 def test_a_file_that_was_changed_stays_and_one_in_use_waits(tmp_path: Path, trash: Path) -> None:

@@ -10,6 +10,8 @@ import pytest
 from fingerlab.identify.model_file import Model
 from fingerlab.identify.prediction.beside import RunForce, predict_beside
 from fingerlab.identify.results import ParameterEstimate
+from fingerlab.identify.thesis.models import parameter_sets
+from fingerlab.identify.thesis.predicting import predict_session
 from fingerlab.sessions import SessionWriter, open_session
 
 from .test_predicting_tab import ALPHA, K_PIP, L2, LOSS, MCP, PEAK, PIP, RADIUS, RATE, REST, RIG, B
@@ -46,14 +48,19 @@ def settling(tmp_path: Path) -> Path:
     return path
 
 
-def forces(path: Path, *regions: str) -> dict[str, RunForce]:
-    """The force by each set that the regions make, of the true parameters, by the set's name."""
+def parameters_of(*regions: str) -> dict[str, ParameterEstimate]:
+    """The true parameters, as a fit by regions has them."""
     parameters = {}
     for region in regions:
         start = f"flexion/pip/{region}/"
         parameters[f"{start}moment_arm"] = ParameterEstimate(B, "m", B, B)
         parameters[f"{start}friction_loss"] = ParameterEstimate(LOSS, "N m", LOSS, LOSS)
-    found = predict_beside(open_session(path), {"m": Model("regions", parameters, ())})
+    return parameters
+
+
+def forces(path: Path, *regions: str) -> dict[str, RunForce]:
+    """The force by each set that the regions make, of the true parameters, by the set's name."""
+    found = predict_beside(open_session(path), {"m": Model("regions", parameters_of(*regions), ())})
     return {name.split(", ")[1]: by_run["001"] for name, by_run in found.forces.items()}
 
 
@@ -80,3 +87,18 @@ def test_gaps_where_no_region_is_known_leave_the_delay(settling: Path) -> None:
     assert 0.05 < gaps.mean() < 0.3
     assert force.numbers.delay_s == pytest.approx(LATE_S, abs=6e-3)
     assert np.isfinite(force.numbers.prediction.r2)
+
+
+def test_the_command_judges_by_the_same_period(settling: Path) -> None:
+    """What ``fingerlab predict`` prints of a run that settles first is what the window shows."""
+    regions = ("flexion", "static_1", "extension", "static_2")
+    shown = forces(settling, *regions)
+    model = Model("regions", parameters_of(*regions), ())
+    printed = predict_session(open_session(settling), parameter_sets(model, "m"))
+    assert printed.runs[0].periods > 0
+    assert [step.angle_deg for step in printed.sweep] == [step.angle_deg for step in shown["extension"].sweep]
+    for name, prediction in printed.runs[0].predictions.items():
+        there = shown[printed.sets[name].name].numbers.prediction
+        for number in ("r2", "normalised_r2", "peak_measured", "peak_modelled", "rmse"):
+            assert getattr(prediction, number) == pytest.approx(getattr(there, number), rel=1e-9), number
+        assert prediction.error_by_phase == pytest.approx(there.error_by_phase), name

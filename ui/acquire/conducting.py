@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -11,6 +10,7 @@ from PySide6.QtCore import QObject
 
 from fingerlab.acquisition.bench import Status
 from fingerlab.acquisition.commands import SetUp
+from fingerlab.acquisition.protocol import countdown
 from fingerlab.errors import UserError
 
 from ..desk import Desk
@@ -101,9 +101,3 @@ class Conducting(QObject):
 def left_of_run(status: Status, rate_hz: float, lasts_s: float) -> float:
     """What is left of the trajectory that runs and lasts so long, s."""
     return max(lasts_s - (status.index - status.run_start) / rate_hz, 0.0)
-
-
-def countdown(seconds: float) -> str:
-    """Minutes and seconds that are left, as ``1:38``."""
-    whole = math.ceil(seconds)
-    return f"{whole // 60}:{whole % 60:02d}"

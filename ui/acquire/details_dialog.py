@@ -10,6 +10,7 @@ from PySide6.QtWidgets import (
     QFileDialog,
     QFormLayout,
     QHBoxLayout,
+    QLabel,
     QLineEdit,
     QPlainTextEdit,
     QPushButton,
@@ -40,7 +41,9 @@ class DetailsDialog(QDialog):
         self.notes.setTabChangesFocus(True)
         form = QFormLayout(self)
         form.setSpacing(8)
-        form.addRow("&Folder", across)
+        label = QLabel("&Folder")
+        label.setBuddy(self.folder)
+        form.addRow(label, across)
         for words, name, field in (
             ("&Title", "Title", self.title_field),
             ("&Operator", "Operator", self.operator_field),

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from PySide6.QtCore import QSize, Signal
-from PySide6.QtGui import QPainter, QPaintEvent
+from PySide6.QtGui import QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
 
 from fingerlab.sessions.model import Array
@@ -24,6 +24,10 @@ SHRINK_BELOW = 0.35
 """An automatic scale is tightened when its data fill less than this share of it."""
 
 MARGIN = 1.15
+SPARED = ("motor_speed",)
+"""Readings that a narrow window leaves out; the cursors tell them all the same."""
+LEAST_CHARACTERS = 88
+"""Width that a plot and its most important numbers keep, in characters."""
 
 
 class Swatch(QWidget):
@@ -91,7 +95,9 @@ class Pane(QWidget):
         self.canvas.moved_by_hand.connect(self.moved_by_hand)
         self.canvas.cursor_moved.connect(self.cursor_moved)
         self.scale = Scale(spec.least)
-        self._model = False
+        self._model = self._narrow = False
+        self._full = 0
+        self._spared: list[QWidget] = []
         self._range = (-spec.least / 2, spec.least / 2)
         self.canvas.y_range = self._range
         self.error = remark(wrap=False)
@@ -101,13 +107,15 @@ class Pane(QWidget):
     def _build(self) -> None:
         spec = self.spec
         self.readings: dict[str, Reading] = {}
-        row = QHBoxLayout()
+        self._row = row = QHBoxLayout()
         row.setContentsMargins(8, 0, 8, 0)
         row.setSpacing(16)
         drawn = {trace.column: trace for trace in spec.traces}
         for column in spec.readings:
             self.readings[column] = Reading(QUANTITIES[column], drawn.get(column))
             row.addWidget(self.readings[column])
+            if column in SPARED:
+                self._spared.append(self.readings[column])
         self.modelled: list[QWidget] = []
         for column, trace in drawn.items():
             if column not in spec.readings:
@@ -117,6 +125,8 @@ class Pane(QWidget):
                 legend.addWidget(words := remark(QUANTITIES[column].title, wrap=False))
                 row.addLayout(legend)
                 self.modelled += [swatch, words]
+                self._spared.append(words)
+                swatch.setToolTip(QUANTITIES[column].title)
         row.addWidget(self.error)
         row.addStretch(1)
         self.scale_button = ScaleButton(spec, self.scale)
@@ -127,6 +137,30 @@ class Pane(QWidget):
         layout.addLayout(row)
         layout.addWidget(self.canvas, 1)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+
+    # room
+
+    def minimumSizeHint(self) -> QSize:
+        least = LEAST_CHARACTERS * self.fontMetrics().averageCharWidth()
+        return QSize(min(least, self._full), super().minimumSizeHint().height())
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self._share_room()
+
+    def _share_room(self) -> None:
+        """Leave out what can be spared where there is no room for all of it."""
+        if not self._narrow:
+            self._full = self._row.minimumSize().width()
+        narrow = self.width() < self._full
+        if narrow != self._narrow:
+            self._narrow = narrow
+            self._show_spared()
+
+    def _show_spared(self) -> None:
+        for widget in self._spared:
+            wanted = widget not in self.modelled or self._model or self.spec.model
+            widget.setVisible(wanted and not self._narrow)
 
     # what is shown
 
@@ -152,6 +186,9 @@ class Pane(QWidget):
         for widget in self.modelled:
             widget.setVisible(on or self.spec.model)
         self.error.setVisible(on and not self.spec.model)
+        self._narrow = False
+        self._show_spared()
+        self._share_room()
 
     def show_part(self, history: History, start: int, stop: int) -> None:
         """Draw samples ``start`` to ``stop`` and keep to the scale."""

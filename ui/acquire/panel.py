@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from fingerlab.acquisition.beginning import LONGEST_BEFORE_S
 from fingerlab.acquisition.machine import Event, Mode
 from fingerlab.acquisition.safety import Limits
 
@@ -42,8 +43,6 @@ PHASES = {
 CABLES = {"extension": "Extension cable", "flexion": "Flexion cable", "none": "No cable"}
 LOAD_HELP = "Known load: torque of a weight on the pulley; above 0 where the motor lifts it turning forwards."
 WIDTH = 272
-LONGEST_BEFORE_S = 25.0
-"""Pre-trigger: well within the shortest ring."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QScrollBar, QVBoxLayout, QWidget
 
+from fingerlab.acquisition.trigger import crossings
 from fingerlab.report.screen import with_minus
 
 from .channels import PLOTS, QUANTITIES
@@ -257,10 +258,8 @@ def last_crossing(history: History, trigger: Trigger, before: int) -> int | None
     first, values = history.series(trigger.column, before - round(4 * history.rate_hz), before)
     if len(values) < 2:
         return None
-    above = values >= trigger.level if trigger.rising else values <= trigger.level
-    known = np.isfinite(values)
-    crossed = np.flatnonzero(above[1:] & ~above[:-1] & known[:-1])
-    return first + int(crossed[-1]) + 1 if len(crossed) else None
+    crossed = crossings(values, trigger.level, trigger.rising)
+    return first + int(crossed[-1]) if len(crossed) else None
 
 
 def level_of(history: History | None, column: str) -> float:

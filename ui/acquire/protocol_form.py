@@ -8,7 +8,8 @@ from typing import Any
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QFormLayout, QSpinBox, QWidget
 
-from fingerlab.acquisition.protocol import Record, Step, plan_seconds, plan_steps
+from fingerlab.acquisition.own_runs import own_runs
+from fingerlab.acquisition.protocol import Record, RunPlan, Step, plan_seconds, plan_steps
 
 from ..widgets.labels import remark
 from .fields import choice, number
@@ -126,8 +127,9 @@ class ProtocolForm(QWidget):
         Raises:
             UserError: the motion is impossible.
         """
-        from fingerlab.twin.protocols import PROTOCOLS, RunPlan
+        from fingerlab.twin.protocols import PROTOCOLS
 
+        plans: Sequence[RunPlan]
         key = str(self.which.currentData())
         if key == HANDED:
             return self._handed
@@ -135,11 +137,8 @@ class ProtocolForm(QWidget):
             plans = PROTOCOLS[key](self.amplitude.value())
         else:
             wave = {**motion, "duration_s": self.seconds.value()}
-            press = {name: value for name, value in wave.items() if name != "offset_deg"}
-            press["amplitude_deg"] = self.amplitude.value()
-            count = self.runs.value()
-            plans = [RunPlan("on_air", "extension", wave)] * (count if key != "own_contact" else 0)
-            plans += [RunPlan("contact", "flexion", press)] * (count if key != "own_on_air" else 0)
+            press = None if key == "own_on_air" else self.amplitude.value()
+            plans = own_runs(wave, self.runs.value(), key != "own_contact", press)
         return plan_steps(plans, self.force.value(), self.rest.value())
 
     def tell_total(self, steps: Sequence[Step]) -> None:

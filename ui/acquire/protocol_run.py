@@ -12,7 +12,8 @@ from PySide6.QtCore import QObject, Signal
 
 from fingerlab.acquisition.bench import Bench
 from fingerlab.acquisition.commands import Initialise, SetUp
-from fingerlab.acquisition.protocol import Change, ProtocolDriver, Step
+from fingerlab.acquisition.protocol import Change, Step
+from fingerlab.acquisition.protocol_driver import ProtocolDriver
 from fingerlab.errors import UserError
 
 from ..tasks import Failed

@@ -12,9 +12,10 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
+from fingerlab.acquisition.beginning import run_to_record
 from fingerlab.acquisition.bench import Bench
 from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.recording import SessionInfo
 from fingerlab.errors import UserError
 
 from ..tasks import Failed
@@ -66,9 +67,10 @@ class Recording(QObject):
         super().__init__(parent)
         self.station, self.details = station, details
         self.session: _Open | None = None
-        self.in_protocol = False
+        self.in_protocol = self._under_way = self._asked_to_end = False
         self.errands: SimpleQueue[Callable[[Bench], None]] = SimpleQueue()
         self.failed_beside.connect(lambda sentence: station.desk.tell(sentence))
+        station.ticked.connect(self._on_tick)
         station.stopped.connect(self._on_stopped)
         station.warned.connect(self._on_warned)
 
@@ -122,25 +124,8 @@ class Recording(QObject):
         def work(bench: Bench) -> None:
             if info is not None:
                 bench.recorder.open(info)
-            status = bench.status()
-            start = max(status.index + 1 - round(before_s * bench.rate_hz), 0)
-            if set_up.load_torque:  # before, the load was not yet carried
-                start = max(start, status.run_start)
-            further = {"pre_trigger_s": before_s} if before_s else {}
-            if status.run_active:  # where the trajectory's own time begins in the run's
-                further["trajectory_start_s"] = (status.run_start - start) / bench.rate_hz
-            run = RunInfo(
-                set_up.phase,
-                set_up.cable,
-                bench.rate_hz,
-                trajectory,
-                start,
-                None,
-                set_up.load_torque,
-                further,
-            )
             try:
-                bench.recorder.begin(run)
+                bench.recorder.begin(run_to_record(bench, set_up, trajectory, before_s))
             except UserError:
                 if info is not None:  # nothing is in it yet: let go of its place
                     with suppress(UserError):
@@ -159,6 +144,7 @@ class Recording(QObject):
 
     def end(self) -> None:
         """End the run with the newest sample."""
+        self._asked_to_end = True
         self.station.do("Ending the run", lambda bench: bench.recorder.end(), lambda _: self.changed.emit())
 
     def pause(self, on: bool) -> None:
@@ -184,6 +170,11 @@ class Recording(QObject):
             return
         self.station.do("Marking", work, lambda _: self.station.desk.say(f"Marked: {text}"))
 
+    def mark_motion(self, words: str) -> None:
+        """Where the motion was begun or changed within a run: its trajectory is the one at the key."""
+        if self.recording and self.station.bench is not None:
+            self.mark(f"motion: {words}", self.station.bench.status().run_start)
+
     def write(self) -> None:
         """Write the session whole, verify it, give it its name."""
         self.station.do(
@@ -205,6 +196,16 @@ class Recording(QObject):
             self.station.desk.tell(str(error))
 
     # ends
+
+    def _on_tick(self) -> None:
+        """A run against a known load ends by itself, with its motion: the load is not carried any more."""
+        before, self._under_way = self._under_way, self.recording
+        if self._under_way and not before:
+            self._asked_to_end = False
+        elif before and not self._under_way and not self.in_protocol:
+            if self.station.set_up.load_torque and not self._asked_to_end and self.session is not None:
+                self.station.desk.say(f"Run {self.session.runs} ended with its motion: the load is set down")
+            self.changed.emit()
 
     def _on_stopped(self, sentence: str) -> None:
         if self.recording and not self.in_protocol:

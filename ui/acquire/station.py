@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,8 +15,8 @@ from fingerlab.acquisition.columns import COLUMN
 from fingerlab.acquisition.commands import Command, SetUp
 from fingerlab.acquisition.cycle_times import CycleTimes
 from fingerlab.acquisition.machine import MODE_WORDS, Event, Machine, Mode
-from fingerlab.acquisition.recording import seconds_of_room
 from fingerlab.acquisition.ring import RingReader
+from fingerlab.acquisition.watching import Kind, endangered, notices
 
 from ..desk import Desk, Light, RigLine
 from ..tasks import Failed
@@ -35,9 +34,6 @@ TICK_MS = 33
 
 NUMBERS_EVERY = 3
 """Looks from one showing of the numbers to the next: ten a second, more than one can read."""
-
-LITTLE_ROOM_S = 1800.0
-"""Half an hour of recording, a protocol of the thesis and more (assumed)."""
 
 NO_BENCH = "No rig is connected; choose one first."
 _LIGHTS: dict[Mode, Light] = {
@@ -162,15 +158,7 @@ class Station(QObject):
         status, bench = self.status, self.bench
         if status is None or bench is None:
             return ""
-        parts = []
-        if status.unread:
-            parts.append(f"{status.unread} samples lost")
-        if status.lost:
-            parts.append(f"{status.lost} cycles lost")
-        if status.free_bytes and seconds_of_room(status.free_bytes, bench.rate_hz) < LITTLE_ROOM_S:
-            minutes = seconds_of_room(status.free_bytes, bench.rate_hz) / 60.0
-            parts.append(f"room for {minutes:.0f} min of recording")
-        return ", ".join(parts)
+        return endangered(status, bench.rate_hz)
 
     def refusal(self, event: Event) -> str:
         """Why an event cannot be asked for now, empty where it can."""
@@ -328,41 +316,19 @@ class Station(QObject):
     def _complain(self, now: Status) -> None:
         """Tell what is new since the last look."""
         before, self._seen = self._seen, now
-        if before is None:
+        if before is None or self.bench is None:
             return
-        if now.faults != before.faults or (now.loop_ended and not before.loop_ended):
-            sentence = now.fault or "The control loop has ended; connect the device again."
-            self.desk.tell(sentence)
-            self.stopped.emit(sentence)
-        elif now.latched and not before.latched:
-            self.stopped.emit("The bench was stopped by the operator.")
-        if now.recorder and now.recorder != before.recorder:
-            self.desk.tell(now.recorder)
-            self.warned.emit(now.recorder)
-        if now.recording and now.lost > before.lost:
-            self.desk.say(f"{now.lost - before.lost} cycles lost; the recording has a gap there")
-        self._complain_of_room(before, now)
-        if now.unread > before.unread:
-            sentence = (
-                f"The recorder was too slow: {now.unread} samples are lost and stored as a gap; close other "
-                "programs or record to a faster disk."
-            )
-            self.desk.tell(sentence)
-            self.warned.emit(sentence)
-
-    def _complain_of_room(self, before: Status, now: Status) -> None:
-        """Once, when the room becomes little, or is when it is first known."""
-        if self.bench is None or not now.free_bytes:
-            return
-        room = seconds_of_room(now.free_bytes, self.bench.rate_hz)
-        known = seconds_of_room(before.free_bytes, self.bench.rate_hz) if before.free_bytes else math.inf
-        if room < LITTLE_ROOM_S <= known:
-            sentence = (
-                f"The disk has room for {room / 60:.0f} more minutes of recording; make room, or choose "
-                "another folder under Details."
-            )
-            self.desk.tell(sentence)
-            self.warned.emit(sentence)
+        for notice in notices(before, now, self.bench.rate_hz):
+            if notice.kind is Kind.LOST:
+                self.desk.say(notice.sentence)
+                continue
+            if notice.kind is Kind.STOPPED:
+                if notice.fault:
+                    self.desk.tell(notice.sentence)
+                self.stopped.emit(notice.sentence)
+                continue
+            self.desk.tell(notice.sentence)
+            self.warned.emit(notice.sentence)
 
     def _on_failed(self, failed: Failed) -> None:
         self.desk.tell(failed.sentence, failed.details)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from threading import Event
+from typing import Any
 
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QHBoxLayout, QMessageBox, QStackedWidget, QVBoxLayout, QWidget
@@ -21,16 +22,17 @@ from fingerlab.acquisition.commands import (
 )
 from fingerlab.acquisition.initial import initial_of
 from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.protocol import prompt_of
+from fingerlab.acquisition.protocol import countdown, prompt_of
 from fingerlab.acquisition.safety import Limits
 from fingerlab.errors import UserError
 
 from ..desk import Desk
 from ..tab import Tab
 from ..tasks import Failed
+from ..widgets.room import SideRoom
 from .caller import Call
 from .comparing import Comparing
-from .conducting import Conducting, countdown, left_of_run
+from .conducting import Conducting, left_of_run
 from .connect_page import ConnectPage
 from .details_dialog import DetailsDialog
 from .header import AcquireHeader
@@ -74,6 +76,7 @@ class AcquireTab(Tab):
         self._painted = Event()
         self._mark_at: int | None = None
         self._lasts_s: float | None = None
+        self._moves: Mapping[str, Any] | None = None
         self._build()
         self.commands = acquire_menu(self)
         self._connect()
@@ -90,7 +93,7 @@ class AcquireTab(Tab):
         across.setContentsMargins(0, 0, 0, 0)
         across.setSpacing(0)
         across.addLayout(left, 1)
-        across.addWidget(self.panel)
+        across.addWidget(SideRoom(self.panel))
         self.bench_page = bench
         self.pages = QStackedWidget()
         self.pages.addWidget(self.connect_page)
@@ -215,7 +218,8 @@ class AcquireTab(Tab):
         lasts_s = None if motion.endless else motion.duration.value()
 
         def begun() -> None:
-            self._lasts_s = lasts_s
+            self._lasts_s, self._moves = lasts_s, start.trajectory
+            self.recording.mark_motion(station.doing)
 
         if lift is None or station.mode is Mode.RUNNING:  # what runs has the load lifted already
             station.ask("Starting", start, done=begun)
@@ -227,7 +231,8 @@ class AcquireTab(Tab):
         if self.recording.recording:
             self.recording.end()
         else:
-            self.recording.record(self.panel.motion.settings(), self.panel.before.value())
+            runs = self._moves if self.station.mode is Mode.RUNNING else None
+            self.recording.record(runs or self.panel.motion.settings(), self.panel.before.value())
 
     def take_moment(self) -> None:
         """Remember the moment of the key; the note may take its time."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QEvent, QItemSelection, QItemSelectionModel, QModelIndex, QObject, Qt, Signal
+from PySide6.QtCore import QEvent, QItemSelectionModel, QModelIndex, QObject, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -22,14 +23,18 @@ from fingerlab.library.filtering import HELP, matches
 from fingerlab.library.notes import Note
 from fingerlab.library.thumbnail import Thumbnail
 
+from ..widgets.column_keeper import ColumnKeeper
 from ..widgets.labels import ElidedLabel, remark
 from .details_panel import DetailsPanel
 from .table_model import LENGTH, MOTOR, NAME, PHASES, QUALITY, RECORDED, RIG, TAGS, VERDICT, SessionTable
 from .thumbnails import ThumbnailDelegate, Thumbnails
 
+if TYPE_CHECKING:
+    from ..settings import Settings
+
 WIDTHS = {MOTOR: 12, RECORDED: 13, LENGTH: 13, PHASES: 13, RIG: 10, QUALITY: 14, VERDICT: 20, TAGS: 10}
 """Widths in characters; the name takes the rest, and gives the verdict a share of what it does not need."""
-NAME_NEEDS, VERDICT_MOST = 36, 44
+NAME_NEEDS, VERDICT_MOST = 32, 44
 """Characters: what a name gets first, and the most that a verdict gets."""
 
 
@@ -45,6 +50,7 @@ class LibraryPage(QWidget):
     def __init__(self, thumbnails: Thumbnails, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._thumbnails = thumbnails
+        self._columns: ColumnKeeper | None = None
         self.model = SessionTable()
         self.table = QTableView()
         self.details = DetailsPanel()
@@ -113,7 +119,6 @@ class LibraryPage(QWidget):
         header.setSectionResizeMode(NAME, QHeaderView.ResizeMode.Stretch)
         for column, characters in WIDTHS.items():
             table.setColumnWidth(column, characters * metrics.averageCharWidth() + 8)
-        table.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         header.setSortIndicator(RECORDED, Qt.SortOrder.DescendingOrder)
         table.setSortingEnabled(True)
         for watched in (table, table.viewport()):
@@ -124,10 +129,14 @@ class LibraryPage(QWidget):
         self.again.clicked.connect(self.again_asked)
         self.search.textChanged.connect(self._on_search)
         self.table.doubleClicked.connect(self._on_double_click)
-        self.table.selectionModel().selectionChanged.connect(self._on_chosen)
+        self.table.selectionModel().selectionChanged.connect(lambda *_: self._on_chosen())
         self._thumbnails.ready.connect(lambda _path: self.table.viewport().update())
         self.details.review_asked.connect(self.ask_review)
         self.details.lab_asked.connect(lambda: self.lab_asked.emit(self.paths()))
+
+    def remember(self, settings: Settings) -> None:
+        """Take the columns as the user left them last time, and keep those to come."""
+        self._columns = ColumnKeeper(self.table, settings)
 
     # what is shown
 
@@ -183,6 +192,8 @@ class LibraryPage(QWidget):
     # hand
 
     def _share_room(self) -> None:
+        if self._columns is not None and self._columns.by_hand:
+            return
         character = self.fontMetrics().averageCharWidth()
         others = sum(self.table.columnWidth(column) for column in WIDTHS if column != VERDICT)
         room = self.table.viewport().width() - others - NAME_NEEDS * character
@@ -207,11 +218,12 @@ class LibraryPage(QWidget):
             self.empty.show()
             return
         self.show_count()
+        self._on_chosen()  # of rows that are gone the selection says nothing
 
     def _on_double_click(self, index: QModelIndex) -> None:
         self.lab_asked.emit([self.model.path(index.row())])
 
-    def _on_chosen(self, _now: QItemSelection, _before: QItemSelection) -> None:
+    def _on_chosen(self) -> None:
         self.refresh_details()
         self.chosen.emit()
 

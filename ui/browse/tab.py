@@ -67,6 +67,7 @@ class SessionsTab(Tab):
         self.folder = desk.settings.library()
         self.thumbnails = Thumbnails(self)
         self.page = LibraryPage(self.thumbnails)
+        self.page.remember(desk.settings)
         self.data = ReviewData(self)
         self._review: ReviewPage | None = None
         self.pages = QStackedWidget()

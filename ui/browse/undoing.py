@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from PySide6.QtCore import QFile, QObject, Signal
+from PySide6.QtCore import QFile, QObject, QStandardPaths, Signal
 
 from fingerlab.errors import UserError
 from fingerlab.library.facts import SessionFacts
@@ -74,9 +75,14 @@ class FileEdit:
             raise UserError(f"{self.path} is open; close it before its making is undone.")
         if _stamp(self.path) != self._stamp:
             raise Gone(f"{self.path} was changed or moved since it was written; nothing was undone.")
+        _make_room_for_trash()
         file = QFile(str(self.path))
         if not file.moveToTrash():
-            raise UserError(f"{self.path} cannot be moved to the trash ({file.errorString()}); it stays.")
+            # Gone: a disk without a trash has none later either, and would bar the way to older steps.
+            raise Gone(
+                f"{self.path} stays, for there is no trash that it can be moved to (a network folder or a "
+                "memory card may have none); delete it in the file manager if it is not wanted."
+            )
         self._in_trash = Path(file.fileName()) if file.fileName() else None
 
     def redo(self) -> None:
@@ -146,6 +152,13 @@ class EditHistory(QObject):
         finally:
             self.changed.emit()
         return edit.words
+
+
+def _make_room_for_trash() -> None:
+    """The folder in which Linux keeps the trash; where it is missing, as for a new user, Qt makes none."""
+    place = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.GenericDataLocation)
+    with suppress(OSError):
+        Path(place).mkdir(parents=True, exist_ok=True)
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent
+from PySide6.QtGui import QPen
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.calibration.result import Outcome
@@ -42,6 +43,15 @@ class _Plot(pg.PlotWidget):
         plot.getAxis("left").setWidth(AXIS_WIDTH)
         plot.getAxis("bottom").setHeight(bottom_axis_height())
 
+    def pen(self, colour: str, width: float = 1.0, dashed: bool = False) -> QPen:
+        """A pen so many of the window's pixels wide, however fine the screen."""
+        return line(colour, width * self.devicePixelRatioF(), dashed)
+
+    def event(self, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.DevicePixelRatioChange and self._made:
+            self.recolour()
+        return bool(super().event(event))
+
     def recolour(self) -> None:
         """Colours for light or dark."""
         self._made = True
@@ -75,11 +85,11 @@ class LivePlot(_Plot):
     def recolour(self) -> None:
         super().recolour()
         colours = colours_of(self)
-        self._curve.setPen(line(colours.measured, 1.5))
+        self._curve.setPen(self.pen(colours.measured, 1.5))
         for band in self._bands:
             band.setBrush(tint(colours.candidate, 0.25))
             for edge in band.lines:
-                edge.setPen(line(colours.candidate))
+                edge.setPen(self.pen(colours.candidate))
 
     def show_wizard(self, wizard: Wizard) -> None:
         """Draw what the wizard has of the last minute."""
@@ -144,8 +154,15 @@ class FitPlot(_OutcomePlot):
         calibration = outcome.calibration
         volts = np.array([step.volts for step in calibration.steps])
         ends = np.array([volts.min(), volts.max()])
-        plot.plot(ends, factor * calibration.apply(ends), pen=line(colours.modelled, 2))
-        _add_points(plot, outcome, volts, factor * np.array(calibration.known), colours.measured)
+        plot.plot(ends, factor * calibration.apply(ends), pen=self.pen(colours.modelled, 2))
+        _add_points(
+            plot,
+            outcome,
+            volts,
+            factor * np.array(calibration.known),
+            colours.measured,
+            self.pen(colours.measured, 1.5),
+        )
         plot.setLabel("left", f"known value ({unit})")
         plot.setLabel("bottom", "reading (V)")
         plot.getViewBox().autoRange(padding=0.06)
@@ -166,18 +183,18 @@ class ResidualPlot(_OutcomePlot):
             orientation="horizontal",
             movable=False,
             brush=tint(colours.floor, 0.18),
-            pen=line(colours.floor, 1, dashed=True),
+            pen=self.pen(colours.floor, 1, dashed=True),
         )
         band.setZValue(-10)
         plot.addItem(band, ignoreBounds=True)
-        plot.addItem(pg.InfiniteLine(0, angle=0, pen=line(colours.muted)), ignoreBounds=True)
+        plot.addItem(pg.InfiniteLine(0, angle=0, pen=self.pen(colours.muted)), ignoreBounds=True)
         known = factor * np.array(outcome.calibration.known)
         residuals = factor * np.array(outcome.calibration.residuals)
-        _add_points(plot, outcome, known, residuals, colours.residual)
+        _add_points(plot, outcome, known, residuals, colours.residual, self.pen(colours.residual, 1.5))
         doubtful = [one.number for one in outcome.misplaced]
         if doubtful:
             rings = {"symbol": "o", "symbolSize": 20, "symbolBrush": None}
-            pen = line(colours.fault, 2)
+            pen = self.pen(colours.fault, 2)
             plot.plot(known[doubtful], residuals[doubtful], pen=None, symbolPen=pen, **rings)
         plot.setLabel("left", f"off the line ({unit})")
         plot.setLabel("bottom", f"known value ({unit})")
@@ -188,14 +205,16 @@ class ResidualPlot(_OutcomePlot):
         plot.setRange(xRange=(known.min() - room, known.max() + room), yRange=(-far, far), padding=0)
 
 
-def _add_points(plot: pg.PlotItem, outcome: Outcome, x: np.ndarray, y: np.ndarray, colour: str) -> None:
+def _add_points(
+    plot: pg.PlotItem, outcome: Outcome, x: np.ndarray, y: np.ndarray, colour: str, pen: QPen
+) -> None:
     for number, sweep in enumerate(outcome.sweeps):
         chosen = [i for i, move in enumerate(outcome.plan.moves) if move.sweep == sweep.name]
         # Open and large before filled and small: where passes agree, both are still seen.
         look = {
             "symbol": SYMBOLS[number % 2],
             "symbolSize": SIZES[number % 2],
-            "symbolPen": line(colour, 1.5),
+            "symbolPen": pen,
         }
         plot.plot(x[chosen], y[chosen], pen=None, symbolBrush=(None, colour)[number % 2], **look)
 

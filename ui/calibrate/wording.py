@@ -20,7 +20,9 @@ def estimate_words(sensor: Sensor, estimate: Estimate) -> str:
     unit = estimate.unit.replace("rad", "°")
     half = factor * (estimate.high - estimate.low) / 2
     digits = decimals_for(half)
-    return f"{fixed(factor * estimate.value, digits)} ± {fixed(half, digits)} {unit}"
+    return (
+        f"{fixed(factor * estimate.value, digits)} ± {fixed(half, digits)}{'' if unit == '°' else ' '}{unit}"
+    )
 
 
 def number_rows(outcome: Outcome, previous: Record | None) -> list[tuple[str, str, str]]:

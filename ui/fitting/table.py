@@ -32,6 +32,8 @@ COLUMNS = (
     ("R²", "Of the line through all runs."),
     ("Delay\n(ms)", "By which the tension was shifted before the fit, mean over runs. Nominal: 0."),
 )
+LEAST_CHARACTERS = 15
+"""Width that each column keeps, in characters: room for the longest word of a heading."""
 RowKey = tuple[str, Joint, str]
 
 
@@ -43,6 +45,10 @@ class ParameterTable(NumberTable):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("parameters", "Fitted parameters with 90 % intervals", COLUMNS, parent)
         self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
+        # A narrower window scrolls before it cuts words.
+        self.horizontalHeader().setMinimumSectionSize(
+            LEAST_CHARACTERS * self.fontMetrics().averageCharWidth()
+        )
         self.verticalHeader().setDefaultSectionSize(round(1.7 * self.fontMetrics().height()))
         self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         self.keys: list[RowKey] = []

@@ -117,7 +117,7 @@ class FitView(QWidget):
         delays = {r: tuple(v[i] for i in places) for r, v in found.delays_s[joint].items()}
         self.delays.show_bars(names, delays)
         used = "used in the fit" if found.fit.spec.delay in ("xcorr", "findsignal") else "not used in the fit"
-        how = self._legend(tuple(delays)) if "whole" not in delays else "by cross-correlation"
+        how = "colours as at the left" if "whole" not in delays else "by cross-correlation"
         self.delay_words.setText(f"{title}: {how}; {used}")
 
     def _legend(self, regions: tuple[str, ...]) -> str:

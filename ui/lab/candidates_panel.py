@@ -8,10 +8,14 @@ from PySide6.QtWidgets import QHBoxLayout, QListView, QPushButton, QVBoxLayout, 
 
 from fingerlab.identify.results import Diagnosis
 
-from ..widgets.labels import heading, remark
+from ..theme import large_font, small_font
+from ..widgets.labels import WholeLabel
 from .candidate_delegate import CandidateDelegate
 from .candidate_list import CandidateList, Row
 from .wording import OUTCOME_TITLES, best_choice, set_help, set_words, verdict_headline
+
+LEAST_ROWS = 2
+"""Of the list, that are always seen; with the words above it more would not fit at 1280 x 800."""
 
 
 class CandidateView(QListView):
@@ -34,10 +38,13 @@ class CandidatesPanel(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.verdict = heading(large=True)
+        self.verdict = WholeLabel()
+        self.verdict.setProperty("role", "heading")
+        self.verdict.setFont(large_font())
         self.verdict.setObjectName("verdict")
-        self.verdict.setWordWrap(True)
-        self.set_text = remark()
+        self.set_text = WholeLabel()
+        self.set_text.setProperty("role", "muted")
+        self.set_text.setFont(small_font())
         self.set_text.setObjectName("setText")
         self.list = CandidateList(self)
         self.view = CandidateView()
@@ -49,7 +56,7 @@ class CandidatesPanel(QWidget):
         self.view.setVerticalScrollMode(QListView.ScrollMode.ScrollPerPixel)
         self.view.setUniformItemSizes(True)
         # Where room is short the list gives way and scrolls, not the words above it.
-        self.view.setMinimumHeight(24)
+        self.view.setMinimumHeight(LEAST_ROWS * 2 * self.fontMetrics().height())
         self.add_button = QPushButton("Add &to model")
         self.add_button.setObjectName("addToModel")
         self.add_button.setProperty("primary", "true")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QPointF, Qt, Signal
@@ -16,9 +18,11 @@ from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, li
 from ..widgets.time_keys import move_by_key
 from .equations import equation_text
 from .scaled import MARGIN, Shown, describe, largest, limits, scale, values_at
+from .tints import Tints
 from .wording import failure_words
 
 AXIS_WIDTH = 72
+LEAST_HEIGHT = 168
 SHORTEST_VIEW = 0.05
 """Seconds; closer than a few samples there is nothing to see."""
 
@@ -28,15 +32,18 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
 
     Signals:
         pointed(text): the values under the cursor, empty when it leaves.
-        stretch_named(text): the name of the tinted stretch, empty where none is tinted.
+        stretch_named(text): the name of the tinted worst stretch, empty where none is tinted.
+        place_named(text): the name of what is tinted in its place.
     """
 
     pointed = Signal(str)
     stretch_named = Signal(str)
+    place_named = Signal(str)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setObjectName("comparisonPlot")
+        self.setMinimumHeight(LEAST_HEIGHT)
         self._shown: Shown | None = None
         self._failure: Failure | None = None
         self.setAcceptDrops(False)  # a file dropped here is for the window
@@ -69,6 +76,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         self.floor_band = pg.LinearRegionItem((0, 0), orientation=horizontal, movable=False)
         self.zero = pg.InfiniteLine(angle=0, movable=False)
         self.stretches = [pg.LinearRegionItem((0, 0), movable=False) for _ in range(2)]
+        self.places = [Tints(), Tints()]
         self.cursors = [pg.InfiniteLine(angle=90, movable=False) for _ in range(2)]
         for plot, stretch, cursor in zip((self.top, self.bottom), self.stretches, self.cursors, strict=True):
             stretch.setZValue(-20)
@@ -76,6 +84,8 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
             cursor.hide()
             plot.addItem(stretch, ignoreBounds=True)
             plot.addItem(cursor, ignoreBounds=True)
+        for plot, places in zip((self.top, self.bottom), self.places, strict=True):
+            plot.addItem(places, ignoreBounds=True)
         self.floor_band.setZValue(-10)
         for item in (self.floor_band, self.zero, self.residual):
             self.bottom.addItem(item, ignoreBounds=True)
@@ -161,11 +171,21 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
 
     def _show_stretch(self) -> None:
         here = self._failure_is_here()
+        self.show_places((), "")
         for stretch in self.stretches:
             stretch.setVisible(here)
             if here and self._failure is not None:
                 stretch.setRegion((self._failure.start, self._failure.stop))
         self.stretch_named.emit(failure_words(self._failure) if here else "")
+
+    def show_places(self, stretches: Sequence[tuple[float, float]], words: str) -> None:
+        """Tint other stretches in place of the worst one; none leaves that as it is."""
+        for places in self.places:
+            places.show_stretches(stretches)
+        if stretches:
+            for stretch in self.stretches:
+                stretch.hide()
+            self.place_named.emit(words)
 
     # how it looks
 
@@ -192,6 +212,8 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         self.floor_band.setBrush(tint(colours.floor, 0.35))
         for stretch in self.stretches:
             stretch.setBrush(tint(colours.residual, 0.18))
+        for places in self.places:
+            places.set_colour(tint(colours.residual, 0.18))
         for edge in (*self.floor_band.lines, *(e for s in self.stretches for e in s.lines)):
             edge.setPen(pg.mkPen(None))
         for cursor in self.cursors:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from fingerlab.identify.results import EQUATION_TITLES, Candidate, Diagnosis, Fingerprint
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed, parameter_titles
 from fingerlab.report.screen import estimate_text
 
 from ..theme import small_font
-from ..widgets.labels import ElidedLabel
+from ..widgets.labels import ElidedLabel, WholeLabel
 from .equations import FLOOR_HELP, equation_text
 from .fingerprint_plot import FingerprintPlot
 from .legend import FINGERPRINT, RESIDUAL_ONLY, LegendKeys
 from .wording import OUTCOME_TITLES, find_candidate, outcome_explanation
+
+LEAST_PLOT = 104
+"""Height of the fingerprint from which its shape is seen, px."""
 
 
 class EvidencePanel(QWidget):
@@ -27,11 +30,11 @@ class EvidencePanel(QWidget):
         font.setBold(True)
         self.title.setFont(font)
         self.title.setObjectName("evidenceTitle")
-        self.explanation = QLabel()
-        self.explanation.setWordWrap(True)
+        self.explanation = WholeLabel()
         self.explanation.setFont(small_font())
         self.explanation.setObjectName("explanation")
         self.plot = FingerprintPlot()
+        self.plot.setMinimumHeight(LEAST_PLOT)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(4)

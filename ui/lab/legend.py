@@ -32,7 +32,8 @@ CURVES = (
     Key("residual", "residual"),
     Key("floor", "floor", "band"),
 )
-STRETCH = (Key("worst stretch:", "residual", "tint"),)
+WORST = (Key("worst stretch:", "residual", "tint"),)
+CHOSEN = (Key("chosen place:", "residual", "tint"),)
 FINGERPRINT = (
     Key("residual, mean of a bin", "residual", "points"),
     Key("the effect's own curve", "candidate"),
@@ -40,6 +41,11 @@ FINGERPRINT = (
 )
 
 
+WHERE = (
+    Key("root mean square", "residual", "tint"),
+    Key("mean, 90 % interval", "residual", "points"),
+    Key("floor", "floor", "band"),
+)
 RESIDUAL_ONLY = tuple(key for key in FINGERPRINT if key.colour != "candidate")
 
 
@@ -99,7 +105,7 @@ class LegendRow(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.stretch_key = LegendKeys(STRETCH)
+        self.stretch_key = LegendKeys(WORST)
         self.stretch = ElidedLabel()
         self.stretch.setObjectName("stretchName")
         self.values = ElidedLabel()
@@ -117,6 +123,14 @@ class LegendRow(QWidget):
         self.name_stretch("")
 
     def name_stretch(self, text: str) -> None:
-        """Name the tinted stretch; empty where none is tinted."""
+        """Name the tinted worst stretch; empty where none is tinted."""
+        self._name(text, WORST)
+
+    def name_place(self, text: str) -> None:
+        """Name the place that the user chose, which is tinted."""
+        self._name(text, CHOSEN)
+
+    def _name(self, text: str, keys: tuple[Key, ...]) -> None:
         self.stretch.setText(text)
+        self.stretch_key.set_keys(keys)
         self.stretch_key.setVisible(bool(text))

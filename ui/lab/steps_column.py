@@ -10,7 +10,7 @@ from ..widgets.labels import remark
 
 STEPS = {
     "compare": ("Compare", "Measured and modelled, side by side: the whole of the run (F2)."),
-    "where": ("Where?", "Where the model fails worst: shows that stretch (F3)."),
+    "where": ("Where?", "Where the model fails: over time, phase, speed, angle, tension, run (F3)."),
     "missing": ("Missing?", "Which effect is missing: the candidates, best first (F4)."),
     "add": ("Add", "Add an effect to the model and refit (F5)."),
     "true": ("True?", "Does it hold on runs that the fit has not seen, and what to record next (F6)."),

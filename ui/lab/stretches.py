@@ -44,6 +44,10 @@ def _join(pieces: list[Comparison]) -> Comparison:
         modelled=np.concatenate(modelled),
         floor=float(np.average([p.floor for p in pieces], weights=counts)),
         held_out=all(p.held_out for p in pieces),
+        coordinates={
+            name: np.concatenate([part for p in pieces for part in (p.coordinates[name], _NOTHING)])
+            for name in pieces[0].coordinates
+        },
     )
 
 

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QStackedWidget, QVBoxLayout, QWidget
 
+from fingerlab.identify.where import Profile, stretches_in, worst_run
 from fingerlab.report.diagnosis_words import not_shown
+from fingerlab.report.where_words import bin_words
 
 from ..widgets.panes import Panes
 from .candidates_panel import CandidatesPanel
@@ -21,6 +23,7 @@ from .legend import LegendRow
 from .path_panel import PathPanel
 from .steps_column import StepsColumn
 from .truth_panel import TruthPanel
+from .where_panel import WherePanel
 from .wording import NOTHING, UNKNOWN, best_choice, find_candidate, step_results
 
 STEPS_WIDTH = 152
@@ -43,6 +46,7 @@ class LabView(QWidget):
         self.plot = ComparisonPlot()
         self.candidates = CandidatesPanel()
         self.evidence = EvidencePanel()
+        self.where = WherePanel()
         self.truth = TruthPanel()
         self.path = PathPanel()
         self._shown_step: Step | None = None
@@ -59,8 +63,8 @@ class LabView(QWidget):
         plots.addWidget(self.legend)
         plots.addWidget(self.plot, 1)
         self.right = QStackedWidget()
-        self.right.addWidget(self.evidence)
-        self.right.addWidget(self.truth)
+        for panel in (self.evidence, self.where, self.truth):
+            self.right.addWidget(panel)
         middle = QWidget()
         row = QHBoxLayout(middle)
         row.setContentsMargins(0, 4, 0, 4)
@@ -84,6 +88,8 @@ class LabView(QWidget):
         self.bar.changed.connect(self._show_comparison)
         self.plot.pointed.connect(self.legend.values.setText)
         self.plot.stretch_named.connect(self.legend.name_stretch)
+        self.plot.place_named.connect(self.legend.name_place)
+        self.where.place_chosen.connect(self._on_place)
         self.candidates.chosen.connect(self._on_candidate)
         self.candidates.add_asked.connect(self.controller.add)
         self.path.undo_asked.connect(self.controller.undo)
@@ -101,6 +107,7 @@ class LabView(QWidget):
             self.plot.show_comparison(None, None, keep_view=False)
             self.candidates.show_diagnosis(None)
             self.evidence.show_choice(None, None)
+            self.where.show_equation((), None)
             self.path.show_history(None)
             self.truth.show_history(None)
             self.steps.set_results({})
@@ -134,7 +141,8 @@ class LabView(QWidget):
         diagnosis = self.controller.diagnosis
         if diagnosis is None:
             return
-        self.right.setCurrentWidget(self.truth if step == "true" else self.evidence)
+        self.right.setCurrentWidget({"true": self.truth, "where": self.where}.get(step, self.evidence))
+        self._show_where()
         if step == "compare":
             self.plot.show_whole()
             self.plot.setFocus()
@@ -142,7 +150,7 @@ class LabView(QWidget):
             if diagnosis.failure is not None:
                 self.bar.go_to(diagnosis.failure.equation, diagnosis.failure.run)
                 self.plot.show_stretch()
-            self.plot.setFocus()
+            self.where.plot.setFocus()
         elif step == "missing":
             self.candidates.choose(best_choice(diagnosis))
             self.candidates.view.setFocus()
@@ -179,10 +187,34 @@ class LabView(QWidget):
             comparison.run,
         )
         self.plot.show_comparison(comparison, diagnosis.failure, keep_view=same)
+        self._show_where()
         family = equation_text(comparison.equation).family
         now = diagnosis.errors.get(family)
         first = history.first.diagnosis.errors.get(family, now)
         self.bar.show_error(first, now)
+
+    def _show_where(self) -> None:
+        """The panel is filled when it is looked at: eight pictures are not made for nobody."""
+        diagnosis = self.controller.diagnosis
+        if diagnosis is not None and self.right.currentWidget() is self.where:
+            self.where.show_equation(diagnosis.comparisons, self.bar.equation())
+
+    def _on_place(self, found: Profile, number: int) -> None:
+        """Show a place that the user chose in the curves, of the run shown or else of the worst one there."""
+        diagnosis, shown = self.controller.diagnosis, self.bar.comparison()
+        if diagnosis is None or shown is None:
+            return
+        runs = [one for one in diagnosis.comparisons if one.equation == found.equation]
+        here = [one for one in runs if (one.session, one.run) == (shown.session, shown.run)]
+        if not any(stretches_in(found, number, one) for one in here):
+            worst = worst_run(found, number, runs)
+            if worst is None:
+                return
+            self.bar.go_to(worst.equation, worst.run)
+            here = [one for one in runs if (one.session, one.run) == (worst.session, worst.run)]
+        self.plot.show_whole()
+        places = [stretch for one in here for stretch in stretches_in(found, number, one)]
+        self.plot.show_places(places, bin_words(found, number))
 
     def _on_candidate(self, key: str) -> None:
         self.evidence.show_choice(key, self.controller.diagnosis)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -138,16 +138,19 @@ class PeriodPlot(ShownPlot):
             plot.addItem(plain_curve(force.phase, force.modelled_period, pen, name))
 
 
+SWEEP_HELP = (
+    "Angle by which the contact force leans from the load cell's axis towards the base.\n"
+    "A line ends where the force would grow beyond all bounds, as its lever vanishes."
+)
+
+
 class SweepPlot(ShownPlot):
     """Peak of the modelled force as the contact force leans, with R² at each angle (thesis figure 5.2)."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("sweepPlot", "Peak of the modelled force against the contact angle", parent)
         self.name_axes("Peak force", NEWTON, "Contact angle (°)")
-        self.setToolTip(
-            "Angle by which the contact force leans from the load cell's axis towards the base.\n"
-            "A line ends where the force would grow beyond all bounds, as its lever vanishes."
-        )
+        self.setToolTip(SWEEP_HELP)
 
     def redraw(self) -> None:
         plot, colours = self.getPlotItem(), colours_of(self)
@@ -173,11 +176,26 @@ class SweepPlot(ShownPlot):
             pg.InfiniteLine(pos=measured, angle=0, movable=False, pen=self.pen("measured")), ignoreBounds=True
         )
         plot.setRange(xRange=(-2, 62), yRange=(min(low, 0.0), 1.1 * high), padding=0)
+        self._tell(swept)
+        if len(swept) > 1:
+            return  # whose numbers they are would not be seen; all are in the tooltip
         steps = swept[0][2].sweep
         # Where there is no room for all the words, the first and the last say it.
         roomy = self.getViewBox().width() > SWEEP_WORDS_PX
         for step in steps if roomy else (steps[0], steps[-1]):
             if step.peak < high:
                 words = f"{fixed(step.peak, 2)} N, R² {r2_text(step.r2)}"
-                anchor = (1.0, 1.0) if step.angle_deg > 0 else (0.0, 0.0)
+                anchor = (1.0, 1.0) if step.angle_deg > 0 else (0.0, 1.0)
                 self.write(words, step.angle_deg, step.peak, anchor)
+
+    def _tell(self, swept: Sequence[tuple[str, Look, RunForce]]) -> None:
+        """Every number in the tooltip, and for a screen reader."""
+        lines = [
+            f"{name}: " + "; ".join(
+                f"{step.angle_deg:.0f}° {fixed(step.peak, 2)} N, R² {r2_text(step.r2)}"
+                for step in force.sweep
+            )
+            for name, _, force in swept
+        ]  # fmt: skip
+        self.setToolTip("\n".join((SWEEP_HELP, *lines)))
+        self.setAccessibleDescription("\n".join(lines))

@@ -95,7 +95,7 @@ class PredictTab(Tab):
         row.addWidget(self.period)
         row.addWidget(self.sweep)
         parts = ((self.force, 6), (middle, 5), (self.numbers, 3))
-        self.panes = Panes("predict", parts, (290, 250, 150))
+        self.panes = Panes("predict", parts, (270, 230, 190))
         for panes in (self.panes, self.wanted.widget):
             panes.remember(self.desk.settings)
         for page in (self.empty, self.panes, self.wanted.widget):

@@ -20,6 +20,9 @@ FULL_LABEL = "full_label"
 
 def prepare_plot(plot: pg.PlotItem) -> None:
     """Once for each plot: no auto-ranging, readable ticks."""
+    from .number_axis import NumberAxis  # with pyqtgraph, which is imported where plots are
+
+    plot.setAxisItems({name: NumberAxis(name) for name in ("left", "bottom")})
     plot.hideButtons()
     plot.getViewBox().disableAutoRange()
     for name in ("left", "bottom"):

@@ -1,4 +1,4 @@
-"""Room for a tab: all of it where the window is large enough, else scroll bars instead of cut words."""
+"""Room for a tab or a panel: all of it where the window is large enough, else scroll bars, no cut words."""
 
 from __future__ import annotations
 
@@ -43,3 +43,40 @@ class Room(QScrollArea):
             across = room.width() - (bar if needed.height() > room.height() else 0)
             down = room.height() - (bar if needed.width() > across else 0)
             inner.resize(QSize(across, down).expandedTo(needed))
+
+
+class SideRoom(QScrollArea):
+    """Room for a side panel of fixed width, which scrolls by itself where the window is too low for it.
+
+    What stands beside it, such as plots, stays in view meanwhile.
+    """
+
+    def __init__(self, inner: QWidget, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.setWidgetResizable(True)
+        self.setWidget(inner)
+        self.viewport().setAutoFillBackground(False)
+        inner.setAutoFillBackground(False)
+        self._fit()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self._fit()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if watched is self.widget() and event.type() == QEvent.Type.LayoutRequest:
+            self._fit()
+        return super().eventFilter(watched, event)
+
+    def minimumSizeHint(self) -> QSize:
+        return QSize(self.minimumWidth(), 0)
+
+    def _fit(self) -> None:
+        inner = self.widget()
+        if inner is not None:
+            scrolls = inner.minimumSizeHint().height() > self.height()
+            bar = self.verticalScrollBar().sizeHint().width() if scrolls else 0
+            self.setFixedWidth(inner.minimumWidth() + bar)

@@ -73,7 +73,7 @@ class Connection:
 class DeadlineChannel:
     """A gRPC channel whose calls fail after a while instead of waiting for ever."""
 
-    def __init__(self, channel: Any, seconds: float = RPC_DEADLINE) -> None:
+    def __init__(self, channel: Any, seconds: float) -> None:
         self._channel = channel
         self._seconds = seconds
 
@@ -91,7 +91,7 @@ def open_channel(server: str) -> DeadlineChannel:
     import grpc
 
     options = [("grpc.keepalive_time_ms", 1000), ("grpc.keepalive_timeout_ms", 1000)]
-    return DeadlineChannel(grpc.insecure_channel(server, options=options))
+    return DeadlineChannel(grpc.insecure_channel(server, options=options), RPC_DEADLINE)
 
 
 def _quiet_warnings() -> None:

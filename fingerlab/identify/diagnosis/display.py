@@ -171,7 +171,7 @@ def _comparisons(study: Study, trial: Trial, group: Group, kept: Kept) -> list[C
     def one(equation: str, measured: Array, modelled: Array, unit: str, variance: float) -> Comparison:
         return Comparison(
             equation, kept.session, kept.run, kept.phase, kept.time, measured, modelled, unit,
-            float(np.sqrt(max(variance, 0.0))), held_out=False,
+            float(np.sqrt(max(variance, 0.0))), held_out=False, coordinates=kept.coordinates,
         )  # fmt: skip
 
     if group.on_bench:

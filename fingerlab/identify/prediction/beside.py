@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -28,11 +28,11 @@ from fingerlab.identify.thesis.prediction import (
     predicted_force,
 )
 from fingerlab.identify.thesis.specs import JOINT_TITLES
-from fingerlab.identify.thesis.traces import Traces, trace
+from fingerlab.identify.thesis.traces import Traces, settled, trace
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Array, Session
 from fingerlab.signals.delays import normalise
-from fingerlab.signals.periods import PeriodGrid, period_grid, settles, usable
+from fingerlab.signals.periods import PeriodGrid, usable
 from fingerlab.signals.regions import REGION_TITLES
 
 LEAST_KNOWN = 0.5
@@ -107,7 +107,7 @@ def predict_beside(session: Session, models: Mapping[str, Model], progress: Prog
     forces: dict[str, dict[str, RunForce]] = {name: {} for name in given.sets}
     for number, run in enumerate(runs if given.sets else ()):
         tell(0.7 * number / len(runs), f"run {run.name}")
-        traces = _settled(trace(run, session.rig))
+        traces = settled(trace(run, session.rig))
         for name, one in given.sets.items():
             forces[name][run.name] = _by_set(traces, one)
     for number, (file, model) in enumerate(given.extended.items()):
@@ -143,17 +143,6 @@ def _read(models: Mapping[str, Model]) -> _Given:
             region = REGION_TITLES.get(one.name, one.name)
             sets[f"{file}: {JOINT_TITLES[one.joint]}, {region}, {one.cable} cable"] = one
     return _Given(sets, extended)
-
-
-def _settled(traces: Traces) -> Traces:
-    """The run with the periods that a model with effects sees, too: known from when it has settled."""
-    signals = traces.signals
-    if traces.grid is not None:
-        return traces
-    grid = period_grid(len(signals), signals.sample_rate_hz, traces.frequency_hz)
-    return (
-        replace(traces, grid=grid) if grid is not None and settles(signals.motor_position, grid) else traces
-    )
 
 
 def _bridged(force: Array) -> Array:

@@ -12,7 +12,7 @@ from fingerlab.identify.thesis.examples import Example, example
 from fingerlab.identify.thesis.fitting import Progress
 from fingerlab.identify.thesis.pieces import in_pieces
 from fingerlab.identify.thesis.prediction import AngleStep, ParameterSet, angle_sweep
-from fingerlab.identify.thesis.traces import trace
+from fingerlab.identify.thesis.traces import settled, trace
 from fingerlab.sessions.model import Array, Run, Session
 
 
@@ -62,7 +62,7 @@ def predict_session(
     for number, run in enumerate(runs):
         if progress is not None:
             progress(number / len(runs), f"run {run.name}")
-        traces = trace(run, session.rig)
+        traces = settled(trace(run, session.rig))
         contact, forces = reduce_contact_run(traces, sets)
         reduced.append(contact)
         if not sweep and sweep_set is not None and traces.grid is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from fingerlab.physics.nominal import (
 )
 from fingerlab.rig import Finger, Rig
 from fingerlab.sessions.model import Array, Run
-from fingerlab.signals.periods import PeriodGrid, period_grid, repeats
+from fingerlab.signals.periods import PeriodGrid, period_grid, repeats, settles
 from fingerlab.signals.prepare import Signals, prepare
 
 
@@ -109,4 +109,18 @@ def run_grid(run: Run, signals: Signals) -> PeriodGrid | None:
     return grid if grid is not None and repeats(signals.motor_position, grid) else None
 
 
-__all__ = ["JOINTS", "Traces", "joint_motion", "run_grid", "trace", "trajectory_frequency"]
+def settled(traces: Traces) -> Traces:
+    """A run to predict, with its period also where that is known only from when the finger has settled.
+
+    A fit needs a run that repeats throughout; a finger that presses settles for a few seconds, and what a
+    model predicts of it can be judged all the same.
+    """
+    if traces.grid is not None:
+        return traces
+    signals = traces.signals
+    grid = period_grid(len(signals), signals.sample_rate_hz, traces.frequency_hz)
+    known = grid is not None and settles(signals.motor_position, grid)
+    return replace(traces, grid=grid) if known else traces
+
+
+__all__ = ["JOINTS", "Traces", "joint_motion", "run_grid", "settled", "trace", "trajectory_frequency"]

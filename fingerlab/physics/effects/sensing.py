@@ -124,7 +124,7 @@ HARMONIC = Gain(
 EFFECTS = (
     Effect(
         id="transport_delay",
-        title="Joint angles and force recorded late",
+        title="Late recording of joint angles and force",
         acts_on=("joint_torque", "cable_kinematics"),
         gains={"delay": Gain("s", 0.0, 0.19, 0.02, title="delay")},
         columns=_no_columns,

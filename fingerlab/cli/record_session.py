@@ -1,0 +1,179 @@
+"""The taking of one session by ``fingerlab record``: driver, script, events and the operator together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from fingerlab.cli.interrupts import Interrupts
+from fingerlab.cli.record_events import Events, Lines, Observer, live_model
+from fingerlab.errors import UserError
+
+if TYPE_CHECKING:
+    from fingerlab.acquisition.bench import Bench
+    from fingerlab.acquisition.commands import Initialise
+    from fingerlab.acquisition.protocol import Step
+    from fingerlab.acquisition.protocol_driver import Beginning, ProtocolDriver
+    from fingerlab.acquisition.script import Order
+    from fingerlab.identify.model_file import Model
+    from fingerlab.rig import Rig
+
+Report = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Told:
+    """What the command line says of the session.
+
+    Attributes:
+        orders: of the script. typed: further ones come from standard input. asks: the operator is waited
+            for where the bench is to be changed. model: to be compared with; a name or a model, or None.
+    """
+
+    out: Path
+    name: str
+    title: str | None
+    attributes: Mapping[str, Any]
+    initial: Initialise
+    beginning: Beginning
+    model: Model | str | None
+    orders: Sequence[Order]
+    typed: bool
+    asks: bool
+
+
+class _Attendant:
+    """Between the driver and everybody else."""
+
+    def __init__(self, bench: Bench, rig: Rig, told: Told, events: Events, bar: Any, report: Report) -> None:
+        from fingerlab.acquisition.protocol_driver import ProtocolDriver
+        from fingerlab.acquisition.script import Script
+
+        self._bench, self._told, self._events, self._bar, self._report = bench, told, events, bar, report
+        self.script = Script(self._tell, told.orders)
+        self._observer = Observer(bench, rig, events, self.say, told.model)
+        self._lines = Lines(self.script.add if told.typed else lambda line: self.script.add("ready"))
+        self.driver: ProtocolDriver = ProtocolDriver(
+            bench, self._ask, self._show, told.initial, self.look, told.beginning
+        )
+        if told.typed:
+            self._lines.begin()
+
+    def look(self) -> None:
+        """Tell what is new, and obey."""
+        self._observer.look(self.driver)
+        self.script.look(self.driver)
+
+    def close(self) -> None:
+        """Nothing more is to come."""
+        self._observer.look(self.driver)
+        self.script.close()
+
+    def say(self, sentence: str) -> None:
+        """A sentence for whoever sits there."""
+        self._bar.console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+
+    def _tell(self, event: str, what: dict[str, Any]) -> None:
+        self._events.tell(event, what)
+        if event == "refused":
+            self.say(what["sentence"])
+
+    def _show(self, share: float, words: str) -> None:
+        from fingerlab.acquisition.protocol import countdown
+
+        step, left = self.driver.step_left_s, self.driver.left_s
+        own = f" {countdown(step)}," if step > 0 else ","
+        self._report(share, f"{words}{own} in all {countdown(left)} left")
+
+    def _ask(self, sentence: str) -> None:
+        """Let the operator change the bench; not for ever where somebody stops."""
+        self._events.tell("ask" if self._told.asks else "change", {"sentence": sentence})
+        if not self._told.asks:
+            self._report(self.driver.share, sentence)
+            return
+        self._bar.stop()
+        click.echo(
+            f"{sentence} Then {'give the line ready' if self._told.typed else 'press Enter'}.", err=True
+        )
+        self._lines.begin()
+        self.script.asking, self.script.answered = True, False
+
+        def answered() -> bool:
+            over = self._lines.ended
+            self.look()
+            if over and not self.script.answered:
+                raise UserError(
+                    "Nobody is there to say that the bench has been changed; record from a terminal, or give "
+                    "--yes."
+                )
+            return self.script.answered
+
+        try:
+            self._bench.wait_until(answered, float("inf"), "")
+        finally:
+            self.script.asking = False
+        self._bar.start()
+
+
+def take(
+    bench: Bench, rig: Rig, steps: Sequence[Step], told: Told, events: Events, bar: Any, report: Report
+) -> tuple[Path, int, int]:
+    """Take all steps and write the session.
+
+    Returns:
+        Its path, how many samples were recorded, and in how many runs.
+
+    Raises:
+        UserError: the bench or the recorder failed. KeyboardInterrupt: it was stopped. What was recorded is
+            kept in either case.
+    """
+    from fingerlab.acquisition.commands import SetUp
+    from fingerlab.acquisition.protocol import Record, plan_seconds
+
+    if told.model is not None:
+        live_model(rig, bench.rate_hz, told.model, SetUp())  # what is lacking is told before anything moves
+    attendant = _Attendant(bench, rig, told, events, bar, report)
+    driver, script = attendant.driver, attendant.script
+    runs = sum(isinstance(step, Record) for step in steps)
+    plan = {"runs": runs, "seconds": plan_seconds(steps), "rate_hz": bench.rate_hz}
+    device = bench.status().device
+    with Interrupts(bench.stop) as interrupts:
+        try:
+            bench.recorder.open(_info(rig, told, device))
+            events.tell("begun", {"session": str(told.out), "device": device, **plan})
+            driver.take(steps)
+            attendant.close()
+        except BaseException as error:
+            bench.stop()  # before anything else
+            why = KeyboardInterrupt() if interrupts.asked or script.stopped else error
+            _keep(bench, why, told.out, events)
+            raise why from None
+    report(1.0, "writing and verifying")
+    return bench.recorder.close(), driver.samples, driver.number
+
+
+def _info(rig: Rig, told: Told, device: str) -> Any:
+    from fingerlab.acquisition.recording import SessionInfo
+
+    title = told.title or f"{told.name} protocol on {device}"
+    now = datetime.now().astimezone().isoformat(timespec="seconds")
+    attributes = {**told.attributes, "protocol": told.name, "device": device}
+    return SessionInfo(told.out, rig.to_json(), title, now, attributes)
+
+
+def _keep(bench: Bench, error: BaseException, out: Path, events: Events) -> None:
+    """What was recorded before it broke off becomes a session that says so."""
+    note = str(error) if isinstance(error, UserError) else "The recording was stopped by the operator."
+    try:
+        bench.recorder.cut(note)
+        path = bench.recorder.close()
+    except UserError:
+        events.tell("broken_off", {"sentence": note, "session": None})
+        return
+    events.tell("broken_off", {"sentence": note, "session": str(path)})
+    click.echo(f"The recording broke off; what was taken is in {path}.", err=True)

@@ -1,0 +1,82 @@
+"""A device of one's own by its file: recorded from like any other, and told what is wrong with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import fingerlab.acquisition.process_bench
+from fingerlab.acquisition.inline import InlineBench
+from fingerlab.cli.main import cli
+from fingerlab.devices.choosing import OWN, choose_device
+from fingerlab.errors import UserError
+from fingerlab.sessions import open_session
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "own_device_example.py"
+DAMPING, INERTIA = 1.0e-3, 2.6e-4  # of the example, N m s/rad and kg m^2
+
+
+@pytest.fixture
+def unpaced(tmp_path: Path) -> Path:
+    """The example without waiting for the clock."""
+    text = EXAMPLE.read_text(encoding="utf-8")
+    waits = next(line for line in text.splitlines() if "time.sleep(" in line)
+    path = tmp_path / "my_device.py"
+    path.write_text(text.replace(waits, "        pass"), encoding="utf-8")
+    return path
+
+
+def test_a_session_is_recorded_and_holds_the_rotor_s_equation(
+    unpaced: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """torque = J acceleration + B speed: what the file computes is what the session holds, SI."""
+
+    def inline(choice, settings, rescue, rate_hz):  # type: ignore[no-untyped-def]
+        assert (choice.kind, rate_hz) == (OWN, 1000.0)
+        return InlineBench(choice.build(), settings, rescue)
+
+    monkeypatch.setattr(fingerlab.acquisition.process_bench, "ProcessBench", inline)
+    out = tmp_path / "rotor.h5"
+    wave = '{"kind": "sine", "amplitude_deg": 30, "frequency_hz": 1, "offset_deg": 40, "duration_s": 5}'
+    words = ["--trajectory", wave, "--phase", "motor_bench", "--yes", "--out", str(out)]
+    done = CliRunner().invoke(cli, ["record", "--device", f"own:{unpaced}", *words], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    run = open_session(out).runs[0]
+    assert run.cable == "none"
+    position = run.channel("motor_position")
+    assert np.ptp(position[2000:]) == pytest.approx(np.radians(60.0), rel=0.05)
+    steps = slice(2000, 4000)  # two periods behind the ramp
+    w = 2 * np.pi * np.arange(2000) / 1000.0
+    waves = np.stack((np.sin(w), np.cos(w)))
+    angle, torque = (2 * waves @ v[steps] / 2000 for v in (position, run.channel("motor_torque")))
+    sent = complex(*torque) / complex(*angle)  # of one frequency: B i w - J w^2, up to the sign of i
+    assert sent.real == pytest.approx(-INERTIA * (2 * np.pi) ** 2, rel=0.05)
+    assert abs(sent.imag) == pytest.approx(DAMPING * 2 * np.pi, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("x = 1\n", "it holds none"),
+        ("import nowhere_at_all\n", "cannot be run: ModuleNotFoundError"),
+        ("this is no Python", "cannot be run: SyntaxError"),
+        (EXAMPLE.read_text(encoding="utf-8") + "\n\nclass Other(Rotor):\n    pass\n", "Other, Rotor"),
+        (EXAMPLE.read_text(encoding="utf-8").replace("1000.0", "500.0"), "runs at 500 Hz"),
+        (EXAMPLE.read_text(encoding="utf-8").replace("rate_hz", "rate"), "no name or no rate_hz"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_said_in_one_sentence(text: str, told: str, tmp_path: Path) -> None:
+    path = tmp_path / "device.py"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(UserError, match=told):
+        choose_device(f"own:{path}")
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="does not exist"):
+        choose_device(f"own:{tmp_path / 'none.py'}")
+    with pytest.raises(UserError, match="give own:FILE"):
+        choose_device("own:")

@@ -1,0 +1,93 @@
+"""A loop that hangs, as in a driver that does not return: nobody died, and the motor has its last current."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from multiprocessing import resource_tracker
+from pathlib import Path
+
+import psutil
+import pytest
+
+from fingerlab.acquisition.board import Board, Slot
+from fingerlab.acquisition.lives import Standstill
+from fingerlab.sessions import check_session, open_session
+from tests.faults.killing import ROOT
+from tests.faults.shared_device import make_output, read_output
+
+PATIENCE_S = 45.0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a process cannot be held still there")
+def test_a_loop_that_hangs_is_stopped_in_its_place(tmp_path: Path) -> None:
+    output, session = tmp_path / "output", tmp_path / "session.h5"
+    make_output(output)
+    arguments = [sys.executable, "-m", "tests.faults.window", str(output), str(session), str(tmp_path / "r")]
+    with subprocess.Popen(
+        [*arguments, "0.1"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT, text=True
+    ) as window:
+        assert window.stdout is not None
+        told = json.loads(window.stdout.readline())
+        board = attach(told["board"])
+        assert wait_for(lambda: board[Slot.INDEX] > told["start"] + 600)
+        board.close()
+        assert read_output(output).enabled
+        os.kill(told["loop"], signal.SIGSTOP)
+        try:
+            assert wait_for(lambda: read_output(output).zero)  # while the loop still hangs
+            assert psutil.Process(told["loop"]).status() == psutil.STATUS_STOPPED
+        finally:  # or nothing of it would ever end
+            os.kill(told["loop"], signal.SIGCONT)
+            try:
+                _, said = window.communicate(timeout=PATIENCE_S)
+            finally:
+                window.kill()
+    assert "The control loop" in said  # stood still, or was away: what is seen first
+    assert "Traceback" not in said
+    assert read_output(output).zero
+    found = open_session(session)
+    assert not check_session(found).errors
+    assert found.attributes["ended"] == "truncated"
+    assert found.runs[0].length > 400
+
+
+def attach(name: str) -> Board:
+    """The board of the other process, which is its own to remove."""
+    board = Board.attach(name)
+    with suppress(AttributeError, KeyError):
+        resource_tracker.unregister(f"/{name.lstrip('/')}", "shared_memory")
+    return board
+
+
+def wait_for(condition) -> bool:  # type: ignore[no-untyped-def]
+    end = time.monotonic() + PATIENCE_S
+    while not condition() and time.monotonic() < end:
+        time.sleep(2e-3)
+    return bool(condition())
+
+
+def test_standing_still_counts_only_with_the_amplifier_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    board, now = Board.make(shared=False), [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    standstill = Standstill(board, 0.02)
+
+    def look(seconds: float, cycles: int) -> bool:
+        now[0] += seconds
+        board[Slot.CYCLES] += cycles
+        return standstill.seen()
+
+    assert not any(look(1.0, 0) for _ in range(20))  # off: nothing is driven
+    board[Slot.ENABLE_LINE] = 1
+    assert not any(look(0.09, 1) for _ in range(20))  # slow, but not still
+    # The guardian was held up, too: an hour that nobody saw is no standstill yet.
+    assert not look(3600.0, 0)
+    assert not look(0.005, 1)
+    still = [look(0.006, 0) for _ in range(30)]
+    # Five times 20 ms without a cycle, at looks of 6 ms each: the seventeenth.
+    assert still.index(True) == 16

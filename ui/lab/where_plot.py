@@ -1,0 +1,148 @@
+"""The residual over one coordinate: how large in each bin, its mean, and the bin that is chosen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtGui import QKeyEvent, QMouseEvent
+from PySide6.QtWidgets import QWidget
+
+from fingerlab.identify.where import Profile
+from fingerlab.report.diagnosis_words import PHASE_WORDS
+from fingerlab.report.where_words import axis_title, bin_words, coordinate_unit, miss_words, residual_unit
+
+from ..theme import colours_of
+from ..widgets.plot_style import line, tint
+from ..widgets.quiet_plot import QuietPlot
+
+GAP = 0.12
+"""Share of a bin's width left between bars."""
+STEPS = {Qt.Key.Key_Left: -1, Qt.Key.Key_Right: 1}
+
+
+class WherePlot(QuietPlot):
+    """Bars: root mean square; points: mean with its 90 % interval; grey: floor. A click or ← → choose a bin.
+
+    Signal ``chosen(bin)``: by the user.
+    """
+
+    chosen = Signal(int)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__("wherePlot", "Residual over a coordinate", parent)
+        self.found: Profile | None = None
+        self.bin = -1
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setMinimumHeight(120)
+
+    def show_profile(self, found: Profile | None, bin_: int = -1) -> None:
+        """Another profile with a bin of it chosen; -1 for none."""
+        self.found, self.bin = found, bin_
+        self.redraw()
+
+    def choose(self, bin_: int) -> None:
+        """Mark a bin, as a click does."""
+        if self.found is not None and np.isfinite(self.found.rms[bin_]):
+            self.bin = bin_
+            self.redraw()
+            self.chosen.emit(bin_)
+
+    def redraw(self) -> None:
+        plot, found = self.getPlotItem(), getattr(self, "found", None)
+        plot.clear()
+        for name in ("left", "bottom"):
+            plot.getAxis(name).setStyle(showValues=found is not None)
+        if found is None:
+            self.setAccessibleDescription("Nothing to show")
+            return
+        across, up = coordinate_unit(found), residual_unit(found)
+        self.name_axes("Residual", up, across.label(axis_title(found)))
+        self._name_runs(found)
+        self._draw(found, across.factor, up.factor)
+        self.setAccessibleDescription(self._spoken(found))
+
+    def _draw(self, found: Profile, across: float, up: float) -> None:
+        plot, colours = self.getPlotItem(), colours_of(self)
+        x, rms, floor = across * found.centres, up * found.rms, up * found.floor
+        known = np.isfinite(rms)
+        width = (1 - GAP) * across * (found.edges[1] - found.edges[0])
+        brushes = [tint(colours.residual, 0.55 if k == self.bin else 0.25) for k in np.flatnonzero(known)]
+        # What is chosen is framed as well: not by shade alone.
+        pens = [
+            line(colours.text, 2 * self.devicePixelRatioF()) if k == self.bin else pg.mkPen(None)
+            for k in np.flatnonzero(known)
+        ]
+        plot.addItem(pg.BarGraphItem(x=x[known], height=rms[known], width=width, brushes=brushes, pens=pens))
+        band = pg.LinearRegionItem((-floor, floor), orientation="horizontal", movable=False)
+        band.setBrush(tint(colours.floor, 0.35))
+        for edge in band.lines:
+            edge.setPen(pg.mkPen(None))
+        band.setZValue(-10)
+        plot.addItem(band, ignoreBounds=True)
+        plot.addItem(pg.InfiniteLine(0, angle=0, pen=line(colours.muted)), ignoreBounds=True)
+        mean, half = up * found.mean[known], up * found.half[known]
+        pen = self.pen("residual")
+        plot.addItem(pg.ErrorBarItem(x=x[known], y=mean, top=half, bottom=half, beam=0.0, pen=pen))
+        points = pg.ScatterPlotItem(x[known], mean, size=6, pen=pen, name="mean residual")
+        points.setBrush(pg.mkBrush(colours.residual))
+        plot.addItem(points)
+        plot.addItem(
+            pg.ScatterPlotItem(x[known], rms[known], size=0, pen=pg.mkPen(None), name="root mean square")
+        )
+        low = min(float(np.min(mean - half)), -1.1 * floor)
+        high = max(float(np.max(rms[known])), float(np.max(mean + half)), 1.1 * floor)
+        room = 0.06 * (high - low)
+        plot.setRange(
+            xRange=(across * found.edges[0], across * found.edges[-1]),
+            yRange=(low - room, high + room),
+            padding=0.0,
+        )
+
+    def _name_runs(self, found: Profile) -> None:
+        """Runs are named below their bars, as many as there is room for."""
+        axis = self.getPlotItem().getAxis("bottom")
+        if not found.runs:
+            axis.setTicks(None)
+            return
+        room = max(self.getPlotItem().getViewBox().width(), 1.0) / (5 * self.fontMetrics().averageCharWidth())
+        every = max(round(len(found.runs) / max(room, 1.0)), 1)
+        axis.setTicks([[(k, run) for k, (_, run, _) in enumerate(found.runs) if k % every == 0], []])
+        phases = list(dict.fromkeys(PHASE_WORDS.get(phase, phase) for _, _, phase in found.runs))
+        self.getPlotItem().setLabel("bottom", f"Run ({', then '.join(phases)})")
+
+    def _spoken(self, found: Profile) -> str:
+        if self.bin < 0:
+            return f"{axis_title(found)}: {len(found.mean)} bins"
+        return f"{bin_words(found, self.bin)}: {miss_words(found, self.bin)}"
+
+    # hand
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        super().mousePressEvent(event)
+        found = self.found
+        if found is None or event.button() != Qt.MouseButton.LeftButton:
+            return
+        place = self.getPlotItem().getViewBox().mapSceneToView(self.mapToScene(event.position().toPoint()))
+        at = place.x() / coordinate_unit(found).factor
+        number = int(np.searchsorted(found.edges, at)) - 1
+        if 0 <= number < len(found.mean):
+            self.setFocus()
+            self.choose(number)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        step = STEPS.get(Qt.Key(event.key()))
+        if step is None or self.found is None:
+            super().keyPressEvent(event)
+            return
+        known = np.flatnonzero(np.isfinite(self.found.rms))
+        if self.bin < 0:
+            self.choose(self.found.worst)
+            return
+        row = int(np.clip(np.searchsorted(known, self.bin) + step, 0, len(known) - 1))
+        self.choose(int(known[row]))
+
+    def event(self, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.DevicePixelRatioChange:
+            self.redraw()  # pens are in device pixels
+        return bool(super().event(event))
