@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,18 +16,22 @@ from fingerlab.identify.diagnosis.errors import equation_errors
 from fingerlab.identify.diagnosis.evidence import (
     Evidence,
     alike,
+    borne_out,
     distrusted,
     hidden,
     justified,
+    much_left,
     needed,
     unseen,
 )
+from fingerlab.identify.diagnosis.recall import Recall
 from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
-from fingerlab.identify.diagnosis.search import Watch, forward, rescore, weigh
+from fingerlab.identify.diagnosis.search import LONGEST_PATH, Watch, forward, rescore, weigh
 from fingerlab.identify.diagnosis.second_look import (
     closely,
     closest,
     look_again_along,
+    look_beyond,
     settled,
     worth_a_look,
 )
@@ -74,7 +79,7 @@ def diagnose(
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
         return _diagnose(
-            sessions, catalogue, given, _Scale(progress), cancelled, with_curves, executor, started
+            sessions, catalogue, given, _Scale(progress), cancelled, with_curves, Recall(executor), started
         )
 
 
@@ -104,12 +109,12 @@ def _diagnose(
     scale: _Scale,
     cancelled: Callable[[], bool] | None,
     with_curves: bool,
-    executor: Executor | None,
+    recall: Recall,
     started: float,
 ) -> Diagnosis:
     display = _display() if with_curves else None
     if given:
-        given = closest(closely(sessions, given, scale.part(0.0, 0.1), cancelled, executor)[1])
+        given = closest(closely(sessions, given, scale.part(0.0, 0.1), cancelled, recall)[1])
         catalogue = [next((g for g in given if g.id == e.id), e) for e in catalogue]
     reduced = reduce_sessions(
         sessions,
@@ -117,7 +122,7 @@ def _diagnose(
         scale.part(0.1 if given else 0.0, 0.4),
         cancelled,
         display.keep if display is not None else None,
-        executor,
+        recall,
     )
     effects = reduced.layout.effects
     study = Study(reduced)
@@ -130,7 +135,13 @@ def _diagnose(
         evidence = distrusted(evidence)
     closer: Study | None = None
     if len(path) > 1 and worth_a_look(path[-1].model.choices):
-        closer, path = look_again_along(sessions, path, scale.part(0.9, 0.97), cancelled, executor)
+        closer, path = look_again_along(sessions, path, scale.part(0.9, 0.93), cancelled, recall)
+        while much_left(path[-1]) and len(path) <= LONGEST_PATH:
+            beyond = Watch(scale.part(0.93, 0.97), cancelled)
+            longer = look_beyond(sessions, catalogue, path, beyond, recall)
+            if longer is None or len(longer[1]) <= len(path):  # found, but not borne out when looked at again
+                break
+            closer, path = longer
         study.weights = closer.weights
     if closer is not None or len(path) > 2:
         # Every score of an answer is told in the floors of the same, last model.
@@ -138,14 +149,18 @@ def _diagnose(
         path = [evidence.base, *path[1:]]
     else:
         study.weights = first_weights
+    evidence = borne_out(evidence, path[-1])
     loose = sum(f.slack_samples for g in reduced.groups for f in g.folds)
+    evidence = replace(
+        evidence, base=study.told(evidence.base), trials=tuple(map(study.told, evidence.trials))
+    )
     evidence = unseen(evidence)
     verdict = _verdict(evidence)
     chosen = alike(evidence) if verdict == "missing_effect" else []
     if verdict == "nothing_missing":
         chosen = hidden(evidence)
     curves = display.curves(study, evidence) if display is not None else None
-    first = path[1] if closer is not None else None
+    first = closer.told(path[1]) if closer is not None else None
     candidates = _candidates(evidence, chosen, loose, curves.fingerprints if curves else {}, first)
     return Diagnosis(
         sessions=tuple(str(s.path) for s in sessions),

@@ -174,7 +174,7 @@ def _comparisons(study: Study, trial: Trial, group: Group, kept: Kept) -> list[C
             float(np.sqrt(max(variance, 0.0))), held_out=False, coordinates=kept.coordinates,
         )  # fmt: skip
 
-    if study.reduced.on_bench:
+    if group.on_bench:
         torque = _measured(trial, group, kept, Row.BENCH)
         return [one("motor_torque", torque, torque - residuals[Row.BENCH], "N m", noise[3, 3])]
     a, b = _arms(trial, group)
@@ -230,6 +230,8 @@ def _fingerprint(
         if where is None or (effect.phases and kept.phase not in effect.phases):
             continue
         group = groups[kept.key]
+        if group.on_bench != bench:  # one axis cannot hold two equations
+            continue
         before, after = _residuals(base, group, kept)[row], _residuals(trial, group, kept)[row]
         scale = 1.0 if row in (Row.CABLE, Row.BENCH, Row.TIP) else _arms(base, group)[int(row)]
         # Torque of the joint in the direction of its angle, whichever way the cable pulls.

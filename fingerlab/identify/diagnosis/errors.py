@@ -45,7 +45,7 @@ def _families(
     study: Study, trial: Trial, group: Group, residual: Array, noise: Array
 ) -> dict[str, tuple[float, float, float]]:
     """For each family: mean square of the residual, of the noise, and variance of what was measured."""
-    if study.reduced.on_bench:
+    if group.on_bench:
         measured = _variance(study, group, Row.BENCH, None)
         return {"motor_torque": (residual[3, 3], noise[3, 3], measured)}
     radius = study.reduced.radius

@@ -7,12 +7,14 @@ that samples a cycle apart are not new evidence. Temperature 1 is white noise at
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fingerlab.identify.diagnosis.study import Trial
+from fingerlab.identify.diagnosis.sums import BoolArray
 from fingerlab.identify.diagnosis.unseen import (
     AS_LIKELY,
     DECIDING_LOG_ODDS,
@@ -74,6 +76,11 @@ class Evidence:
     nothing: float
     unknown: float
     temperature: float
+    for_an_effect: float
+    """Log odds that an effect of the catalogue is missing rather than nothing; held also where the two
+    probabilities are too small to be told beside that of something unknown."""
+    least_left: float = 0.0
+    """Misfit of each value that the best trial left when all were judged; later it may be fitted closer."""
     unseen: Array = field(default_factory=lambda: np.zeros(0))
     """Probabilities of effects that are not found because they could not show, (trials,); see ``unseen``."""
     factors: Array = field(default_factory=lambda: np.zeros(0))
@@ -88,7 +95,7 @@ class Evidence:
 def freedom(trial: Trial) -> int:
     """Unknowns that the trial's last effect brings: gains, and one for a grid of shapes."""
     effect = trial.model.choices[-1].effect
-    gains = len(effect.gains) - len(effect.offsets)  # what the losses could be as well explains no misfit
+    gains = len(trial.model.last_gains) - len(effect.offsets)  # what the losses could be explains no misfit
     return gains + len(effect.relaxes) + (1 if len(effect.shapes) > 3 else 0)
 
 
@@ -135,7 +142,10 @@ def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
     log_odds = among(base, trials)
     shares = np.exp(log_odds) / max(float(np.exp(log_odds).sum()), 1.0)
     found = shares * float(weights[:-2].sum())
-    return Evidence(base, tuple(trials), found, log_odds, float(weights[-2]), float(weights[-1]), heat)
+    odds = float(np.logaddexp.reduce(effects) - nothing)
+    least_left = max(float(min(charged, default=zero)), 0.0) / max(count, 1.0)
+    none, other = map(float, weights[-2:])
+    return Evidence(base, tuple(trials), found, log_odds, none, other, heat, odds, least_left)
 
 
 def among(base: Trial, trials: Sequence[Trial]) -> Array:
@@ -147,12 +157,43 @@ def among(base: Trial, trials: Sequence[Trial]) -> Array:
     if not trials:
         return np.zeros(0)
     left = np.array([max(t.misfit + charge(base, t), 0.0) / max(t.count, 1.0) for t in trials])
-    law_error = LEAST_DIFFERENCE + max(float(left.min()) - USUAL_LEFT, 0.0)
-    log = -0.5 * SYSTEMATIC_VALUES * np.log(law_error + left - left.min())
+    log = by_what_is_left(left)
     log -= COST_OF_A_GAIN * np.array([freedom(t) for t in trials])
     log -= 0.5 * np.array([t.surprise for t in trials])
     log -= np.array([small_excess(t) for t in trials])
+    log[idle(base, trials)] -= 2.0 * DECIDING_LOG_ODDS
     return np.asarray(log - log.max())
+
+
+def idle(base: Trial, trials: Sequence[Trial]) -> BoolArray:
+    """Which effects explain so little that they would not be missing if they were alone, (trials,)."""
+    falls = np.array([base.misfit - t.misfit - charge(base, t) for t in trials])
+    return falls < least_fall(base)
+
+
+def by_what_is_left(left: Array) -> Array:
+    """Log odds of models by the misfit that they leave of each value, (models,), up to a constant."""
+    return np.asarray(-0.5 * SYSTEMATIC_VALUES * np.log(_law_error(left) + left - left.min()))
+
+
+def _law_error(left: Array) -> float:
+    return LEAST_DIFFERENCE + max(float(left.min()) - USUAL_LEFT, 0.0)
+
+
+def left_for(log_odds: float, least: float) -> float:
+    """What a model leaves of each value that has these log odds, not above 0, against one that leaves least.
+
+    The inverse of :func:`by_what_is_left`.
+    """
+    return least + _law_error(np.array([least])) * float(np.expm1(-2.0 * log_odds / SYSTEMATIC_VALUES))
+
+
+def against_nothing(base: Trial, misfit: float, left: float, count: float) -> float:
+    """Log odds of one of many effects against none, by the misfit without it and with it."""
+    least = max(least_share(base) * misfit, _least_part(base) * count)
+    return 0.5 * (misfit - least - left) / temperature(left, count) + float(
+        np.log(PRIOR_EFFECTS / PRIOR_NOTHING)
+    )
 
 
 LEAST_EXCESS = 0.2
@@ -162,8 +203,11 @@ EXCESS_SPREAD = 0.3
 """How far below it may lie, one standard deviation of its logarithm; assumed."""
 
 
-def small_excess(trial: Trial) -> float:
-    """Log odds against a last effect whose excess is so small that the simpler effect would be named."""
+def small_excess(trial: Trial, zero_spread: float | None = None) -> float:
+    """Log odds against a last effect whose excess is so small that the simpler effect would be named.
+
+    ``zero_spread``: as it would be if a constant were there to none but this spread (N m).
+    """
     effect = trial.model.choices[-1].effect
     if not effect.excess:
         return 0.0
@@ -171,8 +215,23 @@ def small_excess(trial: Trial) -> float:
     names = [(index[f"{effect.id}.{a}"], index[f"{effect.id}.{b}"]) for a, b in effect.excess.items()]
     extra = sum(abs(float(trial.fit.values[a])) for a, _ in names)
     under = sum(abs(float(trial.fit.values[b])) for _, b in names)
+    if effect.offsets:
+        spread = sum(float(trial.fit.deviations[a]) for a, _ in names)
+        if zero_spread is not None:
+            extra, spread = 0.0, 1.0 / np.hypot(1.0 / spread, 1.0 / zero_spread)
+        return min(-_log_beyond(LEAST_EXCESS * under, extra, spread), 2.0 * DECIDING_LOG_ODDS)
     short = np.log(LEAST_EXCESS * under / max(extra, 1e-300)) if under > 0 else 0.0
     return float(min(0.5 * (max(short, 0.0) / EXCESS_SPREAD) ** 2, 2.0 * DECIDING_LOG_ODDS))
+
+
+def _log_beyond(least: float, value: float, spread: float) -> float:
+    """Logarithm of the chance that a constant known to a normal ``spread`` is beyond ``least`` either way.
+
+    What no misfit tells, only what is known of it beforehand: it may be larger than it came out.
+    """
+    scale = np.sqrt(2.0) * max(spread, 1e-300)
+    beyond = 0.5 * (math.erfc((least - value) / scale) + math.erfc((least + value) / scale))
+    return math.log(max(beyond, 1e-300))
 
 
 NOT_BORNE_OUT = 0.05
@@ -190,6 +249,41 @@ def distrusted(evidence: Evidence) -> Evidence:
         probabilities=kept,
         nothing=evidence.nothing + share * rest,
         unknown=evidence.unknown + (1.0 - share) * rest,
+    )
+
+
+MUCH = 1.0
+"""Squared score above one that no bench leaves (``USUAL_LEFT``) and no nearly right law (about 0.5)."""
+
+
+def much_left(trial: Trial) -> bool:
+    """Whether a model leaves so much that something is missing for certain."""
+    return trial.misfit > MUCH * trial.count
+
+
+def borne_out(evidence: Evidence, last: Trial) -> Evidence:
+    """The evidence when steps of which each is justified lead from the base to ``last``.
+
+    What one effect leaves and others of the catalogue explain is no sign of something outside of it.
+    """
+    beyond = len(last.model.choices) - len(evidence.base.model.choices) - 1
+    if beyond < 1 or not evidence.trials:
+        return evidence
+    best = min(t.misfit for t in evidence.trials)
+    further = beyond * (np.log(PRIOR_EFFECTS / len(evidence.trials)) - DECIDING_LOG_ODDS)
+    gain = 0.5 * (best - last.misfit) / evidence.temperature + further
+    found = float(evidence.probabilities.sum())
+    if gain <= 0.0 or found <= 0.0:
+        return evidence
+    grown = np.log(found) + gain
+    weights = np.array([grown, np.log(max(evidence.nothing, 1e-300)), np.log(max(evidence.unknown, 1e-300))])
+    weights = np.exp(weights - weights.max())
+    weights /= weights.sum()
+    return replace(
+        evidence,
+        probabilities=evidence.probabilities * float(weights[0]) / found,
+        nothing=float(weights[1]),
+        unknown=float(weights[2]),
     )
 
 
@@ -272,12 +366,14 @@ def _least_part(base: Trial) -> float:
 def justified(base: Trial, trial: Trial, level: float = 0.0) -> bool:
     """Whether adding the trial's last effect to ``base`` is a step that the held-out runs bear out.
 
-    ``level`` is added to the trial's misfit where the two are seen under different weights.
+    ``level`` is added to the trial's misfit where the two are seen under different weights. That a further
+    effect lowers the floor makes it likelier, but explains nothing of what the first one left.
     """
     fall = base.misfit - trial.misfit - level
+    explained = min(fall, fall + level) if base.model.choices else fall
     heat = temperature(trial.misfit, trial.count)
     in_contact = _contact_charge(base, trial)
     likely = 0.5 * (fall - charge(base, trial) - in_contact * trial.count) / heat > DECIDING_LOG_ODDS
     least = _least_part(base) + in_contact
-    shares = fall > max(least_share(base) * max(base.misfit, 0.0), least * base.count)
+    shares = explained > max(least_share(base) * max(base.misfit, 0.0), least * base.count)
     return bool(likely and shares)

@@ -11,7 +11,7 @@ one Gram matrix of the features serves every model, every grid point and every f
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -110,6 +110,10 @@ class Layout:
     def every(self) -> Pick:
         """All features, for sums over samples."""
         return Pick(self.signals, self._rows)
+
+    def signals_of(self, bench: bool) -> IntArray:
+        """The signals of the features that runs of the motor alone have, or of those that a finger's have."""
+        return np.asarray(self.signals[(self._rows == Row.BENCH) == bench])
 
     @property
     def signal_count(self) -> int:
@@ -252,6 +256,30 @@ def shifted_columns(motion: Motion) -> list[tuple[Feature, Array]]:
     return columns
 
 
+def beside_a_finger(feature: Feature, rig: Rig) -> Feature:
+    """A feature of the bench's equation where a finger's runs stand beside it.
+
+    Alone, the bench fits all that its equation holds. Beside a finger it is the same motor as the finger's,
+    with the rig's constants within their tolerances and one value of each in all runs.
+    """
+    if feature.owner is not None:
+        return feature
+    if feature.parameter == "bench_inertia":
+        return replace(feature, parameter="rotor_inertia", constant=rig.motor.inertia or 0.0)
+    if feature.parameter == "bench_gain":
+        return replace(feature, parameter="load_gain", constant=1.0)
+    if feature.parameter == "bench_offset":
+        return replace(feature, parameter=TORQUE_ZERO)
+    return feature if feature.parameter else replace(feature, parameter="torque_gain")
+
+
+TORQUE_ZERO = "torque_zero"
+"""The unknown that a current's zero adds to the motor's torque, N m."""
+CURRENT_ZERO_A = 0.0025
+"""How far the zero of the current measurement may be off, one standard deviation, A; assumed: half of the
+5 mA in which a 16-bit card reads the monitor of a 5 A drive."""
+
+
 def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
     """Plausible range of every unknown that each model carries; ``typical`` is one standard deviation.
 
@@ -266,6 +294,11 @@ def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
     }
     if rig.finger is None:
         return ranges
+    zero = rig.motor.torque_constant * rig.motor.gear_ratio * CURRENT_ZERO_A
+    ranges |= {
+        TORQUE_ZERO: Gain("N m", -2.5 * zero, 2.5 * zero, zero, source="assumed: the current's zero"),
+        "load_gain": Gain("1", -0.05, 0.05, 0.02, source="assumed: a load known to 2 %"),
+    }
     for name in ("proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness"):
         tolerance = rig.tolerance_of(name)
         ranges[name] = Gain("1", -2.5 * tolerance, 2.5 * tolerance, tolerance, source="rig file")

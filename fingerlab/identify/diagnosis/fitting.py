@@ -67,8 +67,13 @@ class Data:
     def __init__(self, groups: Sequence[Group]) -> None:
         self.groups = groups
         self._noise = [_noise_of_a_sample(g) for g in groups]
+        self._taut_noise = [
+            noise if g.taut_noise is None else g.taut_noise
+            for g, noise in zip(groups, self._noise, strict=True)
+        ]
         self._kept: dict[tuple[int, int], tuple[Model, Gathered]] = {}
         self._joined: dict[tuple[int, Part], Sums] = {}
+        self._at_rest: dict[int, tuple[Array, Array, float]] = {}
 
     @property
     def count(self) -> float:
@@ -89,20 +94,21 @@ class Data:
     @cached_property
     def noiseless(self) -> list[Sums]:
         """All folds of every group as one, without noise."""
-        return [g.whole.without(noise) for g, noise in zip(self.groups, self._noise, strict=True)]
+        noises = zip(self._noise, self._taut_noise, strict=True)
+        return [g.whole.without(*noise) for g, noise in zip(self.groups, noises, strict=True)]
 
     def weighted(
-        self, i: int, part: Part | None, model: Model, weights: Array, standing: Callable[[], Array]
+        self, i: int, part: Part | None, model: Model, weight: Array, standing: Callable[[], Array]
     ) -> Weighted:
         """What a fit needs of group ``i``, or of a part of it; a slack cable costs unless it may be so.
 
-        ``weights`` (5, 5); ``standing`` gives how they change where the motor stands, if it ever does.
+        ``weight`` of each product of the model's features, (k, k); ``standing`` gives by how much it changes
+        where the motor stands, if it ever does.
         """
         found = self.gathered(i, part, model)
-        weight = EFFECTIVE_SHARE * feature_weights(weights, model.rows)
         curvature, matrix = found.raw * weight, found.clean * weight
         if found.still is not None and found.quiet is not None:
-            less = EFFECTIVE_SHARE * feature_weights(standing(), model.rows)
+            less = standing()
             curvature += found.still * less
             matrix += found.quiet * less
         if found.slack is not None and not model.slack_free:
@@ -121,7 +127,7 @@ class Data:
         noise = self._noise[i][pick.square]
         found = Gathered(
             sums.of(pick),
-            sums.of(pick, noise),
+            sums.of(pick, noise, self._taut_noise[i][pick.square]),
             sums.at_rest(pick),
             sums.at_rest(pick, noise),
             sums.slack(pick),
@@ -132,7 +138,16 @@ class Data:
 
     def standing(self, i: int, weights: Array) -> Array:
         """How the encoder's step changes the weights of group ``i`` where the motor stands, (5, 5)."""
-        return change_of_weight(weights, encoder_spread(self.groups[i].encoder_variance))
+        return self._standing(i, weights)[0]
+
+    def _standing(self, i: int, weights: Array) -> tuple[Array, float]:
+        """The same, and the log widening that goes with it; kept while the weights stay the same array."""
+        known = self._at_rest.get(i)
+        if known is None or known[0] is not weights:
+            spread = encoder_spread(self.groups[i].encoder_variance)
+            known = weights, change_of_weight(weights, spread), log_widening(weights, spread)
+            self._at_rest[i] = known
+        return known[1:]
 
     def held(self, i: int, model: Model, values: Array, weights: Array) -> tuple[Array, float] | None:
         """What friction that sticks does to group ``i`` where the motor stands; None: nothing.
@@ -151,8 +166,9 @@ class Data:
             share[np.arange(len(mine)), model.rows[mine]] = h[mine]
             own += share.T @ products[mine[:, None], mine] @ share
         own *= HELD_SHARE / max(group.samples, 1.0)
-        change = change_of_weight(weights, spread + own) - change_of_weight(weights, spread)
-        widening = log_widening(weights, spread + own) - log_widening(weights, spread)
+        usual, wide = self._standing(i, weights)
+        change = change_of_weight(weights, spread + own) - usual
+        widening = log_widening(weights, spread + own) - wide
         return change, EFFECTIVE_SHARE * group.whole.rest_samples * widening
 
 
@@ -176,11 +192,11 @@ def limit_noise(group: Group) -> None:
     if group.noise_samples <= 0:
         return
     whole = group.whole
-    noise = _noise_of_a_sample(group)
-    noise = _limited(noise, whole.taut() / max(whole.taut_samples, 1))
-    if whole.loose is not None:
-        noise = _limited(noise, whole.products / whole.samples)
+    noise = _limited(_noise_of_a_sample(group), whole.products / whole.samples)
     group.noise = noise * group.noise_samples
+    if whole.loose is not None:
+        # Few taut moments hold little of it; what is not in them says nothing of how noisy the others are.
+        group.taut_noise = _limited(noise, whole.taut() / max(whole.taut_samples, 1))
 
 
 def _limited(noise: Array, whole: Array) -> Array:
@@ -191,7 +207,7 @@ def _limited(noise: Array, whole: Array) -> Array:
     among = np.ix_(live, live)
     units = np.outer(scale, scale)
     # In units of the whole (its Cholesky factor) the noise is a share between 0 and 1 in every direction.
-    factor = np.linalg.cholesky(whole[among] * units + RIDGE * np.eye(len(live)))
+    factor = _factor(whole[among] * units)
     half = np.linalg.solve(factor, noise[among] * units)
     shares, directions = np.linalg.eigh(np.linalg.solve(factor, half.T))
     wrong = (shares > MOST_NOISE) | (shares < 0.0)
@@ -200,6 +216,18 @@ def _limited(noise: Array, whole: Array) -> Array:
     limited = np.zeros_like(noise)
     limited[among] = noise[among] - (reach * excess) @ reach.T / units
     return limited
+
+
+def _factor(products: Array) -> Array:
+    """Cholesky factor of products with ones on the diagonal, lifted to be definite, (n, n)."""
+    ridge = RIDGE * np.eye(len(products))
+    try:
+        return np.asarray(np.linalg.cholesky(products + ridge))
+    except np.linalg.LinAlgError:
+        # Products of the taut moments are those of all less those of the slack ones: where nearly all is
+        # slack, what is left of a signal may be rounding, which is no product of anything.
+        sizes, directions = np.linalg.eigh(products)
+        return np.asarray(np.linalg.cholesky((directions * np.maximum(sizes, 0.0)) @ directions.T + ridge))
 
 
 SETTLING_ITERATIONS = 4
@@ -251,6 +279,8 @@ class Fitter:
         self.widening = 0.0  # see Data.held, all groups together
         self._held: list[Array | None] = [None] * len(data.groups)
         self._still: dict[int, Array] = {}
+        self._weight: dict[int, Array] = {}
+        self._change: dict[int, Array] = {}
         self._mean = model.start()
         self._stiffness = self._prior_weight() / model.spread**2
         self._low, self._high = model.low, model.high
@@ -272,9 +302,22 @@ class Fitter:
     def part(self, i: int, part: Part | None) -> Weighted:
         """Weighted products over group ``i``, or over some of its folds."""
         if (i, part) not in self._parts:
-            weights = self.weights[self.data.groups[i].key]
-            self._parts[i, part] = self.data.weighted(i, part, self.model, weights, partial(self.standing, i))
+            if i not in self._weight:
+                self._weight[i] = self._of_products(self.weights[self.data.groups[i].key])
+            self._parts[i, part] = self.data.weighted(
+                i, part, self.model, self._weight[i], partial(self._less, i)
+            )
         return self._parts[i, part]
+
+    def _of_products(self, weights: Array) -> Array:
+        """Weight of each product of the model's features, (k, k), from that of the equations, (5, 5)."""
+        return EFFECTIVE_SHARE * feature_weights(weights, self.model.rows)
+
+    def _less(self, i: int) -> Array:
+        """How the weight of each product changes where the motor stands, (k, k)."""
+        if i not in self._change:
+            self._change[i] = self._of_products(self.standing(i))
+        return self._change[i]
 
     def standing(self, i: int) -> Array:
         """How the weights of group ``i`` change where the motor stands, (5, 5)."""
@@ -293,6 +336,7 @@ class Fitter:
         self._held = [None if one is None else one[0] for one in found]
         self.widening = sum(one[1] for one in found if one is not None)
         self._parts.clear()
+        self._change.clear()
         self._stacked = self._whole = None
 
     def cost(self, values: Array) -> float:
@@ -422,12 +466,12 @@ def bounded_step(values: Array, gradient: Array, information: Array, low: Array,
     matrix = information * np.outer(scale, scale) + 1e-9 * np.eye(len(values))
     slope = gradient * scale
     floor, ceiling = (low - values) / scale, (high - values) / scale
-    step = np.zeros(len(values))
-    # What stands at a bound and is pushed outwards starts fixed; it is let go below if that was wrong.
-    fixed = ((floor > -1e-12) & (slope > 0)) | ((ceiling < 1e-12) & (slope < 0))
     quick = _pivoted(matrix, slope, floor, ceiling)
     if quick is not None:
         return quick * scale
+    step = np.zeros(len(values))
+    # What stands at a bound and is pushed outwards starts fixed; it is let go below if that was wrong.
+    fixed = ((floor > -1e-12) & (slope > 0)) | ((ceiling < 1e-12) & (slope < 0))
     for _ in range(6 * len(values)):
         free = np.flatnonzero(~fixed)
         target = step.copy()

@@ -103,6 +103,13 @@ class Model:
         """The same for every gain that differs from run to run."""
         return self._features_of_gains([c.effect for c in self.choices if c.effect.wanders])
 
+    @property
+    def last_gains(self) -> list[str]:
+        """Gains of the last effect that its law at hand uses; others of its laws may have more."""
+        effect, shape = self.choices[-1].effect, self.choices[-1].shape
+        used = {self.layout.features[i].parameter for i in self.layout.indices(effect.id, shape)}
+        return [name for name in effect.gains if name in used or effect.special]
+
     def _features_of_gains(self, effects: Sequence[Effect]) -> list[BoolArray]:
         owned = [(self.layout.features[i].owner, self.layout.features[i].parameter) for i in self.active]
         gains = [(e.id, gain) for e in effects for gain in e.gains if gain not in e.offsets]

@@ -1,11 +1,7 @@
-"""The run that would best separate the effects that these data leave closest.
+"""The run, of those that the rig can do, that would best separate the effects that these data leave closest.
 
-Predicted separation: if the first effect were true, what would the second leave unexplained in the new run,
-wherever its unknowns go, given what the old runs say of them? Each model predicts the equations of the new
-run with the values that the old runs gave it; what the two predictions differ by, less what the second can
-take up at a price that the old runs set, is whitened, and half its square in independent values is the
-expected gain in log evidence (Hunter and Reiner, "Designs for discriminating between two rival models",
-1965).
+What a run is expected to bring is told in the log odds that the diagnosis itself would give after it: for the
+effects of a set among each other, or for an effect that could not be seen against nothing.
 """
 
 from __future__ import annotations
@@ -17,9 +13,15 @@ from typing import Any
 import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
-from fingerlab.identify.diagnosis.evidence import LEAST_FALL, Evidence
-from fingerlab.identify.diagnosis.features import Layout
-from fingerlab.identify.diagnosis.fitting import feature_weights
+from fingerlab.identify.diagnosis.evidence import (
+    LEAST_EXCESS,
+    LEAST_FALL,
+    Evidence,
+    against_nothing,
+    by_what_is_left,
+    left_for,
+    small_excess,
+)
 from fingerlab.identify.diagnosis.imagined import (
     Press,
     bench_motion,
@@ -27,24 +29,19 @@ from fingerlab.identify.diagnosis.imagined import (
     pressing_motion,
     seen_press,
 )
-from fingerlab.identify.diagnosis.model import Choice, Model, build
-from fingerlab.identify.diagnosis.reduction import Group, layout_of, narrow_columns
-from fingerlab.identify.diagnosis.study import WANDER, Study, Trial, condition_weights
-from fingerlab.identify.diagnosis.sums import Sums
+from fingerlab.identify.diagnosis.separation import Imagined, apart, held_by, imagine, separation
+from fingerlab.identify.diagnosis.study import Study, Trial, condition_weights
 from fingerlab.identify.diagnosis.unseen import DECIDING_LOG_ODDS, hidden_values
-from fingerlab.physics.effects.base import Effect
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.rig import Rig
-from fingerlab.sessions.model import Array, Session
+from fingerlab.sessions.model import Session
 
 BENCH_LOADS_NM = (0.0, 0.05, 0.1)
 """Known loads that a motor bench is proposed with, N m; assumed."""
-WEAK_PRIOR = 1e-4
-LEAST_SEPARATION = 0.5
+LEAST_SEPARATION = 0.2
 """A run that is expected to bring less (nats) is not worth the operator's time."""
 RIVALS = 4
 """So many effects of the set are separated from its first by one run; more are rarely left."""
-EQUATIONS = 3  # of a finger's run
 LOOK_ROUND = 3  # steps of a fit
 DECISIVE = 10.0
 """A separation beyond this (nats) is worth no more: the effect is out of the set."""
@@ -73,8 +70,8 @@ def propose(
     first, *rivals = [evidence.trials[i] for i in chosen[: 1 + RIVALS]]
     best: tuple[tuple[float, float], Proposal, Trial, float] | None = None
     for proposal in _menu(sessions, study, first):
-        imagined = _imagine(sessions[0], proposal.motion, _held([first, *rivals], proposal.motion))
-        gains = [_both_ways(study, imagined, first, rival, evidence.temperature) for rival in rivals]
+        run = _run(sessions[0], study, proposal, [first, *rivals])
+        gains = [_expected(study, run, evidence, chosen[0], i) for i in chosen[1 : 1 + RIVALS]]
         worth = (sum(min(g, DECISIVE) for g in gains), min(gains))
         if best is None or worth > best[0]:
             worst = int(np.argmin(gains))
@@ -102,17 +99,17 @@ def reveal(
     unseen = [i for i in unseen if evidence.trials[i].reach.strengths][:RIVALS]
     shares = [evidence.unseen[i] for i in unseen]
     pairs = [_present_and_absent(study, base, evidence.trials[i]) for i in unseen]
-    best: tuple[float, Proposal, list[float]] | None = None
+    best: tuple[float, Proposal, list[Shown]] | None = None
     for proposal in _menu(sessions, study, base):
-        imagined = _imagine(sessions[0], proposal.motion, _held([p for p, _ in pairs], proposal.motion))
-        gains = [_shown(study, imagined, present, absent) for present, absent in pairs]
-        worth = sum(s * min(g, DECISIVE) for s, g in zip(shares, gains, strict=True))
+        run = _run(sessions[0], study, proposal, [p for p, _ in pairs])
+        gains = [_shown(study, run, evidence, i, *pair) for i, pair in zip(unseen, pairs, strict=True)]
+        worth = sum(s * min(g.decides, DECISIVE) for s, g in zip(shares, gains, strict=True))
         if gains and (best is None or worth > best[0]):
             best = worth, proposal, gains
     if best is None:
         return None
     _, proposal, gains = best
-    told = next((k for k, gain in enumerate(gains) if gain >= DECIDING_LOG_ODDS), None)
+    told = next((k for k, gain in enumerate(gains) if gain.decides >= DECIDING_LOG_ODDS), None)
     if told is None:
         return None
     return {
@@ -120,7 +117,7 @@ def reveal(
         "phase": proposal.phase,
         "cable": proposal.cable,
         "separates": [pairs[told][0].model.choices[-1].effect.id, "nothing_missing"],
-        "expected_separation": float(gains[told]),
+        "expected_separation": gains[told].expected,
     }
 
 
@@ -133,21 +130,103 @@ def _present_and_absent(study: Study, base: Trial, trial: Trial) -> tuple[Trial,
     return replace(trial, fit=replace(trial.fit, values=hidden_values(trial, start))), absent
 
 
-def _shown(study: Study, run: Imagined, truth: Trial, base: Trial) -> float:
-    """Log odds that one more run brings for an effect; LEAST_FALL in the run's own condition decides."""
-    gain = _separation(study, run, truth, base, 1.0)
-    values = EFFECTIVE_SHARE * EQUATIONS * run.sums.samples
+@dataclass(frozen=True)
+class Shown:
+    """What a run would say of an effect that could not be seen, if it were there.
+
+    Attributes:
+        decides: on the scale on which ``DECIDING_LOG_ODDS`` is where the verdict changes.
+        expected: gain in the log odds against nothing.
+    """
+
+    decides: float
+    expected: float
+
+
+def _shown(study: Study, run: Imagined, evidence: Evidence, i: int, truth: Trial, without: Trial) -> Shown:
+    """What the run would bring for trial ``i``; LEAST_FALL in the run's own condition decides."""
+    base = evidence.base
+    gain = separation(study, run, truth, without, 1.0)
+    values = _values(run)
     counts = np.append(base.misfits[:, 1], values)
     needed = LEAST_FALL * float(counts.sum()) / float(condition_weights(counts)[-1])
-    return gain * 2.0 * DECIDING_LOG_ODDS / max(needed, 2.0 * DECIDING_LOG_ODDS)
+    decides = gain * 2.0 * DECIDING_LOG_ODDS / max(needed, 2.0 * DECIDING_LOG_ODDS)
+    usual, count = base.misfit / base.count, float(counts.sum())
+    left = count * _after(base, run, usual, usual * values)
+    misfit = count * _after(base, run, usual, usual * values + 2.0 * gain)
+    after = against_nothing(base, misfit, left, count) - np.log(len(evidence.trials))
+    before = np.log(max(float(evidence.unseen[i]), LEAST_SHARE) / max(evidence.nothing, LEAST_SHARE))
+    return Shown(decides, float(after - before))
 
 
-def _both_ways(study: Study, run: Imagined, first: Trial, second: Trial, heat: float) -> float:
-    """The lesser gain, whichever of the two is true."""
-    return min(
-        _separation(study, run, first, second, heat),
-        _separation(study, run, second, first, heat),
-    )
+LEAST_SHARE = 1e-12
+"""Probabilities are compared down to here."""
+
+
+def _values(run: Imagined) -> float:
+    """Independent values that a run would have."""
+    return EFFECTIVE_SHARE * run.group.equations * run.sums.samples
+
+
+def _after(like: Trial, run: Imagined, left: float, misfit: float) -> float:
+    """What a model leaves of each value with one more run, of which it leaves ``misfit``.
+
+    Now it leaves ``left`` of each, in conditions as ``like`` has them.
+    """
+    counts = np.append(like.misfits[:, 1], _values(run))
+    misfits = np.append(left * like.misfits[:, 1], misfit)
+    return float(misfits @ condition_weights(counts) / counts.sum())
+
+
+def _expected(study: Study, run: Imagined, evidence: Evidence, first: int, second: int) -> float:
+    """Expected gain in the log odds of the one of two effects that is true, as likely as they are now."""
+    shares = evidence.probabilities[[first, second]]
+    gains = [_gain(study, run, evidence, *ways) for ways in ((first, second), (second, first))]
+    return float(shares @ gains / max(float(shares.sum()), LEAST_SHARE))
+
+
+def _gain(study: Study, run: Imagined, evidence: Evidence, true: int, other: int) -> float:
+    """Gain in the log odds of the true effect: by what its rival leaves, and by the constants it needs."""
+    truth, rival = evidence.trials[true], evidence.trials[other]
+    alone = run.group.on_bench and not any(g.on_bench for g in study.reduced.groups)
+    found = apart(study, run, _with_offsets(truth) if alone else truth, rival, evidence.temperature)
+    odds = evidence.log_odds[[true, other]]
+    left = [left_for(float(one), evidence.least_left) for one in odds - odds.max()]
+    usual = _values(run) * left[0]
+    after = [
+        _after(truth, run, left[0], usual),
+        _after(truth, run, left[1], usual + found.left * evidence.temperature),
+    ]
+    gain = by_what_is_left(np.array(after)) - by_what_is_left(np.array(left))
+    return float(gain[0] - gain[1]) + (0.5 * found.zero + _constants(study, truth, rival) if alone else 0.0)
+
+
+def _constants(study: Study, truth: Trial, rival: Trial) -> float:
+    """Log odds that a first run of the motor alone brings by what the constants are known to be then."""
+    gain = 0.5 * (study.narrowed(rival) - study.narrowed(truth))
+    if rival.model.choices[-1].effect.offsets and not truth.model.choices[-1].effect.offsets:
+        gain += small_excess(rival, study.zero_spread) - small_excess(rival)
+    return gain + (small_excess(truth) if truth.model.choices[-1].effect.offsets else 0.0)
+
+
+def _with_offsets(trial: Trial) -> Trial:
+    """The trial with the constants of its last effect, which no run has told, as large as they may well be.
+
+    If the effect is there, they are at least what one would speak of.
+    """
+    effect, index = trial.model.choices[-1].effect, trial.model.index
+    values = trial.fit.values.copy()
+    for name in effect.offsets:
+        place, under = index[f"{effect.id}.{name}"], index[f"{effect.id}.{effect.excess[name]}"]
+        size = np.hypot(values[place], trial.fit.deviations[place])
+        size = np.clip(size, LEAST_EXCESS * values[under], values[under])
+        values[place] = np.copysign(size, values[place])
+    return replace(trial, fit=replace(trial.fit, values=values))
+
+
+def _run(session: Session, study: Study, proposal: Proposal, trials: Sequence[Trial]) -> Imagined:
+    motion = proposal.motion
+    return imagine(session, motion, held_by(trials, motion), not study.reduced.on_bench)
 
 
 def _wave(kind: str, frequency: float, amplitude: float, **more: float) -> dict[str, Any]:
@@ -177,13 +256,13 @@ BENCH = (("sine", 0.5, 30.0), ("sine", 2.0, 20.0), ("ramp_hold", 0.2, 60.0))
 
 
 def _menu(sessions: Sequence[Session], study: Study, trial: Trial) -> Iterator[Proposal]:
-    """Runs that the rig can do: free ones on each known routing and pressing ones; or the motor alone.
+    """Runs that the rig can do: free ones on each known routing, pressing ones, and the motor alone.
 
-    Runs of the motor alone are proposed beside their like only: with a finger's runs they are not compared.
+    Beside a finger's runs a bench needs no known load: one is only proposed where there is nothing else.
     """
     rig = sessions[0].rig
     if study.reduced.on_bench:
-        yield from _bench_menu(rig)
+        yield from _bench_menu(rig, BENCH_LOADS_NM)
         return
     values = dict(zip((u.key for u in trial.model.unknowns), map(float, trial.fit.values), strict=True))
     signs = sorted({g.cable_sign for g in study.reduced.groups if g.cable_sign})
@@ -197,6 +276,8 @@ def _menu(sessions: Sequence[Session], study: Study, trial: Trial) -> Iterator[P
     press = seen_press(sessions)
     if press is not None and 1 in signs:
         yield from _pressing_menu(rig, press)
+    # Last: taking the finger off its cable is worth it only where no run with it tells as much.
+    yield from _bench_menu(rig, BENCH_LOADS_NM[:1])
 
 
 def _room(sessions: Sequence[Session], sign: int) -> tuple[float, float]:
@@ -219,109 +300,9 @@ def _pressing_menu(rig: Rig, press: Press) -> Iterator[Proposal]:
             yield Proposal("contact", "flexion", trajectory, motion)
 
 
-def _bench_menu(rig: Rig) -> Iterator[Proposal]:
-    for load in BENCH_LOADS_NM:
+def _bench_menu(rig: Rig, loads: Sequence[float]) -> Iterator[Proposal]:
+    for load in loads:
         for kind, frequency, amplitude in BENCH:
             trajectory = _wave(kind, frequency, amplitude, offset_deg=amplitude + 5.0)
             loaded = {**trajectory, "load_torque": load} if load else trajectory
             yield Proposal("motor_bench", "none", loaded, bench_motion(rig, trajectory, load))
-
-
-@dataclass(frozen=True)
-class Imagined:
-    """A run that was not taken: its motion, and the sums over the signals that it would give."""
-
-    motion: Motion
-    layout: Layout
-    sums: Sums
-    group: Group
-
-
-def _imagine(session: Session, motion: Motion, effects: Sequence[Effect]) -> Imagined:
-    layout = layout_of(motion, session, effects)
-    low = narrow_columns(motion, effects, layout.signals)
-    # A trace of friction may hold a standing finger anywhere: what is seen at rest decides little.
-    columns = low.columns[~low.rest]
-    return Imagined(motion, layout, Sums(columns.T @ columns, taut_samples=len(columns)), _group(motion))
-
-
-def _separation(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) -> float:
-    """Expected gain in log evidence of ``truth`` over ``rival`` from one more run."""
-    right = build(run.layout, [run.group], _choices(truth, run), truth.model.tip_law)
-    wrong = build(run.layout, [run.group], _choices(rival, run), rival.model.tip_law)
-    told, slopes = wrong.coefficients(_values(wrong, rival), run.group)
-    wander = _wander(wrong, told)
-    slopes = np.concatenate((slopes, wander), axis=1)
-    every = np.union1d(right.active, wrong.active)
-    gap, reach = np.zeros(len(every)), np.zeros((len(every), slopes.shape[1]))
-    gap[np.searchsorted(every, right.active)] = right.features(_values(right, truth), run.group)
-    gap[np.searchsorted(every, wrong.active)] -= told
-    reach[np.searchsorted(every, wrong.active)] = slopes
-    pick = run.layout.every[every]
-    share = EFFECTIVE_SHARE / heat
-    products = run.sums.of(pick) * feature_weights(_weights(study, run.motion), pick.rows) * share
-    pull = gap @ products @ reach
-    known = reach.T @ products @ reach
-    old = len(wrong.unknowns)
-    known[:old, :old] += _known(wrong, rival, heat)
-    known[old:, old:] += np.eye(wander.shape[1]) / WANDER**2
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(known), 1e-300))
-    system = known * np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
-    taken = float((pull * scale) @ np.linalg.solve(system, pull * scale))
-    return 0.5 * (float(gap @ products @ gap) - taken)
-
-
-def _wander(model: Model, told: Array) -> Array:
-    """What a run's own friction may add to the features, (k, gains): as it differs from run to run."""
-    owners = [model.layout.features[i] for i in model.active]
-    gains = [(c.effect.id, name) for c in model.choices if c.effect.wanders for name in c.effect.gains]
-    parts = [np.where([(f.owner, f.parameter) == gain for f in owners], told, 0.0) for gain in gains]
-    return np.stack(parts, axis=1) if parts else np.zeros((len(told), 0))
-
-
-def _held(trials: Sequence[Trial], motion: Motion) -> list[Effect]:
-    """Effects of all the models, each once, that act in such a run."""
-    every = {c.effect.id: c.effect for t in trials for c in t.model.choices}
-    return [e for e in every.values() if e.bench or motion.finger is not None]
-
-
-def _choices(trial: Trial, run: Imagined) -> list[Choice]:
-    return [c for c in trial.model.choices if c.effect in run.layout.effects]
-
-
-def _group(motion: Motion) -> Group:
-    kind = "contact" if motion.phase == "contact" else "free"
-    cable = {1: "flexion", -1: "extension", 0: "none"}[motion.cable_sign]
-    return Group((cable, kind), motion.cable_sign, [], np.zeros((0, 0)))
-
-
-def _weights(study: Study, motion: Motion) -> Array:
-    """Weights of the group that the run would belong to, or of the most similar one there is."""
-    key = _group(motion).key
-    same_kind = [w for k, w in study.weights.items() if k[1] == key[1]]
-    return study.weights.get(key, (same_kind or list(study.weights.values()))[0])
-
-
-def _values(model: Model, trial: Trial) -> Array:
-    """The trial's values for a model of another run; what it does not know starts at nothing."""
-    known = dict(zip((u.key for u in trial.model.unknowns), trial.fit.values, strict=True))
-    return np.array([known.get(u.key, start) for u, start in zip(model.unknowns, model.start(), strict=True)])
-
-
-def _known(model: Model, trial: Trial, heat: float) -> Array:
-    """What the old runs say of the rival's unknowns, (p, p); little of those that they do not have."""
-    old = {u.key: i for i, u in enumerate(trial.model.unknowns)}
-    size = len(model.unknowns)
-    result = np.zeros((size, size))
-    places = [(i, old[u.key]) for i, u in enumerate(model.unknowns) if u.key in old]
-    mine, theirs = [p[0] for p in places], [p[1] for p in places]
-    # Unknowns of the old runs that the new one lacks are integrated out, not held.
-    if mine:
-        covariance = trial.fit.covariance[np.ix_(theirs, theirs)] * heat
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-        scaled = np.linalg.pinv(covariance * np.outer(scale, scale), hermitian=True)
-        result[np.ix_(mine, mine)] = scaled * np.outer(scale, scale)
-    for i, unknown in enumerate(model.unknowns):
-        if unknown.key not in old:
-            result[i, i] = WEAK_PRIOR / unknown.gain.typical**2
-    return result

@@ -8,8 +8,8 @@ effects then cost nothing that grows with the recording.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 
@@ -34,9 +34,11 @@ from fingerlab.identify.diagnosis.features import (
     Feature,
     Layout,
     base_columns,
+    beside_a_finger,
     nuisance_ranges,
     shifted_columns,
 )
+from fingerlab.identify.diagnosis.recall import Recall, Seen
 from fingerlab.identify.diagnosis.routing import spread_of
 from fingerlab.identify.diagnosis.stretches import stretches
 from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Part, RunSums, Sums, empty, total
@@ -51,6 +53,8 @@ FOLDS = 10
 """Runs of a condition are dealt to at most this many folds; ten runs or fewer are held out one by one."""
 SLACK_TENSION_N = 0.12
 """Below this tension the cable may be slack, N; assumed: a few times the noise of the current at 8 Hz."""
+INERTIA_SPREADS = 2.0
+"""... and more where the rotor speeds up: its inertia may be off by so many standard deviations."""
 
 TASKS_AHEAD = 2
 """Runs that a second process is given at a time: one at work and one waiting."""
@@ -73,6 +77,8 @@ class Group:
     folds: list[Sums]
     noise: Array
     noise_samples: float = 0.0
+    taut_noise: Array | None = None
+    """What noise adds to the products at one taut moment, (signals, signals); None: as at any other."""
     encoder_variance: float = 0.0  # m^2 of cable: what a standing encoder's step leaves open
     dealt: list[Fold] = field(default_factory=list)
     trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)
@@ -107,6 +113,16 @@ class Group:
         return [k for k, fold in enumerate(self.dealt) if fold.condition == condition]
 
     @property
+    def on_bench(self) -> bool:
+        """Whether these are runs of the motor alone, which have the motor's equation and no other."""
+        return self.cable_sign == 0
+
+    @property
+    def equations(self) -> int:
+        """How many equations its runs have."""
+        return 1 if self.on_bench else 3
+
+    @property
     def samples(self) -> int:
         """Decimated samples in the group."""
         return sum(f.samples for f in self.folds)
@@ -114,7 +130,7 @@ class Group:
 
 @dataclass
 class Reduced:
-    """All that the diagnosis needs of the sessions."""
+    """All that the diagnosis needs of the sessions; ``on_bench``: all runs are of the motor alone."""
 
     layout: Layout
     groups: list[Group]
@@ -145,8 +161,13 @@ def counted(motion: Motion) -> slice:
     return slice(motion.lead + MARGIN, len(motion.time) - MARGIN)
 
 
-def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> Layout:
-    """The features in the order in which :func:`narrow_columns` meets them."""
+def layout_of(
+    motion: Motion, session: Session, effects: Sequence[Effect], beside_finger: bool = False
+) -> Layout:
+    """The features in the order in which :func:`narrow_columns` meets them.
+
+    ``beside_finger``: if it is a run of the motor alone, the motor is that of a finger's runs.
+    """
     features: list[Feature] = []
     signals: list[int] = []
     known: dict[tuple[int, int | None], int] = {}
@@ -154,6 +175,8 @@ def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> La
     count = base = 0
     for values, shift, own, make in _columns(motion, effects):
         feature = make()
+        if beside_finger and motion.finger is None:
+            feature = beside_a_finger(feature, session.rig)
         base += feature.owner is None
         kept.append(values)
         # What is one array in two equations is one signal; a user's own code is not relied on for that.
@@ -168,19 +191,71 @@ def layout_of(motion: Motion, session: Session, effects: Sequence[Effect]) -> La
     )  # fmt: skip
 
 
+def _layout_of_all(
+    pairs: Sequence[tuple[Session, Run]], effects: Sequence[Effect], recall: Recall
+) -> tuple[Layout, list[Asked]]:
+    """The features of all runs, those of the motor alone last; and what is asked of each run."""
+    kinds = [run.phase == "motor_bench" for _, run in pairs]
+    layouts = {}
+    for on_bench in sorted(set(kinds)):
+        number = kinds.index(on_bench)
+        session, run = pairs[number]
+        known = next(recall.stretches(number), None)
+        motion = known.motion if known is not None else next(stretches(run, session.rig))
+        beside = len(set(kinds)) == 2
+        layouts[on_bench] = layout_of(motion.glimpse(), session, effects, beside_finger=beside)
+    asked, start = {}, 0
+    for on_bench, layout in layouts.items():
+        asked[on_bench] = Asked(layout.signals, len(layout.base), start)
+        start += layout.signal_count
+    finger, *bench = layouts.values()
+    if bench:
+        finger = replace(
+            finger,
+            features=(*finger.features, *bench[0].features),
+            base=np.concatenate((finger.base, len(finger.features) + bench[0].base)),
+            signals=np.concatenate((finger.signals, finger.signal_count + bench[0].signals)),
+        )
+    return finger, [asked[on_bench] for on_bench in kinds]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of a run: its kind's features as signals, of which the first ``common`` every model has.
+
+    ``signals`` (features,) count from ``start``, the kind's first signal among those of all runs.
+    """
+
+    signals: IntArray
+    common: int
+    start: int
+
+
 Column = tuple[Array, int | None, bool, Callable[[], Feature]]
 """Values at the wide rate, shift, whether a user's own effect brings them, and what makes their feature."""
 
 
 def _columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
-    """All features in order; a motor channel comes once for every shift, with the same values."""
+    """All features in order: those of every model, then those of the effects."""
+    yield from _common_columns(motion)
+    yield from _effect_columns(motion, effects)
+
+
+def _common_columns(motion: Motion) -> Iterator[Column]:
+    """A motor channel comes once for every shift, with the same values."""
     for feature, values in base_columns(motion):
         yield values, None, False, partial(replace, feature)
     for feature, values in shifted_columns(motion):
         shifts: Sequence[int | None] = [None] if motion.finger is None else range(SLOPE + 1)
         for k in shifts:
             yield values, k, False, partial(replace, feature, shift=k)
+
+
+def _effect_columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
+    alone = motion.finger is None
     for effect in effects:
+        if alone and not (effect.bench or effect.bench_beside_finger):
+            continue
         own = _of_the_user(effect)
         for index, shape in enumerate(effect.shapes):
             for t in effect.columns(motion, shape):
@@ -199,11 +274,35 @@ def narrow_columns(motion: Motion, effects: Sequence[Effect], signals: IntArray)
     inner = counted(motion)
     time = narrow(motion.time[inner])
     low = np.zeros((int(signals.max()) + 1, len(time)))
+    live = _fill(low, motion, _columns(motion, effects), signals, 0)
+    return Narrow(low.T, _taut(motion, inner), time, motion, _at_rest(motion.position[inner]), np.array(live))
+
+
+def narrow_again(seen: Seen, effects: Sequence[Effect], signals: IntArray) -> Narrow:
+    """The same of a stretch that was read before; ``signals`` begin as they did then."""
+    known = len(seen.low)
+    low = np.zeros((max(int(signals.max()) + 1, known), len(seen.time)))
+    low[:known] = seen.low
+    rest = _fill(low, seen.motion, _effect_columns(seen.motion, effects), signals[seen.features :], known)
+    live = np.concatenate((seen.live, np.array(rest, dtype=seen.live.dtype)))
+    return Narrow(low.T, seen.taut, seen.time, seen.motion, seen.rest, live)
+
+
+def _seen(low: Narrow, asked: Asked) -> Seen:
+    """What a later reading needs of a stretch beside its motion."""
+    known = int(asked.signals[: asked.common].max()) + 1
+    common = low.columns.T[:known].astype(np.float32)
+    return Seen(low.wide, asked.common, common, low.live[low.live < known], low.taut, low.rest, low.time)
+
+
+def _fill(low: Array, motion: Motion, columns: Iterable[Column], signals: IntArray, count: int) -> list[int]:
+    """Filter the signals from the number ``count`` on into ``low``; gives those that are not zero."""
+    inner = counted(motion)
     # Single precision is a hundred times finer than the sensors, and twice as fast.
     wide = np.empty((AT_ONCE, max(inner.stop - inner.start, 0)), np.float32)
     live: list[int] = []
-    count = waiting = 0
-    for place, (values, shift, _, _) in zip(signals.tolist(), _columns(motion, effects), strict=True):
+    waiting = 0
+    for place, (values, shift, _, _) in zip(signals.tolist(), columns, strict=True):
         if place < count:
             continue
         count += 1
@@ -217,7 +316,7 @@ def narrow_columns(motion: Motion, effects: Sequence[Effect], signals: IntArray)
             waiting = 0
     if waiting:
         low[live[-waiting:]] = narrow(wide[:waiting])
-    return Narrow(low.T, _taut(motion, inner), time, motion, _at_rest(motion.position[inner]), np.array(live))
+    return live
 
 
 AT_ONCE = 64
@@ -257,6 +356,7 @@ def _taut(motion: Motion, inner: slice) -> BoolArray:
     if motion.finger is None:
         return np.ones(len(narrow(motion.time[inner])), dtype=bool)
     pull = (motion.torque - (motion.motor.inertia or 0.0) * motion.acceleration) / motion.radius
+    pull -= INERTIA_SPREADS * motion.inertia_spread * np.abs(motion.acceleration) / motion.radius
     smooth = np.convolve(pull, np.ones(9) / 9, mode="same")  # 36 ms: the tension's own noise is then small
     loose = (smooth < SLACK_TENSION_N)[inner]
     # A slack cable hangs through by millimetres, the taut one is known to micrometres: no window that
@@ -268,19 +368,19 @@ def _taut(motion: Motion, inner: slice) -> BoolArray:
 
 
 def runs_to_analyse(sessions: Sequence[Session]) -> tuple[list[tuple[Session, Run]], bool]:
-    """Finger runs of all sessions; motor-bench runs only where there is nothing else.
+    """Finger runs of all sessions and the motor-bench runs beside them; whether there are only the latter.
 
     Raises:
         UserError: there is no run at all, or finger runs without the finger's constants.
     """
     every = [(s, r) for s in sessions for r in s.runs]
+    bench = [(s, r) for s, r in every if r.phase == "motor_bench"]
     finger = [(s, r) for s, r in every if r.phase != "motor_bench" and r.cable_sign != 0]
     if finger:
         for session, _ in finger:
             if session.rig.finger is None:
                 raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
-        return finger, False
-    bench = [(s, r) for s, r in every if r.phase == "motor_bench"]
+        return finger + bench, False
     if not bench:
         names = ", ".join(str(s.path) for s in sessions)
         raise UserError(
@@ -313,11 +413,12 @@ def reduce_sessions(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     keep: Callable[[Session, Run, Narrow], None] | None = None,
-    executor: Executor | None = None,
+    recall: Recall | None = None,
 ) -> Reduced:
     """One pass over the data; ``keep`` is shown every stretch as it passes.
 
-    ``executor`` is a second process that takes a share of the runs; not together with ``keep``.
+    ``recall`` tells whether a second process takes a share of the runs (not together with ``keep``), and
+    holds what earlier passes over the same sessions left.
 
     Raises:
         UserError: nothing to analyse, or a run that cannot be read.
@@ -330,7 +431,7 @@ def reduce_sessions(
     dealt, places = deal_runs([run for _, run in pairs])
     groups: dict[GroupKey, Group] = {}
     layout: Layout | None = None
-    parts = _in_turn(pairs, effects, executor if keep is None else None, keep)
+    parts = _in_turn(pairs, effects, recall or Recall(), keep)
     for number, (_, run) in enumerate(pairs):
         if cancelled is not None and cancelled():
             raise Cancelled
@@ -357,32 +458,45 @@ def _empty_group(run: Run, layout: Layout, dealt: list[Fold]) -> Group:
 def _in_turn(
     pairs: Sequence[tuple[Session, Run]],
     effects: Sequence[Effect],
-    executor: Executor | None,
+    recall: Recall,
     keep: Callable[[Session, Run, Narrow], None] | None,
 ) -> Iterator[tuple[Layout, RunSums]]:
     """The sums of every run, in order; a second process works ahead on every run that is not yet begun.
 
-    The layout is made here, from the first run: only its sums travel between the processes.
+    The layout is made here, from the first run: only its sums travel between the processes. A run goes to the
+    process that has read it before.
     """
-    first, run = pairs[0]
-    layout = layout_of(next(stretches(run, first.rig)).glimpse(), first, effects)
-    signals = layout.signals
+    layout, asked = _layout_of_all(pairs, effects, recall)
+    size = layout.signal_count
     grids = [(e.id, e.shapes) for e in effects]
-    if any(_of_the_user(e) for e in effects):
-        executor = None  # a user's own effect lives in this process only
+    # A user's own effect lives in this process only, and so does what is shown.
+    alone = recall.executor is None or keep is not None or any(_of_the_user(e) for e in effects)
     waiting = deque(range(len(pairs)))
     ahead: dict[int, Future[RunSums]] = {}
     done: dict[int, RunSums] = {}
+
+    def ask(number: int) -> None:
+        session, run = pairs[number]
+        waiting.remove(number)
+        recall.elsewhere.add(number)
+        assert recall.executor is not None
+        ahead[number] = recall.executor.submit(
+            _elsewhere, number, replace(session, runs=()), run, grids, asked[number], recall.number
+        )
+
     try:
         for number in range(len(pairs)):
             while number not in done:
-                _refill(executor, ahead, waiting, pairs, (grids, signals))
-                if number in waiting:
-                    waiting.remove(number)
-                    done[number] = run_sums(*pairs[number], effects, signals, keep)
-                elif waiting and not ahead[number].done():
-                    own = waiting.popleft()
-                    done[own] = run_sums(*pairs[own], effects, signals, keep)
+                while not alone and sum(not f.done() for f in ahead.values()) < TASKS_AHEAD:
+                    theirs = _theirs(recall, waiting)
+                    if theirs is None:
+                        break
+                    ask(theirs)
+                own = next((n for n in waiting if alone or n not in recall.elsewhere), None)
+                if own is not None and (number in waiting or not ahead[number].done()):
+                    waiting.remove(own)
+                    shown = None if keep is None else partial(_shown, keep, asked[own].start, size)
+                    done[own] = run_sums(own, *pairs[own], effects, asked[own], shown, recall)
                 else:
                     done[number] = ahead.pop(number).result()
             yield layout, done.pop(number)
@@ -391,27 +505,44 @@ def _in_turn(
             future.cancel()
 
 
-def _refill(
-    executor: Executor | None,
-    ahead: dict[int, Future[RunSums]],
-    waiting: deque[int],
-    pairs: Sequence[tuple[Session, Run]],
-    constants: tuple[Sequence[Grid], IntArray],
+def _shown(
+    keep: Callable[[Session, Run, Narrow], None],
+    start: int,
+    size: int,
+    session: Session,
+    run: Run,
+    low: Narrow,
 ) -> None:
-    """Keep the second process busy; the next run in turn is left to this one."""
-    if executor is None:
-        return
-    while len(waiting) > 1 and sum(not f.done() for f in ahead.values()) < TASKS_AHEAD:
-        number = waiting[1]
-        waiting.remove(number)
-        session, run = pairs[number]
-        ahead[number] = executor.submit(_elsewhere, replace(session, runs=()), run, *constants)
+    """Keep a stretch with its signals in their places among those of all runs."""
+    columns = low.columns
+    if columns.shape[1] != size:
+        columns = np.zeros((len(low.time), size))
+        columns[:, start : start + low.columns.shape[1]] = low.columns
+    keep(session, run, replace(low, columns=columns, live=low.live + start))
 
 
-def _elsewhere(session: Session, run: Run, grids: Sequence[Grid], signals: IntArray) -> RunSums:
+def _theirs(recall: Recall, waiting: Iterable[int]) -> int | None:
+    """The run that the second process is given next: one that it has read, or one that neither has.
+
+    Of the latter the next in turn is left to this process.
+    """
+    read = [n for n in waiting if n in recall.elsewhere]
+    return (read + [n for n in waiting if n not in recall][1:2] + [None])[0]
+
+
+_recalled = Recall(number=-1)
+"""In the second process: what it has read of the analysis that is going on."""
+
+
+def _elsewhere(
+    number: int, session: Session, run: Run, grids: Sequence[Grid], asked: Asked, analysis: int
+) -> RunSums:
     """What the second process does."""
+    global _recalled
+    if _recalled.number != analysis:
+        _recalled = Recall(number=analysis)
     effects = [replace(CATALOGUE[name], shapes=shapes) for name, shapes in grids]
-    return run_sums(session, run, effects, signals, None)
+    return run_sums(number, session, run, effects, asked, None, _recalled)
 
 
 def _of_the_user(effect: Effect) -> bool:
@@ -421,33 +552,51 @@ def _of_the_user(effect: Effect) -> bool:
 
 
 def run_sums(
+    number: int,
     session: Session,
     run: Run,
     effects: Sequence[Effect],
-    signals: IntArray,
+    asked: Asked,
     keep: Callable[[Session, Run, Narrow], None] | None,
+    recall: Recall,
 ) -> RunSums:
-    """Products of all signals over a run, in stretches of at most a minute.
-
-    ``signals`` is the layout's: which signal each feature is, (features,).
-    """
+    """Products of all signals over a run, in stretches of at most a minute; ``number`` is its own."""
     result = RunSums(run.name)
-    for motion in stretches(run, session.rig):
-        low = narrow_columns(motion, effects, signals)
+    for low in _narrowed(number, session, run, effects, asked, recall):
+        motion = low.wide
         live = np.ascontiguousarray(low.columns.T[low.live])
         part = _products(low, live)
         repeating = _repeating(low, run)
         if repeating is None:
-            result.add(Part(low.live, part))
+            result.add(Part(low.live + asked.start, part))
         else:
             cyclic, trend = live @ repeating[0], live @ repeating[1]
             noise = part.products - cyclic @ cyclic.T
-            result.add(Part(low.live, part, noise, len(low.time) - cyclic.shape[1]))
-            result.trends.append((low.live, trend))
+            result.add(Part(low.live + asked.start, part, noise, len(low.time) - cyclic.shape[1]))
+            result.trends.append((low.live + asked.start, trend))
         result.encoder_variance = (motion.radius * motion.position_step) ** 2 / 12.0
         if keep is not None:
             keep(session, run, low)
     return result
+
+
+def _narrowed(
+    number: int, session: Session, run: Run, effects: Sequence[Effect], asked: Asked, recall: Recall
+) -> Iterator[Narrow]:
+    """All signals of a run's stretches, read or recalled."""
+    if number in recall:
+        for seen in recall.stretches(number):
+            yield narrow_again(seen, effects, asked.signals)
+        return
+    found: list[Seen] | None = []
+    for motion in stretches(run, session.rig):
+        low = narrow_columns(motion, effects, asked.signals)
+        yield low
+        if found is not None:
+            found.append(_seen(low, asked))
+            found = found if recall.has_room(found) else None
+    if found is not None:
+        recall.keep(number, found)
 
 
 def _products(low: Narrow, live: Array) -> Sums:

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fingerlab.errors import Cancelled
-from fingerlab.identify.diagnosis.evidence import Evidence, judge, justified, least_fall
+from fingerlab.identify.diagnosis.evidence import (
+    Evidence,
+    alike,
+    among,
+    judge,
+    justified,
+    least_fall,
+    much_left,
+)
 from fingerlab.identify.diagnosis.fitting import Weights
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.reduction import Progress
@@ -104,8 +112,9 @@ def weigh(
     """
     trials = screen(study, base, effects, watch, least)
     leaders: set[str] = set()
+    misshapen = much_left(base)  # what the base's effects look like may come from what is still missing
     for _ in range(3):
-        front = sorted((refine(study, t) for t in trials[:HELD_OUT_TRIALS]), key=lambda t: t.fit.cost)
+        front = sorted((_at_its_best(study, t, misshapen) for t in trials[:HELD_OUT_TRIALS]), key=_cost)
         trials = front + trials[HELD_OUT_TRIALS:]
         if not front or front[0].fit.cost >= base.fit.cost or _led(front, leaders):
             break
@@ -118,9 +127,30 @@ def weigh(
         )
         trials = sorted(again, key=lambda t: t.fit.cost)
     watch.tell(0.95, "scoring on held-out runs")
+    base = study.told(study.hold_out(base, residuals=True))
     scored = [study.hold_out(t) for t in trials[:HELD_OUT_TRIALS]]
-    scored += [study.count(t) for t in trials[HELD_OUT_TRIALS:]]
-    return judge(study.hold_out(base, residuals=True), scored)
+    scored += [_as_held_out(base, study.count(t)) for t in trials[HELD_OUT_TRIALS:]]
+    return judge(base, scored)
+
+
+def _as_held_out(base: Trial, trial: Trial) -> Trial:
+    """A trial scored in sample, as much below the held-out base as it is below it in sample.
+
+    Where runs differ, a model misses more in those that it has not seen, with an effect or without.
+    """
+    misfits = trial.misfits.copy()
+    misfits[:, 0] += base.misfits[:, 0] - base.in_sample[:, 0]
+    return replace(trial, misfits=misfits)
+
+
+def _cost(trial: Trial) -> float:
+    return trial.fit.cost
+
+
+def _at_its_best(study: Study, trial: Trial, every: bool) -> Trial:
+    """The trial with its last effect at the best grid point, or every effect."""
+    refined = refine(study, trial)
+    return _reshaped(study, refined) if every else refined
 
 
 def _led(front: Sequence[Trial], leaders: Collection[str]) -> bool:
@@ -148,14 +178,23 @@ def drop_idle(study: Study, trial: Trial, keep: int) -> Trial:
 
 def reshape(study: Study, trial: Trial) -> Trial:
     """The trial with every earlier effect at the grid point that fits best now that a later one is there."""
-    choices, changed, found = list(trial.model.choices), False, trial
+    found = _reshaped(study, trial)
+    if [c.shape for c in found.model.choices] == [c.shape for c in trial.model.choices]:
+        return trial
+    return study.hold_out(study.settle(found.model.choices, found, rounds=2))
+
+
+def _reshaped(study: Study, trial: Trial) -> Trial:
+    """The same under the present weights, not yet scored."""
+    choices, found = list(trial.model.choices), trial
     for i, choice in enumerate(choices[:-1]):
         if len(choice.effect.shapes) > 1:
             others = [c for k, c in enumerate(choices) if k != i]
             found = refine(study, study.fit([*others, choice], found, SCREEN_ITERATIONS))
-            changed |= found.model.choices[-1].shape != choice.shape
             choices[i] = found.model.choices[-1]
-    return study.hold_out(study.settle(choices, found, rounds=2)) if changed else trial
+    if found is trial:
+        return trial
+    return study.fit(choices, found, FULL_ITERATIONS)
 
 
 def worth_adding(study: Study, base: Trial, best: Trial) -> bool:
@@ -171,45 +210,136 @@ def worth_adding(study: Study, base: Trial, best: Trial) -> bool:
     return justified(before, best, gained)
 
 
-def forward(study: Study, first: Evidence, effects: Sequence[Effect], keep: int, watch: Watch) -> list[Trial]:
-    """The model as given, then with each effect worth adding; all held out, under the last step's weights."""
+def forward(
+    study: Study,
+    first: Evidence,
+    effects: Sequence[Effect],
+    keep: int,
+    watch: Watch,
+    most: int = LONGEST_PATH,
+) -> list[Trial]:
+    """The model as given, then with each effect worth adding; all held out, under the last step's weights.
+
+    At ``most`` so many are added.
+
+    Two effects may hide each other: seen through one of them alone, what the other does can pass for noise.
+    A step that is not borne out by itself is therefore kept for a while where much is left to explain, and
+    stands if a later one bears it out.
+    """
     steps, weights = [first.base], [study.weights]
+    sound = 1  # so many of the steps are borne out
+    rivals: dict[str, list[Effect]] = {}
     evidence = first
-    while len(steps) <= LONGEST_PATH and evidence.trials:
-        if evidence.nothing >= float(evidence.probabilities.sum()):
+    while len(steps) <= most and evidence.trials:
+        if evidence.for_an_effect <= 0.0:
             break
-        best = evidence.trials[int(np.argmax(evidence.probabilities))]
-        if not (justified(evidence.base, best) and worth_adding(study, evidence.base, best)):
+        best = evidence.trials[int(np.argmax(evidence.log_odds))]
+        if not justified(evidence.base, best):
+            break
+        borne_out = worth_adding(study, steps[sound - 1], best)
+        if not (borne_out or much_left(best)):
             break
         chosen = drop_idle(study, best, keep)
         if len(chosen.model.choices) > 1:
             chosen = reshape(study, chosen)
         steps.append(chosen)
         weights.append(study.weights)
+        rivals[best.model.choices[-1].effect.id] = _rivals(evidence)
+        sound = len(steps) if borne_out else sound
         watch.tell(0.5, f"looking beyond {best.model.choices[-1].effect.title.lower()}")
         evidence = weigh(study, chosen, effects, watch, STEP_PROMISE * least_fall(chosen))
-    return _borne_out(study, steps, weights)
+    if sound > 2:
+        exchanged = _exchanged(study, steps[sound - 1], keep, rivals)
+        if exchanged is not None:
+            steps[:sound], weights[:sound] = exchanged
+    return _borne_out(study, steps[:sound], weights[:sound])
+
+
+def _rivals(evidence: Evidence) -> list[Effect]:
+    """Effects that were hardly told from the one that was taken, itself left out."""
+    return [evidence.trials[i].model.choices[-1].effect for i in alike(evidence)[: FRONT + 1]][1:]
+
+
+def _exchanged(
+    study: Study, last: Trial, keep: int, rivals: Mapping[str, Sequence[Effect]]
+) -> tuple[list[Trial], list[Weights]] | None:
+    """Steps to a model in which effects have given way to rivals that do better beside the later ones.
+
+    What was taken first was judged with the others still missing. None: all stay.
+    """
+    choices = list(last.model.choices)
+    for place in range(keep, len(choices) - 1):
+        others = [*choices[:place], *choices[place + 1 :]]
+        held = {c.effect.id for c in choices}
+        wanted = [e for e in rivals.get(choices[place].effect.id, ()) if e.id not in held]
+        if not wanted:
+            continue
+        base = study.hold_out(study.fit(others, last, FULL_ITERATIONS))
+        promise = Sketch(study, base).promise
+        tried = [refine(study, study.fit([*others, choices[place]], last, SCREEN_ITERATIONS))]
+        tried += [
+            refine(study, study.fit([*others, Choice(e, promise(e).shape)], last, SCREEN_ITERATIONS))
+            for e in wanted
+        ]
+        odds = among(base, [study.hold_out(t) for t in tried])
+        choices[place] = tried[int(np.argmax(odds))].model.choices[-1]
+    if [c.effect.id for c in choices] == [c.effect.id for c in last.model.choices]:
+        return None
+    end = study.settle(choices, last)
+    steps = [
+        study.hold_out(study.fit(choices[:k], end, FULL_ITERATIONS)) for k in range(keep, len(choices) + 1)
+    ]
+    return steps, [study.weights] * len(steps)
 
 
 def _borne_out(study: Study, steps: list[Trial], weights: list[Weights]) -> list[Trial]:
-    """The steps as far as each is justified under the weights of the last one kept."""
+    """The steps as far as each is justified under the weights of the last one kept.
+
+    Where an earlier one is not, the same effects in another order may be.
+    """
     while True:
         study.weights = weights[-1]
         scored = [study.hold_out(study.fit(s.model.choices, s, FULL_ITERATIONS)) for s in steps]
-        idle = [k for k in range(1, len(scored)) if not justified(scored[k - 1], scored[k])]
+        idle = _idle(scored)
         if not idle:
             return scored
+        if idle[0] < len(steps) - 1:
+            other = _reordered(study, scored)
+            if not _idle(other):
+                return other
         steps, weights = steps[: idle[0]], weights[: idle[0]]
+
+
+def _idle(steps: Sequence[Trial]) -> list[int]:
+    return [k for k in range(1, len(steps)) if not justified(steps[k - 1], steps[k])]
+
+
+def _reordered(study: Study, steps: Sequence[Trial]) -> list[Trial]:
+    """The way to the last model that begins with what is missed most."""
+    keep = len(steps[0].model.choices)
+    trial, order = steps[-1], list[Choice]()
+    while len(trial.model.choices) > keep + 1:
+        choices = trial.model.choices
+        without = {
+            i: study.fit([*choices[:i], *choices[i + 1 :]], trial, FULL_ITERATIONS)
+            for i in range(keep, len(choices))
+        }
+        idlest = min(without, key=lambda i: without[i].fit.cost)
+        order.insert(0, choices[idlest])
+        trial = without[idlest]
+    path = [steps[0], study.hold_out(trial)]
+    for choice in order:
+        path.append(study.hold_out(study.fit([*path[-1].model.choices, choice], steps[-1], FULL_ITERATIONS)))
+    return path
 
 
 def rescore(study: Study, evidence: Evidence) -> Evidence:
     """The same verdict and probabilities, with every model fitted and scored under the present weights."""
-    base = study.hold_out(
-        study.fit(evidence.base.model.choices, evidence.base, FULL_ITERATIONS), residuals=True
-    )
+    fitted = study.fit(evidence.base.model.choices, evidence.base, FULL_ITERATIONS)
+    base = study.told(study.hold_out(fitted, residuals=True))
     trials = [study.fit(t.model.choices, t, FULL_ITERATIONS if t.held_out else 1) for t in evidence.trials]
     scored = [
-        study.hold_out(new) if old.held_out else study.count(new)
+        study.hold_out(new) if old.held_out else _as_held_out(base, study.count(new))
         for old, new in zip(evidence.trials, trials, strict=True)
     ]
     return replace(evidence, base=base, trials=tuple(scored))

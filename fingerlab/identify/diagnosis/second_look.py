@@ -1,22 +1,30 @@
 """A second look at the recordings, for the effects that were found alone: between the points of their grids.
 
 The catalogue is searched on coarse grids, for every point costs columns in every pass over the data. What is
-found is then read once more, with few columns of other effects in the way: finer shapes around the best one,
-and other laws of the same physics. A law that is only nearly right leaves a remainder that passes for more
-physics, so every step of the path is judged again.
+found is then looked at once more (see ``recall``), with few columns of other effects in the way: finer shapes
+around the best one, and other laws of the same physics. A law that is only nearly right leaves a remainder
+that passes for more physics, so every step of the path is judged again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 
 from fingerlab.errors import UserError
-from fingerlab.identify.diagnosis.evidence import justified
+from fingerlab.identify.diagnosis.evidence import justified, least_fall
 from fingerlab.identify.diagnosis.model import Choice
+from fingerlab.identify.diagnosis.recall import Recall
 from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
-from fingerlab.identify.diagnosis.search import refine
+from fingerlab.identify.diagnosis.search import (
+    LONGEST_PATH,
+    STEP_PROMISE,
+    Watch,
+    forward,
+    refine,
+    weigh,
+    worth_adding,
+)
 from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study, Trial
 from fingerlab.physics.effects.base import Effect, Shape
 from fingerlab.sessions.model import Session
@@ -42,7 +50,7 @@ def closely(
     effects: Sequence[Effect],
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
-    executor: Executor | None = None,
+    recall: Recall | None = None,
 ) -> tuple[Study, Trial]:
     """All effects in, settled on their grids and then looked at again; own weights.
 
@@ -50,14 +58,15 @@ def closely(
         UserError: an effect does not apply to these runs, or a run cannot be read.
         Cancelled: ``cancelled`` answered True.
     """
-    study = Study(reduce_sessions(sessions, effects, progress, cancelled, executor=executor))
+    recall = recall or Recall()
+    study = Study(reduce_sessions(sessions, effects, progress, cancelled, recall=recall))
     for one in effects:
         if one not in study.reduced.layout.effects:
             raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
     trial = settled(study, effects)
     if not worth_a_look(trial.model.choices):
         return study, trial
-    return look_again(sessions, trial.model.choices, progress, cancelled, executor)
+    return look_again(sessions, trial.model.choices, progress, cancelled, recall)
 
 
 def look_again(
@@ -65,7 +74,7 @@ def look_again(
     found: Sequence[Choice],
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
-    executor: Executor | None = None,
+    recall: Recall | None = None,
 ) -> tuple[Study, Trial]:
     """The effects at the best of the shapes around those found, under their own model's weights.
 
@@ -76,7 +85,7 @@ def look_again(
         Cancelled: ``cancelled`` answered True.
     """
     closer = [_closer(c) for c in found]
-    study = Study(reduce_sessions(sessions, closer, progress, cancelled, executor=executor))
+    study = Study(reduce_sessions(sessions, closer, progress, cancelled, recall=recall))
     places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(closer, found, strict=True)]
     trial = study.settle([Choice(e, i) for e, i in zip(closer, places, strict=True)])
     several = [k for k, e in enumerate(closer) if len(e.shapes) > 1]
@@ -91,7 +100,7 @@ def look_again_along(
     path: Sequence[Trial],
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
-    executor: Executor | None = None,
+    recall: Recall | None = None,
 ) -> tuple[Study, list[Trial]]:
     """A path of models, each held out, with the shapes of a second look; steps that it spares drop out.
 
@@ -99,14 +108,59 @@ def look_again_along(
     """
     chosen = list(path)
     while True:
-        study, last = look_again(sessions, chosen[-1].model.choices, progress, cancelled, executor)
+        study, last = look_again(sessions, chosen[-1].model.choices, progress, cancelled, recall)
         by_id = {c.effect.id: c for c in last.model.choices}
         kept = [[by_id[c.effect.id] for c in step.model.choices if c.effect.id in by_id] for step in chosen]
         steps = [study.hold_out(study.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
         idle = [k for k in range(1, len(steps)) if not justified(steps[k - 1], steps[k])]
+        if not idle and len(steps) > 2 and _mends_a_shape(study, steps):
+            idle = [len(steps) - 1]
         if not idle or idle[0] == 1:
             return study, steps
         chosen = chosen[: idle[0]]
+
+
+def _mends_a_shape(study: Study, steps: Sequence[Trial]) -> bool:
+    """Whether the last effect does no more than other shapes of the earlier ones would."""
+    shorter = steps[-2]
+    for k, choice in enumerate(shorter.model.choices):
+        others = shorter.model.choices[:k], shorter.model.choices[k + 1 :]
+        tried = [
+            study.fit_like([*others[0], Choice(choice.effect, i), *others[1]], shorter, LOOKING_ITERATIONS)
+            for i in range(len(choice.effect.shapes))
+        ]
+        shorter = min(tried, key=lambda t: t.fit.cost)
+    shorter = study.hold_out(study.fit(shorter.model.choices, shorter, FULL_ITERATIONS))
+    return not (justified(shorter, steps[-1]) and worth_adding(study, shorter, steps[-1]))
+
+
+def look_beyond(
+    sessions: Sequence[Session],
+    catalogue: Sequence[Effect],
+    path: Sequence[Trial],
+    watch: Watch,
+    recall: Recall | None = None,
+) -> tuple[Study, list[Trial]] | None:
+    """The path with steps that show only beside the closer shapes of the effects on it; None: there are none.
+
+    Returns:
+        As ``look_again_along``.
+
+    Raises:
+        Cancelled: the user asked for it.
+    """
+    given = closest(path[-1])
+    beside = [next((g for g in given if g.id == e.id), e) for e in catalogue]
+    study = Study(reduce_sessions(sessions, beside, watch.progress, watch.cancelled, recall=recall))
+    effects = study.reduced.layout.effects
+    base = study.hold_out(settled(study, given))
+    evidence = weigh(study, base, effects, watch, STEP_PROMISE * least_fall(base))
+    most = LONGEST_PATH - (len(path) - 1)
+    found = forward(study, evidence, effects, len(given), watch, most)
+    if len(found) == 1:
+        return None
+    fewer = [study.fit(found[0].model.choices[:k], found[0]) for k in range(len(given))]
+    return look_again_along(sessions, [*fewer, *found], watch.progress, watch.cancelled, recall)
 
 
 def closest(trial: Trial) -> list[Effect]:

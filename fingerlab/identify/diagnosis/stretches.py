@@ -102,6 +102,7 @@ def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int
         load=load,
         lead=lead // step,
         position_step=_smallest_step(samples["motor_position"][lead:]),
+        inertia_spread=(rig.motor.inertia or 0.0) * rig.tolerance_of("inertia"),
     )
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
-from fingerlab.identify.diagnosis.features import TIP_LAWS
+from fingerlab.identify.diagnosis.features import TIP_LAWS, TORQUE_ZERO
 from fingerlab.identify.diagnosis.fitting import (
     Data,
     Fit,
@@ -27,6 +27,7 @@ from fingerlab.identify.diagnosis.fitting import (
     starting_arms,
 )
 from fingerlab.identify.diagnosis.losses import surprise
+from fingerlab.identify.diagnosis.missing_noise import fill_missing_noise
 from fingerlab.identify.diagnosis.model import Choice, Model, build
 from fingerlab.identify.diagnosis.reduction import Group, GroupKey, Reduced
 from fingerlab.identify.diagnosis.sums import BoolArray
@@ -64,7 +65,9 @@ class Trial:
     touching: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (conditions,): in contact
     held_out: bool = False
     in_sample: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    """As ``misfits``, always of the fit to all runs: where trials are compared that are not all held out."""
+    """As ``misfits``, always of the fit to all runs: where trials are compared that are not all held out.
+
+    Empty where it was not asked for (see ``Study.told``)."""
     residuals: Mapping[GroupKey, Array] = field(default_factory=dict)
     """Mean products of the equations' residuals for each group, (5, 5) over ``Row``, noise included."""
     widening: float = 0.0
@@ -72,7 +75,7 @@ class Trial:
     surprise: float = 0.0
     """What the constants of the joints' equations cost in twice the log density (see ``losses``)."""
     reach: Reach = NO_REACH
-    """What the last effect would do at its typical strength."""
+    """What the last effect would do at its typical strength (see ``Study.told``)."""
 
     @property
     def misfit(self) -> float:
@@ -132,10 +135,11 @@ class Study:
     arms: dict[str, float] = field(default_factory=dict)
     touches: bool = False
     models: dict[tuple[object, ...], Model] = field(default_factory=dict)
+    _scored: tuple[Weights, dict[int, tuple[Fit, Fitter]]] = field(default_factory=lambda: ({}, {}))
 
     def __post_init__(self) -> None:
         self.arms = starting_arms(self.reduced.layout, self.reduced.groups)
-        _fill_missing_noise(self.reduced.groups)
+        fill_missing_noise(self.reduced)
         with ThreadPoolExecutor() as threads:  # large matrices, for once: a core each
             list(threads.map(limit_noise, self.reduced.groups))
         if not self.weights:
@@ -198,8 +202,16 @@ class Study:
             held_out=False,
             widening=fitter.widening,
             surprise=self._surprise(trial),
-            reach=reach(fitter, trial),
         )
+
+    def told(self, trial: Trial) -> Trial:
+        """A scored trial with what only an answer tells of it: its misfit in sample, and its effect's reach.
+
+        Under the weights that it was scored with.
+        """
+        fitter = self._fitter(trial)
+        in_sample = trial.in_sample if len(trial.in_sample) else self._in_sample(fitter, trial)
+        return replace(trial, in_sample=in_sample, reach=reach(fitter, trial))
 
     def _in_sample(self, fitter: Fitter, trial: Trial) -> Array:
         """Chi-square without noise and independent values of each condition, (conditions, 2)."""
@@ -235,27 +247,41 @@ class Study:
         return replace(
             trial,
             misfits=np.array(misfits),
-            in_sample=self._in_sample(fitter, trial),
+            in_sample=np.zeros((0, 2)),
             touching=self._touching(),
             held_out=True,
             residuals=means if residuals else {},
             widening=fitter.widening,
             surprise=self._surprise(trial),
-            reach=reach(fitter, trial),
         )
 
     def _touching(self) -> BoolArray:
         """Which conditions of all groups are in contact, (conditions,)."""
         return np.array([g.key[1] == "contact" for g in self.reduced.groups for _ in g.conditions])
 
-    def _surprise(self, trial: Trial) -> float:
+    def _surprise(self, trial: Trial, zero_spread: float | None = None) -> float:
         routings = {g.key[0] for g in self.reduced.groups if g.key[1] == "free"}
-        return surprise(trial.model, trial.fit.values, self.reduced.radius, routings)
+        return surprise(trial.model, trial.fit.values, self.reduced.radius, routings, zero_spread)
+
+    def narrowed(self, trial: Trial) -> float:
+        """By how much a run of the motor alone would make the trial's constants more of a surprise."""
+        return self._surprise(trial, self.zero_spread) - self._surprise(trial)
+
+    @property
+    def zero_spread(self) -> float:
+        """Spread of the current's zero, N m."""
+        return self.reduced.layout.nuisances[TORQUE_ZERO].typical
 
     def _fitter(self, trial: Trial) -> Fitter:
-        fitter = Fitter(trial.model, self.data, self.weights)
-        fitter.hold(trial.fit.values)
-        return fitter
+        """What scores the trial; kept while the weights stay, for what an answer tells asks it again."""
+        if self._scored[0] is not self.weights:
+            self._scored = self.weights, {}
+        known = self._scored[1]
+        if id(trial.fit) not in known:
+            fitter = Fitter(trial.model, self.data, self.weights)
+            fitter.hold(trial.fit.values)
+            known[id(trial.fit)] = trial.fit, fitter  # with the fit, so that its identity stays its own
+        return known[id(trial.fit)][1]
 
     def reweigh(self, trial: Trial) -> None:
         """Take the noise covariance that the trial's own features leave between cycles as the new weights."""
@@ -289,7 +315,7 @@ class Study:
         covariance = noise_covariance(model, values, group)
         if group.key[1] == "contact":
             covariance = covariance + TIP_FRICTION_SPREAD**2 * self._rubbing(model, values, group)
-        return _inverse(covariance, self.reduced.on_bench)
+        return _inverse(covariance, group.on_bench)
 
     def _rubbing(self, model: Model, values: Array, group: Group) -> Array:
         """Mean products of what the tip's friction does to the equations, (5, 5)."""
@@ -305,8 +331,7 @@ class Study:
         fold, sums = self.data.raw(i, part), fitter.part(i, part)
         h = fitter.model.features(values, self.reduced.groups[i])
         square = float(h @ sums.matrix @ h) - self._wandering(fitter.model, h, sums)
-        equations = 1 if self.reduced.on_bench else 3
-        return square, EFFECTIVE_SHARE * equations * fold.samples
+        return square, EFFECTIVE_SHARE * self.reduced.groups[i].equations * fold.samples
 
     def _products(self, model: Model, values: Array, i: int, k: int) -> Array:
         """Sums of residual products over a fold, (5, 5); slack moments count where they are charged."""
@@ -345,15 +370,3 @@ def _inverse(covariance: Array, on_bench: bool) -> Array:
     scale = np.sqrt(np.diag(block))
     result[rows] = np.linalg.inv(block / np.outer(scale, scale)) / np.outer(scale, scale)
     return result
-
-
-def _fill_missing_noise(groups: Sequence[Group]) -> None:
-    """Groups without a repeated cycle take the noise of the others, per sample."""
-    known = [g for g in groups if g.noise_samples > 0]
-    if not known:
-        return
-    total = sum(g.noise_samples for g in known)
-    pooled = sum((g.noise for g in known[1:]), known[0].noise) / total
-    for group in groups:
-        if group.noise_samples <= 0:
-            group.noise, group.noise_samples = pooled * total, total

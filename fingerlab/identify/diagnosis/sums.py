@@ -89,17 +89,19 @@ class Sums:
         self.slack_samples += other.slack_samples
         self.runs += other.runs
 
-    def of(self, pick: Pick, noise: Array | None = None) -> Array:
+    def of(self, pick: Pick, noise: Array | None = None, taut_noise: Array | None = None) -> Array:
         """Products of features, (k, k), as the equations see them: none of the cable at slack moments.
 
         Args:
             noise: what it adds to the features' products at one sample, (k, k), to be taken away.
+            taut_noise: the same at a taut moment; None: no other.
         """
         found = self.products[pick.square]
         if self.loose is not None:
             found -= self.loose[pick.square] * pick.in_cable
         if noise is not None:
-            found -= noise * (self.samples - self.slack_samples * pick.in_cable)
+            taut = noise if taut_noise is None else taut_noise
+            found -= np.where(pick.in_cable, self.taut_samples * taut, self.samples * noise)
         return found
 
     def slack(self, pick: Pick) -> Array | None:
@@ -117,11 +119,12 @@ class Sums:
         """Products where the cable is taut, (signals, signals)."""
         return self.products if self.loose is None else self.products - self.loose
 
-    def without(self, noise: Array) -> Sums:
-        """The sums less what noise adds; ``noise`` is its part of one sample, (signals, signals)."""
-        loose = None if self.loose is None else self.loose - self.slack_samples * noise
+    def without(self, noise: Array, taut_noise: Array) -> Sums:
+        """The sums less what noise adds to one sample, and to a taut one, (signals, signals)."""
+        added = self.samples * noise
+        loose = None if self.loose is None else self.loose - (added - self.taut_samples * taut_noise)
         rest = None if self.rest is None else self.rest - self.rest_samples * noise
-        return replace(self, products=self.products - self.samples * noise, loose=loose, rest=rest)
+        return replace(self, products=self.products - added, loose=loose, rest=rest)
 
     def across(
         self, left: Array, pick: Pick, weights: Array, other: Pick, at_rest: Array | None = None

@@ -116,7 +116,7 @@ def explanation(evidence: Evidence, trial: Trial, effect: Effect, shown: bool, l
 
 def _said(trial: Trial, effect: Effect) -> str:
     """The effect's sentence; a motor bench has no joints to speak of."""
-    on_bench = any(f.row == Row.BENCH for f in trial.model.layout.features)
+    on_bench = all(f.row == Row.BENCH for f in trial.model.layout.features)
     return effect.explanation.replace(BOTH_JOINTS, ON_BENCH) if on_bench else effect.explanation
 
 

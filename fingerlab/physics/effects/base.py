@@ -108,6 +108,9 @@ class Effect:
         explanation: one sentence for a person, without numbers.
         reveal: the experiment that shows the effect where these data could not.
         phases: phases of a run in which it can act; empty means all.
+        bench: whether it can be told from runs of the motor alone, which it then has columns for.
+        bench_beside_finger: whether it has such columns too, but can be told only beside a finger's runs:
+            alone, it is what the bench's own equation fits.
         cables: cables that the recording must hold, each, for it to be judged.
         special: how the fit treats it where it is not a column: "delay" or "slack".
         relaxes: nuisance gains that this effect sets free (it is the same term without the tight prior).
@@ -134,6 +137,7 @@ class Effect:
     phases: tuple[str, ...] = ()
     cables: tuple[str, ...] = ()
     bench: bool = False
+    bench_beside_finger: bool = False
     special: Literal["", "delay", "slack"] = ""
     relaxes: Mapping[str, Gain] = field(default_factory=dict)
     wanders: bool = False

@@ -187,6 +187,7 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="Both joints miss the same tension, in proportion to motor acceleration.",
         reveal="a fast chirp on the motor bench",
+        bench_beside_finger=True,
     ),
     Effect(
         id="motor_stribeck_friction",
@@ -245,6 +246,7 @@ EFFECTS = (
         wanders=True,
         sticks=True,
         offsets=("difference",),
+        excess={"difference": "coulomb"},
     ),
     Effect(
         id="load_dependent_friction",

@@ -6,8 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from fingerlab.physics import nominal
-from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
+from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term, nothing
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.tip import tip_reach, while_pressed
 from fingerlab.sessions.model import Array
@@ -25,19 +24,19 @@ def _tilt(motion: Motion, shape: Shape) -> list[Term]:
     A load cell that stands on a base of its own (``cell_stays``) then presses from another direction, too:
     the levers of the contact force turn with the finger (thesis equation 3.18).
     """
-    f, q = motion.finger_and_joints
     about = LARGE_TILT_RAD * (shape.get("forwards", 0.0) - shape.get("backwards", 0.0))
     force = motion.force if shape.get("cell_stays") else None
     (mcp, pip), (turn_mcp, turn_pip) = _standing_torques(motion, force, about)
-    rubbing, level = np.zeros_like(pip), np.zeros_like(pip)
+    level, rubbing_mcp, rubbing_pip = (nothing(len(pip)) for _ in range(3))
     if force is not None:
         rubbing, level = motion.slipping(TURNED_SLIP_STIFFNESS), while_pressed(motion, tip_reach(motion))
+        rubbing_mcp, rubbing_pip = (rubbing * lever for lever in motion.contact_levers)
     terms = [
         Term(Row.MCP, "tilt", turn_mcp, "joint"),
         Term(Row.PIP, "tilt", turn_pip, "joint"),
         Term(Row.TIP, "tilt", level),
-        Term(Row.MCP, "rubbing", rubbing * nominal.contact_lever_mcp(f, q.mcp, q.pip), "joint"),
-        Term(Row.PIP, "rubbing", rubbing * nominal.contact_lever_pip(f, q.mcp, q.pip), "joint"),
+        Term(Row.MCP, "rubbing", rubbing_mcp, "joint"),
+        Term(Row.PIP, "rubbing", rubbing_pip, "joint"),
     ]
     if about:
         (flat_mcp, flat_pip), _ = _standing_torques(motion, force, 0.0)

@@ -38,6 +38,7 @@ class Motion:
     load: Array | None = None
     lead: int = 0  # samples at the start that only set the memory of what has one; no equation counts there
     position_step: float = 0.0  # of the motor's encoder, rad
+    inertia_spread: float = 0.0  # of the rotor's inertia, one standard deviation, kg m^2
     _memory: dict[object, Array] = field(default_factory=dict, repr=False, compare=False)
 
     def remember(self, key: object, make: Callable[[], Array]) -> Array:
@@ -83,11 +84,20 @@ class Motion:
     @property
     def contact_torques(self) -> tuple[Array, Array]:
         """What the force on the tip adds to the balance of MCP and PIP, N m; zero where there is none."""
-        finger, q = self.finger_and_joints
         force = np.zeros_like(self.time) if self.force is None else self.force
+        mcp, pip = self.contact_levers
         return (
-            self.remember("contact mcp", lambda: force * nominal.contact_lever_mcp(finger, q.mcp, q.pip)),
-            self.remember("contact pip", lambda: force * nominal.contact_lever_pip(finger, q.mcp, q.pip)),
+            self.remember("contact mcp", lambda: force * mcp),
+            self.remember("contact pip", lambda: force * pip),
+        )
+
+    @property
+    def contact_levers(self) -> tuple[Array, Array]:
+        """Levers of the force on the tip about MCP and PIP, m."""
+        finger, q = self.finger_and_joints
+        return (
+            self.remember("lever mcp", lambda: nominal.contact_lever_mcp(finger, q.mcp, q.pip)),
+            self.remember("lever pip", lambda: nominal.contact_lever_pip(finger, q.mcp, q.pip)),
         )
 
     def slipping(self, stiffness: float, grid: Sequence[float] = ()) -> Array:

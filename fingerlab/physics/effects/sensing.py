@@ -2,25 +2,67 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 
+from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.cable import _no_columns
+from fingerlab.physics.effects.closer import either
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.tip import misread_tip
 from fingerlab.sessions.model import Array
 
+SMALL_TURN_RAD = 1e-3
+"""Step over which slopes with an angle are taken; they bend by a millionth of themselves over it."""
+
+
+ANGLES = ("mcp", "pip")
+
+
+def _slope(motion: Motion, joint: int, angle: int) -> Array:
+    """How the torque that springs, gravity and contact ask of a joint grows with an angle, N m/rad.
+
+    ``joint`` and ``angle`` count in ``ANGLES``. Inertia is left out: an angle error changes it by a product
+    of two small numbers.
+    """
+    f, q = motion.finger_and_joints
+
+    def asked(mcp: Array, pip: Array) -> tuple[Array, Array]:
+        here = replace(q, mcp=mcp, pip=pip)
+        one, other = nominal.mcp_torque(f, here), nominal.pip_torque(f, here)
+        force = 0.0 if motion.force is None else motion.force
+        return (
+            np.asarray(one.gravity + one.spring + force * nominal.contact_lever_mcp(f, mcp, pip)),
+            np.asarray(other.gravity + other.spring + force * nominal.contact_lever_pip(f, mcp, pip)),
+        )
+
+    def slopes() -> Iterator[Array]:
+        for k in range(len(ANGLES)):
+            turned = [SMALL_TURN_RAD * (k == i) for i in range(len(ANGLES))]
+            high = asked(q.mcp + turned[0], q.pip + turned[1])
+            low = asked(q.mcp - turned[0], q.pip - turned[1])
+            yield from ((a - b) / (2.0 * SMALL_TURN_RAD) for a, b in zip(high, low, strict=True))
+
+    keys = [("slope", j, k) for k in range(len(ANGLES)) for j in range(len(ANGLES))]
+    return motion.remember_each(("slope", joint, angle), keys, slopes)
+
 
 def _angle_error_terms(motion: Motion, gain: str, mcp: Array, pip: Array) -> list[Term]:
-    """What an error of the measured angles (rad) does to spring torque and cable length.
+    """What an error of the measured angles (rad) does to the joints' torques and the cable length.
 
-    The sensor reads too much by the gain times the column: the springs' torque and the cable that the
-    joints call for are then too large by as much, and the tip seems to stand elsewhere.
+    The sensor reads too much by the gain times the column: what springs, gravity and contact ask for and the
+    cable that the joints call for are then too large by as much, and the tip seems to stand elsewhere.
     """
-    f, _ = motion.finger_and_joints
+    terms = [
+        Term(row, f"{gain}_{ANGLES[k]}", -_slope(motion, j, k) * error, "joint")
+        for k, error in enumerate((mcp, pip))
+        for j, row in enumerate((Row.MCP, Row.PIP))
+    ]
     return [
-        Term(Row.MCP, f"{gain}_mcp", -f.mcp_stiffness * mcp, "joint"),
-        Term(Row.PIP, f"{gain}_pip", -f.pip_stiffness * pip, "joint"),
+        *terms,
         Term(Row.CABLE, f"{gain}_mcp", -mcp, "arm_mcp"),
         Term(Row.CABLE, f"{gain}_pip", -pip, "arm_pip"),
         *misread_tip(motion, gain, mcp, pip),
@@ -28,11 +70,21 @@ def _angle_error_terms(motion: Motion, gain: str, mcp: Array, pip: Array) -> lis
 
 
 def _nonlinearity(motion: Motion, shape: Shape) -> list[Term]:
+    """A harmonic of the angle, and in another law twice that harmonic beside it.
+
+    A magnetoresistive bridge turns twice as fast as the magnet: its offset shows as the second harmonic of
+    the angle, its unequal amplitudes as the fourth, and an error that is large, seen over the angle that it
+    falsifies, has the double of its own harmonic in it.
+    """
     _, joints = motion.finger_and_joints
-    harmonic = shape["harmonic"]
-    return _angle_error_terms(
-        motion, "sine", np.sin(harmonic * joints.mcp), np.sin(harmonic * joints.pip)
-    ) + _angle_error_terms(motion, "cosine", np.cos(harmonic * joints.mcp), np.cos(harmonic * joints.pip))
+    harmonics = {"": shape["harmonic"]}
+    if shape.get("double"):
+        harmonics["double_"] = 2.0 * shape["harmonic"]
+    terms: list[Term] = []
+    for prefix, n in harmonics.items():
+        for name, wave in (("sine", np.sin), ("cosine", np.cos)):
+            terms += _angle_error_terms(motion, f"{prefix}{name}", wave(n * joints.mcp), wave(n * joints.pip))
+    return terms
 
 
 def _drift(motion: Motion, shape: Shape) -> list[Term]:
@@ -86,7 +138,12 @@ EFFECTS = (
         id="angle_sensor_nonlinearity",
         title="Harmonic error of the angle sensors",
         acts_on=("joint_torque", "cable_kinematics"),
-        gains={f"{part}_{joint}": HARMONIC for part in ("sine", "cosine") for joint in ("mcp", "pip")},
+        gains={
+            f"{prefix}{part}_{joint}": replace(HARMONIC, title=title)
+            for prefix, title in (("", HARMONIC.title), ("double_", "error of the double harmonic"))
+            for part in ("sine", "cosine")
+            for joint in ANGLES
+        },
         columns=_nonlinearity,
         coordinate="joint angle",
         equation=Row.CABLE,
@@ -94,6 +151,7 @@ EFFECTS = (
         reveal="slow steps over the whole travel",
         shapes=tuple({"harmonic": float(n)} for n in (2, 4, 8)),
         shape_units={"harmonic": "1/turn"},
+        closer=either("double", (0.0, 1.0)),
     ),
     Effect(
         id="sensor_drift",

@@ -89,7 +89,8 @@ def gained(trial: Trial, separates: Sequence[str], before: Diagnosis, after: Dia
 
 def log_odds(said: Diagnosis, one: str, other: str) -> float:
     """Of one effect against another, nats; limited by what a probability can hold."""
-    known = {c.effect: max(c.probability, LEAST_PROBABILITY) for c in said.candidates}
+    told = {c.effect: c.probability for c in said.candidates} | {"nothing_missing": said.probability_nothing}
+    known = {name: max(p, LEAST_PROBABILITY) for name, p in told.items()}
     return math.log(known.get(one, LEAST_PROBABILITY)) - math.log(known.get(other, LEAST_PROBABILITY))
 
 

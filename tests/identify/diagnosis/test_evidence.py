@@ -27,7 +27,9 @@ def trial(score: float, *effects: str) -> Trial:
     misfits = np.tile((misfit / 10, COUNT / 10), (10, 1))
     keys = [f"{c.effect.id}.{gain}" for c in choices for gain in c.effect.gains]
     fit = Fit(np.ones(len(keys)), np.eye(len(keys)), misfit)
-    model = SimpleNamespace(choices=choices, index={key: i for i, key in enumerate(keys)})
+    last_gains = list(choices[-1].effect.gains) if choices else []
+    index = {key: i for i, key in enumerate(keys)}
+    model = SimpleNamespace(choices=choices, index=index, last_gains=last_gains)
     return Trial(cast(Any, model), fit, misfits, held_out=True)
 
 

@@ -11,6 +11,7 @@ import pytest
 from fingerlab.identify.diagnosis.losses import surprise
 from fingerlab.identify.diagnosis.model import Choice, Model
 from fingerlab.physics.effects import CATALOGUE
+from fingerlab.physics.effects.base import Gain
 
 RADIUS = 0.015
 ROUTINGS = ("extension", "flexion")
@@ -66,3 +67,30 @@ def test_a_joint_torque_that_keeps_its_sign_on_either_cable_is_no_difference() -
 def test_without_losses_the_simpler_effect_comes_first() -> None:
     bench = SimpleNamespace(unknowns=[], choices=(Choice(CATALOGUE["asymmetric_friction"]),))
     assert surprise(cast(Model, cast(Any, bench)), np.zeros(0), 1.0, ()) > 0.0
+
+
+def test_the_motor_alone_tells_a_difference_from_a_current_that_is_off() -> None:
+    """Twice the log density of a normal zero, and of a difference known to that spread and no better."""
+    wanted = np.array([2e-4, -1e-4, 1e-4, 2e-4])  # losses that say little
+    names = [key.replace("arm", "loss") for key in ARMS]
+    spread, zero, coulomb = 3e-4, 9e-4, 5e-3
+
+    def told(effect: str, **known: float) -> float:
+        values = {**dict(zip(names, wanted, strict=True)), **ARMS, **known}
+        gain = Gain("N m", -1.0, 1.0, spread)
+        unknowns = [SimpleNamespace(key=key, gain=gain) for key in values]
+        model = SimpleNamespace(unknowns=unknowns, choices=(Choice(CATALOGUE[effect]),))
+        return surprise(cast(Model, cast(Any, model)), np.array(list(values.values())), RADIUS, ROUTINGS)
+
+    plain = {"motor_coulomb_friction.coulomb": coulomb}
+    off = told("motor_coulomb_friction", torque_zero=zero, **plain)
+    assert off - told("motor_coulomb_friction", torque_zero=0.0, **plain) == pytest.approx(
+        (zero / spread) ** 2
+    )
+    both = {"asymmetric_friction.coulomb": coulomb, "asymmetric_friction.difference": zero}
+    price = told("asymmetric_friction", torque_zero=0.0, **both)
+    price -= told("motor_coulomb_friction", torque_zero=0.0, **plain)
+    # The losses scatter by the root of their mean square and 0.2 mN m; each arm turns the torque over RADIUS.
+    losses = np.mean(wanted**2) + 2e-4**2
+    known = 1 / np.sqrt(1 / spread**2 + np.sum((LEVERS / RADIUS) ** 2) / losses)
+    assert price == pytest.approx(2 * np.log(2 * coulomb / (np.sqrt(2 * np.pi) * known)))

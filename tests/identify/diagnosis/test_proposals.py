@@ -19,16 +19,17 @@ from fingerlab.identify.diagnosis.imagined import (
     seen_press,
 )
 from fingerlab.identify.diagnosis.model import build
-from fingerlab.identify.diagnosis.next_experiment import (
-    Imagined,
-    _imagine,
-    _known,
-    _separation,
-    _values,
-    propose,
-)
+from fingerlab.identify.diagnosis.next_experiment import propose
 from fingerlab.identify.diagnosis.reduction import narrow_columns, reduce_sessions
 from fingerlab.identify.diagnosis.search import Watch, weigh
+from fingerlab.identify.diagnosis.separation import (
+    Imagined,
+    held_by,
+    imagine,
+    known_of,
+    separation,
+    values_in,
+)
 from fingerlab.identify.diagnosis.study import Study, Trial
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.base import Row
@@ -116,7 +117,7 @@ def test_an_imagined_bench_follows_its_equation() -> None:
 
 @pytest.fixture(scope="module")
 def judged() -> tuple[Session, Study, Evidence]:
-    """A bench with viscous joints, and all effects judged on it."""
+    """A bench with viscous joints, and all effects judged on it, as if its data had not told them apart."""
     session = made.session(made.Bench(missing=made.Missing(viscous=(3e-3, 2e-3))))
     chosen = (
         "viscous_friction",
@@ -127,7 +128,8 @@ def judged() -> tuple[Session, Study, Evidence]:
     )
     study = Study(reduce_sessions([session], [CATALOGUE[n] for n in chosen]))
     base = study.settle([])
-    return session, study, weigh(study, base, study.reduced.layout.effects, Watch())
+    evidence = weigh(study, base, study.reduced.layout.effects, Watch())
+    return session, study, replace(evidence, log_odds=np.zeros(len(evidence.trials)))
 
 
 def index(evidence: Evidence, name: str) -> int:
@@ -137,7 +139,7 @@ def index(evidence: Evidence, name: str) -> int:
 PAIRS = [
     ("viscous_friction", "coulomb_friction"),
     ("viscous_friction", "motor_viscous_friction"),
-    ("spring_hardening", "stiffness_error"),
+    ("viscous_friction", "spring_hardening"),
 ]
 
 
@@ -186,7 +188,7 @@ def imagined(judged: tuple[Session, Study, Evidence]) -> tuple[Imagined, Study, 
     motion = finger_motion(made.RIG, -1, {**SINE, "amplitude_deg": 8.0}, values)
     assert motion is not None
     effects = [t.model.choices[-1].effect for t in pair]
-    return _imagine(session, motion, effects), study, pair[0], pair[1]
+    return imagine(session, motion, effects), study, pair[0], pair[1]
 
 
 def test_a_separation_is_what_the_rival_leaves_of_every_sample(
@@ -201,7 +203,7 @@ def test_a_separation_is_what_the_rival_leaves_of_every_sample(
     def residuals(trial: Trial) -> tuple[np.ndarray, np.ndarray]:
         """Of the four equations, (4 n,), and their derivatives, (4 n, p)."""
         model = build(run.layout, [group], trial.model.choices)
-        h, slopes = model.coefficients(_values(model, trial), group)
+        h, slopes = model.coefficients(values_in(model, trial), group)
         told, reach = np.zeros((5, count)), np.zeros((5, count, slopes.shape[1]))
         for i, row, signal in zip(range(len(h)), model.rows, model.pick.signals, strict=True):
             told[row] += h[i] * columns[:, signal]
@@ -215,10 +217,10 @@ def test_a_separation_is_what_the_rival_leaves_of_every_sample(
     reach = residuals(rival)[1]
     # One more unknown: Coulomb friction of this run alone, which is known to 5 % of the common value.
     model = build(run.layout, [group], rival.model.choices)
-    common = _values(model, rival)
+    common = values_in(model, rival)
     gains = [model.index[f"coulomb_friction.{name}"] for name in rival.model.choices[-1].effect.gains]
     reach = np.concatenate((reach, reach[:, gains] * common[gains]), axis=1)
-    known = _known(build(run.layout, [group], rival.model.choices), rival, HEAT)
+    known = known_of(build(run.layout, [group], rival.model.choices), rival, HEAT)
     size, ways = np.linalg.eigh(known)
     prior = np.zeros((len(size) + len(gains), len(size) + len(gains)))
     prior[: len(size), : len(size)] = np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T
@@ -228,21 +230,24 @@ def test_a_separation_is_what_the_rival_leaves_of_every_sample(
     wanted = np.concatenate((gap, np.zeros(len(prior))))
     step = np.linalg.lstsq(stacked / scale, wanted, rcond=None)[0]
     left = wanted - stacked / scale @ step
-    assert _separation(study, run, truth, rival, HEAT) == pytest.approx(0.5 * left @ left, rel=1e-3)
+    assert separation(study, run, truth, rival, HEAT) == pytest.approx(0.5 * left @ left, rel=1e-3)
 
 
 def test_nothing_separates_a_model_from_itself(imagined: tuple[Imagined, Study, Trial, Trial]) -> None:
     run, study, truth, rival = imagined
-    assert _separation(study, run, truth, truth, HEAT) == pytest.approx(0.0, abs=1e-6)
-    assert _separation(study, run, truth, rival, HEAT) > 1e-3
+    assert separation(study, run, truth, truth, HEAT) == pytest.approx(0.0, abs=1e-6)
+    assert separation(study, run, truth, rival, HEAT) > 1e-3
 
 
-def test_motor_bench_runs_are_proposed_beside_their_like_only(
+def test_the_motor_alone_tells_what_the_motor_does_from_what_the_joints_do(
     judged: tuple[Session, Study, Evidence],
 ) -> None:
-    """With a finger's runs they are not compared, so that one more of them could not separate anything."""
+    """A viscous motor takes its torque without a finger, too; of joints such a run says nothing."""
     session, study, evidence = judged
-    pair = [index(evidence, n) for n in ("viscous_friction", "motor_viscous_friction")]
-    proposal = propose([session], study, evidence, pair)
-    assert proposal is not None
-    assert proposal["phase"] != "motor_bench"
+    names = ("motor_viscous_friction", "viscous_friction")
+    motor, joint = (evidence.trials[index(evidence, n)] for n in names)
+    motion = bench_motion(made.RIG, {**SINE, "amplitude_deg": 30.0}, 0.0)
+    run = imagine(session, motion, held_by([motor, joint], motion), beside_finger=True)
+    assert [e.id for e in run.layout.effects] == ["motor_viscous_friction"]
+    assert separation(study, run, motor, joint, HEAT) > 1.0
+    assert separation(study, run, joint, joint, HEAT) == pytest.approx(0.0, abs=1e-6)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -212,9 +214,9 @@ def test_a_lagging_stretch_is_a_first_order_lag(time_constant: float) -> None:
 def test_a_bent_angle_sensor_bends_spring_torque_and_cable_alike() -> None:
     """The sensor reads e too much: spring torque falls by K e and cable length by the arm times e.
 
-    Against finite differences of the nominal equations at constant posture, gravity left alone.
+    Without weight: what gravity and contact make of it is in ``test_sensing_columns``.
     """
-    motion = moving()
+    motion = moving(finger=replace(FINGER, gravity=0.0))
     q = motion.joints
     assert q is not None
     for shape in CATALOGUE["angle_sensor_nonlinearity"].shapes:
