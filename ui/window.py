@@ -115,7 +115,7 @@ class MainWindow(QMainWindow):
             save_plot=self.plots.save_current,
             appearance=self._set_appearance,
             shortcuts=lambda: dialogs.show_keys(self.menus.keys(), self),
-            log=lambda: dialogs.show_log(self.desk.log, self),
+            log=lambda: dialogs.show_log(self.desk.log, self, self.desk.logged),
             about=self._about,
         )
 
