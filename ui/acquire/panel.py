@@ -98,7 +98,7 @@ class Panel(QWidget):
         self._make_motion(actions)
         self._make_recording(actions)
         layout = QVBoxLayout(self)
-        layout.setContentsMargins(8, 8, 8, 8)
+        layout.setContentsMargins(8, 4, 8, 0)
         layout.setSpacing(4)
         for part in (self._bench, self._motion, self._record):
             for entry in part:
@@ -106,7 +106,7 @@ class Panel(QWidget):
                     layout.addWidget(entry)
                 else:
                     layout.addLayout(entry)
-            layout.addSpacing(8)
+            layout.addSpacing(4)
         layout.addStretch(1)
         self._keep_history()
 
@@ -255,6 +255,7 @@ class Panel(QWidget):
         self.warning = remark()
         self.warning.setObjectName("recordWarning")
         self.warning.setAccessibleName("Warning")
+        self.warning.hide()
         label = QLabel("Before (s)")
         label.setBuddy(self.before)
         self._record = (
@@ -342,6 +343,7 @@ class Panel(QWidget):
         warning = f"⚠ {self._station.warning}" if self._station.warning else ""
         if warning != self.warning.text():
             self.warning.setText(warning)
+            self.warning.setVisible(bool(warning))
 
     @staticmethod
     def _set_text(button: QPushButton, text: str) -> None:
