@@ -30,7 +30,7 @@ from .form_history import FormHistory
 from .initial_form import InitialButton
 from .motion_form import MotionForm
 from .protocol_form import ProtocolForm
-from .recording import Recording
+from .recording import WRITING, Recording
 from .set_up import LOADED_PHASE
 from .station import Station
 
@@ -332,7 +332,9 @@ class Panel(QWidget):
         ):
             button.refuse(recording.refusal(what))
         status, session = self._station.status, recording.session
-        if recording.recording and status is not None:
+        if self._station.caller.title == WRITING:
+            words = f"{WRITING} …"
+        elif recording.recording and status is not None:
             words = f"{status.recorded:,} samples".replace(",", "\u202f")
         elif session is not None:
             words = f"{session.runs} run{'s' * (session.runs != 1)}, not yet written"
