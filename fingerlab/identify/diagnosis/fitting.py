@@ -210,11 +210,10 @@ def _limited(noise: Array, whole: Array) -> Array:
     factor = _factor(whole[among] * units)
     half = np.linalg.solve(factor, noise[among] * units)
     shares, directions = np.linalg.eigh(np.linalg.solve(factor, half.T))
-    wrong = (shares > MOST_NOISE) | (shares < 0.0)
-    excess = shares[wrong] - np.clip(shares[wrong], 0.0, MOST_NOISE)
-    reach = factor @ directions[:, wrong]
+    # Put together from its parts: what is cut off may be so much that a difference would be rounding.
+    reach = factor @ directions
     limited = np.zeros_like(noise)
-    limited[among] = noise[among] - (reach * excess) @ reach.T / units
+    limited[among] = (reach * np.clip(shares, 0.0, MOST_NOISE)) @ reach.T / units
     return limited
 
 
@@ -437,7 +436,9 @@ class Fitter:
                 h, jacobian = features[i], jacobians[i]
                 gradient = gradient - (h @ fold.matrix) @ jacobian
                 information = information - jacobian.T @ (fold.curvature @ jacobian)
-        step = bounded_step(values, gradient, information, self._low, self._high)
+        # What only this turn tells of leaves the prior, which a difference of large numbers may miss.
+        lacking = np.maximum(self._stiffness - np.diag(information), 0.0)
+        step = bounded_step(values, gradient, information + np.diag(lacking), self._low, self._high)
         return np.clip(values + step, self._low, self._high)
 
     def normal_equations(self, values: Array) -> tuple[Array, Array]:
