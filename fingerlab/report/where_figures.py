@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import wrap
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +17,8 @@ from fingerlab.report.where_words import axis_title, coordinate_unit, residual_u
 COLUMNS = 2
 ROW_INCHES = 2.4
 BAR_SHARE = 0.88
-WORDS_SIZE = 7.0
+WORDS_SIZE, WORDS_WIDE = 7.5, 44
+"""Points, and characters that fit over one picture."""
 
 
 def where_figure(comparisons: Sequence[Comparison], equation: str) -> Figure | None:
@@ -53,4 +55,4 @@ def _draw(axes: Axes, found: Profile) -> None:
     if found.runs:
         axes.set_xticks(x, [run for _, run, _ in found.runs], rotation=90 if len(x) > 8 else 0)
     label(axes, across.label(axis_title(found)), up.label("residual"))
-    axes.set_title(worst_words(found), fontsize=WORDS_SIZE, loc="left")
+    axes.set_title("\n".join(wrap(worst_words(found), WORDS_WIDE)), fontsize=WORDS_SIZE, loc="left")

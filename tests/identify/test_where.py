@@ -113,7 +113,7 @@ def test_the_figure_has_a_picture_for_each_coordinate() -> None:
     assert speed.get_ylabel() == "residual (mN m)"
     runs = next(axes for axes in shown if axes.get_xlabel() == "Run")
     assert [text.get_text() for text in runs.get_xticklabels()] == ["001", "002"]
-    assert runs.get_title(loc="left").startswith("Worst at run 002")
+    assert runs.get_title(loc="left").replace("\n", " ").startswith("Worst at run 002")
     assert where_figure([], "pip_torque") is None
 
 

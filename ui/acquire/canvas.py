@@ -40,6 +40,8 @@ TOP = 4
 GRIP = 5
 """Pixels from a cursor within which it is taken by the mouse."""
 
+LEAST_HEIGHT = 36
+"""Of the curves with their margins; less, and nothing is seen of them."""
 TICK_ROOM = 28
 TIME_TICK_ROOM = 80
 ZOOM = 1.2
@@ -72,9 +74,15 @@ class Canvas(QWidget):
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
-        self.setMinimumHeight(24)
+        self.setMinimumHeight(LEAST_HEIGHT)
 
     # what is shown
+
+    def show_time_axis(self, on: bool) -> None:
+        """Whether times stand below, which takes room of its own."""
+        self.time_axis = on
+        self.setMinimumHeight(LEAST_HEIGHT + (2 * self._metrics.height() if on else 0))
+        self.update()
 
     def show_part(self, part: Part) -> tuple[float, float]:
         """Show other samples; the least and the greatest of them on the scale, which is still as it was."""
