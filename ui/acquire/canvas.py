@@ -223,7 +223,9 @@ class Canvas(QWidget):
             room = QRect(16, min(max(y - height // 2, 0), self.height() - height), LEFT - 22, height)
             painter.drawText(room, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter, words)
         whole = f"{self._label} ({self._unit})"
-        words = whole if self._metrics.horizontalAdvance(whole) < self.height() else self._unit
+        middle = area.center().y()
+        room = 2 * min(middle, self.height() - middle)
+        words = whole if self._metrics.horizontalAdvance(whole) < room else self._unit
         painter.save()
         painter.translate(height, area.center().y() + self._metrics.horizontalAdvance(words) / 2)
         painter.rotate(-90)
