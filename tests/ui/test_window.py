@@ -15,7 +15,7 @@ import pytest
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QLabel, QPushButton
+from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QTextBrowser
 from pytestqt.qtbot import QtBot
 
 from fingerlab.identify.results import Diagnosis
@@ -315,6 +315,25 @@ def test_every_step_of_the_lab_is_whole(opened: MainWindow, make_window, qtbot: 
         "A sentence that is as long as an error is when it names a file, a place and what to do.", "x"
     )
     look(opened)
+
+
+@pytest.mark.qt_log_ignore("This plugin does not support")
+def test_the_sheet_of_keys_has_those_of_every_tab(opened: MainWindow) -> None:
+    QTest.keyClick(opened, Qt.Key.Key_F1)
+    lines = child(opened, QTextBrowser, "keySheet").toPlainText().splitlines()
+    words = {line.replace("\xa0", "").strip() for line in lines}
+    # Of the tab in front, of Acquire, Calibrate, Sessions, Fit and Predict.
+    for expected in (
+        "Where?",
+        "Initialise",
+        "Accept",
+        "Read again",
+        "Analyse the runs on air",
+        "Wanted force",
+    ):
+        assert expected in words, expected
+    assert {"F3", "Ctrl+I", "F5", "Alt+2", "Esc"} <= words
+    assert opened.current == "model_lab"
 
 
 def test_dark_and_light_recolour_what_is_drawn(opened: MainWindow, qapp: QApplication) -> None:
