@@ -77,7 +77,8 @@ class ProcessBench(Bench):
         try:
             self._commands.send((self._number, command))
         except OSError:
-            raise UserError("The control loop has ended; open the bench again.") from None
+            why = self._loss or self.board.text(Text.FAULT)
+            raise UserError(why or "The control loop has ended; open the bench again.") from None
         end = time.monotonic() + ANSWER_S
         while self.board[Slot.ACK] != self._number:
             if self.board[Slot.LOOP_ENDED] or self._loss:

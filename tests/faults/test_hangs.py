@@ -29,7 +29,7 @@ from tests.faults.killing import ROOT
 from tests.faults.shared_device import SharedChoice, make_output, read_output
 from tests.faults.window import PATIENT
 
-PATIENCE_S = 45.0
+PATIENCE_S = 60.0
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a process cannot be held still there")
