@@ -224,8 +224,8 @@ class Canvas(QWidget):
             painter.drawText(room, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter, words)
         whole = f"{self._label} ({self._unit})"
         middle = area.center().y()
-        room = 2 * min(middle, self.height() - middle)
-        words = whole if self._metrics.horizontalAdvance(whole) < room else self._unit
+        along = 2 * min(middle, self.height() - middle)
+        words = whole if self._metrics.horizontalAdvance(whole) < along else self._unit
         painter.save()
         painter.translate(height, area.center().y() + self._metrics.horizontalAdvance(words) / 2)
         painter.rotate(-90)
