@@ -25,8 +25,8 @@ from fingerlab.identify.diagnosis.evidence import (
     unseen,
 )
 from fingerlab.identify.diagnosis.recall import Recall
-from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
-from fingerlab.identify.diagnosis.search import LONGEST_PATH, Watch, forward, rescore, weigh
+from fingerlab.identify.diagnosis.reduction import reduce_sessions
+from fingerlab.identify.diagnosis.search import LONGEST_PATH, forward, rescore, weigh
 from fingerlab.identify.diagnosis.second_look import (
     closely,
     closest,
@@ -37,6 +37,7 @@ from fingerlab.identify.diagnosis.second_look import (
 )
 from fingerlab.identify.diagnosis.study import Study, Trial
 from fingerlab.identify.diagnosis.unseen import least_strength
+from fingerlab.identify.diagnosis.watch import Progress, Watch
 from fingerlab.identify.diagnosis.wording import Z90, deviations, explanation, parameters
 from fingerlab.identify.results import Candidate, Diagnosis, Fingerprint, ParameterEstimate, PathStep, Verdict
 from fingerlab.physics.effects import effect, whole_catalogue

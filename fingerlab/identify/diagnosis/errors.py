@@ -6,8 +6,8 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.features import FORCE, SHIFTS_S
 from fingerlab.identify.diagnosis.fitting import noise_covariance
+from fingerlab.identify.diagnosis.groups import Group
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
-from fingerlab.identify.diagnosis.reduction import Group
 from fingerlab.identify.diagnosis.study import Study, Trial
 from fingerlab.identify.results import EquationError
 from fingerlab.physics.effects.base import Row

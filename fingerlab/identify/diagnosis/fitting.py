@@ -10,8 +10,8 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
 from fingerlab.identify.diagnosis.features import NO_SHIFT, Layout
+from fingerlab.identify.diagnosis.groups import Group, GroupKey
 from fingerlab.identify.diagnosis.model import Model
-from fingerlab.identify.diagnosis.reduction import Group, GroupKey
 from fingerlab.identify.diagnosis.standing import (
     HELD_SHARE,
     change_of_weight,

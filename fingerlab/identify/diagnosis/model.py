@@ -18,7 +18,7 @@ from fingerlab.identify.diagnosis.features import (
     shift_weights,
     slope_weights,
 )
-from fingerlab.identify.diagnosis.reduction import Group
+from fingerlab.identify.diagnosis.groups import Group
 from fingerlab.identify.diagnosis.routing import Tie, tie
 from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Pick
 from fingerlab.physics.effects.base import Effect, Gain, Row

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.errors import Cancelled
 from fingerlab.identify.diagnosis.evidence import (
     Evidence,
     alike,
@@ -19,9 +18,9 @@ from fingerlab.identify.diagnosis.evidence import (
 )
 from fingerlab.identify.diagnosis.fitting import Weights
 from fingerlab.identify.diagnosis.model import Choice
-from fingerlab.identify.diagnosis.reduction import Progress
 from fingerlab.identify.diagnosis.sketch import Promise, Sketch
 from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study, Trial
+from fingerlab.identify.diagnosis.watch import Watch
 from fingerlab.physics.effects.base import Effect
 
 HELD_OUT_TRIALS = 4
@@ -37,25 +36,6 @@ SAME_SHARE = 1e-3
 LONGEST_PATH = 4
 """At most this many effects are added."""
 SCREEN_ITERATIONS = 3
-
-
-@dataclass(frozen=True)
-class Watch:
-    """Where a long calculation reports, and where it hears that it should stop."""
-
-    progress: Progress | None = None
-    cancelled: Callable[[], bool] | None = None
-
-    def tell(self, share: float, what: str) -> None:
-        """Report, and stop where asked to.
-
-        Raises:
-            Cancelled: the user asked for it.
-        """
-        if self.cancelled is not None and self.cancelled():
-            raise Cancelled
-        if self.progress is not None:
-            self.progress(share, what)
 
 
 def screen(

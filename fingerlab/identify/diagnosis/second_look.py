@@ -15,17 +15,17 @@ from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.evidence import justified, least_fall
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.recall import Recall
-from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
+from fingerlab.identify.diagnosis.reduction import reduce_sessions
 from fingerlab.identify.diagnosis.search import (
     LONGEST_PATH,
     STEP_PROMISE,
-    Watch,
     forward,
     refine,
     weigh,
     worth_adding,
 )
 from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study, Trial
+from fingerlab.identify.diagnosis.watch import Progress, Watch
 from fingerlab.physics.effects.base import Effect, Shape
 from fingerlab.sessions.model import Session
 

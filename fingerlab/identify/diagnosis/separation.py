@@ -14,11 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
+from fingerlab.identify.diagnosis.columns import layout_of
 from fingerlab.identify.diagnosis.features import TORQUE_ZERO, Layout
 from fingerlab.identify.diagnosis.fitting import feature_weights
+from fingerlab.identify.diagnosis.groups import Group, Reduced
 from fingerlab.identify.diagnosis.missing_noise import torque_noise
 from fingerlab.identify.diagnosis.model import Choice, Model, build
-from fingerlab.identify.diagnosis.reduction import Group, Reduced, layout_of, narrow_columns
+from fingerlab.identify.diagnosis.narrowing import narrow_columns
 from fingerlab.identify.diagnosis.study import LEAST_TORQUE_SPREAD, WANDER, Study, Trial
 from fingerlab.identify.diagnosis.sums import Sums
 from fingerlab.physics.effects.base import Effect, Row

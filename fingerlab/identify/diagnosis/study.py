@@ -26,10 +26,10 @@ from fingerlab.identify.diagnosis.fitting import (
     row_covariance,
     starting_arms,
 )
+from fingerlab.identify.diagnosis.groups import Group, GroupKey, Reduced
 from fingerlab.identify.diagnosis.losses import surprise
 from fingerlab.identify.diagnosis.missing_noise import fill_missing_noise
 from fingerlab.identify.diagnosis.model import Choice, Model, build
-from fingerlab.identify.diagnosis.reduction import Group, GroupKey, Reduced
 from fingerlab.identify.diagnosis.sums import BoolArray
 from fingerlab.identify.diagnosis.unseen import NO_REACH, Reach, reach
 from fingerlab.physics.effects.base import Row

@@ -12,9 +12,11 @@ from threadpoolctl import threadpool_limits
 from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.errors import equation_errors
 from fingerlab.identify.diagnosis.fitting import Fit, Fitter, Weights
+from fingerlab.identify.diagnosis.groups import Reduced
 from fingerlab.identify.diagnosis.model import Choice, Model
-from fingerlab.identify.diagnosis.reduction import Progress, Reduced, reduce_sessions
+from fingerlab.identify.diagnosis.reduction import reduce_sessions
 from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.watch import Progress
 from fingerlab.identify.prediction.extended import ChosenEffect, ExtendedModel, Variant
 from fingerlab.identify.prediction.force import contact_runs
 from fingerlab.identify.prediction.predict import RunPrediction, predict_variant

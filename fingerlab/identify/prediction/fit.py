@@ -9,15 +9,10 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.identify.diagnosis.bandwidth import NARROW_RATE_HZ
 from fingerlab.identify.diagnosis.evidence import temperature
-from fingerlab.identify.diagnosis.reduction import (
-    GroupKey,
-    Progress,
-    deal_runs,
-    group_key,
-    runs_to_analyse,
-)
+from fingerlab.identify.diagnosis.groups import GroupKey, deal_runs, group_key, runs_to_analyse
 from fingerlab.identify.diagnosis.second_look import closely
 from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study, Trial
+from fingerlab.identify.diagnosis.watch import Progress
 from fingerlab.identify.diagnosis.wording import Z90, deviations
 from fingerlab.identify.model_file import hash_sessions
 from fingerlab.identify.prediction.extended import ChosenEffect, ExtendedModel, HeldOut, Variant
@@ -68,7 +63,7 @@ class _LeftOut:
 
 
 def _contact_folds(study: Study, sessions: Sequence[Session], hashes: Mapping[int, str]) -> list[_LeftOut]:
-    """Contact runs as the reduction dealt them to folds; none of a group with a single fold."""
+    """Contact runs as :func:`deal_runs` dealt them to folds; none of a group with a single fold."""
     names = {g.key: [f.runs for f in g.folds] for g in study.reduced.groups}
     pairs = runs_to_analyse(sessions)[0]
     dealt: dict[tuple[GroupKey, int], list[tuple[str, str]]] = {}
