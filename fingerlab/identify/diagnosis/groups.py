@@ -76,6 +76,11 @@ class Group:
         return self.cable_sign == 0
 
     @property
+    def in_contact(self) -> bool:
+        """Whether these are runs that press on the load cell."""
+        return self.key[1] == "contact"
+
+    @property
     def equations(self) -> int:
         """How many equations its runs have."""
         return 1 if self.on_bench else 3
@@ -120,7 +125,12 @@ def runs_to_analyse(sessions: Sequence[Session]) -> tuple[list[tuple[Session, Ru
 
 def group_key(run: Run) -> GroupKey:
     """Runs of one cable and phase belong together."""
-    return (run.cable, "contact" if run.phase == "contact" else "free")
+    return (run.cable, kind_of(run.phase))
+
+
+def kind_of(phase: str) -> str:
+    """Second part of a group's key: whether its runs press on something."""
+    return "contact" if phase == "contact" else "free"
 
 
 def deal_runs(runs: Sequence[Run]) -> tuple[dict[GroupKey, list[Fold]], list[int]]:

@@ -8,11 +8,10 @@ recording.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from fingerlab.errors import Cancelled
 from fingerlab.identify.diagnosis.conditions import Fold
 from fingerlab.identify.diagnosis.features import Layout
 from fingerlab.identify.diagnosis.groups import (
@@ -28,7 +27,7 @@ from fingerlab.identify.diagnosis.recall import Recall
 from fingerlab.identify.diagnosis.repeating import remove_common_trend
 from fingerlab.identify.diagnosis.sharing import sums_in_turn
 from fingerlab.identify.diagnosis.sums import RunSums, empty
-from fingerlab.identify.diagnosis.watch import Progress
+from fingerlab.identify.diagnosis.watch import SILENT, Watch
 from fingerlab.physics.effects.base import Effect
 from fingerlab.sessions.model import Run, Session
 
@@ -36,8 +35,7 @@ from fingerlab.sessions.model import Run, Session
 def reduce_sessions(
     sessions: Sequence[Session],
     effects: Sequence[Effect],
-    progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
+    watch: Watch = SILENT,
     keep: Keep | None = None,
     recall: Recall | None = None,
 ) -> Reduced:
@@ -48,7 +46,7 @@ def reduce_sessions(
 
     Raises:
         UserError: nothing to analyse, or a run that cannot be read.
-        Cancelled: ``cancelled`` answered True.
+        Cancelled: the user asked for it.
     """
     pairs, on_bench = runs_to_analyse(sessions)
     phases, cables = {run.phase for _, run in pairs}, {run.cable for _, run in pairs}
@@ -59,10 +57,7 @@ def reduce_sessions(
     layout: Layout | None = None
     parts = sums_in_turn(pairs, effects, recall or Recall(), keep)
     for number, (_, run) in enumerate(pairs):
-        if cancelled is not None and cancelled():
-            raise Cancelled
-        if progress is not None:
-            progress(number / len(pairs), f"reading run {run.name}")
+        watch.tell(number / len(pairs), f"reading run {run.name}")
         layout, sums = next(parts)
         key = group_key(run)
         if key not in groups:

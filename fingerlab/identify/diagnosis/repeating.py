@@ -51,7 +51,7 @@ def remove_common_trend(group: Group) -> None:
     """
     for trends in group.trends.values():
         count = len(trends)
-        if count < 2 or group.key[1] == "contact":
+        if count < 2 or group.in_contact:
             continue
         runs = np.stack(trends)  # (runs, signals, degrees)
         mean = runs.mean(axis=0)

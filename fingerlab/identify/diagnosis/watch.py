@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from fingerlab.errors import Cancelled
 
 Progress = Callable[[float, str], None]
+"""Is told the share done (0 to 1) and what is being done."""
 
 
 @dataclass(frozen=True)
@@ -27,3 +28,7 @@ class Watch:
             raise Cancelled
         if self.progress is not None:
             self.progress(share, what)
+
+
+SILENT = Watch()
+"""Nobody looks."""

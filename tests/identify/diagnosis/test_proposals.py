@@ -31,7 +31,8 @@ from fingerlab.identify.diagnosis.separation import (
     separation,
     values_in,
 )
-from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.study import Study
+from fingerlab.identify.diagnosis.trial import Trial
 from fingerlab.identify.diagnosis.watch import Watch
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.base import Row

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.identify.diagnosis.fitting import RIDGE, _factor
 from fingerlab.identify.diagnosis.moments import SLACK_TENSION_N, taut_moments
 from fingerlab.identify.diagnosis.narrowing import counted
+from fingerlab.identify.diagnosis.noise import RIDGE, _factor
 from fingerlab.physics.effects.motion import Motion
 from tests.physics.effects.moving import MOTOR, moving
 
