@@ -140,11 +140,17 @@ def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
 
 
 def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """Nothing open; then a session with one effect, before and after it is added."""
+    """Nothing open; a session with one effect: what is missing, where it shows, and after it is added."""
     yield "empty"
     tab = opened_in_lab(window, record(folder / "finger-rig.h5", LAB_SEED))
     tell_diagnosis("model_lab", tab)
     yield ""
+    tab.view.go_to("where")
+    tab.view.where.choose_worst()
+    pause(300)
+    FACTS["model_lab.worst"] = tab.view.where.words.text()
+    yield "where"
+    tab.view.go_to("add")
     add_best(window, tab)
     tell_diagnosis("model_lab.added", tab)
     yield "added"

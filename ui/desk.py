@@ -76,6 +76,7 @@ class Desk(QObject):
         tab_asked(key): a tab is wanted at the front. open_asked: the dialog that opens a session is wanted.
         commands_changed: what can be done has changed; menus look again.
         told(sentence, details): a message for the user. said(line): a line for the status bar and the log.
+        logged(line): a line of the log, with its time.
     """
 
     sessions_changed = Signal(object)
@@ -91,6 +92,7 @@ class Desk(QObject):
     commands_changed = Signal()
     told = Signal(str, str)
     said = Signal(str)
+    logged = Signal(str)
 
     def __init__(
         self,
@@ -198,3 +200,4 @@ class Desk(QObject):
     def _note(self, line: str) -> None:
         self.log.append(f"{datetime.now():%H:%M:%S}  {line}")
         del self.log[:-LOG_LINES]
+        self.logged.emit(self.log[-1])

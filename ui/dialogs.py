@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
+from PySide6.QtCore import SignalInstance
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QPlainTextEdit, QTextBrowser, QVBoxLayout, QWidget
 
@@ -39,13 +40,15 @@ def show_keys(sheet: KeySheet, parent: QWidget) -> QDialog:
     return _show("Keys", text, parent)
 
 
-def show_log(lines: Sequence[str], parent: QWidget) -> QDialog:
-    """What was said since the window opened, latest at the bottom."""
-    text = QPlainTextEdit("\n".join(lines) if lines else "Nothing has been said yet.")
+def show_log(lines: Sequence[str], parent: QWidget, logged: SignalInstance) -> QDialog:
+    """What was said since the window opened, latest at the bottom; ``logged`` brings each new line."""
+    text = QPlainTextEdit("\n".join(lines))
+    text.setPlaceholderText("Nothing has been said yet.")
     text.setAccessibleName("Log")
     text.setObjectName("log")
     text.setReadOnly(True)
     dialog = _show("Log", text, parent)
+    logged.connect(text.appendPlainText)  # Qt forgets it with the dialog
     text.verticalScrollBar().setValue(text.verticalScrollBar().maximum())
     buttons = dialog.findChild(QDialogButtonBox)
     assert buttons is not None

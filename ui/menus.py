@@ -118,8 +118,12 @@ class Menus:
             if command.checked is not None:
                 action.setChecked(command.checked())
 
-    def keys(self) -> list[tuple[str, list[tuple[str, str]]]]:
-        """For the sheet of keys: title of a menu, and words and key of each of its entries."""
+    def keys(self, others: Sequence[tuple[str, Tab]] = ()) -> list[tuple[str, list[tuple[str, str]]]]:
+        """For the sheet of keys: title of a menu, and words and key of each of its entries.
+
+        Args:
+            others: title and tab of those that are not in front.
+        """
         sheet = []
         for top in self._window.menuBar().actions():
             menu = top.menu()
@@ -131,4 +135,12 @@ class Menus:
                 ]
                 if found:
                     sheet.append((top.text().replace("&", ""), found))
+        for title, tab in others:
+            found = [
+                (command.text.replace("&", "").rstrip("…"), QKeySequence(command.keys).toString())
+                for command in tab.commands
+                if command.keys is not None
+            ]
+            if found:
+                sheet.append((title, found))
         return sheet

@@ -126,7 +126,11 @@ def plot_at(watched: QObject | None) -> QWidget | None:
 
 def _is_plot(widget: QWidget) -> bool:
     """Of a kind that has been imported; there is none of another kind."""
-    kinds = (("pyqtgraph", "GraphicsView"), (f"{__package__}.acquire.canvas", "Canvas"))
+    kinds = (
+        ("pyqtgraph", "GraphicsView"),
+        (f"{__package__}.acquire.canvas", "Canvas"),
+        (f"{__package__}.lab.error_path", "ErrorPath"),
+    )
     return any(
         name in sys.modules and isinstance(widget, getattr(sys.modules[name], kind)) for name, kind in kinds
     )

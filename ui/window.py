@@ -114,8 +114,8 @@ class MainWindow(QMainWindow):
             copy_plot=self.plots.copy_current,
             save_plot=self.plots.save_current,
             appearance=self._set_appearance,
-            shortcuts=lambda: dialogs.show_keys(self.menus.keys(), self),
-            log=lambda: dialogs.show_log(self.desk.log, self),
+            shortcuts=lambda: dialogs.show_keys(self.menus.keys(self._others()), self),
+            log=lambda: dialogs.show_log(self.desk.log, self, self.desk.logged),
             about=self._about,
         )
 
@@ -135,6 +135,11 @@ class MainWindow(QMainWindow):
         desk.commands_changed.connect(self._refresh)
 
     # tabs
+
+    def _others(self) -> list[tuple[str, Tab]]:
+        """Title and tab of all that are not in front."""
+        entries = self._entries.items()
+        return [(entry.title, self.tab(key)) for key, entry in entries if key != self.current]
 
     def tab(self, key: str = "") -> Tab:
         """A tab, built if it was not yet; the one in front where no key is given."""

@@ -53,8 +53,9 @@ class Pulse:
             self._file = None
 
 
-STANDSTILL = 5.0
-"""For so many times the lateness at which it stops by itself a loop may stand still (assumed)."""
+STANDSTILL = 10.0
+"""For so many times the lateness at which it stops by itself a loop may stand still: twice as long as it
+waits for a card whose clock has stopped, which it tells best itself (assumed)."""
 
 FEWEST_LOOKS = 5
 """Whoever was held up as well, as by a machine that slept, looks so often before it judges (assumed)."""

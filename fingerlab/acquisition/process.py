@@ -184,8 +184,9 @@ def _guard(plan: Plan, board: Board, loop_lives: Connection) -> None:
     choice = plan.device
     # Built before it is needed: importing a driver takes longer than the motor may run.
     device = None if choice.kind in IN_THE_LOOP else choice.build()
-    # Without a clock nothing moves while the loop does not.
-    standstill = Standstill(board, plan.settings.limits.late_time) if choice.real_time else None
+    # A simulated motor stands still with its loop; without a clock nothing moves while the loop does not.
+    watched = device is not None and choice.real_time
+    standstill = Standstill(board, plan.settings.limits.late_time) if watched else None
     _wait_until_lost(board, loop_lives, standstill)
     if board[Slot.LOOP_ENDED]:
         return

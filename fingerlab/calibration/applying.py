@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,8 @@ CHANNELS = {
 }
 """Sensor -> its entry in the rig's wiring, its channel of a run, and the names of its volts as read."""
 
+READING, COPIED = 0.5, 0.7
+"""Shares of the work after which the volts are read, and the session is copied."""
 _VOLTS = {"V": 1.0, "mV": 1e-3, None: 1.0}
 NO_REFERENCE = 1e-5
 """A channel that differs from its own line by less than this share was not tared (single precision)."""
@@ -75,7 +77,13 @@ def rig_and_attributes(rig: Rig, folder: Path) -> tuple[Rig, dict[str, Any]]:
     return calibrated_rig(rig, records), ({"calibration": calibration_text(records)} if records else {})
 
 
-def apply_again(source: Path, target: Path, records: Mapping[str, Record]) -> tuple[Path, list[str]]:
+Progress = Callable[[float, str], None]
+"""Told the share done and what is being done; stops the work by raising."""
+
+
+def apply_again(
+    source: Path, target: Path, records: Mapping[str, Record], progress: Progress = lambda *_: None
+) -> tuple[Path, list[str]]:
     """A copy of a session whose forces and angles are calculated anew from the volts as read.
 
     A channel that was tared or initialised keeps the reading at which that was done as its zero; a stated
@@ -89,7 +97,7 @@ def apply_again(source: Path, target: Path, records: Mapping[str, Record]) -> tu
             taken.
     """
     session = open_session(source)
-    pieces = _recalculated(session.runs, session.rig, records)
+    pieces = _recalculated(session.runs, session.rig, records, progress)
     if not pieces:
         raise UserError(
             f"{source} holds no volts as read of these sensors (/runs/NNN/raw); it cannot be calibrated anew."
@@ -99,6 +107,7 @@ def apply_again(source: Path, target: Path, records: Mapping[str, Record]) -> tu
         "rig": calibrated_rig(session.rig, used).to_json(),
         "calibration": calibration_text(used),
     }
+    progress(READING, "copying")
     part = claim(target)
     try:
         with writing_to(target):
@@ -107,7 +116,8 @@ def apply_again(source: Path, target: Path, records: Mapping[str, Record]) -> tu
         with writing_to(target, file):
             try:
                 with h5py.File(file, "r+") as copy:
-                    for run, name, values in pieces:
+                    for number, (run, name, values) in enumerate(pieces):
+                        progress(COPIED + (1 - COPIED) * number / len(pieces), f"writing run {run}")
                         dataset = copy[f"runs/{run}/{CHANNELS[name][1]}"]
                         dataset[...] = values.astype(dataset.dtype)
                     write_attributes(copy, attributes)
@@ -122,11 +132,12 @@ def apply_again(source: Path, target: Path, records: Mapping[str, Record]) -> tu
 
 
 def _recalculated(
-    runs: tuple[Run, ...], rig: Rig, records: Mapping[str, Record]
+    runs: tuple[Run, ...], rig: Rig, records: Mapping[str, Record], progress: Progress
 ) -> list[tuple[str, str, Array]]:
     """Run, sensor and new values of each channel that can be calculated anew."""
     pieces = []
-    for run in runs:
+    for number, run in enumerate(runs):
+        progress(READING * number / len(runs), f"run {run.name}")
         for name, record in records.items():
             entry, channel, names = CHANNELS[name]
             raw = next((one for one in names if one in run.units), None)

@@ -24,6 +24,7 @@ from fingerlab.report.figure_style import (
     new_figure,
 )
 from fingerlab.report.screen import score_text, screen_unit
+from fingerlab.report.where_figures import where_figure
 from fingerlab.sessions.model import Array
 
 HALF_SIZE = (4.4, 3.4)
@@ -215,7 +216,7 @@ def path_figure(path: Sequence[PathStep], given: Sequence[str]) -> Figure:
 
 
 def diagnosis_figures(diagnosis: Diagnosis) -> Mapping[str, Figure]:
-    """By name: the error path, the place where the model fails worst, and the fingerprints of the suspects.
+    """By name: the error path, where the model fails and worst of all, and the fingerprints of the suspects.
 
     Where no effect is suspected, the fingerprint is that of the most probable one.
     """
@@ -224,6 +225,9 @@ def diagnosis_figures(diagnosis: Diagnosis) -> Mapping[str, Figure]:
         worst = failure_stretch(diagnosis.comparisons, diagnosis.failure)
         if worst is not None:
             figures["worst-place"] = comparison_figure(worst, diagnosis.failure)
+        where = where_figure(diagnosis.comparisons, diagnosis.failure.equation)
+        if where is not None:
+            figures["where"] = where
     for equation in dict.fromkeys(c.equation for c in diagnosis.comparisons):
         for number, shown in enumerate(chosen_stretches(diagnosis.comparisons, equation), start=1):
             figures[f"{equation.replace('_', '-')}-{number}"] = comparison_figure(shown, diagnosis.failure)

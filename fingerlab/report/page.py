@@ -35,6 +35,7 @@ from fingerlab.report.pictures import NamedFigure, Pictures, save_figures
 from fingerlab.report.prediction_section import Prediction
 from fingerlab.report.provenance import calibration_rows, calibration_sentence, rig_hash, versions
 from fingerlab.report.screen import estimate_text, score_text
+from fingerlab.report.where_figures import where_figure
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.place import OutputSet
 
@@ -172,6 +173,7 @@ def render(content: Content, progress: Progress) -> Page:
         path_figure=pictures.draw(path_figure(diagnosis.path, diagnosis.model), "Error path"),
         failure=words.failure_sentence(diagnosis.failure),
         failure_picture=_failure_picture(diagnosis, pictures, len(sessions) > 1),
+        profile_picture=_profile_picture(diagnosis, pictures),
         equations=_equations(diagnosis, pictures, len(sessions) > 1),
         candidates=[_candidate(c, pictures) for c in _drawn_candidates(diagnosis)],
         next_experiment=words.next_experiment_sentence(diagnosis),
@@ -218,7 +220,7 @@ def _equation(content: Content, pictures: Pictures, title: str) -> dict[str, Any
 
 def _picture_count(diagnosis: Diagnosis, analysis: Analysis | None) -> int:
     equations = len({c.equation for c in diagnosis.comparisons})
-    return 2 + 2 * equations + SHOWN_CANDIDATES + (0 if analysis is None else len(analysis.figures))
+    return 3 + 2 * equations + SHOWN_CANDIDATES + (0 if analysis is None else len(analysis.figures))
 
 
 def _drawn_candidates(diagnosis: Diagnosis) -> list[Candidate]:
@@ -256,6 +258,20 @@ def _failure_picture(diagnosis: Diagnosis, pictures: Pictures, many: bool) -> di
     title = EQUATION_TITLES.get(diagnosis.failure.equation, diagnosis.failure.equation)
     figure = comparison_figure(shown, diagnosis.failure)
     return {"picture": pictures.draw(figure, f"{title} where it is worst"), "caption": _caption(shown, many)}
+
+
+def _profile_picture(diagnosis: Diagnosis, pictures: Pictures) -> dict[str, Any] | None:
+    """The residual of the equation that fails worst, over everything that it may depend on."""
+    if diagnosis.failure is None:
+        return None
+    figure = where_figure(diagnosis.comparisons, diagnosis.failure.equation)
+    if figure is None:
+        return None
+    title = EQUATION_TITLES.get(diagnosis.failure.equation, diagnosis.failure.equation)
+    return {
+        "picture": pictures.draw(figure, f"Where the {words.in_sentence(title)} is off"),
+        "caption": f"{title}, residual in bins over all runs; above each, where it is largest.",
+    }
 
 
 def _equations(diagnosis: Diagnosis, pictures: Pictures, many: bool) -> list[dict[str, Any]]:

@@ -19,7 +19,7 @@ from fingerlab.calibration.result import Outcome, compare
 from fingerlab.calibration.stability import Averager, judge
 from fingerlab.calibration.store import CalibrationStore
 from fingerlab.calibration.wizard import Phase, Wizard
-from fingerlab.errors import UserError
+from fingerlab.errors import Cancelled, UserError
 from fingerlab.rig_daq import plain_section
 from fingerlab.rig_file import default_rig
 from fingerlab.sessions import open_session
@@ -260,7 +260,21 @@ def test_an_old_session_is_calibrated_anew(make_session, tmp_path: Path, tared_a
     wizard = Wizard(standard_plan(LOAD_CELL), StepTiming(3.0, 1.0))
     Operator(wizard, lambda mark: 0.48 + 9.81 * mark / 11.0).work()
     store.save(wizard.outcome(), "accepted")
-    target, told = apply_again(source, tmp_path / "anew.h5", store.current())
+    heard: list[float] = []
+    target, told = apply_again(source, tmp_path / "anew.h5", store.current(), lambda s, _: heard.append(s))
+    assert heard == sorted(heard)
+    assert len(heard) > 2
+    files = sorted(tmp_path.rglob("*"))
+    for call in range(len(heard)):  # cancelled at any of them, nothing is left behind
+
+        def cancelled(_share: float, _what: str, left: list[int] = [call]) -> None:  # noqa: B006
+            left[0] -= 1
+            if left[0] < 0:
+                raise Cancelled
+
+        with pytest.raises(Cancelled):
+            apply_again(source, tmp_path / "cancelled.h5", store.current(), cancelled)
+        assert sorted(tmp_path.rglob("*")) == files
     assert source.read_bytes() == before
     assert told == [f"load-cell: 1 run by {store.current()['load-cell'].title}"]
     session = open_session(target)

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.cli.main import main
 from fingerlab.identify.model_file import load_model, save_model, without_nan
 from fingerlab.identify.prediction import extended_model, fit_extended, model_of_extended, predict_extended
 from fingerlab.sessions import open_session
@@ -19,6 +18,7 @@ from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import RunPlan
 from fingerlab.twin.session import write_session
+from tests.cli.calling import refused, run_command
 
 SECONDS = 12.0
 DELAY_S = 0.06
@@ -39,25 +39,6 @@ PLANS = [
     RunPlan("on_air", "flexion", wave("chirp", 8.0, 15.0, end_frequency_hz=3.0)),
     *[RunPlan("contact", "flexion", wave("sine", 2.0))] * 4,
 ]
-
-
-def run_command(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as stopped:
-        main([str(a) for a in arguments])
-    code = stopped.value.code
-    return 0 if code is None else int(code)
-
-
-def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    """The sentence with which a command is refused: exit 2, nothing on standard output, no traceback."""
-    capsys.readouterr()
-    assert run_command(*arguments) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert "Traceback" not in err
-    lines = err.strip().splitlines()
-    assert len(lines) == 1, err
-    return lines[0]
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +76,7 @@ def test_the_effect_takes_away_what_the_delay_costs(
     found = predictions(session_file, model_file, tmp_path)
     out = capsys.readouterr().out
     for words in (
-        "Late recording",
+        "late recording",
         "PIP and MCP",
         "delay (ms)",
         "90 % interval, extended model",

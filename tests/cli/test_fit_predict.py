@@ -9,29 +9,11 @@ import h5py
 import numpy as np
 import pytest
 
-from fingerlab.cli.main import main
 from fingerlab.identify.model_file import load_model
+from tests.cli.calling import refused, run_command
 
 SAMPLES = 8000
 PNG = b"\x89PNG"
-
-
-def run_command(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as stopped:
-        main([str(a) for a in arguments])
-    code = stopped.value.code
-    return 0 if code is None else int(code)
-
-
-def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    """The sentence with which a command is refused: exit 2, nothing on standard output, no traceback."""
-    assert run_command(*arguments) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert "Traceback" not in err
-    lines = err.strip().splitlines()
-    assert len(lines) == 1, err
-    return lines[0]
 
 
 @pytest.fixture

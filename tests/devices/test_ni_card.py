@@ -105,16 +105,43 @@ def test_buffered_blocks_are_whole_and_the_counter_is_in_step() -> None:
     assert raw[:, 4].tolist() == (25.0 * np.arange(1, 1001)).tolist()
 
 
-def test_where_single_points_cannot_be_had_blocks_take_over() -> None:
+@pytest.mark.parametrize("refusal", [-209857, -201116, -200821, -200998, -200077])
+def test_where_single_points_cannot_be_had_blocks_take_over(refusal: int) -> None:
     rig = rig_with('[daq]\ntiming = "auto"\n')
     card = Card(SimplePlant())
-    card.single_point = False
+    card.single_point, card.refusal = False, refusal
     device = NiCard(rig, card.clock, InProcessChannel(Servicer(card)))
     device._connection.remote = True  # a channel given by hand stands for the local driver
     device.open()
     assert cycles_per_command(device) == 10
     device.start()
     assert [device.exchange(0.0).index for _ in range(25)] == list(range(25))
+
+
+def test_a_single_point_output_takes_no_value_before_it_is_started() -> None:
+    """As NI-DAQmx refuses it (-200803): the order of starting has to be that of the driver."""
+    _, device, _ = bench()
+    device.open()
+    assert device._tasks is not None
+    import nidaqmx
+
+    with pytest.raises(nidaqmx.errors.DaqError) as refused:
+        device._tasks.write_volts(0.0)
+    assert refused.value.error_code == -200803
+    device.start()
+    assert device.exchange(0.0).index == 0
+
+
+def test_codes_are_what_the_package_calls_them() -> None:
+    from nidaqmx.error_codes import DAQmxErrors
+
+    from fingerlab.devices.ni.errors import FAULTS, LOSSES, UNSUPPORTED
+
+    for code in (*FAULTS, *LOSSES, *UNSUPPORTED):
+        assert DAQmxErrors(code), code
+    assert DAQmxErrors(-209857).name == "DEVICE_DOES_NOT_SUPPORT_HWTSP"
+    assert DAQmxErrors(-209802).name.endswith("DETECTED_MISSED_SAMP_CLK")
+    assert DAQmxErrors(-200279).name == "SAMPLES_NO_LONGER_AVAILABLE"
 
 
 def test_opening_and_starting_leave_the_output_at_zero_and_the_line_low() -> None:

@@ -28,7 +28,7 @@ def driven(text: str = SINGLE) -> tuple[Card, Driven, InProcessChannel]:
     return card, Driven(NiCard(rig, card.clock, channel)), channel
 
 
-def in_motion(text: str = SINGLE, cycles: int = 1800) -> tuple[Card, Driven, InProcessChannel]:
+def in_motion(text: str = SINGLE, cycles: int = 1000) -> tuple[Card, Driven, InProcessChannel]:
     card, bench, channel = driven(text)
     bench.run({**SINE, "ramp_s": 0.5}, endless=True)
     bench.cycles(cycles)
@@ -41,7 +41,7 @@ def hung_anew(card: Card, bench: Driven) -> None:
     """After a stop the pulley runs out, the cable slack; a person hangs it anew, and all is at rest."""
     assert isinstance(card.plant, SimulatedBench)
     card.plant.set_up("on_air", "extension", 0.0)
-    bench.cycles(1000)
+    bench.cycles(600)
 
 
 @MODES
@@ -111,7 +111,7 @@ def test_every_error_in_full_motion_takes_the_current_away_and_can_be_recovered_
     hung_anew(card, bench)
     for command in (Reset(), Initialise(), Enable(), Start(SINE)):
         assert bench.ask(command) == ""
-    bench.cycles(1000)
+    bench.cycles(300)
     assert bench.loop.machine.mode is Mode.RUNNING, bench.fault
 
 

@@ -123,8 +123,8 @@ A killed process keeps its pipes open until the system has taken its memory back
 here; the loop and the guardian therefore look at the process itself (Linux), and elsewhere at the pipe.
 
 A loop that hangs without dying, as in a driver that does not return (held by SIGSTOP in
-`tests/faults/test_hangs.py`): the guardian takes its place when it has made no cycle for 0.1 s with the
-amplifier on, five times the lateness at which the loop stops by itself. A loop that then wakes up drives no
+`tests/faults/test_hangs.py`): the guardian takes its place when it has made no cycle for 0.2 s with the
+amplifier on, ten times the lateness at which the loop stops by itself. A loop that then wakes up drives no
 more.
 
 ## Other faults

@@ -38,7 +38,7 @@ def test_a_loop_that_hangs_is_stopped_in_its_place(tmp_path: Path) -> None:
     make_output(output)
     arguments = [sys.executable, "-m", "tests.faults.window", str(output), str(session), str(tmp_path / "r")]
     with subprocess.Popen(
-        [*arguments, "0.1"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT, text=True
+        [*arguments, "0.5"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT, text=True
     ) as window:
         assert window.stdout is not None
         told = json.loads(window.stdout.readline())
@@ -115,6 +115,6 @@ def test_standing_still_counts_only_with_the_amplifier_on(monkeypatch: pytest.Mo
     # The guardian was held up, too: an hour that nobody saw is no standstill yet.
     assert not look(3600.0, 0)
     assert not look(0.005, 1)
-    still = [look(0.006, 0) for _ in range(30)]
-    # Five times 20 ms without a cycle, at looks of 6 ms each: the seventeenth.
-    assert still.index(True) == 16
+    still = [look(0.006, 0) for _ in range(50)]
+    # Ten times 20 ms without a cycle, at looks of 6 ms each: the thirty-fourth.
+    assert still.index(True) == 33

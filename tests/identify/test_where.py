@@ -7,6 +7,7 @@ import pytest
 
 from fingerlab.identify.results import Comparison
 from fingerlab.identify.where import COORDINATES, profile, stretches_in, worst_run
+from fingerlab.report.where_figures import where_figure
 from fingerlab.report.where_words import axis_title, bin_words, miss_words, worst_words
 
 RATE, SECONDS = 25.0, 40.0
@@ -98,6 +99,22 @@ def test_within_the_floor_nothing_stands_out() -> None:
     found = profile([comparison("001", FLOOR * np.sign(np.sin(7 * TIME)))], "pip_torque", "time")
     assert found is not None
     assert worst_words(found) == "Nowhere clearly beyond the floor."
+
+
+def test_the_figure_has_a_picture_for_each_coordinate() -> None:
+    figure = where_figure([comparison("001", RUBBING), comparison("002", 3 * RUBBING)], "pip_torque")
+    assert figure is not None
+    shown = [axes for axes in figure.axes if axes.get_visible()]
+    assert len(shown) == len(COORDINATES)
+    speed = next(axes for axes in shown if axes.get_xlabel() == "PIP joint speed (°/s)")
+    (mean,) = [line for line in speed.get_lines() if len(line.get_xdata()) > 2]
+    slow = mean.get_xdata() < -20
+    assert mean.get_ydata()[slow] == pytest.approx(-2e3 * FRICTION)  # mN m, the mean of both runs
+    assert speed.get_ylabel() == "residual (mN m)"
+    runs = next(axes for axes in shown if axes.get_xlabel() == "Run")
+    assert [text.get_text() for text in runs.get_xticklabels()] == ["001", "002"]
+    assert runs.get_title(loc="left").replace("\n", " ").startswith("Worst at run 002")
+    assert where_figure([], "pip_torque") is None
 
 
 def test_what_is_not_told_is_not_drawn() -> None:

@@ -57,6 +57,14 @@ def _candidate(effect: str, title: str, score: float, share: float, in_set: bool
     return Candidate(effect, title, score, share, in_set, **values)
 
 
+def _proposal(trajectory: dict[str, Any], cable: str, first: str, gain: float) -> dict[str, Any]:
+    """A run on air that tells the first from a cable that stretches."""
+    return {
+        "trajectory": trajectory, "phase": "on_air", "cable": cable,
+        "separates": [first, "cable_stretch"], "expected_separation": gain,
+    }  # fmt: skip
+
+
 @pytest.fixture(scope="session")
 def found() -> Diagnosis:
     """Coulomb friction is missing, and nothing else comes near."""
@@ -116,13 +124,9 @@ def unseen(nothing: Diagnosis) -> Diagnosis:
     return replace(
         nothing, candidates=(first, *hidden), set=("cable_stretch", "gravity_tilt"), probability_nothing=0.82,
         probability_unknown=0.14,
-        next_experiment={
-            "trajectory": {"kind": "sine", "amplitude_deg": 14.0, "frequency_hz": 0.2},
-            "phase": "on_air",
-            "cable": "extension",
-            "separates": ["nothing_missing", "cable_stretch"],
-            "expected_separation": 7.0,
-        },
+        next_experiment=_proposal(
+            {"kind": "sine", "amplitude_deg": 14.0, "frequency_hz": 0.2}, "extension", "nothing_missing", 7.0
+        ),
     )  # fmt: skip
 
 
@@ -143,13 +147,9 @@ def alike(found: Diagnosis) -> Diagnosis:
     return replace(
         found, candidates=pair, set=("coulomb_friction", "cable_stretch"), probability_nothing=0.01,
         probability_unknown=0.01,
-        next_experiment={
-            "trajectory": {"kind": "chirp", "amplitude_deg": 11.0, "load_torque": 0.1},
-            "phase": "on_air",
-            "cable": "flexion",
-            "separates": ["coulomb_friction", "cable_stretch"],
-            "expected_separation": 17.42,
-        },
+        next_experiment=_proposal(
+            {"kind": "chirp", "amplitude_deg": 11.0, "load_torque": 0.1}, "flexion", "coulomb_friction", 17.42
+        ),
     )  # fmt: skip
 
 

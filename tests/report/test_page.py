@@ -178,6 +178,7 @@ def test_figures_are_drawn_for_equations_fingerprint_failure_and_path(found_page
     drawn = [svg.get("aria-label") for svg in root.iter(f"{SVG}svg")]
     assert [re.sub(r"[\d.]+ to [\d.]+ s", "", name) for name in drawn] == [
         "PIP torque where it is worst",
+        "Where the PIP torque is off",
         "Error path",
         "Fingerprint of Coulomb joint friction",
         "PIP torque, run 002, on air, ",

@@ -51,7 +51,7 @@ def test_pdf_and_figures_say_what_the_page_says(written) -> None:
     assert not any(list(p.images) for p in reader.pages)
     figures = sorted((written / "drawn").iterdir())
     svgs = len(re.findall(r"<svg", page))
-    assert len(figures) == len(FORMATS) * svgs == 3 * 5
+    assert len(figures) == len(FORMATS) * svgs == 3 * 6
     assert figures[0].name == "01-error-path.pdf"
     assert (written / "drawn" / "01-error-path.png").read_bytes()[:4] == b"\x89PNG"
     ElementTree.parse(written / "drawn" / "01-error-path.svg")

@@ -9,12 +9,12 @@ from xml.etree import ElementTree
 
 import pytest
 
-from fingerlab.cli.main import main
 from fingerlab.report.page_tables import printed
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import RunPlan
 from fingerlab.twin.session import write_session
+from tests.cli.calling import run_command
 
 
 def move(phase: str, cable: str, amplitude: float, hertz: float, load: float = 0.0, **more: float) -> RunPlan:
@@ -25,12 +25,6 @@ def move(phase: str, cable: str, amplitude: float, hertz: float, load: float = 0
 def record(path: Path, plans: list[RunPlan], effect: str) -> Path:
     write_session(path, load_preset("practice"), "short", plans, parse_effects([effect]), seed=5)
     return path
-
-
-def run_command(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as stopped:
-        main([str(a) for a in arguments])
-    return int(stopped.value.code or 0)
 
 
 def page_text(path: Path) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QLabel
+from PySide6.QtWidgets import QApplication, QLabel, QScrollArea
 from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.columns import COLUMN
@@ -17,9 +17,12 @@ from fingerlab.acquisition.initial import initial_of
 from fingerlab.acquisition.recording import LEAST_FREE_BYTES, seconds_of_room
 from fingerlab.errors import UserError
 from fingerlab.rig_file import parse_rig
+from fingerlab.ui.widgets.room import SideRoom
 
 from .bench_hands import Rig
 from .hands import child
+from .looking import look
+from .saving import save_each_plot
 
 CONTROL = Qt.KeyboardModifier.ControlModifier
 REDO = CONTROL | Qt.KeyboardModifier.ShiftModifier
@@ -151,3 +154,52 @@ def test_a_torque_given_point_by_point_can_be_chosen(rig: Rig, tmp_path: Path) -
     table.write_text("time_s,torque_n_m\n0,0\n1,0.02\n2,0\n", encoding="utf-8")
     motion.show_file(table)
     assert motion.settings() == {"kind": "torque", "file": str(table)}
+
+
+def test_every_form_is_whole_and_every_live_plot_is_saved(rig: Rig, tmp_path: Path) -> None:
+    panel = rig.tab.panel
+    save_each_plot(rig.window, tmp_path / "plots", 4)
+    rig.tab.toolbar.model_chosen.emit("nominal")
+    for kind in ("chirp", "steps", "file"):  # every field is in one of them
+        rig.choose("kind", kind)
+        look(rig.window)
+    rig.choose("phase", "motor_bench")
+    rig.wait_idle()
+    look(rig.window)
+    rig.click("byProtocol")
+    for which in ("own_both", "rich"):
+        panel.protocol.which.setCurrentIndex(panel.protocol.which.findData(which))
+        look(rig.window)
+
+
+def test_on_a_low_screen_the_panel_scrolls_and_the_plots_stay(rig: Rig) -> None:
+    """1920 x 1080 at 200 %: every button is reached by the keyboard, and nothing scrolls sideways."""
+    rig.tab.toolbar.model_chosen.emit("nominal")
+    rig.run(0.2)
+    rig.window.resize(960, 540)
+    QApplication.processEvents()
+    room = rig.window.work.currentWidget()
+    assert isinstance(room, QScrollArea)
+    assert room.horizontalScrollBar().maximum() == room.verticalScrollBar().maximum() == 0
+    side = rig.tab.panel.parentWidget().parentWidget()
+    assert isinstance(side, SideRoom)
+    assert side.verticalScrollBar().maximum() > 0
+    for pane in rig.tab.plots.panes.values():
+        if pane.isVisible():
+            assert not pane.visibleRegion().isEmpty()
+            assert pane.canvas.area.height() >= 24  # of the curves themselves
+    last = rig.button("details")
+    assert last.visibleRegion().isEmpty()
+    rig.button("write").setFocus()
+    for _ in range(40):
+        if last.hasFocus():
+            break
+        QTest.keyClick(QApplication.focusWidget(), Qt.Key.Key_Tab)
+    assert last.hasFocus()
+    assert not last.visibleRegion().isEmpty()
+    speed = rig.tab.plots.panes["displacement"].readings["motor_speed"]
+    assert not speed.isVisible()
+    rig.window.resize(1280, 760)
+    QApplication.processEvents()
+    assert speed.isVisible()
+    assert side.verticalScrollBar().maximum() == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 
 import numpy as np
 import pytest
@@ -94,3 +95,27 @@ def test_several_runs_in_one_file(rig: Rig, qtbot: QtBot) -> None:
     rig.key(Qt.Key.Key_S, CONTROL)
     qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
     assert len(open_session(rig.files()[0]).runs) == 2
+
+
+def test_while_a_file_is_written_and_verified_it_says_so(
+    rig: Rig, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ten hours take their time, and nothing may cut it short: what was recorded is at stake."""
+    rig.click("record")
+    rig.run(1.0)
+    rig.click("record")
+    rig.run(0.2)
+    go_on, recorder = threading.Event(), rig.bench.recorder
+    close = recorder.close
+
+    def slowly() -> object:
+        go_on.wait(PATIENCE / 1000)
+        return close()
+
+    monkeypatch.setattr(recorder, "close", slowly)
+    rig.click("write")
+    qtbot.waitUntil(lambda: rig.label("recordedText") == "Writing and verifying …", timeout=PATIENCE)
+    assert "under way" in rig.button("record").toolTip()
+    go_on.set()
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+    assert rig.label("recordedText") == "Nothing recorded"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,16 +11,27 @@ import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QAction
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QFileDialog, QLabel, QLineEdit, QPlainTextEdit
+from PySide6.QtWidgets import (
+    QApplication,
+    QFileDialog,
+    QLabel,
+    QLineEdit,
+    QPlainTextEdit,
+    QPushButton,
+)
 from pytestqt.qtbot import QtBot
 
+from fingerlab.errors import Cancelled
 from fingerlab.library.notes import FILE_NAME
 from fingerlab.sessions import open_session
+from fingerlab.ui.browse import tab as browse_tab
 from fingerlab.ui.browse.tab import SessionsTab
 from fingerlab.ui.browse.table_model import NAME, QUALITY, RECORDED, TAGS, VERDICT
 from fingerlab.ui.window import MainWindow
 
 from .hands import LEFT, PATIENCE, child, click, drop, invented_diagnosis, lab_of
+from .looking import look
+from .saving import save_each_plot
 
 Opened = tuple[MainWindow, SessionsTab]
 
@@ -158,6 +170,33 @@ def test_of_sessions_that_a_search_hides_nothing_is_said(browsing: Opened) -> No
     assert not entry(window, "Merge").isEnabled()
 
 
+def test_reading_a_large_folder_tells_how_far_it_is_and_can_be_stopped(
+    browsing: Opened, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window, tab = browsing
+    stopped = threading.Event()
+
+    def slowly(_folder, _known, tell, cancelled):  # type: ignore[no-untyped-def]
+        tell(("one.h5", 0.4))
+        while not cancelled():
+            stopped.wait(0.01)
+        stopped.set()
+        raise Cancelled
+
+    monkeypatch.setattr(browse_tab, "look_through", slowly)
+    again = child(window, QPushButton, "readAgain")
+    QTest.mouseClick(again, LEFT)
+    qtbot.waitUntil(lambda: tab.page.count.text() == "Reading, 40 %", timeout=PATIENCE)
+    tab._began -= 12.0  # so long ago: 40 % in 12 s
+    tab._on_told("scan", ("one.h5", 0.4))
+    assert tab.page.count.text() == "Reading, 40 %, about 18 s left"
+    assert again.text() == "&Stop reading"
+    QTest.mouseClick(again, LEFT)
+    assert stopped.wait(PATIENCE / 1000)
+    assert tab.page.count.text() == "3 sessions"
+    assert again.text() == "Read a&gain"
+
+
 def test_a_double_click_opens_the_session_in_the_model_lab(browsing: Opened, qtbot: QtBot) -> None:
     window, tab = browsing
     choose(tab, "ring.h5")  # the first of the two clicks
@@ -223,3 +262,16 @@ def test_export_and_copy_with_tags_from_the_menu(
     facts = tab.page.model.facts(target)
     assert facts is not None
     assert facts.tags == ("good",)
+
+
+def test_the_browser_and_the_review_are_whole(browsing: Opened, qtbot: QtBot, tmp_path: Path) -> None:
+    window, tab = browsing
+    for name in ("broken.h5", "ring.h5"):
+        choose(tab, name)
+        look(window)
+    click(window, "review")
+    qtbot.waitUntil(lambda: tab.review_page.session is not None and not tab.data.busy, timeout=PATIENCE)
+    tab.review_page.cursors.click()
+    qtbot.waitUntil(lambda: bool(tab.review_page.values.text()), timeout=PATIENCE)
+    look(window)
+    save_each_plot(window, tmp_path / "plots", 1)

@@ -32,6 +32,8 @@ from fingerlab.ui.window import MainWindow
 
 from .bench_hands import Rig, opener, tabs_with
 from .hands import LEFT, child
+from .looking import look
+from .saving import save_each_plot
 
 RATE = 20.0
 CONTROL = Qt.KeyboardModifier.ControlModifier
@@ -309,3 +311,18 @@ def test_what_was_accepted_counts_at_the_next_connection(
     assert opened.rig.daq.load_cell.gain == record["gain"]["value"]
     assert json.loads(opened.attributes["calibration"])["load-cell"] == record
     assert opened.calibrations == tmp_path / "rig"
+
+
+def test_every_page_of_the_wizard_is_whole_and_its_plots_are_saved(bench: Bench, tmp_path: Path) -> None:
+    look(bench.window)
+    bench.click("start-load-cell")
+    bench.wrong = {4: 0.7}
+    bench.run(3.5)
+    look(bench.window)
+    bench.work(5)
+    look(bench.window)
+    save_each_plot(bench.window, tmp_path / "live", 1)
+    bench.work()
+    assert "objection" in bench.label("calibrationVerdict")
+    look(bench.window)
+    save_each_plot(bench.window, tmp_path / "result", 2)

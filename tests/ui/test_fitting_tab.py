@@ -20,6 +20,8 @@ from fingerlab.ui.registry import Entry
 from fingerlab.ui.window import MainWindow
 
 from .hands import PATIENCE, child, click
+from .looking import look
+from .saving import save_each_plot
 
 RATE, RADIUS = 1000.0, 0.015
 K_MCP, K_PIP, A, B, L_MCP, L_PIP = 0.12, 0.06, 0.010, 0.007, -0.0015, 0.0008
@@ -132,3 +134,24 @@ def test_a_fit_that_is_not_possible_is_one_sentence(qtbot: QtBot, window: MainWi
     click(window, "analyse")
     qtbot.waitUntil(lambda: any("choose regions" in line for line in window.desk.log), timeout=PATIENCE)
     assert fit_of(window).found is None
+
+
+def test_every_plot_is_saved_in_every_format(analysed: MainWindow, tmp_path: Path) -> None:
+    save_each_plot(analysed, tmp_path / "plots", 5)  # two speeds, the plane, R2 and delays
+    bars = fit_of(analysed).view.r2.numbers()
+    assert [one.x.tolist() for one in bars] == [[1, 2, 3]] * 4
+    assert bars[0].y == pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_pages_are_whole(make_window, qtbot: QtBot, analysed: MainWindow) -> None:  # type: ignore[no-untyped-def]
+    look(make_window(tab="fit", tabs=TABS))
+    look(analysed)
+    for method in ("flexion-extension", "whole"):
+        panel = fit_of(analysed).panel
+        panel.method.setCurrentIndex(panel.method.findData(method))
+        fit_of(analysed).found = None
+        click(analysed, "analyse")
+        qtbot.waitUntil(
+            lambda: fit_of(analysed).found is not None and not analysed.tasks.busy, timeout=PATIENCE
+        )
+        look(analysed)

@@ -257,7 +257,10 @@ def test_the_sheet_of_keys_and_the_log(window: MainWindow, qtbot: QtBot) -> None
         assert words in sheet
     window.desk.say("The device was opened")
     window.menus.log.trigger()
-    assert "The device was opened" in child(window, QPlainTextEdit, "log").toPlainText()
+    shown = child(window, QPlainTextEdit, "log")
+    assert "The device was opened" in shown.toPlainText()
+    window.desk.say("The amplifier is on")  # while the log is open
+    assert "The amplifier is on" in shown.toPlainText().splitlines()[-1]
     for dialog in window.findChildren(QDialog):
         QTest.keyClick(dialog, Qt.Key.Key_Escape)
         assert not dialog.isVisible()

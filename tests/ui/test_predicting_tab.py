@@ -24,6 +24,8 @@ from fingerlab.ui.registry import Entry
 from fingerlab.ui.window import MainWindow
 
 from .hands import PATIENCE, child, click, drop
+from .looking import look
+from .saving import save_each_plot
 
 RATE, RADIUS, ALPHA, L2 = 1000.0, 0.015, np.radians(15.0), 0.024
 K_PIP, B, LOSS = 0.06, 0.007, 0.0008
@@ -163,6 +165,15 @@ def test_removing_and_dropping_a_model(
     drop(predicted, model_files[0])
     qtbot.waitUntil(lambda: tab.found is not None, timeout=PATIENCE)
     assert list(tab.models) == ["true.json"]
+    undo, shift = Qt.KeyboardModifier.ControlModifier, Qt.KeyboardModifier.ShiftModifier
+    for names in ([], ["weak.json"], ["true.json", "weak.json"]):  # added, removed, removed
+        QTest.keyClick(predicted, Qt.Key.Key_Z, undo)
+        assert list(tab.models) == names
+        assert tab.numbers.rowCount() == len(names)
+    for _ in range(3):
+        QTest.keyClick(predicted, Qt.Key.Key_Z, undo | shift)
+    assert list(tab.models) == ["true.json"]
+    assert not predicted.menus.redo.isEnabled()
 
 
 def test_a_file_that_is_no_model_is_one_sentence(predicted: MainWindow, tmp_path: Path) -> None:
@@ -290,3 +301,20 @@ def wait_for_words(qtbot: QtBot, window: MainWindow) -> str:
     label = child(window, QLabel, "wantedResult")
     qtbot.waitUntil(lambda: label.text().startswith("Choose"), timeout=PATIENCE)
     return label.text()
+
+
+def test_every_plot_is_saved_in_every_format(wanting: MainWindow, tmp_path: Path) -> None:
+    save_each_plot(wanting, tmp_path / "wanted", 2)
+    click(wanting, "view_measured")
+    save_each_plot(wanting, tmp_path / "measured", 3)
+
+
+def test_the_pages_are_whole(make_window, predicted: MainWindow, wanting: MainWindow) -> None:  # type: ignore[no-untyped-def]
+    look(make_window(tab="predict", tabs=TABS))
+    look(wanting)
+    panel = predict_of(wanting).wanted.panel
+    for row in range(panel.kind.count()):
+        panel.kind.setCurrentIndex(row)
+        look(wanting)
+    click(wanting, "view_measured")
+    look(predicted)

@@ -58,6 +58,8 @@ def test_settings_that_make_no_sense_are_ignored(qtbot: QtBot, tmp_path: Path) -
     store.setValue("geometry", QByteArray(b"nonsense"))
     store.setValue("appearance", "purple")
     store.setValue("recent", 7)
+    store.setValue("widths/sessions", ["90", "-3"])
+    store.setValue("sorting/sessions", "sideways 3")
     settings = Settings(store)
     window = QWidget()
     qtbot.addWidget(window)
@@ -66,6 +68,8 @@ def test_settings_that_make_no_sense_are_ignored(qtbot: QtBot, tmp_path: Path) -
     assert room.contains(window.geometry())
     assert settings.appearance() == "system"
     assert settings.recent() == []
+    assert settings.widths("sessions") == ()
+    assert settings.sorting("sessions") == (-1, False)
 
 
 @pytest.fixture

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import pytest
-from PySide6.QtCore import QObject, QSize, Qt, Signal
-from PySide6.QtGui import QImage
+from PySide6.QtCore import QObject, QRect, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QImage
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QPushButton, QScrollArea
+from PySide6.QtWidgets import (
+    QApplication,
+    QCheckBox,
+    QDoubleSpinBox,
+    QLineEdit,
+    QPushButton,
+    QRadioButton,
+    QScrollArea,
+    QSpinBox,
+    QWidget,
+)
 from pytestqt.qtbot import QtBot
 
 from fingerlab.ui.task_bar import TaskBar, time_left
+from fingerlab.ui.theme import Appearance, apply_appearance
 from fingerlab.ui.window import MainWindow
 
 from .hands import child, invented_diagnosis
@@ -101,3 +112,48 @@ def test_at_1280_by_800_nothing_scrolls(make_window, key: str) -> None:  # type:
     room = window.work.currentWidget()
     assert isinstance(room, QScrollArea)
     assert room.horizontalScrollBar().maximum() == room.verticalScrollBar().maximum() == 0
+
+
+@pytest.mark.parametrize("look", ["light", "dark"])
+def test_a_field_or_box_has_an_edge_that_is_seen(qtbot: QtBot, qapp: QApplication, look: Appearance) -> None:
+    """Not ticked, without the keyboard, on the window's own colour: the style alone leaves none on black."""
+    page = QWidget()
+    qtbot.addWidget(page)
+    fields = [kind(page) for kind in (QCheckBox, QRadioButton, QLineEdit, QDoubleSpinBox, QSpinBox)]
+    for number, field in enumerate(fields):
+        field.setGeometry(8, 8 + 32 * number, 80, 24)
+    apply_appearance(qapp, look)
+    image = page.grab(QRect(0, 0, 96, 40 * len(fields))).toImage()
+    apply_appearance(qapp, "light")
+    for field in fields:
+        row = [image.pixelColor(x, field.geometry().center().y()) for x in range(4, 40)]
+        edge = max(contrast(colour, row[0]) for colour in row)
+        assert edge > (1.4 if look == "light" else 2.0), type(field).__name__
+
+
+def contrast(one: QColor, other: QColor) -> float:
+    """Contrast ratio as the guidelines for accessible web content define it: 1 for none, 21 at most."""
+    lighter, darker = sorted((luminance(one), luminance(other)), reverse=True)
+    return (lighter + 0.05) / (darker + 0.05)
+
+
+def luminance(colour: QColor) -> float:
+    """Relative luminance, 0 to 1."""
+    parts = (colour.redF(), colour.greenF(), colour.blueF())
+    linear = [part / 12.92 if part <= 0.03928 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_what_is_greyed_looks_so(qtbot: QtBot, qapp: QApplication) -> None:
+    box = QCheckBox("Trigger")
+    qtbot.addWidget(box)
+    usable = box.grab().toImage()
+    box.setEnabled(False)
+    greyed = box.grab().toImage()
+    darkest = [
+        min(
+            luminance(image.pixelColor(x, y)) for x in range(20, image.width()) for y in range(image.height())
+        )
+        for image in (usable, greyed)
+    ]
+    assert darkest[1] > darkest[0] + 0.05

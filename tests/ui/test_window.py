@@ -15,7 +15,7 @@ import pytest
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QWidget
+from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QTextBrowser
 from pytestqt.qtbot import QtBot
 
 from fingerlab.identify.results import Diagnosis
@@ -23,6 +23,8 @@ from fingerlab.ui.window import MainWindow
 
 from . import invented
 from .hands import LEFT, PATIENCE, Held, child, click, drop, invented_diagnosis, lab_of, wait_for_result
+from .looking import look
+from .saving import save_each_plot
 
 
 def test_empty_window_offers_to_open_and_to_practise(make_window) -> None:  # type: ignore[no-untyped-def]
@@ -291,27 +293,47 @@ def test_recent_files_are_offered_at_the_next_start(opened: MainWindow, make_win
     assert lab_of(again).view.isVisible()
 
 
-def test_every_control_has_a_name_for_a_screen_reader(opened: MainWindow) -> None:
-    for widget in opened.findChildren(QWidget):
-        tabbed = widget.focusPolicy() & Qt.FocusPolicy.TabFocus
-        if widget.isVisible() and tabbed and widget.focusProxy() is None:
-            name = widget.accessibleName() or getattr(widget, "text", lambda: "")()
-            assert name, f"{type(widget).__name__} {widget.objectName()} in {widget.parent()}"
+def test_every_plot_is_saved_in_every_format(opened: MainWindow, tmp_path: Path) -> None:
+    save_each_plot(opened, tmp_path / "missing", 3)  # curves, fingerprint, error path
+    QTest.keyClick(opened, Qt.Key.Key_F3)
+    save_each_plot(opened, tmp_path / "where", 3)
+    (mean, *_, curve) = lab_of(opened).view.evidence.plot.numbers()
+    assert mean.across == "MCP speed (°/s)"
+    assert curve.y[-1] == pytest.approx(1e3 * invented.FRICTION)
+    (tried, suggested) = lab_of(opened).view.path.path.numbers()
+    assert (tried.y.tolist(), suggested.x.tolist()) == ([12.4], [1.0])
 
 
-@pytest.mark.parametrize("size", [(1280, 760), (1920, 1040), (960, 540)])
-def test_no_text_is_cut_off(opened: MainWindow, qtbot: QtBot, size: tuple[int, int]) -> None:
-    opened.resize(*size)
-    qtbot.wait(20)
-    assert (opened.width(), opened.height()) == size
-    for button in opened.findChildren(QPushButton):
-        if button.isVisible():
-            assert button.width() >= button.minimumSizeHint().width(), button.text()
-    for label in opened.findChildren(QLabel):
-        if label.isVisible() and label.text() and not label.wordWrap() and label.minimumSizeHint().width():
-            assert label.width() >= label.minimumSizeHint().width(), label.text()
-        if label.isVisible() and label.wordWrap() and label.text():
-            assert label.height() >= label.heightForWidth(label.width()), label.text()
+def test_every_step_of_the_lab_is_whole(opened: MainWindow, make_window, qtbot: QtBot) -> None:  # type: ignore[no-untyped-def]
+    look(make_window(diagnose=invented_diagnosis))
+    for key in (Qt.Key.Key_F2, Qt.Key.Key_F3, Qt.Key.Key_F4, Qt.Key.Key_F5, Qt.Key.Key_F6):
+        QTest.keyClick(opened, key)
+        look(opened)
+    click(opened, "addToModel")
+    qtbot.waitUntil(lambda: lab_of(opened).can_undo and not opened.tasks.busy, timeout=PATIENCE)
+    opened.desk.tell(
+        "A sentence that is as long as an error is when it names a file, a place and what to do.", "x"
+    )
+    look(opened)
+
+
+@pytest.mark.qt_log_ignore("This plugin does not support")
+def test_the_sheet_of_keys_has_those_of_every_tab(opened: MainWindow) -> None:
+    QTest.keyClick(opened, Qt.Key.Key_F1)
+    lines = child(opened, QTextBrowser, "keySheet").toPlainText().splitlines()
+    words = {line.replace("\xa0", "").strip() for line in lines}
+    # Of the tab in front, of Acquire, Calibrate, Sessions, Fit and Predict.
+    for expected in (
+        "Where?",
+        "Initialise",
+        "Accept",
+        "Read again",
+        "Analyse the runs on air",
+        "Wanted force",
+    ):
+        assert expected in words, expected
+    assert {"F3", "Ctrl+I", "F5", "Alt+2", "Esc"} <= words
+    assert opened.current == "model_lab"
 
 
 def test_dark_and_light_recolour_what_is_drawn(opened: MainWindow, qapp: QApplication) -> None:

@@ -40,6 +40,8 @@ TOP = 4
 GRIP = 5
 """Pixels from a cursor within which it is taken by the mouse."""
 
+LEAST_HEIGHT = 36
+"""Of the curves with their margins; less, and nothing is seen of them."""
 TICK_ROOM = 28
 TIME_TICK_ROOM = 80
 ZOOM = 1.2
@@ -72,9 +74,15 @@ class Canvas(QWidget):
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
-        self.setMinimumHeight(24)
+        self.setMinimumHeight(LEAST_HEIGHT)
 
     # what is shown
+
+    def show_time_axis(self, on: bool) -> None:
+        """Whether times stand below, which takes room of its own."""
+        self.time_axis = on
+        self.setMinimumHeight(LEAST_HEIGHT + (2 * self._metrics.height() if on else 0))
+        self.update()
 
     def show_part(self, part: Part) -> tuple[float, float]:
         """Show other samples; the least and the greatest of them on the scale, which is still as it was."""
@@ -215,7 +223,9 @@ class Canvas(QWidget):
             room = QRect(16, min(max(y - height // 2, 0), self.height() - height), LEFT - 22, height)
             painter.drawText(room, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter, words)
         whole = f"{self._label} ({self._unit})"
-        words = whole if self._metrics.horizontalAdvance(whole) < self.height() else self._unit
+        middle = area.center().y()
+        room = 2 * min(middle, self.height() - middle)
+        words = whole if self._metrics.horizontalAdvance(whole) < room else self._unit
         painter.save()
         painter.translate(height, area.center().y() + self._metrics.horizontalAdvance(words) / 2)
         painter.rotate(-90)

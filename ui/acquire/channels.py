@@ -42,21 +42,22 @@ class Quantity:
         return self.unit.after("0" if float(number.replace("−", "-")) == 0 and self.digits == 0 else number)
 
 
+BALANCE = "by the PIP balance LHS₂ = s b T + L₂ − lever F, thesis (3.17), (3.18)"
 QUANTITIES = {
     quantity.column: quantity
     for quantity in (
-        Quantity("motor_command", "Command", DEGREE, 1, "θ_cmd: where the pulley is told to be."),
-        Quantity("motor_position", "Position", DEGREE, 1, "θ_m: the pulley's angle, from the encoder."),
-        Quantity("motor_speed", "Speed", DEGREE_A_SECOND, 0, "The pulley's speed, smoothed over 10 ms."),
-        Quantity("motor_torque", "Torque", MILLI_NEWTON_METRE, 1, "τ = k_t N i at the pulley."),
-        Quantity("motor_current", "Current", AMPERE, 2, "i: the amplifier's current monitor."),
-        Quantity("mcp_angle", "MCP", DEGREE, 1, "θ₁: knuckle angle, flexion positive."),
-        Quantity("pip_angle", "PIP", DEGREE, 1, "θ₂: middle joint's angle, flexion positive."),
-        Quantity("endpoint_force", "Force", NEWTON, 2, "F: the load cell under the fingertip."),
-        Quantity(MODELLED_TORQUE, "Modelled torque", MILLI_NEWTON_METRE, 1, "Torque by the PIP balance."),
-        Quantity(MODELLED_FORCE, "Modelled force", NEWTON, 2, "Force by the PIP balance."),
-        Quantity(TORQUE_RESIDUAL, "Torque residual", MILLI_NEWTON_METRE, 1, "Measured less modelled."),
-        Quantity(FORCE_RESIDUAL, "Force residual", NEWTON, 2, "Measured less modelled."),
+        Quantity("motor_command", "Command", DEGREE, 1, "θ_cmd (°): where the pulley is told to be."),
+        Quantity("motor_position", "Position", DEGREE, 1, "θ_m (°): the pulley's angle, from the encoder."),
+        Quantity("motor_speed", "Speed", DEGREE_A_SECOND, 0, "ω = dθ_m/dt (°/s), over 10 ms."),
+        Quantity("motor_torque", "Torque", MILLI_NEWTON_METRE, 1, "τ = k_t N i (mN m) at the pulley."),
+        Quantity("motor_current", "Current", AMPERE, 2, "i (A): the amplifier's current monitor."),
+        Quantity("mcp_angle", "MCP", DEGREE, 1, "θ₁ (°): knuckle angle, flexion positive."),
+        Quantity("pip_angle", "PIP", DEGREE, 1, "θ₂ (°): middle joint's angle, flexion positive."),
+        Quantity("endpoint_force", "Force", NEWTON, 2, "F (N): the load cell under the fingertip."),
+        Quantity(MODELLED_TORQUE, "Modelled torque", MILLI_NEWTON_METRE, 1, f"r T (mN m), {BALANCE}."),
+        Quantity(MODELLED_FORCE, "Modelled force", NEWTON, 2, f"F (N), {BALANCE}."),
+        Quantity(TORQUE_RESIDUAL, "Torque residual", MILLI_NEWTON_METRE, 1, "τ less r T (mN m)."),
+        Quantity(FORCE_RESIDUAL, "Force residual", NEWTON, 2, "F measured less F modelled (N)."),
     )
 }
 

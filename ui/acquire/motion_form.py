@@ -80,7 +80,7 @@ class MotionForm(QWidget):
         self._further: dict[str, Any] = {}
         self._form = QFormLayout(self)
         self._form.setContentsMargins(0, 0, 0, 0)
-        self._form.setSpacing(4)
+        self._form.setSpacing(3)
         self._form.addRow("&Mode", self.kind)
         for name, field in self.numbers.items():
             self._form.addRow(LABELS[name], field)

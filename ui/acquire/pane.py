@@ -177,8 +177,7 @@ class Pane(QWidget):
 
     def show_time_axis(self, on: bool) -> None:
         """Only the lowest plot has ticks and label below."""
-        self.canvas.time_axis = on
-        self.canvas.update()
+        self.canvas.show_time_axis(on)
 
     def show_model(self, on: bool) -> None:
         """Whether what belongs to the model is shown."""

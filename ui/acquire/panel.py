@@ -30,7 +30,7 @@ from .form_history import FormHistory
 from .initial_form import InitialButton
 from .motion_form import MotionForm
 from .protocol_form import ProtocolForm
-from .recording import Recording
+from .recording import WRITING, Recording
 from .set_up import LOADED_PHASE
 from .station import Station
 
@@ -98,7 +98,7 @@ class Panel(QWidget):
         self._make_motion(actions)
         self._make_recording(actions)
         layout = QVBoxLayout(self)
-        layout.setContentsMargins(8, 8, 8, 8)
+        layout.setContentsMargins(8, 4, 8, 0)
         layout.setSpacing(4)
         for part in (self._bench, self._motion, self._record):
             for entry in part:
@@ -106,7 +106,7 @@ class Panel(QWidget):
                     layout.addWidget(entry)
                 else:
                     layout.addLayout(entry)
-            layout.addSpacing(8)
+            layout.addSpacing(4)
         layout.addStretch(1)
         self._keep_history()
 
@@ -255,6 +255,7 @@ class Panel(QWidget):
         self.warning = remark()
         self.warning.setObjectName("recordWarning")
         self.warning.setAccessibleName("Warning")
+        self.warning.hide()
         label = QLabel("Before (s)")
         label.setBuddy(self.before)
         self._record = (
@@ -331,7 +332,9 @@ class Panel(QWidget):
         ):
             button.refuse(recording.refusal(what))
         status, session = self._station.status, recording.session
-        if recording.recording and status is not None:
+        if self._station.caller.title == WRITING:
+            words = f"{WRITING} …"
+        elif recording.recording and status is not None:
             words = f"{status.recorded:,} samples".replace(",", "\u202f")
         elif session is not None:
             words = f"{session.runs} run{'s' * (session.runs != 1)}, not yet written"
@@ -342,6 +345,7 @@ class Panel(QWidget):
         warning = f"⚠ {self._station.warning}" if self._station.warning else ""
         if warning != self.warning.text():
             self.warning.setText(warning)
+            self.warning.setVisible(bool(warning))
 
     @staticmethod
     def _set_text(button: QPushButton, text: str) -> None:

@@ -58,7 +58,7 @@ class ProtocolForm(QWidget):
         self.total.setObjectName("protocolTotal")
         form = self._form = QFormLayout(self)
         form.setContentsMargins(0, 0, 0, 0)
-        form.setSpacing(4)
+        form.setSpacing(3)
         form.addRow("&Protocol", self.which)
         form.addRow("R&uns (n)", self.runs)
         form.addRow("&Each (s)", self.seconds)

@@ -21,6 +21,7 @@ from fingerlab.errors import UserError
 from ..tasks import Failed
 from .station import NO_BENCH, Station
 
+WRITING = "Writing and verifying"
 AFTER_STOP_MS = 300
 """The recording goes on for this long after a stop, so that the stop itself is in it."""
 
@@ -178,7 +179,7 @@ class Recording(QObject):
     def write(self) -> None:
         """Write the session whole, verify it, give it its name."""
         self.station.do(
-            "Writing and verifying",
+            WRITING,
             lambda bench: bench.recorder.close(),
             self.keep_written,
             self._on_failed,

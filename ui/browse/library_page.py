@@ -38,6 +38,9 @@ NAME_NEEDS, VERDICT_MOST = 32, 44
 """Characters: what a name gets first, and the most that a verdict gets."""
 
 
+AGAIN_HELP = "Look for new and changed files (F5)."
+
+
 class LibraryPage(QWidget):
     """Signals: folder_asked, again_asked; review_asked(paths), lab_asked(paths); chosen(): other rows."""
 
@@ -60,7 +63,7 @@ class LibraryPage(QWidget):
         self.choose.setObjectName("chooseFolder")
         self.again = QPushButton("Read a&gain")
         self.again.setObjectName("readAgain")
-        self.again.setToolTip("Look for new and changed files (F5).")
+        self.again.setToolTip(AGAIN_HELP)
         self.search = QLineEdit()
         self.search.setObjectName("search")
         self.search.setPlaceholderText("Search: words, phase:contact, tag:good, is:clean, after:2026-05 …")
@@ -137,6 +140,12 @@ class LibraryPage(QWidget):
     def remember(self, settings: Settings) -> None:
         """Take the columns as the user left them last time, and keep those to come."""
         self._columns = ColumnKeeper(self.table, settings)
+
+    def show_reading(self, on: bool) -> None:
+        """Whether the folder is being read, which the button then stops."""
+        self.again.setText("&Stop reading" if on else "Read a&gain")
+        self.again.setToolTip("Leave the list as it is." if on else AGAIN_HELP)
+        self.show_count("Reading …" if on else "")
 
     # what is shown
 

@@ -19,6 +19,11 @@ class Shown:
     title: str
     unit: ScreenUnit
     decimals: int
+    symbol: str = ""
+
+    def help(self) -> str:
+        """Name, symbol and unit; of what is calculated the equation as well."""
+        return f"{self.title}: {self.symbol} ({self.unit.symbol})"
 
     def text(self, value: float) -> str:
         """A value in SI with the unit of the screen."""
@@ -26,13 +31,13 @@ class Shown:
 
 
 QUANTITIES: Mapping[str, Shown] = {
-    "motor_command": Shown("motor command", DEGREE, 2),
-    "motor_position": Shown("motor position", DEGREE, 2),
-    "motor_torque": Shown("motor torque", MILLI_NEWTON_METRE, 2),
-    "load_torque": Shown("load torque", MILLI_NEWTON_METRE, 2),
-    "mcp_angle": Shown("MCP angle", DEGREE, 2),
-    "pip_angle": Shown("PIP angle", DEGREE, 2),
-    "endpoint_force": Shown("endpoint force", NEWTON, 3),
+    "motor_command": Shown("motor command", DEGREE, 2, "θ_cmd"),
+    "motor_position": Shown("motor position", DEGREE, 2, "θ_m"),
+    "motor_torque": Shown("motor torque", MILLI_NEWTON_METRE, 2, "τ = k_t N i"),
+    "load_torque": Shown("load torque", MILLI_NEWTON_METRE, 2, "τ_L"),
+    "mcp_angle": Shown("MCP angle", DEGREE, 2, "θ₁"),
+    "pip_angle": Shown("PIP angle", DEGREE, 2, "θ₂"),
+    "endpoint_force": Shown("endpoint force", NEWTON, 3, "F"),
 }
 """The motor current is left out: it is the torque but for a constant."""
 

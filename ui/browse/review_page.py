@@ -53,6 +53,7 @@ class ReviewPage(QWidget):
         self._overs: list[tuple[Session, Run]] = []
         self._over_before = 0
         self.plots = ReviewPlots()
+        self.plots.setToolTip("\n".join(one.help() for one in QUANTITIES.values()))
         self.back = _button("reviewBack", "‹ &All sessions", "Back to the table (Alt+Left).")
         self.runs = _choice("reviewRun", "Run shown", "Run shown (Alt+Up, Alt+Down for the next).")
         self.over = _choice(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -19,6 +20,7 @@ from fingerlab.sessions.model import Session
 
 from ..desk import Desk, read_session
 from ..tab import SEPARATOR, Command, Tab
+from ..task_bar import time_left
 from .background import Background, IsCancelled, Tell
 from .library_page import LibraryPage
 from .review_data import ReviewData
@@ -77,7 +79,7 @@ class SessionsTab(Tab):
         self.notebook = Notebook(self.folder)
         self.history = EditHistory(self)
         self._scanner = Background(self)
-        self._looked = False
+        self._looked, self._began = False, 0.0
         self._choose_next: Path | None = None
         self.commands = self._menu()
         self._connect()
@@ -87,7 +89,7 @@ class SessionsTab(Tab):
     def _connect(self) -> None:
         page = self.page
         page.folder_asked.connect(self.ask_folder)
-        page.again_asked.connect(self.read_again)
+        page.again_asked.connect(self._read_or_stop)
         page.lab_asked.connect(self.open_in_lab)
         page.review_asked.connect(self.review)
         page.chosen.connect(self.desk.commands_changed)
@@ -241,11 +243,20 @@ class SessionsTab(Tab):
         if not folder.is_dir() and folder == self.desk.settings.recordings():
             self.page.show_count()  # nothing has been recorded yet; that is no mistake
             return
-        self.page.show_count("Reading …")
+        self.page.show_reading(True)
+        self._began = time.monotonic()
         self._scanner.ask(SCAN, lambda tell, cancelled: look_through(folder, known, tell, cancelled))
 
+    def _read_or_stop(self) -> None:
+        if not self._scanner.busy:
+            self.read_again()
+            return
+        self._scanner.clear()
+        self.page.show_reading(False)
+
     def _on_told(self, _key: object, part: tuple[str, float]) -> None:
-        self.page.show_count(f"Reading, {100 * part[1]:.0f} %")
+        left = time_left(part[1], time.monotonic() - self._began)
+        self.page.show_count(f"Reading, {100 * part[1]:.0f} %{f', {left}' if left else ''}")
 
     def _on_found(self, _key: object, found: Found) -> None:
         if found.folder != self.folder:
@@ -255,7 +266,7 @@ class SessionsTab(Tab):
         names = {one.name for one in found.facts}
         notes = {one.path: found.notebook.note_of(one, names) for one in found.facts}
         self.page.model.show_all(found.facts, notes, found.verdicts)
-        self.page.show_count()
+        self.page.show_reading(False)
         if found.trouble:
             self.desk.tell(found.trouble)
         for path in [self._choose_next] if self._choose_next is not None else chosen[:1]:
@@ -265,7 +276,7 @@ class SessionsTab(Tab):
         self.desk.commands_changed.emit()
 
     def _on_failed(self, _key: object, sentence: str, details: str) -> None:
-        self.page.show_count()
+        self.page.show_reading(False)
         self.desk.tell(sentence, details)
 
     # sessions

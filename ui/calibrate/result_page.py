@@ -10,7 +10,8 @@ from fingerlab.calibration.result import Outcome, amount_text
 from fingerlab.calibration.store import Record
 
 from ..acquire.fields import ActionButton
-from ..widgets.labels import heading, remark
+from ..widgets.labels import WholeLabel, heading, remark
+from ..widgets.room import SideRoom
 from .plots import FitPlot, ResidualPlot
 from .wording import listed, number_rows, verdict_words
 
@@ -34,9 +35,8 @@ class ResultPage(QWidget):
         self.numbers.setColumnStretch(1, 1)
         self._rows: list[tuple[QLabel, QLabel]] = []
         self.objections_title = heading("What speaks against it")
-        self.objections = QLabel()
+        self.objections = WholeLabel()
         self.objections.setObjectName("calibrationObjections")
-        self.objections.setWordWrap(True)
         self.notes = remark()
         self.reason = QLineEdit()
         self.reason.setObjectName("calibrationReason")
@@ -93,7 +93,7 @@ class ResultPage(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(0)
         layout.addLayout(left, 1)
-        layout.addWidget(panel)
+        layout.addWidget(SideRoom(panel))
 
     def show_outcome(self, outcome: Outcome, previous: Record | None, notes: list[str], back: str) -> None:
         """Show a result; ``back`` is what the last button says."""
@@ -116,8 +116,7 @@ class ResultPage(QWidget):
 
     def _show_numbers(self, rows: list[tuple[str, str, str]]) -> None:
         while len(self._rows) < len(rows):
-            title, value = remark(wrap=False), QLabel()
-            value.setWordWrap(True)
+            title, value = remark(wrap=False), WholeLabel()
             self.numbers.addWidget(title, len(self._rows), 0)
             self.numbers.addWidget(value, len(self._rows), 1)
             self._rows.append((title, value))

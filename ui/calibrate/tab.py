@@ -21,6 +21,7 @@ from fingerlab.errors import UserError
 
 from ..desk import Desk
 from ..tab import SEPARATOR, Command, Tab
+from ..tasks import Progress
 from ..widgets.labels import ElidedLabel
 from .measure_page import MeasurePage
 from .result_page import ResultPage
@@ -267,7 +268,7 @@ class CalibrateTab(Tab):
             self._source_words = ", ".join(str(path) for path in paths)
             self._show_outcome(outcome, notes, "&Back")
 
-        self._run("Reading the recording", lambda: outcome_from_files(paths, SENSORS[name]), done)
+        self._run("Reading the recording", lambda _: outcome_from_files(paths, SENSORS[name]), done)
 
     def _ask_for_session(self) -> None:
         folder = self.desk.settings.folder()
@@ -289,11 +290,11 @@ class CalibrateTab(Tab):
             self.desk.recorded(path)
             self.desk.tell(f"{path.name} is written: {'; '.join(told)}.")
 
-        self._run("Calibrating anew", lambda: apply_again(source, target, records), done)
+        self._run("Calibrating anew", lambda progress: apply_again(source, target, records, progress), done)
 
-    def _run(self, title: str, work: Callable[[], Any], done: Callable[[Any], None]) -> None:
+    def _run(self, title: str, work: Callable[[Progress], Any], done: Callable[[Any], None]) -> None:
         self.desk.hush()
-        self.desk.tasks.start(title, lambda _progress, _cancelled: work(), done, owner="calibrate")
+        self.desk.tasks.start(title, lambda progress, _cancelled: work(progress), done, owner="calibrate")
 
     # what is shown
 

@@ -13,6 +13,7 @@ from fingerlab.report.screen import DEGREES, ScreenUnit, r2_text
 from fingerlab.signals.regions import REGION_TITLES
 
 from ..theme import Colours, colours_of
+from ..widgets.plot_series import Series
 from ..widgets.plot_style import tint
 from ..widgets.quiet_plot import QuietPlot, span_of
 
@@ -136,6 +137,15 @@ class RunBars(QuietPlot):
         """Values in SI, one a run, by the name of the region."""
         self.names, self.series = tuple(names), series
         self.redraw()
+
+    def numbers(self) -> list[Series]:
+        """For CSV: of each region one value a run, by the number of the run."""
+        runs = np.array([float(n) if n.isdigit() else row for row, n in enumerate(self.names, 1)])
+        up = self.unit.label(self.quantity)
+        return [
+            Series(REGION_TITLES[region], "Run", up, runs, self.unit.factor * np.array(values))
+            for region, values in self.series.items()
+        ]
 
     def redraw(self) -> None:
         plot = self.getPlotItem()

@@ -11,6 +11,7 @@ from fingerlab.report.screen import ScreenUnit
 from fingerlab.signals.regions import REGION_TITLES
 
 from ..theme import colours_of, small_font
+from ..widgets.labels import WholeLabel
 from ..widgets.panes import Panes
 from .plots import REGION_COLOURS, PlanePlot, RunBars, SpeedPlot
 from .table import ParameterTable, RowKey
@@ -129,7 +130,7 @@ class FitView(QWidget):
 
 
 def _words() -> QLabel:
-    label = QLabel()
+    label = WholeLabel()
     label.setFont(small_font())
     label.setTextFormat(Qt.TextFormat.RichText)
     label.setMinimumWidth(10)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
 from PySide6.QtCore import QEvent, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QToolTip, QWidget
@@ -13,6 +14,7 @@ from fingerlab.report.diagnosis_words import effect_title
 from fingerlab.report.screen import score_text
 
 from ..theme import Colours, colours_of, small_font
+from ..widgets.plot_series import Series
 from ..widgets.plot_style import tint
 from .equations import SCORE_HELP
 from .history import History
@@ -75,6 +77,22 @@ class ErrorPath(QWidget):
             f"{bar.title} {score_text(bar.score)}" + ("" if bar.tried else " (would be)") for bar in self.bars
         ]
         return " → ".join(words) + (", in multiples of the floor" if words else "")
+
+    def numbers(self) -> list[Series]:
+        """For CSV: the error of each model in multiples of the floor, by how many effects it has."""
+        tried = [bar for bar in self.bars if bar.tried]
+        parts = (("", 0, tried), ("would be", len(tried), [bar for bar in self.bars if not bar.tried]))
+        return [
+            Series(
+                name,
+                "Effects in the model",
+                "Error (floors)",
+                first + np.arange(len(bars), dtype=np.float64),
+                np.array([bar.score for bar in bars]),
+            )
+            for name, first, bars in parts
+            if bars
+        ]
 
     def event(self, event: QEvent) -> bool:
         if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):

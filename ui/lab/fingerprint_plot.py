@@ -11,6 +11,7 @@ from fingerlab.identify.results import Fingerprint
 from fingerlab.report.screen import ScreenUnit, screen_unit
 
 from ..theme import colours_of, small_font
+from ..widgets.plot_series import Series
 from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
 from ..widgets.quiet_plot import span_of
 from .equations import equation_text
@@ -47,6 +48,7 @@ class FingerprintPlot(pg.PlotWidget):
         for item in (self.floor_band, self.zero, self.bars, self.curve, self.points, self.empty):
             plot.addItem(item, ignoreBounds=True)
         self.fingerprint: Fingerprint | None = None
+        self._with_curve = True
         self._recolour()
         self.show_fingerprint(None)
 
@@ -54,7 +56,7 @@ class FingerprintPlot(pg.PlotWidget):
         self, fingerprint: Fingerprint | None, floor: float | None = None, with_curve: bool = True
     ) -> None:
         """Show a fingerprint; ``floor`` in its ``value_unit``; without curve where no effect is claimed."""
-        self.fingerprint = fingerprint
+        self.fingerprint, self._with_curve = fingerprint, with_curve
         usable = fingerprint is not None and bool(np.isfinite(fingerprint.mean).any())
         for item in (self.floor_band, self.zero, self.bars, self.points, self.curve):
             item.setVisible(usable)
@@ -99,6 +101,19 @@ class FingerprintPlot(pg.PlotWidget):
             f"{equation_text(fingerprint.equation).quantity} residual in {up.symbol} against "
             f"{fingerprint.coordinate} in {across.symbol}, {int(known.sum())} bins"
         )
+
+    def numbers(self) -> list[Series]:
+        """For CSV: the bins with their interval, and the effect's own curve where one is claimed."""
+        shown = self.fingerprint
+        if shown is None or self._unit is None:
+            return []
+        across = screen_unit(shown.coordinate_unit, largest(shown.centre))
+        x, up = shown.centre * across.factor, self._unit
+        columns = [("mean residual", shown.mean), ("lower end of the 90 % interval", shown.low)]
+        columns += [("upper end of the 90 % interval", shown.high)]
+        columns += [("the effect's own curve", shown.curve)] if self._with_curve else []
+        coordinate = across.label(shown.coordinate[:1].upper() + shown.coordinate[1:])
+        return [Series(name, coordinate, up.label("Residual"), x, y * up.factor) for name, y in columns]
 
     def _label_left(self) -> None:
         if self._unit is not None:

@@ -13,6 +13,7 @@ from fingerlab.report.diagnosis_words import PHASE_WORDS
 from fingerlab.report.where_words import axis_title, bin_words, coordinate_unit, miss_words, residual_unit
 
 from ..theme import colours_of
+from ..widgets.plot_series import Series
 from ..widgets.plot_style import line, tint
 from ..widgets.quiet_plot import QuietPlot
 
@@ -87,9 +88,6 @@ class WherePlot(QuietPlot):
         points = pg.ScatterPlotItem(x[known], mean, size=6, pen=pen, name="mean residual")
         points.setBrush(pg.mkBrush(colours.residual))
         plot.addItem(points)
-        plot.addItem(
-            pg.ScatterPlotItem(x[known], rms[known], size=0, pen=pg.mkPen(None), name="root mean square")
-        )
         low = min(float(np.min(mean - half)), -1.1 * floor)
         high = max(float(np.max(rms[known])), float(np.max(mean + half)), 1.1 * floor)
         room = 0.06 * (high - low)
@@ -115,6 +113,23 @@ class WherePlot(QuietPlot):
         if self.bin < 0:
             return f"{axis_title(found)}: {len(found.mean)} bins"
         return f"{bin_words(found, self.bin)}: {miss_words(found, self.bin)}"
+
+    def numbers(self) -> list[Series]:
+        """For CSV: what is drawn of each bin. Runs go by their place in the list."""
+        found = self.found
+        if found is None:
+            return []
+        across, up = coordinate_unit(found), residual_unit(found)
+        columns = (
+            ("root mean square", found.rms),
+            ("mean", found.mean),
+            ("half of the mean's 90 % interval", found.half),
+        )
+        title = across.label(axis_title(found))
+        return [
+            Series(name, title, up.label("Residual"), across.factor * found.centres, up.factor * values)
+            for name, values in columns
+        ]
 
     # hand
 

@@ -58,6 +58,8 @@ class PredictTab(Tab):
         self.models: dict[str, Model] = {}
         self.found: Beside | None = None
         self._due = self._shown = False
+        self._before: list[tuple[dict[str, Model], Beside | None]] = []
+        self._after: list[tuple[dict[str, Model], Beside | None]] = []
         self._given: tuple[object, object] = ((), ())
         self.panel = PredictPanel()
         self.force, self.period, self.sweep = ForcePlot(), PeriodPlot(), SweepPlot()
@@ -134,6 +136,7 @@ class PredictTab(Tab):
 
     def on_session_opened(self, sessions: tuple[Session, ...]) -> None:
         self.sessions, self.found = sessions, None
+        self._before, self._after = [], []  # of another session
         self._due = bool(sessions and self.models)
         self._refresh()
         if self._due and self._shown:
@@ -164,9 +167,36 @@ class PredictTab(Tab):
             return
         self._predict({**self.models, **added})
 
+    def undo(self) -> None:
+        """The models as they were before one was added or removed."""
+        if self._before:
+            self._after.append((self.models, self.found))
+            self.models, self.found = self._before.pop()
+            self._refresh()
+
+    def redo(self) -> None:
+        if self._after:
+            self._before.append((self.models, self.found))
+            self.models, self.found = self._after.pop()
+            self._refresh()
+
+    @property
+    def can_undo(self) -> bool:
+        return bool(self._before)
+
+    @property
+    def can_redo(self) -> bool:
+        return bool(self._after)
+
+    def _note(self) -> None:
+        """Other models are about to be there."""
+        self._before.append((dict(self.models), self.found))
+        self._after.clear()
+
     def remove(self, file: str) -> None:
         """Take a model off the list; what the others predict is kept."""
-        self.models.pop(file, None)
+        self._note()
+        self.models = {name: model for name, model in self.models.items() if name != file}
         if self.found is not None:
             kept = {n: f for n, f in self.found.forces.items() if n.partition(": ")[0] in self.models}
             self.found = replace(self.found, forces=kept) if kept else None
@@ -187,6 +217,8 @@ class PredictTab(Tab):
 
         def done(found: Beside) -> None:
             if self.sessions is opened:
+                if given != self.models:
+                    self._note()
                 self.models, self.found = given, found
                 self._refresh()
 

@@ -37,7 +37,10 @@ def series_of(widget: QWidget) -> list[Series]:
     from ..acquire.canvas import Canvas
 
     colours = colours_of(widget)
-    if isinstance(widget, Canvas):
+    own = getattr(widget, "numbers", None)
+    if own is not None:  # a plot that is no curves, such as bars
+        found = list(own())
+    elif isinstance(widget, Canvas):
         label = f"{widget._label} ({widget._unit})"
         time = "Time since connecting (s)"
         found = [Series(line.role, time, label, line.x, line.y) for line in widget.lines if len(line.x)]

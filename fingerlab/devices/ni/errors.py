@@ -30,6 +30,10 @@ FAULTS: dict[int, str] = {
     "timing = 'buffered' in the rig file's [daq].",
     -209803: "The program has missed three or more cycles of the sample clock; close other programs, "
     "or set timing = 'buffered' in the rig file's [daq].",
+    -200843: "The program read a sample three or more cycles late; close other programs, or set "
+    "timing = 'buffered' in the rig file's [daq].",
+    -201027: "The program has missed three or more cycles of the sample clock at once; close other programs, "
+    "or set timing = 'buffered' in the rig file's [daq].",
     -200820: "The card takes only an even number of analog inputs in single-point mode; add or remove one in "
     "the rig file's [daq], or set timing = 'buffered'.",
     -50103: "The card is in use by another program or another session; close that one, or reset the card in "
@@ -57,8 +61,22 @@ LOSSES: dict[int, str] = {
 }
 """Codes after which the card has to be opened anew."""
 
-UNSUPPORTED = frozenset({-200077, -200452, -200431, -200557, -200524, -200820})
-"""Codes by which a device says that it cannot do hardware-timed single points (assumed: driver headers)."""
+UNSUPPORTED = frozenset(
+    {
+        -209857,  # the device does not support hardware-timed single points
+        -200821,  # nor its analog inputs
+        -200820,  # an odd number of them
+        -200998,  # nor its counters, for this measurement
+        -201116,  # nor its analog outputs
+        -201025,
+        -201410,  # not at this rate
+        -200077,  # invalid value of an attribute
+        -200197,  # attribute not supported,
+        -200452,  # or not in this task
+        -200431,  # the terminal does not do this
+    }
+)
+"""Codes by which a device says that it cannot do hardware-timed single points (``nidaqmx.error_codes``)."""
 
 
 def code_of(error: Exception) -> int | None:

@@ -48,12 +48,13 @@ class Tasks:
     def start(self) -> None:
         """Start the clock, the output at zero. Counter and output come first: the analog task is the clock.
 
-        A counter that is started later would begin on another edge than the analog channels.
+        A counter that is started later would begin on another edge than the analog channels. A single-point
+        output refuses a value before it is started (-200803), and has none to give before the clock runs.
         """
-        self.write_volts(0.0)
         self.counter.start()
         if self.single_point:
             self.output.start()
+        self.write_volts(0.0)
         if self.inputs is not None:
             self.inputs.start()
 

@@ -49,11 +49,10 @@ def _limited(noise: Array, whole: Array) -> Array:
     factor = _factor(whole[among] * units)
     half = np.linalg.solve(factor, noise[among] * units)
     shares, directions = np.linalg.eigh(np.linalg.solve(factor, half.T))
-    wrong = (shares > MOST_NOISE) | (shares < 0.0)
-    excess = shares[wrong] - np.clip(shares[wrong], 0.0, MOST_NOISE)
-    reach = factor @ directions[:, wrong]
+    # Put together from its parts: what is cut off may be so much that a difference would be rounding.
+    reach = factor @ directions
     limited = np.zeros_like(noise)
-    limited[among] = noise[among] - (reach * excess) @ reach.T / units
+    limited[among] = (reach * np.clip(shares, 0.0, MOST_NOISE)) @ reach.T / units
     return limited
 
 

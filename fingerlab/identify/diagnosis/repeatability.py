@@ -40,7 +40,14 @@ def noise_weights(model: Model, values: Array, group: Group) -> Array:
 
 
 def _rubbing(model: Model, values: Array, group: Group) -> Array:
-    """Mean products of what the tip's friction does to the equations, (5, 5)."""
+    """Mean products of what the tip's friction does to the equations, (5, 5).
+
+    A tip that sticks rubs, too, and is not known better than one that slides: a usual friction at least.
+    """
+    values = values.copy()
+    if model.tip_law == "sticks":
+        k = model.index["lateral_rub"]
+        values[k] = max(values[k], model.unknowns[k].gain.typical)
     mine = [
         (model.layout.features[i].parameter or "").startswith(("lateral_rub", "lateral_slip"))
         for i in model.active

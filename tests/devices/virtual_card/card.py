@@ -87,7 +87,7 @@ class Card:
         hooks: RPC name -> function called first, which may raise DaqFailure, to make things go wrong.
         stopped_clock: no more edges. partial: samples that the next block read delivers instead of all.
         layout: where a partial read puts them: ``rows``, ``packed`` or ``zeros`` (whole buffer returned).
-        single_point: whether the device can do that at all.
+        single_point: whether the device can do that at all. refusal: how it says that it cannot.
         holds: whether the output keeps its value when a task ends.
     """
 
@@ -102,7 +102,7 @@ class Card:
         self.stopped_clock = False
         self.partial: int | None = None
         self.layout = "rows"
-        self.single_point = True
+        self.single_point, self.refusal = True, -209857
         self.holds = True
         self.history: list[tuple[float, bool]] = []
         self.resets = 0
@@ -129,7 +129,7 @@ class Card:
 
     def time(self, name: str, mode: int, source: str, buffer: int) -> None:
         if mode == SINGLE_POINT and not self.single_point:
-            raise DaqFailure(-200077)
+            raise DaqFailure(self.refusal)
         if source not in ("", f"/{self.name}/ai/SampleClock"):
             raise DaqFailure(-200170)
         task = self.task(name)
@@ -251,9 +251,11 @@ class Card:
         self.reserve(name)
         if task.mode is None:
             self.volts = value
-        else:
-            task.pending = value
-            task.running = task.running or auto_start
+            return
+        if not (task.running or auto_start):
+            raise DaqFailure(-200803 if task.mode == SINGLE_POINT else -200846)
+        task.pending = value
+        task.running = True
 
     def write_line(self, name: str, high: bool) -> None:
         self.task(name)

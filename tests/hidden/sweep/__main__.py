@@ -37,9 +37,8 @@ def trials(kinds: set[str], ids: list[str], seeds: list[int]) -> list[Trial]:
     if "rich" in kinds:
         found += [*nothing("twin", "rich", [1000 + s for s in range(6 * len(seeds))])]
         found += [*singles("twin", "rich", ids, seeds)]
-    if "thesis" in kinds:
-        found += [*nothing("twin", "thesis", [2000 + s for s in range(6 * len(seeds))])]
     if kinds & {"thesis", "after"}:
+        found += [*nothing("twin", "thesis", [2000 + s for s in range(6 * len(seeds))])]
         found += [*singles("twin", "thesis", ids, seeds, proposed="after" in kinds)]
     if "pairs" in kinds:
         found += [*pairs("twin", ids, 8 * len(seeds), 3000)]

@@ -8,7 +8,7 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.moments import SLACK_TENSION_N, taut_moments
 from fingerlab.identify.diagnosis.narrowing import counted
-from fingerlab.identify.diagnosis.noise import RIDGE, _factor
+from fingerlab.identify.diagnosis.noise import MOST_NOISE, RIDGE, _factor, _limited
 from fingerlab.physics.effects.motion import Motion
 from tests.physics.effects.moving import MOTOR, moving
 
@@ -48,3 +48,18 @@ def test_products_that_are_rounding_alone_have_a_factor_all_the_same() -> None:
     factor = _factor((directions * sizes) @ directions.T)
     made = (directions * np.maximum(sizes, 0.0)) @ directions.T
     assert np.allclose(factor @ factor.T, made + RIDGE * np.eye(6), atol=1e-12)
+
+
+def test_noise_that_is_far_larger_than_the_whole_is_cut_to_a_share_of_it() -> None:
+    """As of a bench whose cable hung loose, with the noise of other runs: its square stays one everywhere."""
+    rng = np.random.default_rng(6)
+    moving, still = rng.normal(size=(40, 3)) @ rng.normal(size=(3, 8)), 1e-7 * rng.normal(size=(40, 8))
+    whole = (moving + still).T @ (moving + still) / 40
+    shakes = 1e3 * rng.normal(size=(60, 8))
+    limited = _limited(shakes.T @ shakes / 60, whole)
+    size = np.sqrt(np.diag(whole))
+    scaled = limited / np.outer(size, size)
+    assert np.linalg.eigvalsh(scaled).min() > -1e-12
+    lifted = whole / np.outer(size, size) + RIDGE * np.eye(8)
+    assert np.linalg.eigvalsh(MOST_NOISE * lifted - scaled).min() > -1e-12
+    assert np.diag(scaled).max() > 0.9
