@@ -12,7 +12,7 @@ import pytest
 
 from fingerlab.cli.main import COMMANDS, main
 from tests.cli.bad_sessions import BAD_SESSIONS
-from tests.cli.one_sentence import assert_one_sentence, run_main, snapshot
+from tests.cli.calling import assert_one_sentence, run_main, snapshot
 
 COMMAND_LINES = {
     "info": ["info", "{S}", "--json", "out.json"],
