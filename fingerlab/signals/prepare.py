@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,22 +63,7 @@ def prepare(run: Run, rig: Rig, cutoff_hz: float = THESIS_CUTOFF_HZ) -> Signals:
     """
     rate = run.sample_rate_hz
     channels = run.load(["time", *(name for name in FILTERED if name in NEEDED or run.has(name))])
-    whole = [name for name in FILTERED if name in channels and np.isfinite(channels[name]).all()]
-    for name in NEEDED:
-        if name not in whole:
-            raise UserError(
-                f"Run {run.name} holds values in '{name}' that are not numbers; the motor's channels should "
-                "have no gaps."
-            )
-    # One call for all channels: designing the filter takes as long as filtering one of them.
-    filtered = dict(
-        zip(whole, low_pass(np.stack([channels[n] for n in whole]), rate, cutoff_hz), strict=True)
-    )
-
-    def with_gaps(name: str) -> Array | None:
-        if name in filtered or name not in channels:
-            return filtered.get(name)
-        return low_pass_stretches(channels[name], rate, cutoff_hz)
+    filtered = _low_passed(run, channels, cutoff_hz)
 
     def twice(values: Array | None) -> tuple[Array | None, Array | None]:
         if values is None:
@@ -87,7 +73,7 @@ def prepare(run: Run, rig: Rig, cutoff_hz: float = THESIS_CUTOFF_HZ) -> Signals:
 
     position = filtered["motor_position"]
     velocity = derivative(position, rate)
-    mcp, pip = with_gaps("mcp_angle"), with_gaps("pip_angle")
+    mcp, pip = filtered.get("mcp_angle"), filtered.get("pip_angle")
     mcp_velocity, mcp_acceleration = twice(mcp)
     pip_velocity, pip_acceleration = twice(pip)
     return Signals(
@@ -106,6 +92,31 @@ def prepare(run: Run, rig: Rig, cutoff_hz: float = THESIS_CUTOFF_HZ) -> Signals:
         pip=pip,
         pip_velocity=pip_velocity,
         pip_acceleration=pip_acceleration,
-        force=with_gaps("endpoint_force"),
-        load_torque=with_gaps("load_torque"),
+        force=filtered.get("endpoint_force"),
+        load_torque=filtered.get("load_torque"),
     )
+
+
+def _low_passed(run: Run, channels: Mapping[str, Array], cutoff_hz: float) -> dict[str, Array]:
+    """Channels of ``FILTERED`` that there are, low-passed; gaps stay gaps, one that is all gaps is left out.
+
+    Raises:
+        UserError: the motor's channels have gaps, or the cut-off does not fit the sampling rate.
+    """
+    rate = run.sample_rate_hz
+    there = [name for name in FILTERED if name in channels]
+    whole = [name for name in there if np.isfinite(channels[name]).all()]
+    for name in NEEDED:
+        if name not in whole:
+            raise UserError(
+                f"Run {run.name} holds values in '{name}' that are not numbers; the motor's channels should "
+                "have no gaps."
+            )
+    # One call for all channels: designing the filter takes as long as filtering one of them.
+    filtered = low_pass(np.stack([channels[n] for n in whole]), rate, cutoff_hz)
+    result = dict(zip(whole, filtered, strict=True))
+    for name in there:
+        if name not in whole:
+            pieces = low_pass_stretches(channels[name], rate, cutoff_hz)
+            result |= {} if pieces is None else {name: pieces}
+    return result

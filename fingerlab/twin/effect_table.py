@@ -1,4 +1,4 @@
-"""The catalogue as physics: one table of what each effect changes in the simulated bench.
+"""The catalogue as physics: one table of what each effect is in the simulated bench, and how strong.
 
 Strengths are chosen so that an effect matters on a bench whose joints carry some 0.04 N m, whose cable
 carries some 5 N and whose motor sees some 0.07 N m. Ranges are what such an effect could plausibly
@@ -7,199 +7,12 @@ have on a printed finger with an RE40 drive.
 
 from __future__ import annotations
 
-import math
-
-from fingerlab.twin.bench import Bench
-from fingerlab.twin.effects import CONTACT, MOTOR_BENCH, ON_AIR, Parameter, PlantEffect, Values
-from fingerlab.twin.layout import MCP, MOTOR, PIP
+from fingerlab.twin import plant_changes as changes
+from fingerlab.twin.effects import CONTACT, MOTOR_BENCH, ON_AIR, Parameter, PlantEffect
 
 FINGER = frozenset({ON_AIR, CONTACT})
 DRIVE = frozenset({ON_AIR, CONTACT, MOTOR_BENCH})
 TOUCH = frozenset({CONTACT})
-
-
-def _per_joint(bench: Bench, field: str, value: float, ratio: float) -> None:
-    bench.plant[field + "_1"] += value
-    bench.plant[field + "_2"] += value * ratio
-
-
-def _viscous(bench: Bench, v: Values) -> None:
-    _per_joint(bench, "viscous", v["mcp"], v["pip_ratio"])
-
-
-def _dry(bench: Bench, place: int, level: float, travel: float) -> None:
-    law = bench.friction[place]
-    law["forward"] += level
-    law["backward"] += level
-    law["travel"] = travel
-
-
-def _joint_coulomb(bench: Bench, v: Values) -> None:
-    _dry(bench, MCP, v["mcp"], v["travel"])
-    _dry(bench, PIP, v["mcp"] * v["pip_ratio"], v["travel"])
-
-
-def _stribeck(bench: Bench, places: dict[int, float], v: Values, level: float) -> None:
-    for place, share in places.items():
-        _dry(bench, place, level * share, v["travel"])
-        bench.friction[place]["breakaway"] += level * share * v["excess"]
-        bench.friction[place]["stribeck_speed"] = v["speed"]
-
-
-def _joint_stribeck(bench: Bench, v: Values) -> None:
-    _stribeck(bench, {MCP: 1.0, PIP: v["pip_ratio"]}, v, v["mcp"])
-
-
-def _motor_stribeck(bench: Bench, v: Values) -> None:
-    _stribeck(bench, {MOTOR: 1.0}, v, v["torque"])
-
-
-def _spread(bench: Bench, place: int, level: float, travel: float) -> None:
-    bench.friction[place]["spread"] += level
-    bench.friction[place]["spread_travel"] = travel
-
-
-def _joint_presliding(bench: Bench, v: Values) -> None:
-    _spread(bench, MCP, v["mcp"], v["travel"])
-    _spread(bench, PIP, v["mcp"] * v["pip_ratio"], v["travel"])
-
-
-def _hardening(bench: Bench, v: Values) -> None:
-    _per_joint(bench, "cubic", v["mcp"], v["pip_ratio"])
-
-
-def _stiffness(bench: Bench, v: Values) -> None:
-    bench.plant["stiffness_1"] *= 1.0 + v["relative"]
-    bench.plant["stiffness_2"] *= 1.0 + v["relative"] * v["pip_ratio"]
-
-
-def _coupling(bench: Bench, v: Values) -> None:
-    bench.plant["coupling"] += v["stiffness"]
-
-
-def _creep(bench: Bench, v: Values) -> None:
-    for joint in ("1", "2"):
-        bench.plant["relaxing_" + joint] = bench.plant["stiffness_" + joint] * v["relative"]
-    bench.plant["relaxation_time"] = v["time"]
-
-
-def _stop(bench: Bench, v: Values) -> None:
-    bench.plant["stop_stiffness"] = v["stiffness"]
-    bench.plant["stop_angle"] = v["angle"]
-    bench.plant["stop_damping"] = v["damping"]
-
-
-def _tilt(bench: Bench, v: Values) -> None:
-    bench.plant["tilt"] += v["angle"] * bench.truth.sign
-
-
-def _mass(bench: Bench, v: Values) -> None:
-    bench.plant["distal_mass"] += v["distal"]
-    bench.plant["knuckle_mass"] += v["distal"] * v["knuckle_ratio"]
-
-
-def _rotation(bench: Bench, v: Values) -> None:
-    bench.plant["distal_rotation"] = v["share"]
-
-
-def _varying_arm(bench: Bench, v: Values) -> None:
-    # An extension cable climbs over the knuckle as the joint extends, a flexion cable bows out.
-    bench.plant["arm_slope_1"] += v["slope"] * bench.plant["cable_sign"]
-    bench.plant["arm_slope_2"] += v["slope"] * v["pip_ratio"] * bench.plant["cable_sign"]
-
-
-def _capstan(bench: Bench, v: Values) -> None:
-    bench.plant["wrap"] += v["wrap"]
-
-
-def _slack(bench: Bench, v: Values) -> None:
-    bench.plant["slack"] += v["travel"]
-
-
-def _stretch(bench: Bench, v: Values) -> None:
-    plant = bench.plant
-    before = float(plant["cable_stiffness"])
-    after = 1.0 / (1.0 / before + v["compliance"])
-    plant["cable_stiffness"] = after
-    # The same material loss at every stiffness, and no less than polymer cable has.
-    plant["cable_damping"] = max(plant["cable_damping"] * after / before, v["damping_time"] * after)
-
-
-def _backlash(bench: Bench, v: Values) -> None:
-    bench.plant["play"] += v["play"]
-
-
-def _motor_coulomb(bench: Bench, v: Values) -> None:
-    _dry(bench, MOTOR, v["torque"], v["travel"])
-
-
-def _motor_viscous(bench: Bench, v: Values) -> None:
-    bench.plant["motor_viscous"] += v["coefficient"]
-
-
-def _motor_inertia(bench: Bench, v: Values) -> None:
-    bench.plant["inertia"] += v["inertia"]
-
-
-def _motor_presliding(bench: Bench, v: Values) -> None:
-    _spread(bench, MOTOR, v["torque"], v["travel"])
-
-
-def _asymmetric(bench: Bench, v: Values) -> None:
-    law = bench.friction[MOTOR]
-    law["forward"] += v["torque"] * (1.0 + v["asymmetry"])
-    law["backward"] += v["torque"] * (1.0 - v["asymmetry"])
-    law["travel"] = v["travel"]
-
-
-def _load_dependent(bench: Bench, v: Values) -> None:
-    bench.friction[MOTOR]["load_share"] += v["share"]
-    bench.friction[MOTOR]["travel"] = v["travel"]
-
-
-def _motor_spring(bench: Bench, v: Values) -> None:
-    bench.plant["motor_spring"] += v["stiffness"]
-
-
-def _ripple(bench: Bench, v: Values) -> None:
-    bench.plant["ripple"] = v["torque"]
-    bench.plant["ripple_order"] = v["order"]
-    bench.plant["ripple_phase"] = bench.truth.phase
-
-
-def _delay(bench: Bench, v: Values) -> None:
-    bench.sensors.delay += v["delay"]
-
-
-def _bridge(bench: Bench, v: Values) -> None:
-    # Half the bridge angle is the shaft angle: an error e of the bridges turns into e / 2 of angle.
-    bench.sensors.bridge_offset = 2.0 * v["angle"] * math.cos(bench.truth.phase)
-    bench.sensors.bridge_mismatch = 4.0 * v["angle"] * bench.truth.sign
-
-
-def _drift(bench: Bench, v: Values) -> None:
-    bench.sensors.drift = v["angle"] * bench.truth.sign
-
-
-def _cell_gain(bench: Bench, v: Values) -> None:
-    bench.sensors.force_gain *= 1.0 + v["relative"]
-
-
-def _contact_angle(bench: Bench, v: Values) -> None:
-    bench.plant["contact_angle"] += v["angle"]
-
-
-def _contact_compliance(bench: Bench, v: Values) -> None:
-    softer = 1.0 / (1.0 / float(bench.plant["contact_stiffness"]) + v["compliance"])
-    bench.plant["tip_stiffness"] *= softer / float(bench.plant["contact_stiffness"])
-    bench.plant["contact_stiffness"] = softer
-
-
-def _routing(bench: Bench, v: Values) -> None:
-    if bench.cable == "flexion":
-        bench.plant["arm_1"] *= 1.0 - v["relative"]
-        bench.plant["arm_2"] *= 1.0 + v["relative"]
-
 
 P = Parameter
 RATIO = P("pip_ratio", "", 0.6, 0.3, 1.0, "assumed: smaller hinge")
@@ -212,14 +25,14 @@ _TABLE = (
         "Grease in both hinges.",
         (P("mcp", "N m s/rad", 2.5e-3, 5e-4, 8e-3), RATIO),
         FINGER,
-        _viscous,
+        changes.viscous,
     ),
     PlantEffect(
         "coulomb_friction",
         "Both hinges rub: a spring-slider that truly sticks.",
         (P("mcp", "N m", 2.5e-3, 6e-4, 8e-3), RATIO, WIND_UP),
         FINGER,
-        _joint_coulomb,
+        changes.joint_coulomb,
     ),
     PlantEffect(
         "stribeck_friction",
@@ -232,7 +45,7 @@ _TABLE = (
             WIND_UP,
         ),
         FINGER,
-        _joint_stribeck,
+        changes.joint_stribeck,
     ),
     PlantEffect(
         "presliding_hysteresis",
@@ -243,28 +56,28 @@ _TABLE = (
             RATIO,
         ),
         FINGER,
-        _joint_presliding,
+        changes.joint_presliding,
     ),
     PlantEffect(
         "spring_hardening",
         "Joint springs with a cubic term.",
         (P("mcp", "N m/rad^3", 0.35, 0.08, 1.2), RATIO),
         FINGER,
-        _hardening,
+        changes.hardening,
     ),
     PlantEffect(
         "stiffness_error",
         "Joint springs stiffer than the rig file says.",
         (P("relative", "", 0.25, -0.5, 0.6), P("pip_ratio", "", 1.0, 0.0, 1.5)),
         FINGER,
-        _stiffness,
+        changes.stiffness,
     ),
     PlantEffect(
         "joint_coupling",
         "A spring that pulls the two joint angles together (glove, skin, tendon).",
         (P("stiffness", "N m/rad", 0.025, 5e-3, 0.08),),
         FINGER,
-        _coupling,
+        changes.coupling,
     ),
     PlantEffect(
         "viscoelastic_creep",
@@ -274,7 +87,7 @@ _TABLE = (
             P("time", "s", 0.8, 0.1, 5.0, "assumed: silicone and printed ABS"),
         ),
         FINGER,
-        _creep,
+        changes.creep,
     ),
     PlantEffect(
         "joint_stop",
@@ -285,14 +98,14 @@ _TABLE = (
             P("damping", "s/rad", 0.2, 0.0, 1.0),
         ),
         FINGER,
-        _stop,
+        changes.stop,
     ),
     PlantEffect(
         "gravity_tilt",
         "The base stands at another angle than the wrist angle in the rig file.",
         (P("angle", "rad", 0.26, 0.05, 0.6, "assumed: 15 degrees"),),
         FINGER,
-        _tilt,
+        changes.tilt,
     ),
     PlantEffect(
         "added_mass",
@@ -302,14 +115,14 @@ _TABLE = (
             P("knuckle_ratio", "", 0.7, 0.0, 2.0),
         ),
         FINGER,
-        _mass,
+        changes.mass,
     ),
     PlantEffect(
         "distal_rotation",
         "The distal body's spin counts with its absolute speed, as it really does.",
         (P("share", "", 1.0, 0.0, 1.0, "0 is the thesis' energy, 1 is rigid-body mechanics"),),
         FINGER,
-        _rotation,
+        changes.rotation,
     ),
     PlantEffect(
         "varying_moment_arm",
@@ -319,21 +132,21 @@ _TABLE = (
             P("pip_ratio", "", 0.8, 0.3, 1.2),
         ),
         FINGER,
-        _varying_arm,
+        changes.varying_arm,
     ),
     PlantEffect(
         "capstan_friction",
         "The cable rubs in its sheath and sticks there at reversal.",
         (P("wrap", "", 0.18, 0.05, 0.6, "friction 0.1 to 0.2 times the bend; Kaneko's sheath model"),),
         FINGER,
-        _capstan,
+        changes.capstan,
     ),
     PlantEffect(
         "cable_slack",
         "Dead travel: the cable hangs loose until this length is wound.",
         (P("travel", "m", 3.5e-3, 8e-4, 8e-3, "thesis chapter 5: 'some slack'; size assumed"),),
         FINGER,
-        _slack,
+        changes.slack,
     ),
     PlantEffect(
         "cable_stretch",
@@ -343,7 +156,7 @@ _TABLE = (
             P("damping_time", "s", 4e-3, 1e-3, 2e-2),
         ),
         FINGER,
-        _stretch,
+        changes.stretch,
     ),
     # Idealised: the cable's torque reaches the motor also while the gap is crossed. Under a cable that only
     # pulls, a free pulley would rest against one flank for ever and play would never show.
@@ -352,7 +165,7 @@ _TABLE = (
         "Play between gearbox and pulley, whose bearing holds it where it was left until the gap is closed.",
         (P("play", "rad", 0.015, 4e-3, 0.025, "GP 42C data sheet: below 1 degree; keyed pulley adds to it"),),
         FINGER,
-        _backlash,
+        changes.backlash,
     ),
     PlantEffect(
         "motor_coulomb_friction",
@@ -362,21 +175,21 @@ _TABLE = (
             GEAR_WIND_UP,
         ),
         DRIVE,
-        _motor_coulomb,
+        changes.motor_coulomb,
     ),
     PlantEffect(
         "motor_viscous_friction",
         "Grease in motor and gearbox.",
         (P("coefficient", "N m s/rad", 4.0e-3, 5e-4, 1.5e-2),),
         DRIVE,
-        _motor_viscous,
+        changes.motor_viscous,
     ),
     PlantEffect(
         "motor_inertia",
         "A coupling and a larger pulley on the output shaft.",
         (P("inertia", "kg m^2", 4.0e-4, 1e-4, 2e-3, "assumed: steel disc of 40 mm"),),
         DRIVE,
-        _motor_inertia,
+        changes.motor_inertia,
     ),
     PlantEffect(
         "motor_stribeck_friction",
@@ -388,14 +201,14 @@ _TABLE = (
             GEAR_WIND_UP,
         ),
         DRIVE,
-        _motor_stribeck,
+        changes.motor_stribeck,
     ),
     PlantEffect(
         "motor_presliding",
         "Seals of motor and gearbox: friction that builds up over degrees.",
         (P("torque", "N m", 7.0e-3, 2e-3, 2.5e-2), P("travel", "rad", 0.15, 0.04, 0.4)),
         DRIVE,
-        _motor_presliding,
+        changes.motor_presliding,
     ),
     PlantEffect(
         "asymmetric_friction",
@@ -406,35 +219,35 @@ _TABLE = (
             GEAR_WIND_UP,
         ),
         DRIVE,
-        _asymmetric,
+        changes.asymmetric,
     ),
     PlantEffect(
         "load_dependent_friction",
         "Tooth friction: a share of the torque transmitted is lost in either direction.",
         (P("share", "", 0.13, 0.03, 0.35, "GP 42C efficiency 90 %; more when dry"), GEAR_WIND_UP),
         DRIVE,
-        _load_dependent,
+        changes.load_dependent,
     ),
     PlantEffect(
         "motor_spring",
         "An elastic torque at the output shaft (cable loop, seals, return spring).",
         (P("stiffness", "N m/rad", 0.03, 5e-3, 0.15),),
         DRIVE,
-        _motor_spring,
+        changes.motor_spring,
     ),
     PlantEffect(
         "torque_ripple",
         "Torque that repeats with the motor angle (gear mesh, commutation).",
         (P("torque", "N m", 4.0e-3, 1e-3, 1.5e-2), P("order", "1/rev", 22.0, 8.0, 60.0)),
         DRIVE,
-        _ripple,
+        changes.ripple,
     ),
     PlantEffect(
         "transport_delay",
         "Joint angles and force reach the recorder later than the motor's own channels.",
         (P("delay", "s", 0.04, 5e-3, 0.2, "thesis section 4.2 saw 162 ms; cause open"),),
         FINGER,
-        _delay,
+        changes.delay,
     ),
     PlantEffect(
         "angle_sensor_nonlinearity",
@@ -450,7 +263,7 @@ _TABLE = (
             ),
         ),
         FINGER,
-        _bridge,
+        changes.bridge,
     ),
     PlantEffect(
         "sensor_drift",
@@ -466,35 +279,35 @@ _TABLE = (
             ),
         ),
         FINGER,
-        _drift,
+        changes.drift,
     ),
     PlantEffect(
         "load_cell_gain",
         "The load cell reads too much.",
         (P("relative", "", 0.15, -0.3, 0.3, "FC2231 span is good to 5 %; a wrong calibration does more"),),
         TOUCH,
-        _cell_gain,
+        changes.cell_gain,
     ),
     PlantEffect(
         "contact_angle",
         "The fingertip presses on a face that leans from the load cell's axis.",
         (P("angle", "rad", 0.45, 0.1, 1.05, "thesis figure 5.2 tried up to 60 degrees"),),
         TOUCH,
-        _contact_angle,
+        changes.contact_angle,
     ),
     PlantEffect(
         "contact_compliance",
         "A soft fingertip on the load cell.",
         (P("compliance", "m/N", 1.0e-3, 2e-4, 4e-3, "assumed: silicone cap"),),
         TOUCH,
-        _contact_compliance,
+        changes.contact_compliance,
     ),
     PlantEffect(
         "routing_change",
         "The flexion cable passes the MCP closer and the PIP farther than the bench expects.",
         (P("relative", "", 0.35, -0.5, 0.5),),
         FINGER,
-        _routing,
+        changes.routing,
     ),
 )
 

@@ -13,8 +13,8 @@ from scipy import stats
 from fingerlab.calibration import SENSORS, Step, StepTiming, calibrate_steps, find_steps
 from fingerlab.calibration.recording import read_recording
 from fingerlab.calibration.steps import count_steps
-from fingerlab.cli.main import main
 from fingerlab.errors import UserError
+from tests.cli.calling import run_main
 
 LOAD_CELL = SENSORS["load-cell"]
 THESIS_GAIN, THESIS_OFFSET = 11.194, -5.317  # thesis (2.1): F = 11.194 V - 5.317
@@ -202,13 +202,6 @@ def test_a_column_that_cannot_be_told(tmp_path):
         read_recording(path, LOAD_CELL, "9")
     with pytest.raises(UserError, match="has no column 'three'"):
         read_recording(path, LOAD_CELL, "three")
-
-
-def run_main(arguments, capsys):
-    with pytest.raises(SystemExit) as stop:
-        main([str(argument) for argument in arguments])
-    captured = capsys.readouterr()
-    return stop.value.code, captured.out, captured.err
 
 
 def test_the_command_writes_the_line_and_its_judgement(tmp_path, capsys):

@@ -10,15 +10,9 @@ import numpy as np
 import pytest
 
 from fingerlab.cli import sessions as command
-from fingerlab.cli.main import COMMANDS, main
+from fingerlab.cli.main import COMMANDS
 from fingerlab.sessions import open_session
-
-
-def run_main(arguments, capsys):
-    with pytest.raises(SystemExit) as stop:
-        main([str(argument) for argument in arguments])
-    captured = capsys.readouterr()
-    return stop.value.code, captured.out, captured.err
+from tests.cli.calling import run_main
 
 
 def test_info_shows_runs_rig_and_findings(make_session, capsys):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,20 +13,11 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.errors import equation_errors
-from fingerlab.identify.diagnosis.evidence import (
-    Evidence,
-    alike,
-    borne_out,
-    distrusted,
-    hidden,
-    justified,
-    much_left,
-    needed,
-    unseen,
-)
+from fingerlab.identify.diagnosis.evidence import Evidence, alike, borne_out, distrusted
+from fingerlab.identify.diagnosis.path import LONGEST_PATH, forward
 from fingerlab.identify.diagnosis.recall import Recall
-from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
-from fingerlab.identify.diagnosis.search import LONGEST_PATH, Watch, forward, rescore, weigh
+from fingerlab.identify.diagnosis.reduction import reduce_sessions
+from fingerlab.identify.diagnosis.search import rescore, weigh
 from fingerlab.identify.diagnosis.second_look import (
     closely,
     closest,
@@ -35,10 +26,13 @@ from fingerlab.identify.diagnosis.second_look import (
     settled,
     worth_a_look,
 )
-from fingerlab.identify.diagnosis.study import Study, Trial
-from fingerlab.identify.diagnosis.unseen import least_strength
-from fingerlab.identify.diagnosis.wording import Z90, deviations, explanation, parameters
-from fingerlab.identify.results import Candidate, Diagnosis, Fingerprint, ParameterEstimate, PathStep, Verdict
+from fingerlab.identify.diagnosis.steps import justified, much_left
+from fingerlab.identify.diagnosis.study import Study
+from fingerlab.identify.diagnosis.trial import Trial
+from fingerlab.identify.diagnosis.unseen import hidden, least_strength, needed, unseen
+from fingerlab.identify.diagnosis.watch import Progress, Watch
+from fingerlab.identify.diagnosis.wording import every_parameter, explanation, parameters
+from fingerlab.identify.results import Candidate, Diagnosis, Fingerprint, PathStep, Verdict
 from fingerlab.physics.effects import effect, whole_catalogue
 from fingerlab.physics.effects.base import Effect
 from fingerlab.sessions.model import Session
@@ -78,9 +72,8 @@ def diagnose(
     catalogue = [e for e in known.values() if e.id not in left_out]
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
-        return _diagnose(
-            sessions, catalogue, given, _Scale(progress), cancelled, with_curves, Recall(executor), started
-        )
+        question = _Question(sessions, catalogue, given, _Scale(progress, cancelled), Recall(executor))
+        return _diagnose(question, with_curves, started)
 
 
 class _Scale:
@@ -89,59 +82,80 @@ class _Scale:
     How many rounds a search takes is not known before; a later round moves on from where the last one ended.
     """
 
-    def __init__(self, progress: Progress | None) -> None:
+    def __init__(self, progress: Progress | None, cancelled: Callable[[], bool] | None) -> None:
         self.progress = progress
+        self.cancelled = cancelled
         self.reached = 0.0
 
-    def part(self, low: float, high: float) -> Progress:
+    def part(self, low: float, high: float) -> Watch:
         def tell(share: float, what: str) -> None:
             self.reached = max(self.reached, low + (high - low) * share)
             if self.progress is not None:
                 self.progress(self.reached, what)
 
-        return tell
+        return Watch(tell, self.cancelled)
 
 
-def _diagnose(
-    sessions: Sequence[Session],
-    catalogue: Sequence[Effect],
-    given: Sequence[Effect],
-    scale: _Scale,
-    cancelled: Callable[[], bool] | None,
-    with_curves: bool,
-    recall: Recall,
-    started: float,
-) -> Diagnosis:
+@dataclass(frozen=True)
+class _Question:
+    """What is asked of the sessions: which effects there are, and which of them are ``given``."""
+
+    sessions: Sequence[Session]
+    catalogue: Sequence[Effect]
+    given: Sequence[Effect]
+    scale: _Scale
+    recall: Recall
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What the search found.
+
+    Attributes:
+        evidence: for one effect more than the model as given.
+        path: models from the one as given to all that is missing.
+        closer: of the second look at the path; None: there was none.
+    """
+
+    study: Study
+    evidence: Evidence
+    path: Sequence[Trial]
+    closer: Study | None
+
+
+def _diagnose(question: _Question, with_curves: bool, started: float) -> Diagnosis:
     display = _display() if with_curves else None
-    if given:
-        given = closest(closely(sessions, given, scale.part(0.0, 0.1), cancelled, recall)[1])
-        catalogue = [next((g for g in given if g.id == e.id), e) for e in catalogue]
+    if question.given:
+        question = _with_closest_shapes(question)
     reduced = reduce_sessions(
-        sessions,
-        catalogue,
-        scale.part(0.1 if given else 0.0, 0.4),
-        cancelled,
+        question.sessions,
+        question.catalogue,
+        question.scale.part(0.1 if question.given else 0.0, 0.4),
         display.keep if display is not None else None,
-        recall,
+        question.recall,
     )
-    effects = reduced.layout.effects
-    study = Study(reduced)
-    watch = Watch(scale.part(0.4, 0.7), cancelled)
-    base = settled(study, given)
-    evidence = weigh(study, base, effects, watch)
+    return _told(question, _searched(question, Study(reduced)), display, started)
+
+
+def _with_closest_shapes(question: _Question) -> _Question:
+    """The same with the given effects, there and in the catalogue, at the shapes that fit best."""
+    watch = question.scale.part(0.0, 0.1)
+    given = closest(closely(question.sessions, question.given, watch, question.recall)[1])
+    catalogue = [next((g for g in given if g.id == e.id), e) for e in question.catalogue]
+    return replace(question, given=given, catalogue=catalogue)
+
+
+def _searched(question: _Question, study: Study) -> _Found:
+    """One effect more, then all; judged in the end under the weights of what was found last."""
+    effects = study.reduced.layout.effects
+    base = settled(study, question.given)
+    evidence = weigh(study, base, effects, question.scale.part(0.4, 0.7))
     first_weights = study.weights
-    path = forward(study, evidence, effects, len(given), Watch(scale.part(0.7, 0.9), cancelled))
+    path = forward(study, evidence, effects, len(question.given), question.scale.part(0.7, 0.9))
     if len(path) == 1 and _verdict(evidence) == "missing_effect":
         evidence = distrusted(evidence)
-    closer: Study | None = None
-    if len(path) > 1 and worth_a_look(path[-1].model.choices):
-        closer, path = look_again_along(sessions, path, scale.part(0.9, 0.93), cancelled, recall)
-        while much_left(path[-1]) and len(path) <= LONGEST_PATH:
-            beyond = Watch(scale.part(0.93, 0.97), cancelled)
-            longer = look_beyond(sessions, catalogue, path, beyond, recall)
-            if longer is None or len(longer[1]) <= len(path):  # found, but not borne out when looked at again
-                break
-            closer, path = longer
+    closer, path = _looked_at_again(question, path)
+    if closer is not None:
         study.weights = closer.weights
     if closer is not None or len(path) > 2:
         # Every score of an answer is told in the floors of the same, last model.
@@ -150,21 +164,40 @@ def _diagnose(
     else:
         study.weights = first_weights
     evidence = borne_out(evidence, path[-1])
-    loose = sum(f.slack_samples for g in reduced.groups for f in g.folds)
     evidence = replace(
         evidence, base=study.told(evidence.base), trials=tuple(map(study.told, evidence.trials))
     )
-    evidence = unseen(evidence)
+    return _Found(study, unseen(evidence), path, closer)
+
+
+def _looked_at_again(question: _Question, path: list[Trial]) -> tuple[Study | None, list[Trial]]:
+    """The path between the points of the grids, and beyond its end; no study where that changes nothing."""
+    if len(path) == 1 or not worth_a_look(path[-1].model.choices):
+        return None, path
+    sessions, scale, recall = question.sessions, question.scale, question.recall
+    closer, path = look_again_along(sessions, path, scale.part(0.9, 0.93), recall)
+    while much_left(path[-1]) and len(path) <= LONGEST_PATH:
+        longer = look_beyond(sessions, question.catalogue, path, scale.part(0.93, 0.97), recall)
+        if longer is None or len(longer[1]) <= len(path):  # found, but not borne out when looked at again
+            break
+        closer, path = longer
+    return closer, path
+
+
+def _told(question: _Question, found: _Found, display: Display | None, started: float) -> Diagnosis:
+    """The answer, as it is given to others."""
+    study, evidence, path = found.study, found.evidence, found.path
     verdict = _verdict(evidence)
     chosen = alike(evidence) if verdict == "missing_effect" else []
     if verdict == "nothing_missing":
         chosen = hidden(evidence)
     curves = display.curves(study, evidence) if display is not None else None
-    first = closer.told(path[1]) if closer is not None else None
+    first = found.closer.told(path[1]) if found.closer is not None else None
+    loose = sum(f.slack_samples for g in study.reduced.groups for f in g.folds)
     candidates = _candidates(evidence, chosen, loose, curves.fingerprints if curves else {}, first)
     return Diagnosis(
-        sessions=tuple(str(s.path) for s in sessions),
-        model=tuple(e.id for e in given),
+        sessions=tuple(str(s.path) for s in question.sessions),
+        model=tuple(e.id for e in question.given),
         errors=equation_errors(study, evidence.base),
         score=evidence.base.score,
         verdict=verdict,
@@ -172,12 +205,12 @@ def _diagnose(
         set=tuple(evidence.trials[i].model.choices[-1].effect.id for i in chosen),
         path=tuple(PathStep(_last(s) if k else None, s.score) for k, s in enumerate(path)),
         final_model=tuple(c.effect.id for c in path[-1].model.choices),
-        next_experiment=_next_experiment(sessions, study, evidence, chosen),
+        next_experiment=_next_experiment(question.sessions, study, evidence, chosen),
         seconds=time.perf_counter() - started,
         probability_nothing=evidence.nothing,
         probability_unknown=evidence.unknown,
-        parameters=_model_parameters(evidence.base, evidence.temperature),
-        final_parameters=_model_parameters(path[-1], evidence.temperature),
+        parameters=every_parameter(evidence.base, evidence.temperature),
+        final_parameters=every_parameter(path[-1], evidence.temperature),
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
     )
@@ -247,13 +280,3 @@ def _candidates(
             )
         )
     return tuple(result)
-
-
-def _model_parameters(trial: Trial, heat: float) -> dict[str, ParameterEstimate]:
-    spread = deviations(trial, heat)
-    return {
-        u.key: ParameterEstimate(
-            float(v), u.gain.unit, float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
-        )
-        for u, v in zip(trial.model.unknowns, trial.fit.values, strict=True)
-    }

@@ -10,11 +10,14 @@ import numpy as np
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE, NARROW_RATE_HZ, narrow
 from fingerlab.identify.diagnosis.evidence import Evidence
 from fingerlab.identify.diagnosis.features import FORCE
-from fingerlab.identify.diagnosis.fitting import SLACK_SPREAD_M, noise_covariance
+from fingerlab.identify.diagnosis.groups import Group, GroupKey, group_key
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
-from fingerlab.identify.diagnosis.reduction import Group, GroupKey, Narrow, counted, group_key
-from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.narrowing import Narrow, counted
+from fingerlab.identify.diagnosis.residuals import noise_covariance
+from fingerlab.identify.diagnosis.study import Study
 from fingerlab.identify.diagnosis.sums import BoolArray
+from fingerlab.identify.diagnosis.trial import Trial
+from fingerlab.identify.diagnosis.weighing import SLACK_SPREAD_M
 from fingerlab.identify.diagnosis.wording import Z90
 from fingerlab.identify.results import EQUATION_TITLES, Comparison, Failure, Fingerprint
 from fingerlab.physics import nominal

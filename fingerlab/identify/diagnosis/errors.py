@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from fingerlab.identify.diagnosis.features import FORCE, SHIFTS_S
-from fingerlab.identify.diagnosis.fitting import noise_covariance
+from fingerlab.identify.diagnosis.groups import Group
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
-from fingerlab.identify.diagnosis.reduction import Group
-from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.residuals import noise_covariance
+from fingerlab.identify.diagnosis.study import Study
+from fingerlab.identify.diagnosis.trial import Trial
 from fingerlab.identify.results import EquationError
 from fingerlab.physics.effects.base import Row
 from fingerlab.sessions.model import Array
@@ -97,7 +98,7 @@ def _products(study: Study, group: Group, features: list[int]) -> Array:
 
 def _contact(study: Study, group: Group) -> tuple[float, float]:
     """Lever (m) of the force about the PIP joint and the force's variance (N^2); zero without contact."""
-    if group.key[1] != "contact":
+    if not group.in_contact:
         return 0.0, 0.0
     places = [study.reduced.layout.features.index(FORCE)]
     places += [_find(study, row=Row.PIP, parameter=name) for name in ("force_gain", "loss_pip")]

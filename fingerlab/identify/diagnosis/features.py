@@ -280,22 +280,25 @@ CURRENT_ZERO_A = 0.0025
 5 mA in which a 16-bit card reads the monitor of a 5 A drive."""
 
 
+BENCH_RANGES = {
+    "bench_inertia": Gain("kg m^2", 0.0, 0.1, 1e-3),
+    "bench_gain": Gain("1", -100.0, 100.0, 1.0),
+    "bench_offset": Gain("N m", -10.0, 10.0, 0.1),
+    "bench_trace": Gain("N m s/rad", 0.0, 2e-4, 5e-5),
+}
+"""Of a motor alone, whose equation is fitted as it comes."""
+
+
 def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
     """Plausible range of every unknown that each model carries; ``typical`` is one standard deviation.
 
     Constants of the rig move within 2.5 tolerances and no further: a prior alone lets a mass absorb what
     it should not.
     """
-    ranges = {
-        "bench_inertia": Gain("kg m^2", 0.0, 0.1, 1e-3),
-        "bench_gain": Gain("1", -100.0, 100.0, 1.0),
-        "bench_offset": Gain("N m", -10.0, 10.0, 0.1),
-        "bench_trace": Gain("N m s/rad", 0.0, 2e-4, 5e-5),
-    }
     if rig.finger is None:
-        return ranges
+        return dict(BENCH_RANGES)
     zero = rig.motor.torque_constant * rig.motor.gear_ratio * CURRENT_ZERO_A
-    ranges |= {
+    ranges = BENCH_RANGES | {
         TORQUE_ZERO: Gain("N m", -2.5 * zero, 2.5 * zero, zero, source="assumed: the current's zero"),
         "load_gain": Gain("1", -0.05, 0.05, 0.02, source="assumed: a load known to 2 %"),
     }

@@ -2,232 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
-from fingerlab.identify.diagnosis.features import NO_SHIFT, Layout
 from fingerlab.identify.diagnosis.model import Model
-from fingerlab.identify.diagnosis.reduction import Group, GroupKey
-from fingerlab.identify.diagnosis.standing import (
-    HELD_SHARE,
-    change_of_weight,
-    encoder_spread,
-    log_widening,
-)
-from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Sums, total
-from fingerlab.physics.effects.base import Row
+from fingerlab.identify.diagnosis.numerics import bounded_step, scaled_inverse
+from fingerlab.identify.diagnosis.weighing import Data, FoldNumbers, Weighted, Weights, feature_weights
 from fingerlab.sessions.model import Array
-
-SLACK_SPREAD_M = 1e-4
-"""Cable that may hang loose at no tension before that is called slack, m; assumed."""
-
-Weights = Mapping[GroupKey, Array]
-"""Inverse covariance of the equations' noise for each group, (5, 5) over :class:`Row`."""
-
-Part = tuple[int, ...]
-"""Folds of a group, by number."""
-
-
-@dataclass(frozen=True)
-class Weighted:
-    """Weighted products of a model's features, (k, k) each.
-
-    ``curvature`` holds noise, so that it is positive; ``matrix`` does not: it gives cost and gradient.
-    """
-
-    curvature: Array
-    matrix: Array
-
-
-@dataclass(frozen=True)
-class Gathered:
-    """Products of a model's features in one group or fold, (k, k) each: see :class:`Sums`.
-
-    All samples with noise and without, those at rest with noise and without, and those of a slack cable.
-    """
-
-    raw: Array
-    clean: Array
-    still: Array | None
-    quiet: Array | None
-    slack: Array | None
-
-
-class Data:
-    """Sums over the runs that a fit may see, with noise and without.
-
-    Taking the noise away keeps noisy regressors from being pulled towards zero (Fuller, "Measurement Error
-    Models", 1987, section 2.2): a tension that carries current noise would otherwise hide cable stretch.
-    """
-
-    def __init__(self, groups: Sequence[Group]) -> None:
-        self.groups = groups
-        self._noise = [_noise_of_a_sample(g) for g in groups]
-        self._taut_noise = [
-            noise if g.taut_noise is None else g.taut_noise
-            for g, noise in zip(groups, self._noise, strict=True)
-        ]
-        self._kept: dict[tuple[int, int], tuple[Model, Gathered]] = {}
-        self._joined: dict[tuple[int, Part], Sums] = {}
-        self._at_rest: dict[int, tuple[Array, Array, float]] = {}
-
-    @property
-    def count(self) -> float:
-        """Decimated samples of all groups, as independent values of one equation."""
-        return EFFECTIVE_SHARE * sum(group.samples for group in self.groups)
-
-    def raw(self, i: int, part: Part | None) -> Sums:
-        """Sums over some folds of group ``i``, or over all."""
-        group = self.groups[i]
-        if part is None or len(part) == len(group.folds):
-            return group.whole
-        if len(part) == 1:
-            return group.folds[part[0]]
-        if (i, part) not in self._joined:
-            self._joined[i, part] = total([group.folds[k] for k in part])
-        return self._joined[i, part]
-
-    @cached_property
-    def noiseless(self) -> list[Sums]:
-        """All folds of every group as one, without noise."""
-        noises = zip(self._noise, self._taut_noise, strict=True)
-        return [g.whole.without(*noise) for g, noise in zip(self.groups, noises, strict=True)]
-
-    def weighted(
-        self, i: int, part: Part | None, model: Model, weight: Array, standing: Callable[[], Array]
-    ) -> Weighted:
-        """What a fit needs of group ``i``, or of a part of it; a slack cable costs unless it may be so.
-
-        ``weight`` of each product of the model's features, (k, k); ``standing`` gives by how much it changes
-        where the motor stands, if it ever does.
-        """
-        found = self.gathered(i, part, model)
-        curvature, matrix = found.raw * weight, found.clean * weight
-        if found.still is not None and found.quiet is not None:
-            less = standing()
-            curvature += found.still * less
-            matrix += found.quiet * less
-        if found.slack is not None and not model.slack_free:
-            charge = found.slack * (EFFECTIVE_SHARE / SLACK_SPREAD_M**2)
-            curvature += charge
-            matrix += charge
-        return Weighted(curvature, matrix)
-
-    def gathered(self, i: int, part: Part | None, model: Model) -> Gathered:
-        """Products of the model's features; those over whole groups are kept: they are asked for often."""
-        whole = part is None or len(part) == len(self.groups[i].folds)
-        known = self._kept.get((id(model), i)) if whole else None
-        if known is not None:
-            return known[1]
-        sums, pick = self.raw(i, part), model.pick
-        noise = self._noise[i][pick.square]
-        found = Gathered(
-            sums.of(pick),
-            sums.of(pick, noise, self._taut_noise[i][pick.square]),
-            sums.at_rest(pick),
-            sums.at_rest(pick, noise),
-            sums.slack(pick),
-        )
-        if whole:
-            self._kept[id(model), i] = model, found  # with the model, so that its identity stays its own
-        return found
-
-    def standing(self, i: int, weights: Array) -> Array:
-        """How the encoder's step changes the weights of group ``i`` where the motor stands, (5, 5)."""
-        return self._standing(i, weights)[0]
-
-    def _standing(self, i: int, weights: Array) -> tuple[Array, float]:
-        """The same, and the log widening that goes with it; kept while the weights stay the same array."""
-        known = self._at_rest.get(i)
-        if known is None or known[0] is not weights:
-            spread = encoder_spread(self.groups[i].encoder_variance)
-            known = weights, change_of_weight(weights, spread), log_widening(weights, spread)
-            self._at_rest[i] = known
-        return known[1:]
-
-    def held(self, i: int, model: Model, values: Array, weights: Array) -> tuple[Array, float] | None:
-        """What friction that sticks does to group ``i`` where the motor stands; None: nothing.
-
-        The change of the weights, (5, 5), beside the encoder's, and by how much the logarithm of the density
-        falls at all those moments together because the residual may lie further out.
-        """
-        group = self.groups[i]
-        if group.whole.rest is None or not model.sticking:
-            return None
-        products = self.gathered(i, None, model).raw
-        spread = encoder_spread(group.encoder_variance)
-        h, own = model.features(values, group), np.zeros((5, 5))
-        for mine in map(np.flatnonzero, model.sticking):
-            share = np.zeros((len(mine), 5))
-            share[np.arange(len(mine)), model.rows[mine]] = h[mine]
-            own += share.T @ products[mine[:, None], mine] @ share
-        own *= HELD_SHARE / max(group.samples, 1.0)
-        usual, wide = self._standing(i, weights)
-        change = change_of_weight(weights, spread + own) - usual
-        widening = log_widening(weights, spread + own) - wide
-        return change, EFFECTIVE_SHARE * group.whole.rest_samples * widening
-
-
-def _noise_of_a_sample(group: Group) -> Array:
-    """What noise adds to the products of signals at one sample, (signals, signals)."""
-    return group.noise / max(group.noise_samples, 1.0)
-
-
-MOST_NOISE = 0.995
-"""Noise may make up at most this share of any combination of features."""
-RIDGE = 1e-9
-"""Share of its own size below which a combination of features is rounding."""
-
-
-def limit_noise(group: Group) -> None:
-    """Cut the group's noise back to what its own recordings hold, in every combination of signals.
-
-    The noise is read from the runs with a cycle; in a combination that those runs happen to excite more
-    than the others it would exceed the whole, and a fit could run away along it.
-    """
-    if group.noise_samples <= 0:
-        return
-    whole = group.whole
-    noise = _limited(_noise_of_a_sample(group), whole.products / whole.samples)
-    group.noise = noise * group.noise_samples
-    if whole.loose is not None:
-        # Few taut moments hold little of it; what is not in them says nothing of how noisy the others are.
-        group.taut_noise = _limited(noise, whole.taut() / max(whole.taut_samples, 1))
-
-
-def _limited(noise: Array, whole: Array) -> Array:
-    """``noise`` cut back to a share of ``whole`` in every direction; both (n, n), of one sample."""
-    size = np.diag(whole)
-    live = np.flatnonzero(size > 0)
-    scale = 1.0 / np.sqrt(size[live])
-    among = np.ix_(live, live)
-    units = np.outer(scale, scale)
-    # In units of the whole (its Cholesky factor) the noise is a share between 0 and 1 in every direction.
-    factor = _factor(whole[among] * units)
-    half = np.linalg.solve(factor, noise[among] * units)
-    shares, directions = np.linalg.eigh(np.linalg.solve(factor, half.T))
-    # Put together from its parts: what is cut off may be so much that a difference would be rounding.
-    reach = factor @ directions
-    limited = np.zeros_like(noise)
-    limited[among] = (reach * np.clip(shares, 0.0, MOST_NOISE)) @ reach.T / units
-    return limited
-
-
-def _factor(products: Array) -> Array:
-    """Cholesky factor of products with ones on the diagonal, lifted to be definite, (n, n)."""
-    ridge = RIDGE * np.eye(len(products))
-    try:
-        return np.asarray(np.linalg.cholesky(products + ridge))
-    except np.linalg.LinAlgError:
-        # Products of the taut moments are those of all less those of the slack ones: where nearly all is
-        # slack, what is left of a signal may be rounding, which is no product of anything.
-        sizes, directions = np.linalg.eigh(products)
-        return np.asarray(np.linalg.cholesky((directions * np.maximum(sizes, 0.0)) @ directions.T + ridge))
-
 
 SETTLING_ITERATIONS = 4
 """With fewer, a fit only looks round, and friction at rest is taken as it was at the start."""
@@ -235,6 +19,9 @@ LEAST_GAIN = 1e-3
 LEAST_SHARE = 1e-6
 """A step that lowers the cost by less than this, or by less than this share of it, is the last; the cost is
 twice a log probability."""
+
+WEAK_PRIOR = 0.01
+"""Weight of the prior of what nothing is known of: arms, offsets, and gains of effects."""
 
 
 @dataclass(frozen=True)
@@ -248,19 +35,12 @@ class Fit:
     @cached_property
     def covariance(self) -> Array:
         """Of the unknowns, (p, p)."""
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(self.information), 1e-300))
-        scaled = np.linalg.pinv(self.information * np.outer(scale, scale), hermitian=True)
-        return np.asarray(scaled * np.outer(scale, scale))
+        return scaled_inverse(self.information)
 
     @cached_property
     def deviations(self) -> Array:
         """Standard deviation of every unknown, given what else is unknown, (p,)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-
-
-def feature_weights(weights: Array, rows: IntArray) -> Array:
-    """Weight of each product of features, (k, k)."""
-    return weights.take(rows, axis=0).take(rows, axis=1)
 
 
 class Fitter:
@@ -270,7 +50,7 @@ class Fitter:
         self.model = model
         self.data = data
         self.weights = weights
-        self._parts: dict[tuple[int, Part | None], Weighted] = {}
+        self._parts: dict[tuple[int, FoldNumbers | None], Weighted] = {}
         self._stacked: Weighted | None = None
         self._cables = tuple(g.cable_sign for g in data.groups)
         self._whole: tuple[Array, tuple[Array, Array], tuple[Array, Array]] | None = None
@@ -298,7 +78,7 @@ class Fitter:
             )
         return self._stacked
 
-    def part(self, i: int, part: Part | None) -> Weighted:
+    def part(self, i: int, part: FoldNumbers | None) -> Weighted:
         """Weighted products over group ``i``, or over some of its folds."""
         if (i, part) not in self._parts:
             if i not in self._weight:
@@ -354,19 +134,14 @@ class Fitter:
 
         A loss that is seen in contact alone may be the tip's friction as well, and is as free.
         """
-        pressed = {f"@{g.key[0]}" for g in self.data.groups} - {
-            f"@{g.key[0]}" for g in self.data.groups if g.key[1] == "free"
-        }
-        free: tuple[str, ...] = ("arm_", "offset", "bench_inertia", "bench_gain", "bench_offset")
-        free += tuple(f"loss_{joint}{routing}" for joint in ("mcp", "pip") for routing in pressed)
-        return np.array(
-            [
-                0.01
-                if u.key.startswith(free) or "." in u.key or (u.key == "delay" and u.gain.high > 0.01)
-                else 1.0
-                for u in self.model.unknowns
-            ]
-        )
+        groups = self.data.groups
+        pressed = {g.key[0] for g in groups} - {g.key[0] for g in groups if not g.in_contact}
+        losses = tuple(f"loss_{joint}@{routing}" for joint in ("mcp", "pip") for routing in pressed)
+        weak = [
+            u.open or u.key.startswith(losses) or (u.key == "delay" and u.gain.high > 0.01)
+            for u in self.model.unknowns
+        ]
+        return np.where(weak, WEAK_PRIOR, 1.0)
 
     def run(self, start: Array | None = None, iterations: int = 12) -> Fit:
         """Newton steps with halving from ``start``; stops when the cost no longer falls.
@@ -459,136 +234,3 @@ class Fitter:
         slopes = (sums.matrix @ jacobian).reshape(-1, len(values))
         bent = (sums.curvature @ jacobian).reshape(-1, len(values))
         return gradient + h.reshape(-1) @ slopes, information + across @ bent, information + across @ slopes
-
-
-def bounded_step(values: Array, gradient: Array, information: Array, low: Array, high: Array) -> Array:
-    """Minimiser of the quadratic model inside the bounds (active set with release, as in BVLS)."""
-    scale = 1.0 / np.sqrt(np.diag(information))
-    matrix = information * np.outer(scale, scale) + 1e-9 * np.eye(len(values))
-    slope = gradient * scale
-    floor, ceiling = (low - values) / scale, (high - values) / scale
-    quick = _pivoted(matrix, slope, floor, ceiling)
-    if quick is not None:
-        return quick * scale
-    step = np.zeros(len(values))
-    # What stands at a bound and is pushed outwards starts fixed; it is let go below if that was wrong.
-    fixed = ((floor > -1e-12) & (slope > 0)) | ((ceiling < 1e-12) & (slope < 0))
-    for _ in range(6 * len(values)):
-        free = np.flatnonzero(~fixed)
-        target = step.copy()
-        if len(free):
-            rest = slope[free] + matrix[free][:, fixed] @ step[fixed]
-            target[free] = np.linalg.solve(matrix[free][:, free], -rest)
-        out = ~fixed & ((target < floor - 1e-12) | (target > ceiling + 1e-12))
-        if out.any():
-            # Go as far as the first bound on the way, and stay there.
-            change = target - step
-            with np.errstate(divide="ignore", invalid="ignore"):
-                room = np.where(change > 0, (ceiling - step) / change, (floor - step) / change)
-            room[~out] = np.inf
-            first = int(np.argmin(room))
-            step = step + max(0.0, float(room[first])) * change
-            step[first] = ceiling[first] if change[first] > 0 else floor[first]
-            fixed[first] = True
-            continue
-        step = target
-        pull = slope + matrix @ step
-        wrong = fixed & (((step <= floor) & (pull < -1e-6)) | ((step >= ceiling) & (pull > 1e-6)))
-        if not wrong.any():
-            break
-        fixed[int(np.argmax(np.where(wrong, np.abs(pull), -1.0)))] = False
-    return step * scale
-
-
-PIVOTING_ROUNDS = 40
-
-
-def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array) -> Array | None:
-    """The same minimiser by exchanging all wrong bounds at once; None where that does not settle.
-
-    Block principal pivoting (Judice and Pires 1994): nearly always two or three solves. Where their number
-    does not fall, only the last of the wrong bounds is exchanged, which cannot go in circles. What stands at
-    a bound starts there: between two steps of a fit, or two models that are alike, that hardly changes.
-    """
-    at_floor = floor > -1e-12
-    at_ceiling = (ceiling < 1e-12) & ~at_floor
-    fewest = len(slope) + 1
-    for _ in range(PIVOTING_ROUNDS):
-        step = np.where(at_floor, floor, 0.0)
-        step[at_ceiling] = ceiling[at_ceiling]
-        held = at_floor | at_ceiling
-        free = (~held).nonzero()[0]
-        if len(free):
-            rest = slope + matrix @ step
-            step[free] = np.linalg.solve(matrix[free[:, None], free], -rest[free])
-        pull = slope + matrix @ step
-        now_floor = (at_floor & (pull > -1e-6)) | (~held & (step < floor - 1e-12))
-        now_ceiling = (at_ceiling & (pull < 1e-6)) | (~held & (step > ceiling + 1e-12))
-        wrong = ((now_floor != at_floor) | (now_ceiling != at_ceiling)).nonzero()[0]
-        if len(wrong) == 0:
-            return np.asarray(step)
-        if len(wrong) < fewest:
-            fewest = len(wrong)
-            at_floor, at_ceiling = now_floor, now_ceiling
-        else:
-            last = wrong[-1]
-            at_floor[last], at_ceiling[last] = now_floor[last], now_ceiling[last]
-    return None
-
-
-def row_covariance(
-    model: Model, values: Array, group: Group, products: Array, samples: float, only: BoolArray | None = None
-) -> Array:
-    """Covariance (5, 5) of the equations' residuals.
-
-    Args:
-        products: of the model's active features, (k, k), over ``samples``.
-        only: picks active features, (k,); None takes all.
-    """
-    h = model.features(values, group)
-    if only is not None:
-        h = np.where(only, h, 0.0)
-    spread = np.zeros((len(h), len(Row)))
-    spread[np.arange(len(h)), model.rows] = h
-    return np.asarray(spread.T @ products @ spread / max(samples, 1.0))
-
-
-def noise_covariance(model: Model, values: Array, group: Group) -> Array:
-    """Covariance (5, 5) of what does not repeat in the equations' residuals, of one sample."""
-    return row_covariance(model, values, group, group.noise[model.pick.square], group.noise_samples)
-
-
-def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
-    """Moment arms (m) of each routing from a straight regression of tension on joint torque."""
-    arms: dict[str, float] = {}
-    order = sorted(groups, key=lambda g: g.key[1] != "free")
-    zero_shift = NO_SHIFT
-    for group in order:
-        routing = {1: "flexion", -1: "extension"}.get(group.cable_sign)
-        if routing is None or f"arm_mcp@{routing}" in arms:
-            continue
-        gram = group.whole.of(layout.every)
-        for row, name in ((Row.MCP, "arm_mcp"), (Row.PIP, "arm_pip")):
-
-            def pick(wanted: set[str], row: Row = row, shift: int | None = None) -> list[int]:
-                return [
-                    i
-                    for i, f in enumerate(layout.features)
-                    if f.owner is None and f.row == row and f.parameter in wanted and f.shift == shift
-                ]
-
-            torque = pick({"proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness", "force_gain"})
-            loss = pick({"loss_mcp", "loss_pip"})
-            pull = pick({"torque_gain"}, shift=zero_shift)
-            inertia = pick({"rotor_inertia"}, shift=zero_shift)
-            size = len(layout.features)
-            left = np.zeros((size, 2))
-            left[torque, 0] = group.cable_sign
-            left[loss, 1] = 1.0
-            right = np.zeros(size)
-            right[pull] = 1.0
-            right[inertia] = -layout.features[inertia[0]].constant
-            solution = np.linalg.lstsq(left.T @ gram @ left, left.T @ gram @ right, rcond=None)[0]
-            slope = float(solution[0])
-            arms[f"{name}@{routing}"] = float(np.clip(1.0 / slope if slope > 1e-9 else 0.01, 0.003, 0.035))
-    return arms

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fingerlab.identify.diagnosis.features import NO_SHIFT, Layout
-from fingerlab.identify.diagnosis.reduction import Group, Reduced
+from fingerlab.identify.diagnosis.groups import Group, Reduced
 from fingerlab.physics.effects.base import Row
 
 

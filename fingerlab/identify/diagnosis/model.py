@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -18,13 +18,15 @@ from fingerlab.identify.diagnosis.features import (
     shift_weights,
     slope_weights,
 )
-from fingerlab.identify.diagnosis.reduction import Group
+from fingerlab.identify.diagnosis.groups import Group
 from fingerlab.identify.diagnosis.routing import Tie, tie
 from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Pick
 from fingerlab.physics.effects.base import Effect, Gain, Row
 from fingerlab.sessions.model import Array
 
 CABLE_NAMES = {1: "flexion", -1: "extension", 0: "none"}
+OPEN = ("arm_", "offset", "bench_inertia", "bench_gain", "bench_offset")
+"""Unknowns of the bench of which nothing is known before a run tells."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,11 @@ class Unknown:
 
     key: str
     gain: Gain
+
+    @property
+    def open(self) -> bool:
+        """Whether nothing is known of it before a run tells: an arm, an offset, an effect's gain."""
+        return self.key.startswith(OPEN) or "." in self.key
 
 
 @dataclass
@@ -261,42 +268,12 @@ def build(
     layout: Layout, groups: Sequence[Group], choices: Sequence[Choice], tip_law: str = "slides"
 ) -> Model:
     """The model with the nominal equations, all nuisances (one law of the tip), and the chosen effects."""
-    unknowns: list[Unknown] = []
     absent = {name for law, names in TIP_LAWS.items() if law != tip_law for name in names}
-    routings = [CABLE_NAMES[s] for s in sorted({g.cable_sign for g in groups}) if s != 0]
-    contact = any(g.key[1] == "contact" for g in groups)
     special = {c.effect.special for c in choices}
     relaxed = {name: gain for c in choices for name, gain in c.effect.relaxes.items()}
-    named = {f.parameter: f for f in layout.features if f.owner is None and f.parameter is not None}
-    if routings:
-        named["cable_compliance"] = Feature(Row.CABLE, "cable_compliance")
-    for name, feature in named.items():
-        if name.startswith(("lateral", "force_gain", "tip_")) and not contact:
-            continue
-        if name in absent:
-            continue
-        keys = [f"{name}@{r}" for r in routings] if feature.routed else [name]
-        unknowns += [Unknown(key, relaxed.get(name, layout.nuisances[name])) for key in keys]
-    if routings:
-        unknowns += [
-            Unknown(f"{arm}@{r}", relaxed.get(f"{arm}@{r}", layout.nuisances[arm]))
-            for r in routings
-            for arm in ("arm_mcp", "arm_pip")
-        ]
-        for choice in choices:
-            if choice.effect.special == "delay":
-                unknowns.append(Unknown("delay", choice.effect.gains["delay"]))
-        if "delay" not in special:
-            unknowns.append(Unknown("delay", layout.nuisances["delay"]))
     delayed = "delay" in special
-    kept = (None, NO_SHIFT, SLOPE)
-    active = [
-        i
-        for i in layout.base
-        if layout.features[i] != FORCE
-        and layout.features[i].parameter not in absent
-        and (layout.features[i].shift != SLOPE if delayed else layout.features[i].shift in kept)
-    ]
+    unknowns = _bench_unknowns(layout, groups, relaxed, absent, choices)
+    active = _bench_features(layout, absent, delayed)
     for choice in choices:
         if choice.effect.special == "delay":
             continue
@@ -317,3 +294,49 @@ def build(
         index,
         tied,
     )
+
+
+def _bench_unknowns(
+    layout: Layout,
+    groups: Sequence[Group],
+    relaxed: Mapping[str, Gain],
+    absent: Collection[str],
+    choices: Sequence[Choice],
+) -> list[Unknown]:
+    """What every model leaves open that can matter in these groups, and the delay.
+
+    Args:
+        relaxed: ranges that a chosen effect widens. absent: names of another law of the tip.
+    """
+    unknowns: list[Unknown] = []
+    routings = [CABLE_NAMES[s] for s in sorted({g.cable_sign for g in groups}) if s != 0]
+    contact = any(g.in_contact for g in groups)
+    named = {f.parameter: f for f in layout.features if f.owner is None and f.parameter is not None}
+    if routings:
+        named["cable_compliance"] = Feature(Row.CABLE, "cable_compliance")
+    for name, feature in named.items():
+        if name in absent or (name.startswith(("lateral", "force_gain", "tip_")) and not contact):
+            continue
+        keys = [f"{name}@{r}" for r in routings] if feature.routed else [name]
+        unknowns += [Unknown(key, relaxed.get(name, layout.nuisances[name])) for key in keys]
+    if routings:
+        unknowns += [
+            Unknown(f"{arm}@{r}", relaxed.get(f"{arm}@{r}", layout.nuisances[arm]))
+            for r in routings
+            for arm in ("arm_mcp", "arm_pip")
+        ]
+        delays = [c.effect.gains["delay"] for c in choices if c.effect.special == "delay"]
+        unknowns += [Unknown("delay", gain) for gain in delays or [layout.nuisances["delay"]]]
+    return unknowns
+
+
+def _bench_features(layout: Layout, absent: Collection[str], delayed: bool) -> list[int]:
+    """Indices of the features of every model; a motor channel that is not late needs few of its shifts."""
+    kept = (None, NO_SHIFT, SLOPE)
+    return [
+        i
+        for i in layout.base
+        if layout.features[i] != FORCE
+        and layout.features[i].parameter not in absent
+        and (layout.features[i].shift != SLOPE if delayed else layout.features[i].shift in kept)
+    ]

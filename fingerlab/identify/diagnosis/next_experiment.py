@@ -13,15 +13,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
-from fingerlab.identify.diagnosis.evidence import (
-    LEAST_EXCESS,
-    LEAST_FALL,
-    Evidence,
-    against_nothing,
-    by_what_is_left,
-    left_for,
-    small_excess,
-)
+from fingerlab.identify.diagnosis.evidence import Evidence, against_nothing
 from fingerlab.identify.diagnosis.imagined import (
     Press,
     bench_motion,
@@ -29,9 +21,12 @@ from fingerlab.identify.diagnosis.imagined import (
     pressing_motion,
     seen_press,
 )
+from fingerlab.identify.diagnosis.odds import LEAST_EXCESS, by_what_is_left, left_for, small_excess
+from fingerlab.identify.diagnosis.reach import hidden_values
 from fingerlab.identify.diagnosis.separation import Imagined, apart, held_by, imagine, separation
-from fingerlab.identify.diagnosis.study import Study, Trial, condition_weights
-from fingerlab.identify.diagnosis.unseen import DECIDING_LOG_ODDS, hidden_values
+from fingerlab.identify.diagnosis.steps import DECIDING_LOG_ODDS, LEAST_FALL
+from fingerlab.identify.diagnosis.study import Study
+from fingerlab.identify.diagnosis.trial import Trial, condition_weights
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.rig import Rig
 from fingerlab.sessions.model import Session
@@ -56,6 +51,16 @@ class Proposal:
     trajectory: Mapping[str, Any]
     motion: Motion
 
+    def told(self, separates: list[str], expected: float) -> dict[str, Any]:
+        """The proposal as in ``cli.md``, with the two answers that it separates and by how much."""
+        return {
+            "trajectory": dict(self.trajectory),
+            "phase": self.phase,
+            "cable": self.cable,
+            "separates": separates,
+            "expected_separation": float(expected),
+        }
+
 
 def propose(
     sessions: Sequence[Session], study: Study, evidence: Evidence, chosen: Sequence[int]
@@ -79,13 +84,7 @@ def propose(
     if best is None or best[3] < LEAST_SEPARATION:
         return None
     _, proposal, rival, gain = best
-    return {
-        "trajectory": dict(proposal.trajectory),
-        "phase": proposal.phase,
-        "cable": proposal.cable,
-        "separates": [t.model.choices[-1].effect.id for t in (first, rival)],
-        "expected_separation": float(gain),
-    }
+    return proposal.told([t.model.choices[-1].effect.id for t in (first, rival)], gain)
 
 
 def reveal(
@@ -112,13 +111,8 @@ def reveal(
     told = next((k for k, gain in enumerate(gains) if gain.decides >= DECIDING_LOG_ODDS), None)
     if told is None:
         return None
-    return {
-        "trajectory": dict(proposal.trajectory),
-        "phase": proposal.phase,
-        "cable": proposal.cable,
-        "separates": [pairs[told][0].model.choices[-1].effect.id, "nothing_missing"],
-        "expected_separation": gains[told].expected,
-    }
+    shown = pairs[told][0].model.choices[-1].effect.id
+    return proposal.told([shown, "nothing_missing"], gains[told].expected)
 
 
 def _present_and_absent(study: Study, base: Trial, trial: Trial) -> tuple[Trial, Trial]:

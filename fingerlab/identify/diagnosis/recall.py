@@ -31,7 +31,7 @@ class Seen:
 
     ``low`` (signals, n), in single precision as the filter gives it, holds the signals of the first
     ``features`` features; ``live`` are those that are not zero throughout. ``taut``, ``rest`` (n,) bool and
-    ``time`` (n,) s as in :class:`reduction.Narrow`.
+    ``time`` (n,) s as in :class:`narrowing.Narrow`.
     """
 
     motion: Motion

@@ -8,24 +8,19 @@ that passes for more physics, so every step of the path is judged again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from fingerlab.errors import UserError
-from fingerlab.identify.diagnosis.evidence import justified, least_fall
 from fingerlab.identify.diagnosis.model import Choice
+from fingerlab.identify.diagnosis.path import LONGEST_PATH, STEP_PROMISE, forward, worth_adding
 from fingerlab.identify.diagnosis.recall import Recall
-from fingerlab.identify.diagnosis.reduction import Progress, reduce_sessions
-from fingerlab.identify.diagnosis.search import (
-    LONGEST_PATH,
-    STEP_PROMISE,
-    Watch,
-    forward,
-    refine,
-    weigh,
-    worth_adding,
-)
-from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study, Trial
+from fingerlab.identify.diagnosis.reduction import reduce_sessions
+from fingerlab.identify.diagnosis.search import refine, weigh
+from fingerlab.identify.diagnosis.steps import justified, least_fall
+from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study
+from fingerlab.identify.diagnosis.trial import Trial
+from fingerlab.identify.diagnosis.watch import SILENT, Watch
 from fingerlab.physics.effects.base import Effect, Shape
 from fingerlab.sessions.model import Session
 
@@ -48,32 +43,30 @@ def settled(study: Study, effects: Sequence[Effect]) -> Trial:
 def closely(
     sessions: Sequence[Session],
     effects: Sequence[Effect],
-    progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
+    watch: Watch = SILENT,
     recall: Recall | None = None,
 ) -> tuple[Study, Trial]:
     """All effects in, settled on their grids and then looked at again; own weights.
 
     Raises:
         UserError: an effect does not apply to these runs, or a run cannot be read.
-        Cancelled: ``cancelled`` answered True.
+        Cancelled: the user asked for it.
     """
     recall = recall or Recall()
-    study = Study(reduce_sessions(sessions, effects, progress, cancelled, recall=recall))
+    study = Study(reduce_sessions(sessions, effects, watch, recall=recall))
     for one in effects:
         if one not in study.reduced.layout.effects:
             raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
     trial = settled(study, effects)
     if not worth_a_look(trial.model.choices):
         return study, trial
-    return look_again(sessions, trial.model.choices, progress, cancelled, recall)
+    return look_again(sessions, trial.model.choices, watch, recall)
 
 
 def look_again(
     sessions: Sequence[Session],
     found: Sequence[Choice],
-    progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
+    watch: Watch = SILENT,
     recall: Recall | None = None,
 ) -> tuple[Study, Trial]:
     """The effects at the best of the shapes around those found, under their own model's weights.
@@ -82,10 +75,10 @@ def look_again(
         found: effects that apply to these sessions, each at a point of its grid.
 
     Raises:
-        Cancelled: ``cancelled`` answered True.
+        Cancelled: the user asked for it.
     """
     closer = [_closer(c) for c in found]
-    study = Study(reduce_sessions(sessions, closer, progress, cancelled, recall=recall))
+    study = Study(reduce_sessions(sessions, closer, watch, recall=recall))
     places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(closer, found, strict=True)]
     trial = study.settle([Choice(e, i) for e, i in zip(closer, places, strict=True)])
     several = [k for k, e in enumerate(closer) if len(e.shapes) > 1]
@@ -98,8 +91,7 @@ def look_again(
 def look_again_along(
     sessions: Sequence[Session],
     path: Sequence[Trial],
-    progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
+    watch: Watch = SILENT,
     recall: Recall | None = None,
 ) -> tuple[Study, list[Trial]]:
     """A path of models, each held out, with the shapes of a second look; steps that it spares drop out.
@@ -108,7 +100,7 @@ def look_again_along(
     """
     chosen = list(path)
     while True:
-        study, last = look_again(sessions, chosen[-1].model.choices, progress, cancelled, recall)
+        study, last = look_again(sessions, chosen[-1].model.choices, watch, recall)
         by_id = {c.effect.id: c for c in last.model.choices}
         kept = [[by_id[c.effect.id] for c in step.model.choices if c.effect.id in by_id] for step in chosen]
         steps = [study.hold_out(study.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
@@ -151,7 +143,7 @@ def look_beyond(
     """
     given = closest(path[-1])
     beside = [next((g for g in given if g.id == e.id), e) for e in catalogue]
-    study = Study(reduce_sessions(sessions, beside, watch.progress, watch.cancelled, recall=recall))
+    study = Study(reduce_sessions(sessions, beside, watch, recall=recall))
     effects = study.reduced.layout.effects
     base = study.hold_out(settled(study, given))
     evidence = weigh(study, base, effects, watch, STEP_PROMISE * least_fall(base))
@@ -160,7 +152,7 @@ def look_beyond(
     if len(found) == 1:
         return None
     fewer = [study.fit(found[0].model.choices[:k], found[0]) for k in range(len(given))]
-    return look_again_along(sessions, [*fewer, *found], watch.progress, watch.cancelled, recall)
+    return look_again_along(sessions, [*fewer, *found], watch, recall)
 
 
 def closest(trial: Trial) -> list[Effect]:

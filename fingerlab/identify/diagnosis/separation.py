@@ -14,19 +14,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
+from fingerlab.identify.diagnosis.columns import layout_of
 from fingerlab.identify.diagnosis.features import TORQUE_ZERO, Layout
-from fingerlab.identify.diagnosis.fitting import feature_weights
+from fingerlab.identify.diagnosis.groups import Group, Reduced, kind_of
 from fingerlab.identify.diagnosis.missing_noise import torque_noise
-from fingerlab.identify.diagnosis.model import Choice, Model, build
-from fingerlab.identify.diagnosis.reduction import Group, Reduced, layout_of, narrow_columns
-from fingerlab.identify.diagnosis.study import LEAST_TORQUE_SPREAD, WANDER, Study, Trial
+from fingerlab.identify.diagnosis.model import CABLE_NAMES, Choice, Model, build
+from fingerlab.identify.diagnosis.narrowing import narrow_columns
+from fingerlab.identify.diagnosis.numerics import scaled_inverse
+from fingerlab.identify.diagnosis.repeatability import LEAST_TORQUE_SPREAD
+from fingerlab.identify.diagnosis.study import WANDER, Study
 from fingerlab.identify.diagnosis.sums import Sums
+from fingerlab.identify.diagnosis.trial import Trial
+from fingerlab.identify.diagnosis.weighing import feature_weights
 from fingerlab.physics.effects.base import Effect, Row
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array, Session
 
-WEAK_PRIOR = 1e-4
-"""Weight of the prior of what nothing is known of: arms, offsets, and gains of effects."""
+WEAKEST_PRIOR = 1e-4
+"""Weight of the prior, in the new run alone, of what nothing is known of: arms, offsets, gains of effects."""
 
 
 @dataclass(frozen=True)
@@ -116,9 +121,9 @@ def _choices(trial: Trial, run: Imagined) -> list[Choice]:
 
 
 def _group(motion: Motion) -> Group:
-    kind = "contact" if motion.phase == "contact" else "free"
-    cable = {1: "flexion", -1: "extension", 0: "none"}[motion.cable_sign]
-    return Group((cable, kind), motion.cable_sign, [], np.zeros((0, 0)))
+    return Group(
+        (CABLE_NAMES[motion.cable_sign], kind_of(motion.phase)), motion.cable_sign, [], np.zeros((0, 0))
+    )
 
 
 def _weights(study: Study, run: Imagined) -> Array:
@@ -143,10 +148,6 @@ def values_in(model: Model, trial: Trial) -> Array:
     return np.array([known.get(u.key, start) for u, start in zip(model.unknowns, model.start(), strict=True)])
 
 
-FREE = ("arm_", "offset", "bench_inertia", "bench_gain", "bench_offset")
-"""Unknowns of the bench of which nothing is known before a run tells."""
-
-
 def known_of(model: Model, trial: Trial, heat: float) -> Array:
     """What the old runs say of the rival's unknowns, (p, p); of those that they do not have, their range."""
     old = {u.key: i for i, u in enumerate(trial.model.unknowns)}
@@ -157,11 +158,8 @@ def known_of(model: Model, trial: Trial, heat: float) -> Array:
     # Unknowns of the old runs that the new one lacks are integrated out, not held.
     if mine:
         covariance = trial.fit.covariance[np.ix_(theirs, theirs)] * heat
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-        scaled = np.linalg.pinv(covariance * np.outer(scale, scale), hermitian=True)
-        result[np.ix_(mine, mine)] = scaled * np.outer(scale, scale)
+        result[np.ix_(mine, mine)] = scaled_inverse(covariance)
     for i, unknown in enumerate(model.unknowns):
         if unknown.key not in old:
-            free = unknown.key.startswith(FREE) or "." in unknown.key
-            result[i, i] = (WEAK_PRIOR if free else 1.0) / unknown.gain.typical**2
+            result[i, i] = (WEAKEST_PRIOR if unknown.open else 1.0) / unknown.gain.typical**2
     return result

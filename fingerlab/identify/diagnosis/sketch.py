@@ -13,8 +13,11 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
 from fingerlab.identify.diagnosis.features import Feature
-from fingerlab.identify.diagnosis.fitting import Fitter, bounded_step, feature_weights
-from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.fitting import WEAK_PRIOR, Fitter
+from fingerlab.identify.diagnosis.numerics import bounded_step
+from fingerlab.identify.diagnosis.study import Study
+from fingerlab.identify.diagnosis.trial import Trial
+from fingerlab.identify.diagnosis.weighing import feature_weights
 from fingerlab.physics.effects.base import Effect
 from fingerlab.sessions.model import Array
 
@@ -72,7 +75,7 @@ class Sketch:
         names = [name for name in effect.gains if name not in effect.offsets]
         pick = _picks([self.layout.features[i] for i in places], names)
         gains = [effect.gains[name] for name in names]
-        curvature = np.diag([0.01 / g.typical**2 for g in gains])
+        curvature = np.diag([WEAK_PRIOR / g.typical**2 for g in gains])
         slope = np.zeros(len(gains))
         shared = np.zeros((len(self.free), len(gains)))
         theirs = self.layout.every[places]

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from fingerlab.errors import UserError
-from fingerlab.identify.diagnosis.bandwidth import WIDE_RATE_HZ, wide_kernels, widen
+from fingerlab.identify.diagnosis.bandwidth import wide_kernels, widen
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig import Rig
@@ -67,14 +67,8 @@ def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int
     samples = run.load(["time", *names], start - lead, stop)
 
     def read(name: str) -> Array:
-        values = samples[name]
-        if not np.all(np.isfinite(values)):
-            bad = start - lead + int(np.flatnonzero(~np.isfinite(values))[0])
-            raise UserError(
-                f"Run {run.name}, channel '{name}' holds a value that is not a number at sample {bad}; "
-                "only endpoint_force may, where no load cell was read."
-            )
-        return widen(values, kernels, step)
+        _check_numbers(run, name, samples[name], start - lead)
+        return widen(samples[name], kernels, step)
 
     position, torque = read("motor_position"), read("motor_torque")
     joints = force = load = None
@@ -104,6 +98,20 @@ def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int
         position_step=_smallest_step(samples["motor_position"][lead:]),
         inertia_spread=(rig.motor.inertia or 0.0) * rig.tolerance_of("inertia"),
     )
+
+
+def _check_numbers(run: Run, name: str, values: Array, first: int) -> None:
+    """``values`` from the sample ``first`` on.
+
+    Raises:
+        UserError: one of them is not a number.
+    """
+    if not np.all(np.isfinite(values)):
+        bad = first + int(np.flatnonzero(~np.isfinite(values))[0])
+        raise UserError(
+            f"Run {run.name}, channel '{name}' holds a value that is not a number at sample {bad}; "
+            "only endpoint_force may, where no load cell was read."
+        )
 
 
 def _smallest_step(values: Array) -> float:
@@ -143,6 +151,3 @@ def _force(run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, st
             "it needs the load cell's force in N."
         )
     return widen(np.nan_to_num(values), kernels[:, :1], step)[0]
-
-
-assert WIDE_RATE_HZ > 0

@@ -1,12 +1,8 @@
-"""A model fitted and scored: weights from the bench's repeatability, misfit on runs held out of the fit.
-
-The misfit of a model is counted in units of the repeatability floor: chi-square per independent value, after
-what noise alone would give has been taken away. It is reproducible by construction.
-"""
+"""Models fitted and scored: to all runs, and on runs held out of the fit."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
@@ -14,116 +10,25 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
 from fingerlab.identify.diagnosis.features import TIP_LAWS, TORQUE_ZERO
-from fingerlab.identify.diagnosis.fitting import (
-    Data,
-    Fit,
-    Fitter,
-    Part,
-    Weighted,
-    Weights,
-    limit_noise,
-    noise_covariance,
-    row_covariance,
-    starting_arms,
-)
+from fingerlab.identify.diagnosis.fitting import Fit, Fitter
+from fingerlab.identify.diagnosis.groups import Reduced
 from fingerlab.identify.diagnosis.losses import surprise
 from fingerlab.identify.diagnosis.missing_noise import fill_missing_noise
 from fingerlab.identify.diagnosis.model import Choice, Model, build
-from fingerlab.identify.diagnosis.reduction import Group, GroupKey, Reduced
+from fingerlab.identify.diagnosis.noise import limit_noise
+from fingerlab.identify.diagnosis.reach import reach
+from fingerlab.identify.diagnosis.repeatability import first_weights, noise_weights
+from fingerlab.identify.diagnosis.residuals import noise_covariance, row_covariance
+from fingerlab.identify.diagnosis.starting_arms import starting_arms
 from fingerlab.identify.diagnosis.sums import BoolArray
-from fingerlab.identify.diagnosis.unseen import NO_REACH, Reach, reach
-from fingerlab.physics.effects.base import Row
+from fingerlab.identify.diagnosis.trial import Trial
+from fingerlab.identify.diagnosis.weighing import Data, FoldNumbers, Weighted, Weights
 from fingerlab.sessions.model import Array
 
 WANDER = 0.05
 """Friction differs from run to run by this share, one standard deviation; assumed ("some per cent")."""
-TIP_FRICTION_SPREAD = 0.3
-"""Share of its friction at the fingertip that a tip which slides holds back or adds at will, one standard
-deviation; assumed. It is as good as noise to all else: only the tip's own law could tell it."""
 FULL_ITERATIONS = 8
 """A fit of so many iterations is meant to end, not to look round."""
-LEAST_TENSION_SPREAD_N = 1e-3
-LEAST_LENGTH_SPREAD_M = 5e-7
-LEAST_TORQUE_SPREAD = 1e-6
-"""No equation is trusted beyond these spreads (N, m, N m): about a tenth of the sensors' resolution."""
-LEAST_DEPTH_SPREAD_M = 3e-5
-"""Nor is where a tip stands that presses, m; assumed: it is rough, and rolls, and half an angle step moves it
-by as much."""
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A model with its fit and the misfit left on each run.
-
-    ``misfits`` holds one entry a condition of each group: (chi-square without noise, independent values);
-    from held-out runs where ``held_out`` is set.
-    """
-
-    model: Model
-    fit: Fit
-    misfits: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (conditions, 2); empty: not counted
-    touching: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (conditions,): in contact
-    held_out: bool = False
-    in_sample: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    """As ``misfits``, always of the fit to all runs: where trials are compared that are not all held out.
-
-    Empty where it was not asked for (see ``Study.told``)."""
-    residuals: Mapping[GroupKey, Array] = field(default_factory=dict)
-    """Mean products of the equations' residuals for each group, (5, 5) over ``Row``, noise included."""
-    widening: float = 0.0
-    """What it costs in twice the log density that sticking friction may hold any value at rest."""
-    surprise: float = 0.0
-    """What the constants of the joints' equations cost in twice the log density (see ``losses``)."""
-    reach: Reach = NO_REACH
-    """What the last effect would do at its typical strength (see ``Study.told``)."""
-
-    @property
-    def misfit(self) -> float:
-        """Chi-square without noise, every condition counting with the root of its length."""
-        return float(self.misfits[:, 0] @ condition_weights(self.misfits[:, 1]))
-
-    @property
-    def misfit_in_contact(self) -> float:
-        """The part of it that lies in contact."""
-        weighted = self.misfits[:, 0] * condition_weights(self.misfits[:, 1])
-        return float(weighted[self.touching].sum())
-
-    @property
-    def misfit_in_sample(self) -> float:
-        """As ``misfit``, of the fit to all runs."""
-        return float(self.in_sample[:, 0] @ condition_weights(self.in_sample[:, 1]))
-
-    @property
-    def fall_in_reach(self) -> float:
-        """By how much the misfit would fall with the last effect if it had its typical strength."""
-        if not len(self.reach.falls):
-            return 0.0
-        return float(self.reach.falls @ condition_weights(self.misfits[:, 1]))
-
-    @property
-    def count(self) -> float:
-        """Independent values behind ``misfit``."""
-        return float(self.misfits[:, 1].sum())
-
-    @property
-    def score(self) -> float:
-        """Error over all equations and samples in units of the repeatability floor; 1.0 is the floor."""
-        return float(np.sqrt(1.0 + max(float(self.misfits[:, 0].sum()), 0.0) / max(self.count, 1.0)))
-
-
-def condition_weights(counts: Array) -> Array:
-    """What each value of a condition counts, (conditions,); 1 on average.
-
-    What no model explains is partly the same in every run of a condition, and partly another in each: a
-    condition counts with the root of its length.
-
-    Args:
-        counts: independent values of each condition, (conditions,).
-    """
-    if not len(counts) or counts.sum() <= 0:
-        return np.ones(len(counts))
-    weights = 1.0 / np.sqrt(np.maximum(counts, 1.0))
-    return np.asarray(weights * counts.sum() / float(weights @ counts))
 
 
 @dataclass
@@ -143,9 +48,9 @@ class Study:
         with ThreadPoolExecutor() as threads:  # large matrices, for once: a core each
             list(threads.map(limit_noise, self.reduced.groups))
         if not self.weights:
-            self.weights = {g.key: _first_weights() for g in self.reduced.groups}
+            self.weights = {g.key: first_weights() for g in self.reduced.groups}
         self.data = Data(self.reduced.groups)
-        self.touches = any(g.key[1] == "contact" for g in self.reduced.groups)
+        self.touches = any(g.in_contact for g in self.reduced.groups)
 
     def start_values(self, model: Model, like: Trial | None = None) -> Array:
         """Start of a fit: the values of ``like`` where they are shared, else arms from a regression."""
@@ -257,10 +162,10 @@ class Study:
 
     def _touching(self) -> BoolArray:
         """Which conditions of all groups are in contact, (conditions,)."""
-        return np.array([g.key[1] == "contact" for g in self.reduced.groups for _ in g.conditions])
+        return np.array([g.in_contact for g in self.reduced.groups for _ in g.conditions])
 
     def _surprise(self, trial: Trial, zero_spread: float | None = None) -> float:
-        routings = {g.key[0] for g in self.reduced.groups if g.key[1] == "free"}
+        routings = {g.key[0] for g in self.reduced.groups if not g.in_contact}
         return surprise(trial.model, trial.fit.values, self.reduced.radius, routings, zero_spread)
 
     def narrowed(self, trial: Trial) -> float:
@@ -285,7 +190,8 @@ class Study:
 
     def reweigh(self, trial: Trial) -> None:
         """Take the noise covariance that the trial's own features leave between cycles as the new weights."""
-        self.weights = {g.key: self._noise_weights(trial, g) for g in self.reduced.groups}
+        model, values = trial.model, trial.fit.values
+        self.weights = {g.key: noise_weights(model, values, g) for g in self.reduced.groups}
 
     def settle(self, choices: Sequence[Choice], like: Trial | None = None, rounds: int = 3) -> Trial:
         """Fit and reweigh until the weights belong to the fit."""
@@ -310,30 +216,7 @@ class Study:
             result += EFFECTIVE_SHARE * group.samples * each
         return result
 
-    def _noise_weights(self, trial: Trial, group: Group) -> Array:
-        model, values = trial.model, trial.fit.values
-        covariance = noise_covariance(model, values, group)
-        if group.key[1] == "contact":
-            covariance = covariance + TIP_FRICTION_SPREAD**2 * self._rubbing(model, values, group)
-        return _inverse(covariance, group.on_bench)
-
-    def _rubbing(self, model: Model, values: Array, group: Group) -> Array:
-        """Mean products of what the tip's friction does to the equations, (5, 5).
-
-        A tip that sticks rubs, too, and is not known better than one that slides: a usual friction at least.
-        """
-        values = values.copy()
-        if model.tip_law == "sticks":
-            k = model.index["lateral_rub"]
-            values[k] = max(values[k], model.unknowns[k].gain.typical)
-        mine = [
-            (self.reduced.layout.features[i].parameter or "").startswith(("lateral_rub", "lateral_slip"))
-            for i in model.active
-        ]
-        products = group.whole.of(model.pick)
-        return row_covariance(model, values, group, products, group.samples, np.array(mine))
-
-    def _square(self, fitter: Fitter, values: Array, i: int, part: Part) -> tuple[float, float]:
+    def _square(self, fitter: Fitter, values: Array, i: int, part: FoldNumbers) -> tuple[float, float]:
         """Reproducible chi-square of some folds of group i, and the independent values behind it."""
         fold, sums = self.data.raw(i, part), fitter.part(i, part)
         h = fitter.model.features(values, self.reduced.groups[i])
@@ -358,22 +241,3 @@ class Study:
         pull = columns.T @ sums.matrix @ h
         stiffness = columns.T @ sums.curvature @ columns + np.eye(columns.shape[1]) / WANDER**2
         return float(pull @ np.linalg.solve(stiffness, pull))
-
-
-def _first_weights() -> Array:
-    """Weights before anything is known of the noise: 20 mN, 2 um, 1 mN m, 30 um; only their order matters."""
-    return np.diag([1 / 0.02**2, 1 / 0.02**2, 1 / 2e-6**2, 1 / 1e-3**2, 1 / LEAST_DEPTH_SPREAD_M**2])
-
-
-def _inverse(covariance: Array, on_bench: bool) -> Array:
-    """Inverse of the noise covariance over the equations that exist, zero elsewhere; shape (5, 5)."""
-    result = np.zeros((5, 5))
-    if on_bench:
-        result[Row.BENCH, Row.BENCH] = 1.0 / max(covariance[Row.BENCH, Row.BENCH], LEAST_TORQUE_SPREAD**2)
-        return result
-    spreads = [LEAST_TENSION_SPREAD_N, LEAST_TENSION_SPREAD_N, LEAST_LENGTH_SPREAD_M, LEAST_DEPTH_SPREAD_M]
-    rows = np.ix_([Row.MCP, Row.PIP, Row.CABLE, Row.TIP], [Row.MCP, Row.PIP, Row.CABLE, Row.TIP])
-    block = covariance[rows] + np.diag(spreads) ** 2
-    scale = np.sqrt(np.diag(block))
-    result[rows] = np.linalg.inv(block / np.outer(scale, scale)) / np.outer(scale, scale)
-    return result

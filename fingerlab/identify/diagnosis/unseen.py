@@ -1,24 +1,25 @@
-"""Effects that could be there all the same: what a strength that matters would do to these data.
+"""Effects that could be there all the same: what these data could not have shown.
 
-A strength shows as far as the other unknowns cannot take its place. Where even a plausible one changes the
-held-out misfit by less than a verdict needs, "nothing is missing" is no answer about that effect.
+Where even a plausible strength changes the held-out misfit by less than a verdict needs (see ``reach``),
+"nothing is missing" is no answer about that effect.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.identify.diagnosis.fitting import Fitter, bounded_step
-from fingerlab.physics.effects.base import Effect
-from fingerlab.sessions.model import Array
-
-if TYPE_CHECKING:
-    from fingerlab.identify.diagnosis.evidence import Evidence
-    from fingerlab.identify.diagnosis.study import Trial
+from fingerlab.identify.diagnosis.evidence import PRIOR_EFFECTS, PRIOR_NOTHING, Evidence
+from fingerlab.identify.diagnosis.steps import (
+    CONTACT_CHARGE,
+    CONTACT_SHARE,
+    DECIDING_LOG_ODDS,
+    charge,
+    least_explained,
+)
+from fingerlab.identify.diagnosis.trial import Trial
 
 WEAKEST, STRONGEST = 0.5, 2.0
 """Multiples of its typical strength between which an effect that is there is thought to lie, evenly in their
@@ -27,107 +28,52 @@ MOST_ODDS = float(np.exp(2.0))
 """What is below a verdict's threshold speaks for an effect by at most this factor; assumed."""
 AS_LIKELY = np.exp(-1.0)
 """An effect of which the data say that it is less likely by more than this factor has not stayed unseen."""
-CLEARLY_SHOWN = 0.5
-"""An effect whose typical strength changes the squared score by more than this is seen in any case."""
-DECIDING_LOG_ODDS = 5.0
-"""Log odds that decide (about 150 to 1)."""
+MOST_UNSEEN = 0.95
+"""Effects that were not seen are together less likely than nothing."""
 
 
-@dataclass(frozen=True)
-class Reach:
-    """What the last effect of a trial would do at its typical strength.
+def unseen(evidence: Evidence) -> Evidence:
+    """The evidence with a share for every effect that these data could not have shown.
 
-    Attributes:
-        falls: by how much the misfit would fall with the effect, (conditions,); chi-square.
-        strengths: the typical strength by key of the unknown, SI.
+    A cable that was never slack has shown that it was not.
     """
-
-    falls: Array
-    strengths: Mapping[str, float]
-
-
-NO_REACH = Reach(np.zeros(0), {})
-
-
-def own_keys(trial: Trial, effect: Effect) -> dict[str, str]:
-    """Name of each of the effect's parameters -> key of the unknown, as far as the trial's model has it."""
-    if effect.special == "delay":
-        return {"delay": "delay"}
-    keys = {name: f"{effect.id}.{name}" for name in effect.gains} | {name: name for name in effect.relaxes}
-    return {name: key for name, key in keys.items() if key in trial.model.index}
+    base = evidence.base
+    factors = []
+    for trial in evidence.trials:
+        if trial.model.choices[-1].effect.special == "slack":
+            factors.append(0.0)
+        else:
+            fall = base.misfit_in_sample - trial.misfit_in_sample - charge(base, trial)
+            factors.append(bayes_factor(trial, fall, needed(evidence, trial)))
+    prior = PRIOR_EFFECTS / max(len(factors), 1) / PRIOR_NOTHING
+    return with_unseen(evidence, factors, prior)
 
 
-def reach(fitter: Fitter, trial: Trial) -> Reach:
-    """What the trial's last effect would do at its typical strength, whichever of its gains shows best."""
-    if not trial.model.choices:
-        return NO_REACH
-    effect = trial.model.choices[-1].effect
-    names = [n for n in own_keys(trial, effect).items() if n[0] not in effect.offsets]
-    places = [trial.model.index[key] for _, key in names]
-    typical = np.array([trial.model.unknowns[i].gain.typical for i in places])
-    if not places:
-        return NO_REACH
-    patterns = list(np.diag(typical)) + ([typical] if len(places) > 1 else [])
-    best = NO_REACH
-    for pattern in patterns:
-        falls = _falls(fitter, trial, _unbound(trial, places, pattern))
-        if falls.sum() < CLEARLY_SHOWN * fitter.data.count:
-            falls = _falls(fitter, trial, _moved(trial, trial.fit.values, places, pattern))
-        if not len(best.falls) or falls.sum() > best.falls.sum():
-            strengths = {key: float(s) for (_, key), s in zip(names, pattern, strict=True) if s}
-            best = Reach(falls, strengths)
-    return best
+def needed(evidence: Evidence, trial: Trial) -> float:
+    """By how much the misfit must fall for a trial's last effect to be told, beside the best model found."""
+    base = evidence.base
+    remaining = min([base.misfit, *(t.misfit for t in evidence.trials)])
+    in_contact = CONTACT_CHARGE if _reaches_contact_alone(trial) else 0.0
+    least = least_explained(base, remaining, base.count) + in_contact * base.count
+    return max(least, 2.0 * DECIDING_LOG_ODDS * evidence.temperature)
 
 
-def _unbound(trial: Trial, places: list[int], strengths: Array) -> Array:
-    """As ``_moved``, but beyond the bounds of the others: what is seen then is seen the more within them."""
-    covariance = trial.fit.covariance
-    own = np.linalg.lstsq(covariance[np.ix_(places, places)], strengths, rcond=None)[0]
-    return np.asarray(covariance[:, places] @ own)
+def _reaches_contact_alone(trial: Trial) -> bool:
+    falls = trial.reach.falls
+    return bool(len(falls)) and float(falls[trial.touching].sum()) > CONTACT_SHARE * float(falls.sum())
 
 
-def hidden_values(trial: Trial, values: Array) -> Array:
-    """``values`` of the trial's unknowns, (p,), without its last effect -> with the strengths of its reach.
-
-    The other unknowns do about it what hides it best, within their bounds.
-    """
-    places = [trial.model.index[key] for key in trial.reach.strengths]
-    strengths = np.array(list(trial.reach.strengths.values()))
-    reached = values + _moved(trial, values, places, strengths)
-    return np.asarray(np.clip(reached, trial.model.low, trial.model.high))
-
-
-def _moved(trial: Trial, values: Array, places: list[int], strengths: Array) -> Array:
-    """The strengths at their places, and what the other unknowns do about them within their bounds, (p,)."""
-    start = np.zeros(len(values))
-    start[places] = strengths
-    own = np.zeros(len(start), dtype=bool)
-    own[places] = True
-    low = np.where(own, start, np.minimum(trial.model.low - values, 0.0))
-    high = np.where(own, start, np.maximum(trial.model.high - values, 0.0))
-    information = trial.fit.information
-    return np.asarray(start + bounded_step(start, information @ start, information, low, high))
-
-
-def _falls(fitter: Fitter, trial: Trial, moved: Array) -> Array:
-    """Chi-square that ``moved`` unknowns stand for, (conditions,)."""
-    falls = []
-    for i, group in enumerate(fitter.data.groups):
-        change = trial.model.coefficients(trial.fit.values, group)[1] @ moved
-        for condition in group.conditions:
-            matrix = fitter.part(i, tuple(group.of_condition(condition))).matrix
-            falls.append(max(float(change @ matrix @ change), 0.0))
-    return np.array(falls)
-
-
-def least_strength(trial: Trial, needed: float) -> float:
-    """The multiple of its typical strength from which on the last effect would have shown; may be inf.
+def with_unseen(evidence: Evidence, factors: Sequence[float], prior: float) -> Evidence:
+    """The evidence with a share of "nothing missing" given to effects that the data could not have shown.
 
     Args:
-        needed: fall of the misfit that a verdict needs.
+        factors: of every trial, its likelihood against that of nothing. prior: odds of one effect against
+            nothing before anything was seen.
     """
-    shown = trial.fall_in_reach
-    return float(np.sqrt(needed / shown)) if shown > 0 else float("inf")
+    odds = np.minimum(prior * np.asarray(factors), 1.0)
+    odds *= min(1.0, MOST_UNSEEN / max(float(odds.sum()), 1e-300))
+    nothing = evidence.nothing / (1.0 + float(odds.sum()))
+    return replace(evidence, nothing=nothing, unseen=odds * nothing, factors=np.asarray(factors))
 
 
 def bayes_factor(trial: Trial, fall: float, needed: float) -> float:
@@ -146,18 +92,26 @@ def bayes_factor(trial: Trial, fall: float, needed: float) -> float:
     return float(np.exp(np.minimum(log_likely, np.log(MOST_ODDS))).mean())
 
 
-def with_unseen(evidence: Evidence, factors: Sequence[float], prior: float) -> Evidence:
-    """The evidence with a share of "nothing missing" given to effects that the data could not have shown.
+def least_strength(trial: Trial, needed: float) -> float:
+    """The multiple of its typical strength from which on the last effect would have shown; may be inf.
 
     Args:
-        factors: of every trial, its likelihood against that of nothing. prior: odds of one effect against
-            nothing before anything was seen.
+        needed: fall of the misfit that a verdict needs.
     """
-    odds = np.minimum(prior * np.asarray(factors), 1.0)
-    odds *= min(1.0, MOST_UNSEEN / max(float(odds.sum()), 1e-300))
-    nothing = evidence.nothing / (1.0 + float(odds.sum()))
-    return replace(evidence, nothing=nothing, unseen=odds * nothing, factors=np.asarray(factors))
+    shown = trial.fall_in_reach
+    return float(np.sqrt(needed / shown)) if shown > 0 else float("inf")
 
 
-MOST_UNSEEN = 0.95
-"""Effects that were not seen are together less likely than nothing."""
+def hidden(evidence: Evidence) -> list[int]:
+    """Indices of the trials whose effect could be there although no verdict says so, likeliest first.
+
+    These are effects of which the data speak rather for than against, and such as a typical strength of
+    would not have shown and the data hardly speak against.
+    """
+    order = np.argsort(-evidence.unseen, kind="stable")
+    return [int(i) for i in order if evidence.factors[i] >= 1.0 or _could_hide(evidence, int(i))]
+
+
+def _could_hide(evidence: Evidence, i: int) -> bool:
+    trial = evidence.trials[i]
+    return evidence.factors[i] >= AS_LIKELY and least_strength(trial, needed(evidence, trial)) > 1.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from fingerlab.identify.diagnosis.evidence import Evidence
-from fingerlab.identify.diagnosis.study import Trial
-from fingerlab.identify.diagnosis.unseen import own_keys
+from fingerlab.identify.diagnosis.reach import own_keys
+from fingerlab.identify.diagnosis.trial import Trial
 from fingerlab.identify.results import ParameterEstimate
 from fingerlab.physics.effects.base import Effect, Row
 
@@ -51,6 +51,17 @@ def parameters(trial: Trial, effect: Effect, heat: float) -> dict[str, Parameter
         at = grid.index(value)
         result[name] = ParameterEstimate(value, unit, grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)])
     return result
+
+
+def every_parameter(trial: Trial, heat: float) -> dict[str, ParameterEstimate]:
+    """All unknowns of the model by key, SI, with 90 % intervals that no bound cuts."""
+    spread = deviations(trial, heat)
+    return {
+        u.key: ParameterEstimate(
+            float(v), u.gain.unit, float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
+        )
+        for u, v in zip(trial.model.unknowns, trial.fit.values, strict=True)
+    }
 
 
 def would_have_shown(trial: Trial, effect: Effect, least: float) -> str:

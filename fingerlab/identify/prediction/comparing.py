@@ -11,10 +11,14 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.errors import equation_errors
-from fingerlab.identify.diagnosis.fitting import Fit, Fitter, Weights
+from fingerlab.identify.diagnosis.fitting import Fit, Fitter
+from fingerlab.identify.diagnosis.groups import Reduced
 from fingerlab.identify.diagnosis.model import Choice, Model
-from fingerlab.identify.diagnosis.reduction import Progress, Reduced, reduce_sessions
-from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.reduction import reduce_sessions
+from fingerlab.identify.diagnosis.study import Study
+from fingerlab.identify.diagnosis.trial import Trial
+from fingerlab.identify.diagnosis.watch import Progress, Watch
+from fingerlab.identify.diagnosis.weighing import Weights
 from fingerlab.identify.prediction.extended import ChosenEffect, ExtendedModel, Variant
 from fingerlab.identify.prediction.force import contact_runs
 from fingerlab.identify.prediction.predict import RunPrediction, predict_variant
@@ -75,7 +79,7 @@ def compare_models(
     entries |= {name: (m, m.extended) for name, m in models.items()}
     with threadpool_limits(limits=1, user_api="blas"):
         effects = _union([variant for _, variant in entries.values()])
-        reduced = reduce_sessions([session], effects, lambda share, what: tell(0.6 * share, what))
+        reduced = reduce_sessions([session], effects, Watch(lambda share, what: tell(0.6 * share, what)))
         study = Study(reduced)
         tell(0.6, "fitting")
         trials = {

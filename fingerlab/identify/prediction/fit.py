@@ -8,17 +8,13 @@ from dataclasses import dataclass, replace
 from threadpoolctl import threadpool_limits
 
 from fingerlab.identify.diagnosis.bandwidth import NARROW_RATE_HZ
-from fingerlab.identify.diagnosis.evidence import temperature
-from fingerlab.identify.diagnosis.reduction import (
-    GroupKey,
-    Progress,
-    deal_runs,
-    group_key,
-    runs_to_analyse,
-)
+from fingerlab.identify.diagnosis.groups import GroupKey, deal_runs, group_key, runs_to_analyse
 from fingerlab.identify.diagnosis.second_look import closely
-from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study, Trial
-from fingerlab.identify.diagnosis.wording import Z90, deviations
+from fingerlab.identify.diagnosis.steps import temperature
+from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study
+from fingerlab.identify.diagnosis.trial import Trial
+from fingerlab.identify.diagnosis.watch import Progress, Watch
+from fingerlab.identify.diagnosis.wording import every_parameter
 from fingerlab.identify.model_file import hash_sessions
 from fingerlab.identify.prediction.extended import ChosenEffect, ExtendedModel, HeldOut, Variant
 from fingerlab.identify.prediction.held_out import by_run, contact_forces, equation_weight
@@ -42,7 +38,7 @@ def fit_extended(
     chosen = [effect(name) for name in dict.fromkeys(effects)]
     tell = progress or (lambda share, what: None)
     with threadpool_limits(limits=1, user_api="blas"):
-        study, trial = closely(sessions, chosen, lambda share, what: tell(0.5 * share, what))
+        study, trial = closely(sessions, chosen, Watch(lambda share, what: tell(0.5 * share, what)))
         tell(0.6, "fitting")
         nominal = study.fit([], study.fit([], trial), FULL_ITERATIONS)
         hashes = {id(s): h.sha256 for s, h in zip(sessions, hash_sessions(sessions), strict=True)}
@@ -68,7 +64,7 @@ class _LeftOut:
 
 
 def _contact_folds(study: Study, sessions: Sequence[Session], hashes: Mapping[int, str]) -> list[_LeftOut]:
-    """Contact runs as the reduction dealt them to folds; none of a group with a single fold."""
+    """Contact runs as :func:`deal_runs` dealt them to folds; none of a group with a single fold."""
     names = {g.key: [f.runs for f in g.folds] for g in study.reduced.groups}
     pairs = runs_to_analyse(sessions)[0]
     dealt: dict[tuple[GroupKey, int], list[tuple[str, str]]] = {}
@@ -107,13 +103,7 @@ def _by_key(trial: Trial) -> dict[str, float]:
 
 def _estimates(trial: Trial) -> dict[str, ParameterEstimate]:
     """All unknowns with 90 % intervals, as the diagnosis tells them."""
-    spread = deviations(trial, temperature(trial.misfit, trial.count))
-    return {
-        u.key: ParameterEstimate(
-            float(v), u.gain.unit, float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
-        )
-        for u, v in zip(trial.model.unknowns, trial.fit.values, strict=True)
-    }
+    return every_parameter(trial, temperature(trial.misfit, trial.count))
 
 
 def _calibrated(variant: Variant, sessions: Sequence[Session], hashes: Mapping[int, str]) -> Variant:

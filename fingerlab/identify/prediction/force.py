@@ -23,7 +23,7 @@ from fingerlab.identify.diagnosis.features import (
     shifted_columns,
 )
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
-from fingerlab.identify.diagnosis.reduction import counted
+from fingerlab.identify.diagnosis.narrowing import counted
 from fingerlab.identify.diagnosis.stretches import stretches
 from fingerlab.physics.effects.base import Effect, Row
 from fingerlab.physics.effects.mass import TURNED_SLIP_STIFFNESS

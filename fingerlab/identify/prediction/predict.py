@@ -10,7 +10,7 @@ import numpy as np
 
 from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.bandwidth import NARROW_RATE_HZ
-from fingerlab.identify.diagnosis.reduction import Progress
+from fingerlab.identify.diagnosis.watch import Progress
 from fingerlab.identify.prediction.extended import EQUATIONS, Equation, ExtendedModel, Variant
 from fingerlab.identify.prediction.force import contact_runs
 from fingerlab.identify.prediction.held_out import StretchForces, by_run, contact_forces

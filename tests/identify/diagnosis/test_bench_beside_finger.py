@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 from fingerlab.identify.diagnosis.evidence import Evidence
+from fingerlab.identify.diagnosis.groups import Reduced, runs_to_analyse
 from fingerlab.identify.diagnosis.missing_noise import torque_noise
 from fingerlab.identify.diagnosis.model import Choice
-from fingerlab.identify.diagnosis.reduction import Reduced, reduce_sessions, runs_to_analyse
-from fingerlab.identify.diagnosis.search import Watch, weigh
-from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.reduction import reduce_sessions
+from fingerlab.identify.diagnosis.search import weigh
+from fingerlab.identify.diagnosis.study import Study
+from fingerlab.identify.diagnosis.trial import Trial
+from fingerlab.identify.diagnosis.watch import Watch
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.base import Row
 from fingerlab.sessions.model import Run, Session

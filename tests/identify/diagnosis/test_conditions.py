@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fingerlab.identify.diagnosis.conditions import MOST_FOLDS, deal
-from fingerlab.identify.diagnosis.study import condition_weights
+from fingerlab.identify.diagnosis.trial import condition_weights
 
 
 def run(kind: str = "sine", **told: float) -> Any:

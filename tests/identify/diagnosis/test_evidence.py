@@ -9,10 +9,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from fingerlab.identify.diagnosis.evidence import alike, judge, justified, small_excess
+from fingerlab.identify.diagnosis.evidence import alike, judge
 from fingerlab.identify.diagnosis.fitting import Fit
 from fingerlab.identify.diagnosis.model import Choice
-from fingerlab.identify.diagnosis.study import Trial
+from fingerlab.identify.diagnosis.odds import small_excess
+from fingerlab.identify.diagnosis.steps import justified
+from fingerlab.identify.diagnosis.trial import Trial
 from fingerlab.physics.effects import CATALOGUE
 
 COUNT = 3000.0

@@ -12,9 +12,10 @@ from fingerlab.identify.diagnosis.features import (
     shift_weights,
     slope_weights,
 )
-from fingerlab.identify.diagnosis.fitting import row_covariance
+from fingerlab.identify.diagnosis.groups import Reduced
 from fingerlab.identify.diagnosis.model import build
-from fingerlab.identify.diagnosis.reduction import Reduced, reduce_sessions
+from fingerlab.identify.diagnosis.reduction import reduce_sessions
+from fingerlab.identify.diagnosis.residuals import row_covariance
 from fingerlab.physics.effects.base import Row
 
 from . import closed_form as made

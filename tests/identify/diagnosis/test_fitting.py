@@ -10,10 +10,13 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.signal import firwin, freqz
 
-from fingerlab.identify.diagnosis import fitting
-from fingerlab.identify.diagnosis.fitting import Data, Fitter, bounded_step
+from fingerlab.identify.diagnosis import numerics
+from fingerlab.identify.diagnosis.fitting import Fitter
+from fingerlab.identify.diagnosis.numerics import bounded_step
 from fingerlab.identify.diagnosis.reduction import reduce_sessions
-from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.study import Study
+from fingerlab.identify.diagnosis.trial import Trial
+from fingerlab.identify.diagnosis.weighing import Data
 from fingerlab.identify.diagnosis.wording import Z90, deviations
 from fingerlab.rig import Motor, Rig
 from fingerlab.sessions.model import Run, Session
@@ -186,6 +189,6 @@ def test_all_bounds_at_once_give_the_same_step_as_one_after_the_other(
         )  # fmt: skip
         quick = bounded_step(*problem)
         with monkeypatch.context() as patch:
-            patch.setattr(fitting, "_pivoted", lambda *_: None)
+            patch.setattr(numerics, "_pivoted", lambda *_: None)
             slow = bounded_step(*problem)
         assert quick == pytest.approx(slow, abs=1e-5)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fingerlab.identify.diagnosis.groups import Group, Reduced
 from fingerlab.identify.diagnosis.model import Choice, Model, build
-from fingerlab.identify.diagnosis.reduction import Group, Reduced, reduce_sessions
+from fingerlab.identify.diagnosis.reduction import reduce_sessions
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.base import Row
 

@@ -19,9 +19,10 @@ from fingerlab.identify.diagnosis.imagined import (
     seen_press,
 )
 from fingerlab.identify.diagnosis.model import build
+from fingerlab.identify.diagnosis.narrowing import narrow_columns
 from fingerlab.identify.diagnosis.next_experiment import propose
-from fingerlab.identify.diagnosis.reduction import narrow_columns, reduce_sessions
-from fingerlab.identify.diagnosis.search import Watch, weigh
+from fingerlab.identify.diagnosis.reduction import reduce_sessions
+from fingerlab.identify.diagnosis.search import weigh
 from fingerlab.identify.diagnosis.separation import (
     Imagined,
     held_by,
@@ -30,7 +31,9 @@ from fingerlab.identify.diagnosis.separation import (
     separation,
     values_in,
 )
-from fingerlab.identify.diagnosis.study import Study, Trial
+from fingerlab.identify.diagnosis.study import Study
+from fingerlab.identify.diagnosis.trial import Trial
+from fingerlab.identify.diagnosis.watch import Watch
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.base import Row
 from fingerlab.sessions.model import Session

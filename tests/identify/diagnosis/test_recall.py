@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from fingerlab.identify.diagnosis import recall as recalling
+from fingerlab.identify.diagnosis.groups import Reduced
 from fingerlab.identify.diagnosis.recall import Recall
-from fingerlab.identify.diagnosis.reduction import Reduced, reduce_sessions
+from fingerlab.identify.diagnosis.reduction import reduce_sessions
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.base import Effect
 from fingerlab.sessions import Session

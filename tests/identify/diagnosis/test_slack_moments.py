@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.identify.diagnosis.fitting import MOST_NOISE, RIDGE, _factor, _limited
-from fingerlab.identify.diagnosis.reduction import SLACK_TENSION_N, _taut, counted
+from fingerlab.identify.diagnosis.moments import SLACK_TENSION_N, taut_moments
+from fingerlab.identify.diagnosis.narrowing import counted
+from fingerlab.identify.diagnosis.noise import MOST_NOISE, RIDGE, _factor, _limited
 from fingerlab.physics.effects.motion import Motion
 from tests.physics.effects.moving import MOTOR, moving
 
@@ -23,7 +24,7 @@ def pulled(newtons: float, true_inertia: float, spread: float) -> Motion:
 
 
 def taut(motion: Motion) -> np.ndarray:
-    return _taut(motion, counted(motion))
+    return taut_moments(motion, counted(motion))
 
 
 def test_a_slack_cable_is_not_taut_because_the_rotor_is_heavier_than_the_rig_file_says() -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.identify.diagnosis.reduction import layout_of, narrow_columns, reduce_sessions
+from fingerlab.identify.diagnosis.columns import layout_of
+from fingerlab.identify.diagnosis.narrowing import narrow_columns
+from fingerlab.identify.diagnosis.reduction import reduce_sessions
 from fingerlab.identify.diagnosis.stretches import stretches
 from fingerlab.identify.diagnosis.sums import Pick, Sums, empty, total
 from fingerlab.physics.effects import CATALOGUE

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.identify.diagnosis.reduction import Group, _without_common_trend
+from fingerlab.identify.diagnosis.groups import Group
+from fingerlab.identify.diagnosis.repeating import remove_common_trend
 from fingerlab.identify.diagnosis.sums import empty
 
 RNG = np.random.default_rng(5)
@@ -22,7 +23,7 @@ def group_with(trends: list[np.ndarray], phase: str = "free") -> Group:
 
 def test_a_trend_that_comes_again_is_no_noise() -> None:
     group = group_with([np.arange(1.0, 10.0).reshape(SIGNALS, DEGREES)] * 4)
-    _without_common_trend(group)
+    remove_common_trend(group)
     assert group.noise == pytest.approx(np.zeros((SIGNALS, SIGNALS)), abs=1e-9)
 
 
@@ -30,12 +31,12 @@ def test_what_differs_from_run_to_run_stays_noise() -> None:
     """Independent trends of unit variance keep their products, the common one beneath them is taken out."""
     common = 50.0 * RNG.standard_normal((SIGNALS, DEGREES))
     group = group_with([common + RNG.standard_normal((SIGNALS, DEGREES)) for _ in range(RUNS)])
-    _without_common_trend(group)
+    remove_common_trend(group)
     assert group.noise / RUNS == pytest.approx(DEGREES * np.eye(SIGNALS), abs=0.5)
 
 
 @pytest.mark.parametrize(("phase", "runs"), [("contact", 4), ("free", 1)])
 def test_a_single_run_and_a_settling_tip_keep_it(phase: str, runs: int) -> None:
     group = group_with([np.ones((SIGNALS, DEGREES))] * runs, phase)
-    _without_common_trend(group)
+    remove_common_trend(group)
     assert group.noise == pytest.approx(np.full((SIGNALS, SIGNALS), float(runs * DEGREES)))

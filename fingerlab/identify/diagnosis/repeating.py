@@ -1,0 +1,60 @@
+"""What of a stretch comes again in every cycle, or as a slow trend in every run; the rest is noise."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from fingerlab.identify.diagnosis.bandwidth import NARROW_RATE_HZ
+from fingerlab.identify.diagnosis.groups import Group
+from fingerlab.identify.diagnosis.narrowing import Narrow
+from fingerlab.sessions.model import Array, Run
+
+TREND_DEGREE = 3
+"""Of the polynomial over a stretch that counts as its slow trend."""
+
+
+def repeating_bases(low: Narrow, run: Run) -> tuple[Array, Array] | None:
+    """What a stretch may repeat: bases of its cycle, (n, harmonics), and of a slow trend, (n, degrees).
+
+    None where there is no cycle that repeats often enough.
+    """
+    frequency = run.trajectory.get("frequency_hz")
+    if run.trajectory.get("kind") != "sine" or not frequency or not bool(low.taut.all()):
+        return None
+    count = int(np.ceil(0.5 * NARROW_RATE_HZ / frequency)) - 1
+    if 2 * count + 1 > 0.6 * len(low.time):
+        return None
+    return _harmonics(float(frequency), count, float(low.time[0]), float(low.time[-1]), len(low.time))
+
+
+@lru_cache(maxsize=4)
+def _harmonics(frequency: float, count: int, first: float, last: float, samples: int) -> tuple[Array, Array]:
+    """Orthonormal bases of a constant and harmonics, (samples, 2 count + 1), and of a trend beside them.
+
+    ``frequency`` in Hz, ``first`` and ``last`` sample in s. The runs of a session share them.
+    """
+    phase = 2 * np.pi * frequency * np.outer(np.linspace(first, last, samples), np.arange(1, count + 1))
+    trend = legvander(np.linspace(-1.0, 1.0, samples), TREND_DEGREE)
+    basis = np.linalg.qr(np.hstack((trend[:, :1], np.cos(phase), np.sin(phase), trend[:, 1:])))[0]
+    return basis[:, :-TREND_DEGREE], basis[:, -TREND_DEGREE:]
+
+
+def remove_common_trend(group: Group) -> None:
+    """Takes out of a group's noise the slow trend that the runs of a condition have in common.
+
+    A trend (a sensor that warms up, a spring that creeps) is no noise if it comes again in every run: it can
+    be explained. Its noise is what it differs by from run to run. Only in free motion: how a tip settles on
+    the load cell comes again, too, and no law here tells it.
+    """
+    for trends in group.trends.values():
+        count = len(trends)
+        if count < 2 or group.in_contact:
+            continue
+        runs = np.stack(trends)  # (runs, signals, degrees)
+        mean = runs.mean(axis=0)
+        apart = (runs - mean).transpose(1, 0, 2).reshape(mean.shape[0], -1)
+        group.noise += apart @ apart.T / (count - 1) - count * mean @ mean.T
+    group.trends.clear()

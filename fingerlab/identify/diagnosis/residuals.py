@@ -1,0 +1,33 @@
+"""Covariance of what a fitted model leaves of its equations, all of it or what does not repeat."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fingerlab.identify.diagnosis.groups import Group
+from fingerlab.identify.diagnosis.model import Model
+from fingerlab.identify.diagnosis.sums import BoolArray
+from fingerlab.physics.effects.base import Row
+from fingerlab.sessions.model import Array
+
+
+def row_covariance(
+    model: Model, values: Array, group: Group, products: Array, samples: float, only: BoolArray | None = None
+) -> Array:
+    """Covariance (5, 5) of the equations' residuals.
+
+    Args:
+        products: of the model's active features, (k, k), over ``samples``.
+        only: picks active features, (k,); None takes all.
+    """
+    h = model.features(values, group)
+    if only is not None:
+        h = np.where(only, h, 0.0)
+    spread = np.zeros((len(h), len(Row)))
+    spread[np.arange(len(h)), model.rows] = h
+    return np.asarray(spread.T @ products @ spread / max(samples, 1.0))
+
+
+def noise_covariance(model: Model, values: Array, group: Group) -> Array:
+    """Covariance (5, 5) of what does not repeat in the equations' residuals, of one sample."""
+    return row_covariance(model, values, group, group.noise[model.pick.square], group.noise_samples)
