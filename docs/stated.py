@@ -11,7 +11,9 @@ from itertools import pairwise
 from typing import Any
 
 MODULES = {
-    "evidence": "When an effect is missing, and which",
+    "evidence": "When an effect is missing",
+    "odds": "Which effect, if one is",
+    "steps": "When a step of the path is justified",
     "losses": "Constants that go together",
     "unseen": "What could not show",
     "conditions": "Runs of one condition",
