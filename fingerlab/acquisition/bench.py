@@ -17,6 +17,7 @@ from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import Ring
 from fingerlab.errors import UserError
+from fingerlab.sessions.recording_place import Progress
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,20 @@ class RecorderFace(ABC):
     def cut(self, note: str) -> None: ...
 
     @abstractmethod
-    def close(self) -> Path: ...
+    def close(self, progress: Progress | None = None) -> Path:
+        """Write the session whole, verify it, and give it its name.
+
+        Args:
+            progress: called with the share done (0 to 1) and ``writing`` or ``verifying``. Raises it
+                ``Cancelled``, the work is put off: the runs stay in the recording's folder, closed and whole,
+                and become the session when its name is next opened.
+
+        Returns:
+            Its path.
+
+        Raises:
+            Cancelled: it was put off.
+        """
 
 
 class Bench(ABC):

@@ -44,6 +44,8 @@ class Slot(IntEnum):
     APPROACHED = 27  # loop: 1 reached, -1 not reached
     FLUSHED = 28  # recorder: samples of this run that survive its own death
     SET_AT = 29  # loop: first sample with the references and the set-up that hold now
+    VERIFYING = 30  # recorder: 1 while what was written is read back
+    PUT_OFF = 31  # window: 1 asks that the session being written is left for later
 
 
 class Text(IntEnum):
@@ -59,6 +61,7 @@ class Number(IntEnum):
     """Doubles, SI."""
 
     APPROACH = 0  # loop: motor angle at which the wanted force was reached, rad
+    WRITTEN = 1  # recorder: share of writing and verifying a session that is done, 0 to 1
 
 
 _SLOTS = 64

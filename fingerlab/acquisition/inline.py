@@ -6,7 +6,6 @@ that are simulated or replayed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost
 from fingerlab.errors import UserError
+from fingerlab.sessions.recording_place import Progress
 
 RING_S = 30.0
 """Length of the ring; the recorder is polled far more often."""
@@ -96,7 +96,6 @@ class _Near(RecorderFace):
 
     def __init__(self, recorder: Recorder) -> None:
         self._recorder = recorder
-        self.progress: Callable[[float, str], None] | None = None
 
     def open(self, info: SessionInfo) -> None:
         self._recorder.open(info)
@@ -116,5 +115,5 @@ class _Near(RecorderFace):
     def cut(self, note: str) -> None:
         self._recorder.cut(note)
 
-    def close(self) -> Path:
-        return self._recorder.close(self.progress)
+    def close(self, progress: Progress | None = None) -> Path:
+        return self._recorder.close(progress)

@@ -29,7 +29,7 @@ from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost
-from fingerlab.errors import UserError
+from fingerlab.errors import Cancelled, UserError
 
 POLL_S = 0.02
 """How often the recorder takes what the ring has."""
@@ -155,10 +155,11 @@ def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, aliv
 def _serve(recorder: Recorder, requests: Connection, name: str, arguments: tuple[object, ...]) -> None:
     try:
         answer = (True, getattr(recorder, name)(*arguments))
-    except UserError as error:
-        answer = (False, str(error))
+    except (UserError, Cancelled) as error:
+        answer = (False, error)
     except (OSError, RuntimeError) as error:
-        answer = (False, f"The recorder failed ({' '.join(str(error).split())}); look at the disk.")
+        sentence = f"The recorder failed ({' '.join(str(error).split())}); look at the disk."
+        answer = (False, UserError(sentence))
     with suppress(OSError):
         requests.send(answer)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fingerlab.acquisition.bench import Bench, RecorderFace, Status
-from fingerlab.acquisition.board import Board, Slot, Text
+from fingerlab.acquisition.board import Board, Number, Slot, Text
 from fingerlab.acquisition.columns import COLUMNS
 from fingerlab.acquisition.commands import Command, Quit
 from fingerlab.acquisition.loop import STOOD_STILL
@@ -19,7 +20,8 @@ from fingerlab.acquisition.process import Choice, Plan, loop_main, recorder_main
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
-from fingerlab.errors import UserError
+from fingerlab.errors import Cancelled, UserError
+from fingerlab.sessions.recording_place import VERIFYING, WRITING, Progress
 
 RING_S = 240.0
 """Length of the ring: the last four minutes can be scrolled back, 43 MB at 1 kHz."""
@@ -175,8 +177,23 @@ class _Far(RecorderFace):
     def cut(self, note: str) -> None:
         self._call("cut", note)
 
-    def close(self) -> Path:
-        path: Path = self._call("close")
+    def close(self, progress: Progress | None = None) -> Path:
+        board = self._bench.board
+        board.set_number(Number.WRITTEN, 0.0)
+        board[Slot.VERIFYING] = board[Slot.PUT_OFF] = 0
+
+        def tell() -> None:
+            if progress is None or board[Slot.PUT_OFF]:
+                return
+            try:
+                progress(board.number(Number.WRITTEN), VERIFYING if board[Slot.VERIFYING] else WRITING)
+            except Cancelled:
+                board[Slot.PUT_OFF] = 1
+
+        try:
+            path: Path = self._call("close", waiting=tell)
+        finally:
+            board[Slot.PUT_OFF] = 0  # the next session is another question
         return path
 
     def quit(self) -> None:
@@ -184,14 +201,15 @@ class _Far(RecorderFace):
         with suppress(OSError):
             self._requests.send(("quit", ()))
 
-    def _call(self, name: str, *arguments: Any) -> Any:
+    def _call(self, name: str, *arguments: Any, waiting: Callable[[], None] = lambda: None) -> Any:
         try:
             self._requests.send((name, arguments))
             while not self._requests.poll(0.01):
                 self._bench.beat()
+                waiting()
             good, answer = self._requests.recv()
         except (EOFError, OSError):
             raise UserError("The recorder has ended unexpectedly; open the bench again.") from None
         if not good:
-            raise UserError(answer)
+            raise answer
         return answer

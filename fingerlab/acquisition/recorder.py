@@ -21,7 +21,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from fingerlab.acquisition.board import Board, Slot, Text
+from fingerlab.acquisition.board import Board, Number, Slot, Text
 from fingerlab.acquisition.columns import COLUMN, RowFlag
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.recording import (
@@ -33,10 +33,16 @@ from fingerlab.acquisition.recording import (
     channels_of,
 )
 from fingerlab.acquisition.ring import Array, Ring, RingReader
-from fingerlab.errors import UserError
+from fingerlab.errors import Cancelled, UserError
 from fingerlab.sessions.format import FINGER_PHASES
 from fingerlab.sessions.part_file import CLEAN, LOSSY, TRUNCATED, PartHeader, PartWriter
-from fingerlab.sessions.recording_place import PART_SUFFIX, RecordingPlace, give_name
+from fingerlab.sessions.recording_place import (
+    PART_SUFFIX,
+    VERIFYING,
+    Progress,
+    RecordingPlace,
+    give_name,
+)
 from fingerlab.sessions.repair import MARKERS_SUFFIX, assemble_files, finish_recording
 
 FLUSH_S = 0.1
@@ -184,14 +190,18 @@ class Recorder:
         if self._run is not None:
             self._finish(note)
 
-    def close(self, progress: Callable[[float, str], None] | None = None) -> Path:
-        """Write the session whole, verify it, and give it its name.
+    def close(self, progress: Progress | None = None) -> Path:
+        """Write the session whole, verify it, and give it its name; the board tells how far it is.
+
+        Args:
+            progress: called with the share done and what is being done; may raise ``Cancelled``.
 
         Returns:
             Its path.
 
         Raises:
             UserError: no session is open, it holds no sample, or the place is full.
+            Cancelled: it was put off, by ``progress`` or through the board; the folder stays as it is.
         """
         if self._place is None:
             raise UserError("No session is open for recording.")
@@ -204,7 +214,22 @@ class Recorder:
         if not place.parts():
             place.remove()
             raise UserError(f"{place.path} would hold no runs and is not written; record at least one.")
-        return finish_recording(place, progress)
+        return finish_recording(place, self._reporting(progress))
+
+    def _reporting(self, progress: Progress | None) -> Progress:
+        """Tells the board how far the writing is, and that the recorder lives; stops where it is asked to."""
+        board = self._board
+
+        def report(share: float, what: str) -> None:
+            board[Slot.RECORDER_BEAT] += 1
+            board[Slot.VERIFYING] = int(what == VERIFYING)
+            board.set_number(Number.WRITTEN, share)
+            if board[Slot.PUT_OFF]:
+                raise Cancelled
+            if progress is not None:
+                progress(share, what)
+
+        return report
 
     def poll(self) -> bool:
         """Take what the ring has; whether there was anything. Never raises for the disk's sake."""

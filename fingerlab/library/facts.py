@@ -14,6 +14,9 @@ from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.reading import open_session
 from fingerlab.sessions.repair import was_cut
 
+UNWRITTEN = "not yet written"
+"""Of a recording whose runs still stand in its folder, because it was cut or because that was put off."""
+
 
 @dataclass(frozen=True)
 class SessionFacts:

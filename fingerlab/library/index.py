@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from fingerlab.errors import Cancelled, UserError
-from fingerlab.library.facts import SessionFacts, read_facts
+from fingerlab.library.facts import UNWRITTEN, SessionFacts, read_facts
 from fingerlab.sessions.recording_place import SUFFIX, cut_recordings
 
 ENDINGS = (".h5", ".hdf5")
@@ -66,7 +66,7 @@ def scan(
 def _fresh(path: Path, name: str, earlier: SessionFacts | None) -> SessionFacts:
     if not path.exists():
         return SessionFacts(
-            path, name, 0, 0.0, problem="The recording was cut off; opening it makes it whole."
+            path, name, 0, 0.0, problem=f"The recording is {UNWRITTEN}; opening it makes it whole."
         )
     if earlier is not None and earlier.name == name and not earlier.problem:
         stat = path.stat()

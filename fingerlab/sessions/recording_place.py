@@ -8,6 +8,7 @@ left of a recording that was cut.
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
@@ -20,6 +21,11 @@ PART_SUFFIX = ".h5part"
 WHOLE = "whole.h5part"
 ASSEMBLING = "assembling.h5part"
 LOCK = "lock"
+WRITING, VERIFYING = "writing", "verifying"
+"""What is being done when a recording becomes a session."""
+
+Progress = Callable[[float, str], None]
+"""Told the share done (0 to 1) and what is being done; puts the work off by raising ``Cancelled``."""
 
 
 def recording_folder(path: Path) -> Path:

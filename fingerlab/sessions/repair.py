@@ -8,7 +8,7 @@ compared with what was recorded, and only then gets its name. The session says h
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -16,20 +16,31 @@ from typing import Any
 import h5py
 import numpy as np
 
-from fingerlab.errors import UserError
+from fingerlab.errors import Cancelled, UserError
 from fingerlab.sessions.format import FORMAT_NAME, MAY_BE_NAN, REQUIRED_CHANNELS, plain
 from fingerlab.sessions.part_file import CLEAN, LOSSY, RUN, TRUNCATED
-from fingerlab.sessions.recording_place import ASSEMBLING, WHOLE, RecordingPlace, give_name, recording_folder
+from fingerlab.sessions.recording_place import (
+    ASSEMBLING,
+    VERIFYING,
+    WHOLE,
+    WRITING,
+    Progress,
+    RecordingPlace,
+    give_name,
+    recording_folder,
+)
 from fingerlab.sessions.writing import SessionWriter
 
-PIECE = 1 << 17
+PIECE = 1 << 15
+"""Samples copied and compared at a time: with all channels some 0.1 s of work, after which the recorder shows
+that it lives; two of a session's chunks."""
+WRITING_SHARE = 0.7
+"""Of the time until a session is whole, what writing takes; reading back takes the rest (measured)."""
 MARKERS_SUFFIX = ".markers"
 _OWN_ROOT = ("format", "format_version", "created", "title", "rig", "software")
 _OWN_RUN = ("phase", "cable", "sample_rate_hz", "trajectory")
 _WRITE_FLAGS = 0x05  # superblock version 3: open for writing, open in single-writer mode
 _CUT_NOTE = "The recording was cut off; what had been flushed is here."
-
-Progress = Callable[[float, str], None]
 
 
 def repaired(path: Path) -> Path:
@@ -52,9 +63,12 @@ def finish_recording(place: RecordingPlace, progress: Progress | None = None) ->
 
     Raises:
         UserError: no run has a sample, or the place is full; the folder then stays as it is.
+        Cancelled: raised by ``progress``; the folder stays, too, and may be finished at any time.
     """
     whole = place.folder / WHOLE
     try:
+        if progress:
+            progress(0.0, WRITING)
         if not whole.exists():
             assembling = place.folder / ASSEMBLING
             assembling.unlink(missing_ok=True)
@@ -68,6 +82,10 @@ def finish_recording(place: RecordingPlace, progress: Progress | None = None) ->
             f"{place.path} cannot be written ({error.strerror}); make room and open it again, the recording "
             f"is kept in {place.folder}."
         ) from None
+    except Cancelled:
+        (place.folder / ASSEMBLING).unlink(missing_ok=True)  # as large as the recording itself
+        place.release()
+        raise
     except UserError:
         place.release()
         raise
@@ -113,13 +131,13 @@ def assemble_files(
             for count in _copy_run(writer, part, file, length):
                 done += count
                 if progress:
-                    progress(0.5 * done / total, "writing")
+                    progress(WRITING_SHARE * done / total, WRITING)
     done = 0
     for number, (_, file, length) in enumerate(runs, start=1):
         for count in _compare(target, f"{number:03d}", file, length, name):
             done += count
             if progress:
-                progress(0.5 + 0.5 * done / total, "verifying")
+                progress(WRITING_SHARE + (1.0 - WRITING_SHARE) * done / total, VERIFYING)
 
 
 def _copy_run(writer: SessionWriter, part: Path, file: h5py.File, length: int) -> Iterator[int]:

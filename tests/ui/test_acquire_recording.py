@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QLineEdit
+from PySide6.QtWidgets import QLabel, QLineEdit, QProgressBar
 from pytestqt.qtbot import QtBot
 
 from fingerlab.sessions import open_session
+from fingerlab.sessions.recording_place import Progress, recording_folder
 
 from .bench_hands import PATIENCE, Rig
 from .hands import child
@@ -108,9 +109,9 @@ def test_while_a_file_is_written_and_verified_it_says_so(
     go_on, recorder = threading.Event(), rig.bench.recorder
     close = recorder.close
 
-    def slowly() -> object:
+    def slowly(progress: Progress) -> object:
         go_on.wait(PATIENCE / 1000)
-        return close()
+        return close(progress)
 
     monkeypatch.setattr(recorder, "close", slowly)
     rig.click("write")
@@ -119,3 +120,45 @@ def test_while_a_file_is_written_and_verified_it_says_so(
     go_on.set()
     qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
     assert rig.label("recordedText") == "Nothing recorded"
+
+
+def test_writing_shows_how_far_it_is_and_can_be_put_off_without_losing_a_sample(
+    rig: Rig, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig.click("record")
+    rig.run(1.0)
+    rig.click("record")
+    rig.run(0.2)
+    recorded, session = rig.bench.status().recorded, rig.recording.session
+    assert session is not None
+    go_on, recorder = threading.Event(), rig.bench.recorder
+    close = recorder.close
+
+    def slowly(progress: Progress) -> object:
+        def tell(share: float, what: str) -> None:
+            progress(share, what)
+            if what == "verifying":
+                go_on.wait(PATIENCE / 1000)
+                progress(share, what)
+
+        return close(tell)
+
+    monkeypatch.setattr(recorder, "close", slowly)
+    rig.click("write")
+    bar = child(rig.window, QProgressBar, "writingProgress")
+    qtbot.waitUntil(lambda: bar.isVisible() and bar.text().startswith("Verifying"), timeout=PATIENCE)
+    assert bar.value() == bar.maximum()
+    assert not rig.button("write").isVisible()
+    rig.click("writeLater")
+    assert not rig.button("writeLater").isEnabled()
+    go_on.set()
+    qtbot.waitUntil(lambda: not rig.station.caller.busy, timeout=PATIENCE)
+    assert not rig.files()
+    kept = recording_folder(session.path)
+    assert [part.name for part in kept.glob("*.h5part")] == ["001.h5part"]
+    assert kept.name in child(rig.window, QLabel, "message").text()
+    assert rig.label("recordedText") == "Nothing recorded"
+    assert rig.button("write").isVisible()
+    (run,) = open_session(session.path).runs
+    assert run.length == recorded
+    assert not kept.exists()

@@ -48,6 +48,16 @@ class AcquireHeader(QWidget):
 
     def show_written(self, path: Path) -> None:
         """Offer what was just recorded."""
+        self._offer(path, "Look at the recording", f"Open {path.name} in the Model lab.")
+
+    def show_put_off(self, path: Path) -> None:
+        """Offer to finish what was put off."""
+        self._offer(
+            path, "Finish the recording", f"Write and verify {path.name}, and open it in the Model lab."
+        )
+
+    def _offer(self, path: Path, text: str, help_text: str) -> None:
         self._path = str(path)
-        self.open.setToolTip(f"Open {path.name} in the Model lab.")
+        self.open.setText(text)
+        self.open.setToolTip(help_text)
         self.open.show()

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 def acquire_menu(tab: AcquireTab) -> tuple[Command, ...]:
     """All that can be done on the tab; a key does what its button does."""
-    panel, bar, plots = tab.panel, tab.toolbar, tab.plots
+    panel, bar, plots, recording = tab.panel, tab.toolbar, tab.plots, tab.recording
     connected = tab.connected
 
     def press(text: str, button: Any, keys: str) -> Command:
@@ -34,6 +34,7 @@ def acquire_menu(tab: AcquireTab) -> tuple[Command, ...]:
         press("Pause recording", panel.pause, "Ctrl+Shift+P"),
         Command("&Marker with a note", tab.take_moment, "Ctrl+M", lambda: panel.mark.isEnabled()),
         press("&Write to file", panel.write, "Ctrl+S"),
+        Command("Finish writing l&ater", panel.later.click, None, lambda: recording.writing.under_way),
         SEPARATOR,
         Command("&Hold the picture", bar.hold.toggle, "Ctrl+P", connected, bar.hold.isChecked),
         Command("C&ursors", bar.cursors.toggle, "Ctrl+K", connected, bar.cursors.isChecked),

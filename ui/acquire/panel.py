@@ -24,6 +24,7 @@ from fingerlab.acquisition.beginning import LONGEST_BEFORE_S
 from fingerlab.acquisition.machine import Event, Mode
 from fingerlab.acquisition.safety import Limits
 
+from ..task_bar import STEPS
 from ..widgets.labels import ElidedLabel, heading, remark
 from .fields import ActionButton, choice, number, row
 from .form_history import FormHistory
@@ -61,6 +62,7 @@ class Actions:
     pause: Callable[[], Any]
     mark: Callable[[], Any]
     write: Callable[[], Any]
+    later: Callable[[], Any]
     details: Callable[[], Any]
 
 
@@ -247,11 +249,23 @@ class Panel(QWidget):
             "Write the session, verify it, give it its name (Ctrl+S).",
             actions.write,
         )
+        self.later = ActionButton(
+            "Finish l&ater",
+            "writeLater",
+            "Go on without the file: the recording is kept whole, and is written when it is opened.",
+            actions.later,
+        )
+        self.later.hide()
         self.details = ActionButton(
             "Details…", "details", "Folder, title, operator and notes of the session.", actions.details
         )
         self.count = ElidedLabel()
         self.count.setObjectName("recordedText")
+        self.writing = QProgressBar()
+        self.writing.setObjectName("writingProgress")
+        self.writing.setAccessibleName("Progress of writing and verifying")
+        self.writing.setRange(0, STEPS)
+        self.writing.hide()
         self.warning = remark()
         self.warning.setObjectName("recordWarning")
         self.warning.setAccessibleName("Warning")
@@ -263,8 +277,9 @@ class Panel(QWidget):
             row(self.record, self.pause),
             row(label, self.before),
             row(self.note, self.mark),
-            row(self.write, self.details),
+            row(self.write, self.later, self.details),
             self.count,
+            self.writing,
             self.warning,
         )
 
@@ -331,6 +346,7 @@ class Panel(QWidget):
             (self.run, "protocol"),
         ):
             button.refuse(recording.refusal(what))
+        self._refresh_writing()
         status, session = self._station.status, recording.session
         if self._station.caller.title == WRITING:
             words = f"{WRITING} …"
@@ -346,6 +362,17 @@ class Panel(QWidget):
         if warning != self.warning.text():
             self.warning.setText(warning)
             self.warning.setVisible(bool(warning))
+
+    def _refresh_writing(self) -> None:
+        writing = self._recording.writing
+        at_rest: tuple[QWidget, ...] = (self.write, self.count)
+        at_work: tuple[QWidget, ...] = (self.later, self.writing)
+        for widget in (*at_rest, *at_work):
+            widget.setVisible((widget in at_work) == writing.under_way)
+        if writing.under_way:
+            self.later.refuse("It is being put off." if writing.asked_to_wait else "")
+            self.writing.setValue(round(STEPS * writing.share))
+            self.writing.setFormat(writing.words)
 
     @staticmethod
     def _set_text(button: QPushButton, text: str) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from queue import Empty
 
 from PySide6.QtCore import QObject, Signal
@@ -18,6 +17,7 @@ from fingerlab.errors import UserError
 
 from ..tasks import Failed
 from .recording import Recording
+from .writing import Ending
 
 
 class _Driver(ProtocolDriver):
@@ -70,7 +70,7 @@ class ProtocolRun(QObject):
         self._run_errands(None)
         recording.in_protocol = True
 
-        def work(bench: Bench) -> Path:
+        def work(bench: Bench) -> Ending:
             driver = _Driver(
                 bench,
                 lambda sentence: self._ask(bench, sentence),
@@ -86,7 +86,7 @@ class ProtocolRun(QObject):
             except BaseException as error:
                 bench.stop()  # before anything else
                 raise UserError(_kept(bench, str(error) or type(error).__name__)) from error
-            return bench.recorder.close()
+            return recording.writing.close(bench, info.path)
 
         self._station.do("The protocol", work, self._on_done, self._on_failed, True)
         recording.changed.emit()
@@ -123,13 +123,14 @@ class ProtocolRun(QObject):
 
     # its end
 
-    def _on_done(self, path: Path) -> None:
+    def _on_done(self, ending: Ending) -> None:
         self._recording.in_protocol = False
-        self._recording.keep_written(path)
+        self._recording.keep(ending)
         self.ended.emit("done")
 
     def _on_failed(self, failure: Failed) -> None:
         self._recording.in_protocol = False
+        self._recording.writing.over()
         self._station.desk.tell(failure.sentence, failure.details)
         self.ended.emit(failure.sentence)
         self._recording.changed.emit()

@@ -20,6 +20,7 @@ from fingerlab.errors import UserError
 
 from ..tasks import Failed
 from .station import NO_BENCH, Station
+from .writing import Ending, Writing
 
 WRITING = "Writing and verifying"
 AFTER_STOP_MS = 300
@@ -57,20 +58,24 @@ class Recording(QObject):
             others; the recorder takes one request at a time.
 
     Signals:
-        changed. written(Path). failed_beside(sentence): an errand was refused.
+        changed. written(Path). put_off(Path): the session is kept as it was recorded, to be written later.
+        failed_beside(sentence): an errand was refused.
     """
 
     changed = Signal()
     written = Signal(object)
+    put_off = Signal(object)
     failed_beside = Signal(str)
 
     def __init__(self, station: Station, details: Details, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.station, self.details = station, details
         self.session: _Open | None = None
+        self.writing = Writing(self)
         self.in_protocol = self._under_way = self._asked_to_end = False
         self.errands: SimpleQueue[Callable[[Bench], None]] = SimpleQueue()
         self.failed_beside.connect(lambda sentence: station.desk.tell(sentence))
+        self.writing.changed.connect(self.changed)
         station.ticked.connect(self._on_tick)
         station.stopped.connect(self._on_stopped)
         station.warned.connect(self._on_warned)
@@ -178,12 +183,11 @@ class Recording(QObject):
 
     def write(self) -> None:
         """Write the session whole, verify it, give it its name."""
+        if self.session is None:
+            return
+        path = self.session.path
         self.station.do(
-            WRITING,
-            lambda bench: bench.recorder.close(),
-            self.keep_written,
-            self._on_failed,
-            True,
+            WRITING, lambda bench: self.writing.close(bench, path), self.keep, self._on_failed, True
         )
 
     def finish(self) -> None:
@@ -192,7 +196,7 @@ class Recording(QObject):
         if bench is None or self.session is None:
             return
         try:
-            self.keep_written(bench.recorder.close())
+            self.keep(Ending(bench.recorder.close(), True))
         except UserError as error:
             self.station.desk.tell(str(error))
 
@@ -221,17 +225,23 @@ class Recording(QObject):
     def _on_warned(self, _sentence: str) -> None:
         self.changed.emit()
 
-    def keep_written(self, path: Path) -> None:
-        """A session is whole: say so and let others know."""
+    def keep(self, ending: Ending) -> None:
+        """A session is whole, or put off: say so and let others know."""
         self.session = None
-        self.station.desk.say(f"Written and verified: {path}")
-        self.station.desk.settings.set_recordings(path.parent)
-        self.station.desk.recorded(path)
-        self.written.emit(path)
+        self.writing.over()
+        path, desk = ending.path, self.station.desk
+        desk.settings.set_recordings(path.parent)
+        if ending.whole:
+            desk.say(f"Written and verified: {path}")
+            desk.recorded(path)
+            self.written.emit(path)
+        else:
+            self.put_off.emit(path)
         self.changed.emit()
 
     def _on_failed(self, failure: Failed) -> None:
         self.session = None
+        self.writing.over()
         self.station.desk.tell(failure.sentence, failure.details)
         self.changed.emit()
 

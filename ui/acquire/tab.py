@@ -25,6 +25,7 @@ from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.protocol import countdown, prompt_of
 from fingerlab.acquisition.safety import Limits
 from fingerlab.errors import UserError
+from fingerlab.sessions.recording_place import recording_folder
 
 from ..desk import Desk
 from ..tab import Tab
@@ -115,6 +116,7 @@ class AcquireTab(Tab):
             pause=lambda: recording.pause(not recording.paused),
             mark=self._mark,
             write=recording.write,
+            later=recording.writing.put_off,
             details=lambda: DetailsDialog(recording.details, self.widget).open(),
         )
 
@@ -124,6 +126,7 @@ class AcquireTab(Tab):
         station.ticked.connect(self._on_tick)
         recording.changed.connect(self._refresh)
         recording.written.connect(self._on_written)
+        recording.put_off.connect(self._on_put_off)
         page = self.connect_page
         page.chosen.connect(station.open)
         page.look_asked.connect(self._look_for_devices)
@@ -373,6 +376,13 @@ class AcquireTab(Tab):
     def _on_written(self, path: Path) -> None:
         self.bar.show_written(path)
         self.desk.tell(f"Written and verified: {path}")
+
+    def _on_put_off(self, path: Path) -> None:
+        self.bar.show_put_off(path)
+        self.desk.tell(
+            f"{path.name} is not written yet: the whole recording is kept beside it in "
+            f"{recording_folder(path).name}, and becomes the file when you open it."
+        )
 
 
 def ask_to_close(parent: QWidget, what: str) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from fingerlab.library.facts import SessionFacts
+from fingerlab.library.facts import UNWRITTEN, SessionFacts
 from fingerlab.library.verdicts import Verdict
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 from fingerlab.report.screen import percent, score_text
@@ -43,7 +43,8 @@ def phases_text(facts: SessionFacts) -> str:
 def quality_text(facts: SessionFacts) -> str:
     """What is wrong with the recording, or that nothing is."""
     if facts.problem:
-        return "cut off" if "cut off" in facts.problem else "✗ unreadable"
+        known = next((words for words in (UNWRITTEN, "cut off") if words in facts.problem), None)
+        return known or "✗ unreadable"
     if not facts.flags:
         return "✓ clean"
     return "\n".join(f"! {flag}" for flag in facts.flags[:2])

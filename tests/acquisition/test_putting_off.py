@@ -1,0 +1,96 @@
+"""A session that is being written may be put off: nothing is lost, and whoever opens it finishes it."""
+
+from __future__ import annotations
+
+import multiprocessing
+import threading
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from fingerlab.acquisition.board import Number, Slot
+from fingerlab.acquisition.process import _serve
+from fingerlab.acquisition.process_bench import _Far
+from fingerlab.errors import Cancelled
+from fingerlab.sessions import open_session
+from fingerlab.sessions.recording_place import recording_folder
+
+from .test_recorder import Bench
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    made = Bench(tmp_path)
+    made.open()
+    made.begin(0, 1000)
+    made.publish(1100)
+    return made
+
+
+def far_from(bench: Bench) -> tuple[_Far, threading.Thread]:
+    """The caller's side of the recorder, which answers one request from a thread."""
+    near, there = multiprocessing.Pipe()
+
+    def answer() -> None:
+        name, arguments = there.recv()
+        _serve(bench.recorder, there, name, arguments)
+
+    thread = threading.Thread(target=answer)
+    thread.start()
+    return _Far(SimpleNamespace(board=bench.board, beat=lambda: None), near), thread  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("until", ["writing", "verifying"])
+def test_what_was_put_off_is_whole_when_it_is_opened(bench: Bench, until: str) -> None:
+    def progress(share: float, what: str) -> None:
+        if what == until and share > 0.0:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        bench.recorder.close(progress)
+    folder = recording_folder(bench.path)
+    assert not bench.path.exists()
+    assert sorted(file.name for file in folder.iterdir()) == ["001.h5part", "lock"]
+    session = open_session(bench.path)
+    assert session.attributes["ended"] == "clean"
+    assert session.runs[0].length == 1000
+    assert not folder.exists()
+
+
+def test_the_recorder_is_free_for_the_next_session_at_once(bench: Bench) -> None:
+    bench.board[Slot.PUT_OFF] = 1
+    with pytest.raises(Cancelled):
+        bench.recorder.close()
+    bench.board[Slot.PUT_OFF] = 0
+    first, bench.path = bench.path, bench.path.with_name("next.h5")
+    bench.open()
+    assert open_session(first).runs[0].length == 1000
+
+
+def test_another_process_tells_how_far_it_is_and_lives(bench: Bench) -> None:
+    far, thread = far_from(bench)
+    beats, told = bench.board[Slot.RECORDER_BEAT], []
+    assert far.close(lambda share, what: told.append((share, what))) == bench.path
+    thread.join()
+    assert all(0.0 <= share <= 1.0 and what in ("writing", "verifying") for share, what in told)
+    assert bench.board.number(Number.WRITTEN) == 1.0
+    assert bench.board[Slot.VERIFYING] == 1
+    assert bench.board[Slot.RECORDER_BEAT] > beats + 2
+
+
+def test_another_process_is_asked_to_put_it_off(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = threading.Event()
+    close = bench.recorder.close
+    monkeypatch.setattr(bench.recorder, "close", lambda: asked.wait(60.0) and close())
+    far, thread = far_from(bench)
+
+    def progress(share: float, what: str) -> None:
+        threading.Timer(0.05, asked.set).start()
+        raise Cancelled
+
+    with pytest.raises(Cancelled):
+        far.close(progress)
+    thread.join()
+    assert bench.board[Slot.PUT_OFF] == 0
+    assert open_session(bench.path).runs[0].length == 1000

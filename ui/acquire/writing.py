@@ -1,0 +1,106 @@
+"""From the recording to its file: how far the writing is, how long it takes, and putting it off.
+
+Nothing is lost by putting it off: the runs are closed by then, and whoever opens the session finishes it.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Signal
+
+from fingerlab.acquisition.bench import Bench
+from fingerlab.errors import Cancelled
+
+from ..task_bar import STEPS, time_left
+
+
+@dataclass(frozen=True)
+class Ending:
+    """What became of a session: its path, and whether it is written and verified or was put off."""
+
+    path: Path
+    whole: bool
+
+
+class Writing(QObject):
+    """Closes one session at a time.
+
+    Attributes:
+        share: done, 0 to 1. words: what is being done and the time left; empty when nothing is.
+
+    Signal ``changed``.
+    """
+
+    changed = Signal()
+    _went_on = Signal(float, str)
+
+    def __init__(self, parent: QObject | None = None, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__(parent)
+        self.share, self.words = 0.0, ""
+        self._clock, self._began = clock, 0.0
+        self._later = threading.Event()
+        self._told = (-1, "")
+        self._went_on.connect(self._on_went_on)
+
+    @property
+    def under_way(self) -> bool:
+        """Whether a session is being written."""
+        return bool(self.words)
+
+    @property
+    def asked_to_wait(self) -> bool:
+        """Whether it is about to be put off."""
+        return self.under_way and self._later.is_set()
+
+    def put_off(self) -> None:
+        """Stop here; the recording stays as it is and is finished when it is opened."""
+        if self.under_way:
+            self._later.set()
+            self._show("Putting it off …")
+
+    def over(self) -> None:
+        """The session is written, put off, or could not be written."""
+        self.share = 0.0
+        self._show("")
+
+    # in the worker
+
+    def close(self, bench: Bench, path: Path) -> Ending:
+        """Write and verify the session that the bench's recorder has open under this name.
+
+        Raises:
+            UserError: it could not be written.
+        """
+        self._later.clear()
+        self._told, self._began = (-1, ""), self._clock()
+        try:
+            return Ending(bench.recorder.close(self._report), True)
+        except Cancelled:
+            return Ending(path, False)
+
+    def _report(self, share: float, what: str) -> None:
+        """Asked a hundred times a second; told when something of it changes on the screen."""
+        if self._later.is_set():
+            raise Cancelled
+        now = round(STEPS * share), what
+        if now != self._told:
+            self._told = now
+            self._went_on.emit(share, what)
+
+    # in the window
+
+    def _on_went_on(self, share: float, what: str) -> None:
+        if self._later.is_set():
+            return
+        self.share = share
+        left = time_left(share, self._clock() - self._began)
+        self._show(f"{what.capitalize()}, {left}" if left else f"{what.capitalize()} …")
+
+    def _show(self, words: str) -> None:
+        self.words = words
+        self.changed.emit()
