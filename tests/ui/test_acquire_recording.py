@@ -14,6 +14,7 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.sessions import open_session
 from fingerlab.sessions.recording_place import Progress, recording_folder
+from fingerlab.ui.acquire.caller import Call
 
 from .bench_hands import PATIENCE, Rig
 from .hands import child
@@ -120,6 +121,25 @@ def test_while_a_file_is_written_and_verified_it_says_so(
     go_on.set()
     qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
     assert rig.label("recordedText") == "Nothing recorded"
+
+
+def test_the_keyboard_stays_where_it_was_while_the_bench_is_busy(rig: Rig, qtbot: QtBot) -> None:
+    """Ending a run greys its button for a moment; the next key must not change the pre-trigger."""
+    record, before = rig.button("record"), rig.tab.panel.before
+    record.setFocus()
+    go_on = threading.Event()
+    rig.station.caller.call(Call("Ending the run", lambda: go_on.wait(PATIENCE / 1000)))
+    assert not record.isEnabled()
+    assert not before.hasFocus()
+    QTest.keyClick(rig.window, Qt.Key.Key_Up)
+    assert before.value() == 0.0
+    go_on.set()
+    rig.wait_idle()
+    assert record.hasFocus()
+    rig.station.caller.call(Call("Ending the run", lambda: None))
+    before.setFocus()  # who goes elsewhere meanwhile stays there
+    rig.wait_idle()
+    assert before.hasFocus()
 
 
 def test_writing_shows_how_far_it_is_and_can_be_put_off_without_losing_a_sample(

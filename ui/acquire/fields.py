@@ -17,6 +17,25 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+WAITS_FOR_FOCUS = "waitsForFocus"
+
+
+def set_usable(widget: QWidget, on: bool) -> None:
+    """Enable or disable a widget without moving the keyboard's focus to another one.
+
+    Qt hands the focus of a widget that is disabled to the next, where the next key changes a number that
+    nobody meant to change. Here it stays away until the widget can be used again, or the user takes it.
+    """
+    window = widget.window()
+    if not on and window.focusWidget() is widget:
+        widget.setProperty(WAITS_FOR_FOCUS, True)
+        widget.clearFocus()
+    widget.setEnabled(on)
+    if on and widget.property(WAITS_FOR_FOCUS):
+        widget.setProperty(WAITS_FOR_FOCUS, None)
+        if window.focusWidget() is None:
+            widget.setFocus()
+
 
 class ActionButton(QPushButton):
     """A button that says in its tooltip what it does, or why it cannot be used now."""
@@ -34,7 +53,7 @@ class ActionButton(QPushButton):
         if sentence == self._refused:
             return
         self._refused = sentence
-        self.setEnabled(not sentence)
+        set_usable(self, not sentence)
         self.setToolTip(sentence or self._help)
         self.setAccessibleDescription(sentence or self._help)
 

@@ -26,7 +26,7 @@ from fingerlab.acquisition.safety import Limits
 
 from ..task_bar import STEPS
 from ..widgets.labels import ElidedLabel, heading, remark
-from .fields import ActionButton, choice, number, row
+from .fields import ActionButton, choice, number, row, set_usable
 from .form_history import FormHistory
 from .initial_form import InitialButton
 from .motion_form import MotionForm
@@ -330,7 +330,7 @@ class Panel(QWidget):
             (self.cable, "Fixed to the pulley."),
             (self.load, LOAD_HELP),
         ):
-            field.setEnabled(not fixed and station.status is not None)
+            set_usable(field, not fixed and station.status is not None)
             field.setToolTip(fixed or help_text)
         self._refresh_recording()
 
