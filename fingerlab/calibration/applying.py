@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from fingerlab.calibration.recording import Progress
 from fingerlab.calibration.store import CalibrationStore, Record
 from fingerlab.errors import UserError
 from fingerlab.rig import Rig
@@ -75,10 +76,6 @@ def rig_and_attributes(rig: Rig, folder: Path) -> tuple[Rig, dict[str, Any]]:
     """
     records = CalibrationStore(folder).current()
     return calibrated_rig(rig, records), ({"calibration": calibration_text(records)} if records else {})
-
-
-Progress = Callable[[float, str], None]
-"""Told the share done and what is being done; stops the work by raising."""
 
 
 def apply_again(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fingerlab.calibration.plan import FIRST, LOADING, SECOND, Move, Plan, standard_plan
-from fingerlab.calibration.recording import read_recording
+from fingerlab.calibration.recording import Progress, read_recording
 from fingerlab.calibration.result import Outcome, outcome_of
 from fingerlab.calibration.sensors import Sensor
 from fingerlab.calibration.steps import Step, StepTiming, count_steps, find_steps
@@ -14,12 +14,19 @@ from fingerlab.errors import UserError
 
 
 def outcome_from_files(
-    paths: Sequence[Path], sensor: Sensor, timing: StepTiming | None = None, column: str | None = None
+    paths: Sequence[Path],
+    sensor: Sensor,
+    timing: StepTiming | None = None,
+    column: str | None = None,
+    progress: Progress = lambda *_: None,
 ) -> tuple[Outcome, list[str]]:
     """The calibration of one or two recordings of the standard procedure.
 
     A load-cell recording of 21 steps or more is loading and unloading, one of 11 loading alone; a second
     file is a second pass. An angle recording has its marks evenly from 0 to 90 degrees.
+
+    Args:
+        progress: called with the share done and what is being read; may raise ``Cancelled``.
 
     Returns:
         The outcome, and what was assumed or left out, one sentence each.
@@ -33,8 +40,12 @@ def outcome_from_files(
     steps: list[Step] = []
     moves: list[Move] = []
     notes: list[str] = []
-    for path, sweep in zip(paths, (FIRST, SECOND), strict=False):
-        recording = read_recording(path, sensor, column)
+
+    def told_of(number: int) -> Progress:
+        return lambda share, what: progress((number + share) / len(paths), what)
+
+    for number, (path, sweep) in enumerate(zip(paths, (FIRST, SECOND), strict=False)):
+        recording = read_recording(path, sensor, column, progress=told_of(number))
         available = count_steps(recording.time, timing)
         planned = _moves(sensor, available, sweep, len(paths) == 1)
         steps += find_steps(recording.time, recording.volts, len(planned), timing)

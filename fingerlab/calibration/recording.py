@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,12 @@ from fingerlab.sessions.model import Array, Run
 from fingerlab.sessions.reading import open_session
 from fingerlab.sessions.samples import sample_fault
 from fingerlab.sessions.text_table import TextTable, inspect_table, read_blocks
+
+PIECE = 1 << 20
+"""Samples of a session read at a time: a quarter of an hour at 1 kHz."""
+
+Progress = Callable[[float, str], None]
+"""Told the share done (0 to 1) and what is being done; stops the work by raising ``Cancelled``."""
 
 _TIME_FACTORS = {"s": 1.0, "sec": 1.0, "ms": 1e-3}
 _VOLT_FACTORS = {"V": 1.0, "v": 1.0, "volt": 1.0, "volts": 1.0, "mV": 1e-3}
@@ -30,7 +37,11 @@ class Recording:
 
 
 def read_recording(
-    path: str | Path, sensor: Sensor, column: str | None = None, run: str | None = None
+    path: str | Path,
+    sensor: Sensor,
+    column: str | None = None,
+    run: str | None = None,
+    progress: Progress = lambda *_: None,
 ) -> Recording:
     """Read the volts of one sensor.
 
@@ -46,9 +57,9 @@ def read_recording(
     """
     path = Path(path)
     if path.is_file() and h5py.is_hdf5(path):
-        recording = _from_session(path, sensor, column, run)
+        recording = _from_session(path, sensor, column, run, progress)
     else:
-        recording = _from_text(path, sensor, column)
+        recording = _from_text(path, sensor, column, progress)
     fault = sample_fault("time", recording.time)
     if fault:
         raise UserError(f"{path}: {fault}")
@@ -58,7 +69,9 @@ def read_recording(
     return recording
 
 
-def _from_session(path: Path, sensor: Sensor, column: str | None, name: str | None) -> Recording:
+def _from_session(
+    path: Path, sensor: Sensor, column: str | None, name: str | None, progress: Progress
+) -> Recording:
     session = open_session(path)
     runs = [run for run in session.runs if name is None or run.name == name]
     if not runs:
@@ -72,14 +85,22 @@ def _from_session(path: Path, sensor: Sensor, column: str | None, name: str | No
                 raise UserError(
                     f"{path}: run {run.name}, '{channel}' is in '{unit}'; it should be in V or mV."
                 )
-            samples = run.load(["time", channel])
-            source = f"{path}, run {run.name}, {channel}"
-            return Recording(samples["time"], samples[channel] * factor, source)
+            time, volts = _loaded(run, channel, progress)
+            return Recording(time, volts * factor, f"{path}, run {run.name}, {channel}")
     wanted = f"'{column}'" if column else f"the raw volts of the {sensor.name} sensor"
     raise UserError(
         f"{path} does not hold {wanted}; a calibration needs volts as read, such as "
         f"/runs/001/raw/{sensor.column_words[0]}, or a text file of time and volts."
     )
+
+
+def _loaded(run: Run, channel: str, progress: Progress) -> tuple[Array, Array]:
+    """Time and one channel of a run, shapes (n,)."""
+    pieces = []
+    for start in range(0, run.length, PIECE):
+        progress(start / run.length, f"reading run {run.name}")
+        pieces.append(run.load(["time", channel], start, start + PIECE))
+    return np.concatenate([p["time"] for p in pieces]), np.concatenate([p[channel] for p in pieces])
 
 
 def _raw_channel(run: Run, sensor: Sensor, column: str | None) -> str | None:
@@ -90,12 +111,13 @@ def _raw_channel(run: Run, sensor: Sensor, column: str | None) -> str | None:
     return named[0] if len(named) == 1 else None
 
 
-def _from_text(path: Path, sensor: Sensor, column: str | None) -> Recording:
+def _from_text(path: Path, sensor: Sensor, column: str | None, progress: Progress) -> Recording:
     table = inspect_table(path)
     index = _text_column(table, sensor, column)
     time_factor = _factor(table, 0, _TIME_FACTORS, "s or ms")
     volt_factor = _factor(table, index, _VOLT_FACTORS, "V or mV")
-    values = np.concatenate([block[:, (0, index)] for block in read_blocks(table)])
+    blocks = read_blocks(table, progress=lambda share: progress(share, f"reading {path.name}"))
+    values = np.concatenate([block[:, (0, index)] for block in blocks])
     header = f" '{table.header[index]}'" if table.header else ""
     source = f"{path}, column {index + 1}{header}"
     return Recording(values[:, 0] * time_factor, values[:, 1] * volt_factor, source)

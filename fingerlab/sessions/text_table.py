@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -73,8 +73,13 @@ def inspect_table(path: str | Path) -> TextTable:
     return TextTable(path, encoding, separator, decimal, header, len(first))
 
 
-def read_blocks(table: TextTable, block_lines: int = BLOCK_LINES) -> Iterator[Array]:
+def read_blocks(
+    table: TextTable, block_lines: int = BLOCK_LINES, *, progress: Callable[[float], None] | None = None
+) -> Iterator[Array]:
     """The table's numbers, a block of rows at a time, each of shape (rows, columns).
+
+    Args:
+        progress: called with the share of the file that is read (0 to 1) before each block is handed on.
 
     Raises:
         UserError: a row has more or fewer cells than the first, or a cell is not a number; the sentence
@@ -84,7 +89,10 @@ def read_blocks(table: TextTable, block_lines: int = BLOCK_LINES) -> Iterator[Ar
         rows = _rows(file)
         if table.header is not None:
             next(rows)
+        size = max(table.path.stat().st_size, 1)
         while block := list(islice(rows, block_lines)):
+            if progress is not None:
+                progress(file.buffer.tell() / size)
             yield _parse(block, table)
 
 

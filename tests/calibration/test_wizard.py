@@ -314,5 +314,9 @@ def test_recordings_made_before(tmp_path: Path) -> None:
     twice, _ = outcome_from_files([half, half], LOAD_CELL)
     assert twice.repeat is not None
     assert twice.repeat.largest == pytest.approx(0.0, abs=1e-9)
+    shares: list[float] = []
+    outcome_from_files([whole, half], LOAD_CELL, progress=lambda share, _: shares.append(share))
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] <= 0.5 < shares[-1] <= 1.0
     with pytest.raises(UserError, match="3 files were chosen"):
         outcome_from_files([half] * 3, LOAD_CELL)

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QFileDialog, QLabel, QLineEdit, QPushButton, QTableWidget
+from PySide6.QtWidgets import QFileDialog, QLabel, QLineEdit, QProgressBar, QPushButton, QTableWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.columns import COLUMN, COLUMNS
@@ -21,6 +22,7 @@ from fingerlab.acquisition.ring import Ring
 from fingerlab.calibration import StepTiming
 from fingerlab.calibration.wizard import Phase
 from fingerlab.rig_file import default_rig
+from fingerlab.sessions import text_table
 from fingerlab.ui.acquire.opening import OpenBench, Wanted, open_bench
 from fingerlab.ui.calibrate import tab as calibrate_tab
 from fingerlab.ui.calibrate.source import AMPLIFIER_ON
@@ -257,6 +259,32 @@ def test_from_a_recording_without_a_rig(
     qtbot.waitUntil(lambda: not window.tasks.busy)
     assert tab.outcome is None
     assert str(stored) in told(window)  # a file that is no recording is a sentence
+
+
+def test_reading_a_recording_tells_how_far_it_is_and_can_be_cancelled(
+    window: MainWindow, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "load cell.txt"
+    np.savetxt(path, np.arange(1000.0).reshape(500, 2), delimiter="\t")
+    go_on, parse = Event(), text_table._parse
+
+    def slowly(*given: Any) -> Any:
+        go_on.wait(30.0)
+        return parse(*given)
+
+    monkeypatch.setattr(text_table, "_parse", slowly)
+    monkeypatch.setattr(text_table.read_blocks, "__defaults__", (100,))
+    tab = window.tab("calibrate")
+    assert isinstance(tab, CalibrateTab)
+    tab.read_files("load-cell", [path])
+    status = child(window, QLabel, "status")
+    qtbot.waitUntil(lambda: status.text() == "Reading the recording: reading load cell.txt")
+    assert child(window, QProgressBar, "progress").value() > 0
+    QTest.mouseClick(child(window, QPushButton, "cancel"), LEFT)
+    go_on.set()
+    qtbot.waitUntil(lambda: not window.tasks.busy)
+    assert status.text() == "Reading the recording: stopped"
+    assert tab.outcome is None
 
 
 def test_live_volts_of_the_rig_that_acquire_connects(

@@ -268,7 +268,11 @@ class CalibrateTab(Tab):
             self._source_words = ", ".join(str(path) for path in paths)
             self._show_outcome(outcome, notes, "&Back")
 
-        self._run("Reading the recording", lambda _: outcome_from_files(paths, SENSORS[name]), done)
+        self._run(
+            "Reading the recording",
+            lambda progress: outcome_from_files(paths, SENSORS[name], progress=progress),
+            done,
+        )
 
     def _ask_for_session(self) -> None:
         folder = self.desk.settings.folder()
