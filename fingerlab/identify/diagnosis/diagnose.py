@@ -24,6 +24,7 @@ from fingerlab.identify.diagnosis.second_look import (
     look_again_along,
     look_beyond,
     settled,
+    shaped_like,
     worth_a_look,
 )
 from fingerlab.identify.diagnosis.steps import justified, much_left
@@ -141,8 +142,7 @@ def _with_closest_shapes(question: _Question) -> _Question:
     """The same with the given effects, there and in the catalogue, at the shapes that fit best."""
     watch = question.scale.part(0.0, 0.1)
     given = closest(closely(question.sessions, question.given, watch, question.recall)[1])
-    catalogue = [next((g for g in given if g.id == e.id), e) for e in question.catalogue]
-    return replace(question, given=given, catalogue=catalogue)
+    return replace(question, given=given, catalogue=shaped_like(question.catalogue, given))
 
 
 def _searched(question: _Question, study: Study) -> _Found:

@@ -46,15 +46,20 @@ class Evidence:
     nothing: float
     unknown: float
     temperature: float
-    for_an_effect: float
-    """Log odds that an effect of the catalogue is missing rather than nothing; held also where the two
-    probabilities are too small to be told beside that of something unknown."""
+    logs: Array
+    """Log weights of an effect of the catalogue, nothing, and something unknown, (3,): also where the others
+    are too unlikely beside one of them to have a probability."""
     least_left: float = 0.0
     """Misfit of each value that the best trial left when all were judged; later it may be fitted closer."""
     unseen: Array = field(default_factory=lambda: np.zeros(0))
     """Probabilities of effects that are not found because they could not show, (trials,); see ``unseen``."""
     factors: Array = field(default_factory=lambda: np.zeros(0))
     """How much likelier the data are with a plausible strength of each effect than with none, (trials,)."""
+
+    @property
+    def for_an_effect(self) -> float:
+        """Log odds that an effect of the catalogue is missing rather than nothing."""
+        return float(self.logs[0] - self.logs[1])
 
     @property
     def told(self) -> Array:
@@ -79,16 +84,25 @@ def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
     least_unknown = UNKNOWN_LEAST_BEYOND if base.model.choices else UNKNOWN_LEAST
     unexplained = (1.0 - UNKNOWN_SHARE) * zero + least_unknown * count + 2 * DECIDING_LOG_ODDS * heat
     unknown = -0.5 * unexplained / heat + np.log(PRIOR_UNKNOWN)
-    everything = np.concatenate((effects, [nothing, unknown]))
-    weights = np.exp(everything - everything.max())
-    weights /= weights.sum()
+    logs = np.array([np.logaddexp.reduce(effects), nothing, unknown])
     log_odds = among(base, trials)
-    shares = np.exp(log_odds) / max(float(np.exp(log_odds).sum()), 1.0)
-    found = shares * float(weights[:-2].sum())
-    odds = float(np.logaddexp.reduce(effects) - nothing)
     least_left = max(float(min(charged, default=zero)), 0.0) / max(count, 1.0)
-    none, other = map(float, weights[-2:])
-    return Evidence(base, tuple(trials), found, log_odds, none, other, heat, odds, least_left)
+    found, none, other = _shared(logs)
+    shares = found * _of_each(log_odds)
+    return Evidence(base, tuple(trials), shares, log_odds, none, other, heat, logs, least_left)
+
+
+def _shared(logs: Array) -> tuple[float, float, float]:
+    """Probabilities of an effect of the catalogue, nothing, and something unknown by their log weights."""
+    weights = np.exp(logs - logs.max())
+    found, none, other = map(float, weights / weights.sum())
+    return found, none, other
+
+
+def _of_each(log_odds: Array) -> Array:
+    """Probability of each effect if one of them is missing, (trials,)."""
+    shares = np.exp(log_odds)
+    return np.asarray(shares / max(float(shares.sum()), 1.0))
 
 
 def against_nothing(base: Trial, misfit: float, left: float, count: float) -> float:
@@ -126,19 +140,12 @@ def borne_out(evidence: Evidence, last: Trial) -> Evidence:
     best = min(t.misfit for t in evidence.trials)
     further = beyond * (np.log(PRIOR_EFFECTS / len(evidence.trials)) - DECIDING_LOG_ODDS)
     gain = 0.5 * (best - last.misfit) / evidence.temperature + further
-    found = float(evidence.probabilities.sum())
-    if gain <= 0.0 or found <= 0.0:
+    if gain <= 0.0:
         return evidence
-    grown = np.log(found) + gain
-    weights = np.array([grown, np.log(max(evidence.nothing, 1e-300)), np.log(max(evidence.unknown, 1e-300))])
-    weights = np.exp(weights - weights.max())
-    weights /= weights.sum()
-    return replace(
-        evidence,
-        probabilities=evidence.probabilities * float(weights[0]) / found,
-        nothing=float(weights[1]),
-        unknown=float(weights[2]),
-    )
+    logs = evidence.logs + np.array([gain, 0.0, 0.0])
+    found, none, other = _shared(logs)
+    shares = found * _of_each(evidence.log_odds)
+    return replace(evidence, probabilities=shares, nothing=none, unknown=other, logs=logs)
 
 
 def alike(evidence: Evidence) -> list[int]:

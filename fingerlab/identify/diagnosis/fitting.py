@@ -211,9 +211,7 @@ class Fitter:
                 h, jacobian = features[i], jacobians[i]
                 gradient = gradient - (h @ fold.matrix) @ jacobian
                 information = information - jacobian.T @ (fold.curvature @ jacobian)
-        # What only this turn tells of leaves the prior, which a difference of large numbers may miss.
-        lacking = np.maximum(self._stiffness - np.diag(information), 0.0)
-        step = bounded_step(values, gradient, information + np.diag(lacking), self._low, self._high)
+        step = bounded_step(values, gradient, information, self._low, self._high)
         return np.clip(values + step, self._low, self._high)
 
     def normal_equations(self, values: Array) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.odds import among
 from fingerlab.identify.diagnosis.search import FRONT, SCREEN_ITERATIONS, refine, reshape, weigh
 from fingerlab.identify.diagnosis.sketch import Sketch
-from fingerlab.identify.diagnosis.steps import justified, least_fall, much_left
+from fingerlab.identify.diagnosis.steps import idle_steps, justified, least_fall, much_left
 from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study
 from fingerlab.identify.diagnosis.trial import Trial
 from fingerlab.identify.diagnosis.watch import Watch
@@ -62,11 +62,10 @@ def forward(
         sound = len(steps) if borne_out else sound
         watch.tell(0.5, f"looking beyond {best.model.choices[-1].effect.title.lower()}")
         evidence = weigh(study, chosen, effects, watch, STEP_PROMISE * least_fall(chosen))
+    steps, weights = steps[:sound], weights[:sound]
     if sound > 2:
-        exchanged = _exchanged(study, steps[sound - 1], keep, rivals)
-        if exchanged is not None:
-            steps[:sound], weights[:sound] = exchanged
-    return _borne_out(study, steps[:sound], weights[:sound])
+        steps, weights = _exchanged(study, steps[-1], keep, rivals) or (steps, weights)
+    return _borne_out(study, steps, weights)
 
 
 def worth_adding(study: Study, base: Trial, best: Trial) -> bool:
@@ -141,18 +140,14 @@ def _borne_out(study: Study, steps: list[Trial], weights: list[Weights]) -> list
     while True:
         study.weights = weights[-1]
         scored = [study.hold_out(study.fit(s.model.choices, s, FULL_ITERATIONS)) for s in steps]
-        idle = _idle(scored)
+        idle = idle_steps(scored)
         if not idle:
             return scored
         if idle[0] < len(steps) - 1:
             other = _reordered(study, scored)
-            if not _idle(other):
+            if not idle_steps(other):
                 return other
         steps, weights = steps[: idle[0]], weights[: idle[0]]
-
-
-def _idle(steps: Sequence[Trial]) -> list[int]:
-    return [k for k in range(1, len(steps)) if not justified(steps[k - 1], steps[k])]
 
 
 def _reordered(study: Study, steps: Sequence[Trial]) -> list[Trial]:

@@ -50,10 +50,10 @@ def screen(
         start = base
         if promise.fall == np.inf and len(effect.shapes) > 1:
             shapes = [study.fit([*given, Choice(effect, i)], base, 1) for i in range(len(effect.shapes))]
-            start = min(shapes, key=lambda t: t.fit.cost)
+            start = min(shapes, key=_cost)
             promise = Promise(start.model.choices[-1].shape, np.inf)
         trials.append(study.fit([*given, Choice(effect, promise.shape)], start, iterations))
-    return sorted(trials, key=lambda t: t.fit.cost)
+    return sorted(trials, key=_cost)
 
 
 def refine(study: Study, trial: Trial) -> Trial:
@@ -94,7 +94,7 @@ def weigh(
         again = (
             study.fit(t.model.choices, t, SCREEN_ITERATIONS if i < FRONT else 1) for i, t in enumerate(trials)
         )
-        trials = sorted(again, key=lambda t: t.fit.cost)
+        trials = sorted(again, key=_cost)
     watch.tell(0.95, "scoring on held-out runs")
     base = study.told(study.hold_out(base, residuals=True))
     scored = [study.hold_out(t) for t in trials[:HELD_OUT_TRIALS]]

@@ -17,7 +17,7 @@ from fingerlab.identify.diagnosis.path import LONGEST_PATH, STEP_PROMISE, forwar
 from fingerlab.identify.diagnosis.recall import Recall
 from fingerlab.identify.diagnosis.reduction import reduce_sessions
 from fingerlab.identify.diagnosis.search import refine, weigh
-from fingerlab.identify.diagnosis.steps import justified, least_fall
+from fingerlab.identify.diagnosis.steps import idle_steps, justified, least_fall
 from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study
 from fingerlab.identify.diagnosis.trial import Trial
 from fingerlab.identify.diagnosis.watch import SILENT, Watch
@@ -104,7 +104,7 @@ def look_again_along(
         by_id = {c.effect.id: c for c in last.model.choices}
         kept = [[by_id[c.effect.id] for c in step.model.choices if c.effect.id in by_id] for step in chosen]
         steps = [study.hold_out(study.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
-        idle = [k for k in range(1, len(steps)) if not justified(steps[k - 1], steps[k])]
+        idle = idle_steps(steps)
         if not idle and len(steps) > 2 and _mends_a_shape(study, steps):
             idle = [len(steps) - 1]
         if not idle or idle[0] == 1:
@@ -142,8 +142,7 @@ def look_beyond(
         Cancelled: the user asked for it.
     """
     given = closest(path[-1])
-    beside = [next((g for g in given if g.id == e.id), e) for e in catalogue]
-    study = Study(reduce_sessions(sessions, beside, watch, recall=recall))
+    study = Study(reduce_sessions(sessions, shaped_like(catalogue, given), watch, recall=recall))
     effects = study.reduced.layout.effects
     base = study.hold_out(settled(study, given))
     evidence = weigh(study, base, effects, watch, STEP_PROMISE * least_fall(base))
@@ -151,13 +150,19 @@ def look_beyond(
     found = forward(study, evidence, effects, len(given), watch, most)
     if len(found) == 1:
         return None
-    fewer = [study.fit(found[0].model.choices[:k], found[0]) for k in range(len(given))]
+    first = len(path[0].model.choices)
+    fewer = [study.fit(found[0].model.choices[:k], found[0]) for k in range(first, len(given))]
     return look_again_along(sessions, [*fewer, *found], watch, recall)
 
 
 def closest(trial: Trial) -> list[Effect]:
     """The model's effects, each with the one shape that was found as its grid."""
     return [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in trial.model.choices]
+
+
+def shaped_like(catalogue: Sequence[Effect], found: Sequence[Effect]) -> list[Effect]:
+    """The catalogue with the effects that were found in place of their namesakes."""
+    return [next((f for f in found if f.id == e.id), e) for e in catalogue]
 
 
 def worth_a_look(choices: Sequence[Choice]) -> bool:

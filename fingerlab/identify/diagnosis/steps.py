@@ -7,6 +7,8 @@ that samples a cycle apart are not new evidence. Temperature 1 is white noise at
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from fingerlab.identify.diagnosis.trial import Trial
 
 CORRELATED_VALUES = 16.0
@@ -45,6 +47,11 @@ def justified(base: Trial, trial: Trial, level: float = 0.0) -> bool:
     in_contact = contact_charge(base, trial)
     likely = 0.5 * (fall - charge(base, trial) - in_contact * trial.count) / heat > DECIDING_LOG_ODDS
     return bool(likely and explained > least_explained(base, base.misfit, base.count, in_contact))
+
+
+def idle_steps(steps: Sequence[Trial]) -> list[int]:
+    """Numbers of the steps of a path that the one before does not justify; 0 is the model as given."""
+    return [k for k in range(1, len(steps)) if not justified(steps[k - 1], steps[k])]
 
 
 def least_fall(base: Trial) -> float:

@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from fingerlab.identify.diagnosis.evidence import alike, judge
+from fingerlab.identify.diagnosis.evidence import alike, borne_out, judge
 from fingerlab.identify.diagnosis.fitting import Fit
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.odds import small_excess
@@ -119,3 +119,17 @@ def test_a_small_excess_at_low_speed_is_not_stribecks(share: float, against: flo
     fit = Fit(np.array(values), found.fit.information, found.fit.cost)
     assert small_excess(replace(found, fit=fit)) == pytest.approx(against, abs=0.01)
     assert small_excess(trial(1.1, SMALL)) == 0.0
+
+
+@pytest.mark.parametrize("base", [3.0, 60.0])
+def test_what_further_effects_explain_is_no_sign_of_something_outside(base: float) -> None:
+    evidence = judged(base, viscous_friction=0.85 * base)
+    assert evidence.unknown > 0.99
+    steps = borne_out(evidence, trial(1.05, "viscous_friction", "motor_inertia"))
+    assert named(steps, "viscous_friction") > 0.99
+    assert steps.probabilities.sum() + steps.nothing + steps.unknown == pytest.approx(1.0)
+
+
+def test_one_effect_alone_is_judged_by_itself() -> None:
+    evidence = judged(3.0, viscous_friction=1.1)
+    assert borne_out(evidence, trial(1.1, "viscous_friction")) is evidence

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import pytest
 
+from fingerlab.identify.diagnosis import second_look
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.second_look import worth_a_look
 from fingerlab.physics.effects import CATALOGUE
@@ -38,3 +42,32 @@ def test_sharper_friction_is_tried_where_it_lacks_as_much_work() -> None:
         tried = rubbing(factors=(1.0,))(found)
         work = [s["travel_deg"] * lacking[s["sharpness"]] for s in tried]
         assert work == pytest.approx([0.3] * 3)
+
+
+def test_a_path_that_goes_on_begins_with_what_was_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Given one effect, one found: beyond it the path is given, found, further, and never less than given."""
+    names = ["viscous_friction", "joint_stop", "motor_inertia"]
+    choices = [Choice(CATALOGUE[n]) for n in names]
+
+    def holding(count: int) -> Any:
+        return SimpleNamespace(model=SimpleNamespace(choices=tuple(choices[:count])))
+
+    class Fits:
+        reduced = SimpleNamespace(layout=SimpleNamespace(effects=()))
+
+        def hold_out(self, trial: Any) -> Any:
+            return trial
+
+        def fit(self, chosen: tuple[Choice, ...], _: Any) -> Any:
+            return holding(len(chosen))
+
+    monkeypatch.setattr(second_look, "reduce_sessions", lambda *_, **__: None)
+    monkeypatch.setattr(second_look, "Study", lambda _: Fits())
+    monkeypatch.setattr(second_look, "settled", lambda _, given: holding(len(given)))
+    monkeypatch.setattr(second_look, "least_fall", lambda _: 0.0)
+    monkeypatch.setattr(second_look, "weigh", lambda *_: None)
+    monkeypatch.setattr(second_look, "forward", lambda *_: [holding(2), holding(3)])
+    monkeypatch.setattr(second_look, "look_again_along", lambda _, path, *__: (None, path))
+    longer = second_look.look_beyond([], [], cast(Any, [holding(1), holding(2)]), second_look.SILENT)
+    assert longer is not None
+    assert [len(step.model.choices) for step in longer[1]] == [1, 2, 3]
