@@ -13,17 +13,17 @@ from functools import partial
 import numpy as np
 
 from fingerlab.identify.diagnosis.features import (
-    NO_SHIFT,
-    SLOPE,
     Feature,
     Layout,
     base_columns,
     beside_a_finger,
     nuisance_ranges,
     shifted_columns,
+    turned_columns,
 )
 from fingerlab.identify.diagnosis.recall import Recall
 from fingerlab.identify.diagnosis.routing import spread_of
+from fingerlab.identify.diagnosis.shifts import NO_SHIFT, SLOPE
 from fingerlab.identify.diagnosis.stretches import stretches
 from fingerlab.identify.diagnosis.sums import IntArray
 from fingerlab.physics.effects import CATALOGUE
@@ -61,6 +61,8 @@ def effect_columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column
         for index, shape in enumerate(effect.shapes):
             for t in effect.columns(motion, shape):
                 yield t.values, None, own, partial(_feature, t, effect.id, index)
+            for feature, values in turned_columns(motion, effect, index):
+                yield values, None, False, partial(replace, feature)
 
 
 def _feature(term: Term, owner: str, shape: int) -> Feature:

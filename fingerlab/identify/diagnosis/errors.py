@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerlab.identify.diagnosis.features import FORCE, SHIFTS_S
+from fingerlab.identify.diagnosis.features import FORCE
 from fingerlab.identify.diagnosis.groups import Group
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
 from fingerlab.identify.diagnosis.residuals import noise_covariance
+from fingerlab.identify.diagnosis.shifts import SHIFTS_S
 from fingerlab.identify.diagnosis.study import Study
 from fingerlab.identify.diagnosis.trial import Trial
 from fingerlab.identify.results import EquationError

@@ -11,6 +11,7 @@ one Gram matrix of the features serves every model, every grid point and every f
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -26,14 +27,6 @@ from fingerlab.physics.effects.sensing import lateral_levers
 from fingerlab.physics.effects.tip import dragged_tip, pressed, tip_depth, tip_reach, while_pressed
 from fingerlab.rig import Finger, Rig
 from fingerlab.sessions.model import Array
-
-SHIFTS_S = tuple(0.024 * k for k in range(-2, 10))
-"""Delays (s) at which the motor's channels are kept; values between them are interpolated."""
-INTERPOLATION_POINTS = 6
-SLOPE = len(SHIFTS_S)
-"""Index of a motor channel's time derivative, which replaces the shifts below a delay of 1 ms."""
-NO_SHIFT = SHIFTS_S.index(0.0)
-
 
 LIFTED_M = 1e-4
 """A tip that is higher or lower than this (twice this: for certain) than where it presses has let go, m;
@@ -63,7 +56,8 @@ class Feature:
     ``parameter`` names the unknown that multiplies it (None: none), ``constant`` what it has without.
     ``shift`` is an index into ``SHIFTS_S``, or ``SLOPE``, for a motor channel. ``routed`` unknowns have one
     value for each cable routing. ``owner`` is the effect that brings it (None: nominal model and
-    nuisances) at the grid point ``shape``.
+    nuisances) at the grid point ``shape``. ``borrowed``: its unknown is one of the nuisances, no own gain.
+    ``factor`` multiplies the coefficient, too.
     """
 
     row: Row
@@ -74,6 +68,8 @@ class Feature:
     routed: bool = False
     owner: str | None = None
     shape: int = 0
+    borrowed: bool = False
+    factor: float = 1.0
 
 
 FORCE = Feature(Row.TIP)
@@ -177,12 +173,50 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
         (Feature(Row.CABLE, "offset", routed=True), one),
         *_tip_columns(motion, force),
     ]
-    columns += [
-        (Feature(term.row, name, scale="joint"), values * term.values)
-        for name, values in _tangential_forces(motion).items()
-        for term in lateral_levers(motion, name)
-    ]
+    columns += [(Feature(row, name, scale="joint"), values) for row, name, values in _along_the_face(motion)]
     return columns
+
+
+def turned_columns(motion: Motion, effect: Effect, shape: int) -> list[tuple[Feature, Array]]:
+    """What changes of the tip's forces along the load cell's face where the effect has turned the face.
+
+    The levers turn with the face; how strong the forces are, the nuisances say. A share of the normal force
+    is left out: turned, it is a change of that force.
+    """
+    angle = (
+        effect.turns(effect.shapes[shape]) if effect.turns is not None and motion.finger is not None else 0
+    )
+    if not angle:
+        return []
+    parts = (
+        (math.cos(angle) - 1.0, _along_the_face(motion)),
+        (-math.sin(angle), _along_the_face(motion, turned=True)),
+    )
+    return [
+        (
+            Feature(row, name, scale="joint", owner=effect.id, shape=shape, borrowed=True, factor=factor),
+            values,
+        )
+        for factor, columns in parts
+        for row, name, values in columns
+        if name != "lateral"
+    ]
+
+
+def _along_the_face(motion: Motion, turned: bool = False) -> list[tuple[Row, str, Array]]:
+    """Row, name and torque (N m) of the unknown forces along the face, or of those at right angles to it."""
+    places = [(row, name) for name in _LATERAL for row in (Row.MCP, Row.PIP)]
+    keys = [("along the face", *place, turned) for place in places]
+
+    def torques() -> list[Array]:
+        forces = _tangential_forces(motion)
+        along = [term.values for term in lateral_levers(motion, "")]
+        levers = dict(zip((Row.MCP, Row.PIP), motion.contact_levers if turned else along, strict=True))
+        return [forces[name] * levers[row] for row, name in places]
+
+    return [
+        (*place, motion.remember_each(key, keys, torques)) for place, key in zip(places, keys, strict=True)
+    ]
 
 
 def _tip_columns(motion: Motion, force: Array) -> list[tuple[Feature, Array]]:
@@ -336,31 +370,3 @@ def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
         "arm_pip": Gain("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm"),
     }
     return ranges
-
-
-def shift_weights(delay: float) -> tuple[Array, Array]:
-    """Weights of the kept shifts that interpolate at ``delay`` (s), and their derivative (1/s).
-
-    Lagrange interpolation on the six nearest shifts: at 24 ms spacing a 3 Hz tone is off by less than
-    0.01 %, an 8 Hz tone by 1.4 %, and a delay that is itself a kept shift by nothing.
-    """
-    spacing = SHIFTS_S[1] - SHIFTS_S[0]
-    count = INTERPOLATION_POINTS
-    place = (delay - SHIFTS_S[0]) / spacing
-    first = min(max(int(np.floor(place)) - count // 2 + 1, 0), len(SHIFTS_S) - count)
-    powers = (place - first) ** np.arange(count)
-    weights, slopes = np.zeros(SLOPE + 1), np.zeros(SLOPE + 1)
-    weights[first : first + count] = _LAGRANGE @ powers
-    slopes[first : first + count] = _LAGRANGE[:, 1:] @ (np.arange(1, count) * powers[:-1]) / spacing
-    return weights, slopes
-
-
-def slope_weights(delay: float) -> tuple[Array, Array]:
-    """The same for a delay so small that the channel's value and time derivative are enough."""
-    weights, slopes = np.zeros(SLOPE + 1), np.zeros(SLOPE + 1)
-    weights[NO_SHIFT], weights[SLOPE], slopes[SLOPE] = 1.0, -delay, -1.0
-    return weights, slopes
-
-
-_LAGRANGE = np.linalg.inv(np.vander(np.arange(float(INTERPOLATION_POINTS)), increasing=True)).T
-"""Row k: coefficients, by rising power, of the polynomial that is 1 at node k and 0 at the others."""

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerlab.identify.diagnosis.features import NO_SHIFT, Layout
+from fingerlab.identify.diagnosis.features import Layout
 from fingerlab.identify.diagnosis.groups import Group, Reduced
+from fingerlab.identify.diagnosis.shifts import NO_SHIFT
 from fingerlab.physics.effects.base import Row
 
 

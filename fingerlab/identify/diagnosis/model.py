@@ -10,16 +10,13 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.features import (
     FORCE,
-    NO_SHIFT,
-    SLOPE,
     TIP_LAWS,
     Feature,
     Layout,
-    shift_weights,
-    slope_weights,
 )
 from fingerlab.identify.diagnosis.groups import Group
 from fingerlab.identify.diagnosis.routing import Tie, tie
+from fingerlab.identify.diagnosis.shifts import NO_SHIFT, SLOPE, shift_weights, slope_weights
 from fingerlab.identify.diagnosis.sums import BoolArray, IntArray, Pick
 from fingerlab.physics.effects.base import Effect, Gain, Row
 from fingerlab.sessions.model import Array
@@ -145,7 +142,9 @@ class Model:
         """The same for several groups, (groups, k) and (groups, k, p), told by their cables."""
         table = self._table(cable_signs)
         amount, scale, weight, slopes = self._parts(table, values)
-        turned = np.where(table.inverse, -table.sign * scale**2, table.sign)
+        turned = np.where(
+            table.inverse, -(scale**2) / np.where(table.sign == 0.0, 1.0, table.sign), table.sign
+        )
         jacobian = np.zeros((*amount.shape, len(values) + 2))
         flat = jacobian.reshape(-1, len(values) + 2)
         flat[table.lines, table.parameter.reshape(-1)] = (-scale * weight).reshape(-1)
@@ -192,7 +191,7 @@ class Model:
         """Index of the unknown that multiplies a feature; -1 where there is none."""
         if not feature.parameter:
             return -1
-        if feature.owner is not None:
+        if feature.owner is not None and not feature.borrowed:
             return self.index.get(f"{feature.owner}.{feature.parameter}", -1)
         key = f"{feature.parameter}@{routing}" if feature.routed else feature.parameter
         return self.index.get(key, -1)
@@ -252,16 +251,16 @@ def _make_table(model: Model, cable_signs: tuple[int, ...]) -> _Table:
 
 
 def _scaling(feature: Feature, index: Mapping[str, int], cable_sign: int) -> tuple[int, bool, float]:
-    """Index of the unknown that scales a feature (-1: none), whether it divides, and the sign."""
-    routing = CABLE_NAMES[cable_sign]
+    """Index of the unknown that scales a feature (-1: none), whether it divides, and sign and factor."""
+    routing, sign = CABLE_NAMES[cable_sign], feature.factor * cable_sign
     if feature.scale == "direct":
-        return -1, False, 1.0
+        return -1, False, feature.factor
     if feature.scale == "compliance":
-        return index.get("cable_compliance", -1), False, -1.0
+        return index.get("cable_compliance", -1), False, -feature.factor
     if feature.scale == "joint":
         arm = "arm_mcp" if feature.row == Row.MCP else "arm_pip"
-        return index.get(f"{arm}@{routing}", -1), True, float(cable_sign)
-    return index.get(f"{feature.scale}@{routing}", -1), False, float(cable_sign)
+        return index.get(f"{arm}@{routing}", -1), True, sign
+    return index.get(f"{feature.scale}@{routing}", -1), False, sign
 
 
 def build(
@@ -278,7 +277,8 @@ def build(
         if choice.effect.special == "delay":
             continue
         unknowns += [
-            Unknown(f"{choice.effect.id}.{name}", gain) for name, gain in choice.effect.gains.items()
+            Unknown(f"{choice.effect.id}.{name}", gain)
+            for name, gain in choice.effect.gains_at(choice.shape).items()
         ]
         active += list(layout.indices(choice.effect.id, choice.shape))
     index = {u.key: i for i, u in enumerate(unknowns)}

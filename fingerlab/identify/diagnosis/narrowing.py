@@ -13,9 +13,9 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import WIDE_RATE_HZ, narrow
 from fingerlab.identify.diagnosis.columns import Asked, Column, all_columns, effect_columns
-from fingerlab.identify.diagnosis.features import SHIFTS_S, SLOPE
 from fingerlab.identify.diagnosis.moments import rest_moments, taut_moments
 from fingerlab.identify.diagnosis.recall import Seen
+from fingerlab.identify.diagnosis.shifts import SHIFTS_S, SLOPE
 from fingerlab.identify.diagnosis.sums import BoolArray, IntArray
 from fingerlab.physics.effects.base import Effect
 from fingerlab.physics.effects.motion import Motion

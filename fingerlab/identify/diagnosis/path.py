@@ -74,7 +74,7 @@ def worth_adding(study: Study, base: Trial, best: Trial) -> bool:
     A model may not earn its own floor: what it calls noise has to be paid for in density.
     """
     kept, gained = study.weights, study.level(best)
-    study.settle(base.model.choices, base, rounds=2)
+    study.settle(base.model.choices, base)
     before = study.hold_out(study.fit(base.model.choices, base, FULL_ITERATIONS))
     gained -= study.level(before)
     study.weights = kept

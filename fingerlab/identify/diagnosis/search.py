@@ -49,22 +49,31 @@ def screen(
         iterations = SCREEN_ITERATIONS if promise.fall >= hopeful else 1
         start = base
         if promise.fall == np.inf and len(effect.shapes) > 1:
-            shapes = [study.fit([*given, Choice(effect, i)], base, 1) for i in range(len(effect.shapes))]
+            shapes = [_first_try(study, base, Choice(effect, i)) for i in range(len(effect.shapes))]
             start = min(shapes, key=_cost)
             promise = Promise(start.model.choices[-1].shape, np.inf)
         trials.append(study.fit([*given, Choice(effect, promise.shape)], start, iterations))
     return sorted(trials, key=_cost)
 
 
+def _first_try(study: Study, base: Trial, choice: Choice) -> Trial:
+    choices = [*base.model.choices, choice]
+    if not choice.effect.turns:
+        return study.fit(choices, base, 1)
+    # Where the face has turned, the tip may do otherwise than it seemed to.
+    return study.with_best_law(study.fit(choices, base, SCREEN_ITERATIONS), SCREEN_ITERATIONS)
+
+
 def refine(study: Study, trial: Trial) -> Trial:
     """The trial fitted to the end, at its grid point or where its neighbours lead to."""
     *given, last = trial.model.choices
     tried: dict[int, Trial] = {}
+    fit = study.fit if last.effect.turns else study.fit_like
     best = last.shape
     while True:
         for i in (best - 1, best, best + 1):
             if 0 <= i < len(last.effect.shapes) and i not in tried:
-                tried[i] = study.fit_like([*given, Choice(last.effect, i)], trial, FULL_ITERATIONS)
+                tried[i] = fit([*given, Choice(last.effect, i)], trial, FULL_ITERATIONS)
         found = min(tried, key=lambda i: tried[i].fit.cost)
         if found == best:
             return study.with_best_law(tried[best], FULL_ITERATIONS)
@@ -88,7 +97,7 @@ def weigh(
         if not front or front[0].fit.cost >= base.fit.cost or _led(front, leaders):
             break
         leaders.add(front[0].model.choices[-1].effect.id)
-        study.settle(front[0].model.choices, front[0], rounds=2)
+        study.settle(front[0].model.choices, front[0])
         base = study.fit(base.model.choices, base, FULL_ITERATIONS)
         # Under the new weights another effect may come to the front.
         again = (
@@ -136,7 +145,7 @@ def reshape(study: Study, trial: Trial) -> Trial:
     found = _reshaped(study, trial)
     if [c.shape for c in found.model.choices] == [c.shape for c in trial.model.choices]:
         return trial
-    return study.hold_out(study.settle(found.model.choices, found, rounds=2))
+    return study.hold_out(study.settle(found.model.choices, found))
 
 
 def _reshaped(study: Study, trial: Trial) -> Trial:

@@ -202,7 +202,7 @@ def _best_shape(study: Study, trial: Trial, k: int) -> Trial:
         tried = [study.fit_like(at(i), trial, LOOKING_ITERATIONS) for i in range(len(effect.shapes))]
         found = min(tried, key=lambda t: t.fit.cost)
         same = found.model.choices[k].shape == choices[k].shape
-        trial = study.settle(found.model.choices, found, rounds=2)
+        trial = study.settle(found.model.choices, found)
         choices = list(trial.model.choices)
         if same:
             break

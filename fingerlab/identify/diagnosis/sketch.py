@@ -63,7 +63,7 @@ class Sketch:
 
     def promise(self, effect: Effect) -> Promise:
         """The effect's grid point whose first step lowers the cost most, and by how much."""
-        if effect.special or effect.relaxes or not effect.gains:
+        if effect.special or effect.relaxes or effect.turns or not effect.gains:
             return Promise(0, np.inf)  # more than new columns: one step of the gains does not tell
         falls = [self.fall(effect, shape) for shape in range(len(effect.shapes))]
         best = int(np.argmax(falls))

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerlab.identify.diagnosis.features import NO_SHIFT, Layout
+from fingerlab.identify.diagnosis.features import Layout
 from fingerlab.identify.diagnosis.groups import Group
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
+from fingerlab.identify.diagnosis.shifts import NO_SHIFT
 from fingerlab.physics.effects.base import Row
 from fingerlab.sessions.model import Array
 

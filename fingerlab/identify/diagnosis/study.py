@@ -22,13 +22,16 @@ from fingerlab.identify.diagnosis.residuals import noise_covariance, row_covaria
 from fingerlab.identify.diagnosis.starting_arms import starting_arms
 from fingerlab.identify.diagnosis.sums import BoolArray
 from fingerlab.identify.diagnosis.trial import Trial
-from fingerlab.identify.diagnosis.weighing import Data, FoldNumbers, Weighted, Weights
+from fingerlab.identify.diagnosis.weighing import Data, FoldNumbers, Weighted, Weights, change
 from fingerlab.sessions.model import Array
 
 WANDER = 0.05
 """Friction differs from run to run by this share, one standard deviation; assumed ("some per cent")."""
 FULL_ITERATIONS = 8
 """A fit of so many iterations is meant to end, not to look round."""
+SETTLED = 0.05
+"""Weights that change by no larger share belong to their fit: a score then changes by some per mille."""
+MOST_ROUNDS = 8
 
 
 @dataclass
@@ -61,7 +64,7 @@ class Study:
         for key, value in known.items():
             if key in model.index:
                 values[model.index[key]] = value
-        return values
+        return np.clip(values, model.low, model.high)
 
     def fit(self, choices: Sequence[Choice], like: Trial | None = None, iterations: int = 10) -> Trial:
         """Fit nominal model, nuisances and ``choices`` to all runs.
@@ -193,12 +196,15 @@ class Study:
         model, values = trial.model, trial.fit.values
         self.weights = {g.key: noise_weights(model, values, g) for g in self.reduced.groups}
 
-    def settle(self, choices: Sequence[Choice], like: Trial | None = None, rounds: int = 3) -> Trial:
+    def settle(self, choices: Sequence[Choice], like: Trial | None = None) -> Trial:
         """Fit and reweigh until the weights belong to the fit."""
         trial = self.fit(choices, like)
-        for _ in range(rounds):
+        for _ in range(MOST_ROUNDS):
+            before = self.weights
             self.reweigh(trial)
             trial = self.fit(choices, trial)
+            if change(before, self.weights) < SETTLED:
+                break
         return trial
 
     def level(self, trial: Trial) -> float:

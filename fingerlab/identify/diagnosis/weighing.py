@@ -26,8 +26,20 @@ SLACK_SPREAD_M = 1e-4
 Weights = Mapping[GroupKey, Array]
 """Inverse covariance of the equations' noise for each group, (5, 5) over :class:`Row`."""
 
+
 FoldNumbers = tuple[int, ...]
 """Folds of a group, by number."""
+
+
+def change(before: Weights, after: Weights) -> float:
+    """By how much the weight of an equation changed most: 0.1 is by a tenth, up or down."""
+    return max((_change(before[key], after[key]) for key in after), default=0.0)
+
+
+def _change(before: Array, after: Array) -> float:
+    exist = np.diag(after) > 0  # an equation exists in a group of runs or does not, whatever its weight
+    ratios = np.diag(after)[exist] / np.diag(before)[exist]
+    return float(np.max(np.maximum(ratios, 1.0 / ratios), initial=1.0)) - 1.0
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,12 @@ from fingerlab.identify.diagnosis.features import (
     Feature,
     base_columns,
     shifted_columns,
+    turned_columns,
 )
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
 from fingerlab.identify.diagnosis.narrowing import counted
 from fingerlab.identify.diagnosis.stretches import stretches
 from fingerlab.physics.effects.base import Effect, Row
-from fingerlab.physics.effects.mass import TURNED_SLIP_STIFFNESS
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.tip import TOUCHING_FORCE_N
 from fingerlab.sessions.model import Array, Run, Session
@@ -157,7 +157,7 @@ def level_residuals(
     """
     zero = np.zeros_like(motion.time)
     rubbing = replace(motion, phase="contact", force=zero if force is None else force, _memory={})
-    for stiffness in (*SLIP_STIFFNESSES, TURNED_SLIP_STIFFNESS):
+    for stiffness in SLIP_STIFFNESSES:
         rubbing.slipping(stiffness)
     levels = [
         _residuals(motion.pressed_by(np.full_like(motion.time, level), rubbing), effects, values, where)
@@ -186,6 +186,7 @@ def _features(motion: Motion, effects: Sequence[Effect], delay: float) -> Iterat
     for one in effects:
         for term in one.columns(motion, one.shapes[0]):
             yield Feature(term.row, term.gain, term.constant, term.scale, owner=one.id), term.values
+        yield from turned_columns(motion, one, 0)
 
 
 def _later(values: Array, delay: float, rate: float) -> Array:
@@ -201,7 +202,7 @@ def _strength(feature: Feature, motion: Motion, values: Mapping[str, float], whe
     """Value of the unknown that multiplies a feature; 0 for a nuisance that was not fitted."""
     if not feature.parameter:
         return 0.0
-    if feature.owner is not None:
+    if feature.owner is not None and not feature.borrowed:
         key = f"{feature.owner}.{feature.parameter}"
         if key not in values:
             raise UserError(
@@ -216,14 +217,14 @@ def _strength(feature: Feature, motion: Motion, values: Mapping[str, float], whe
 def _scale(feature: Feature, motion: Motion, values: Mapping[str, float], where: str) -> float:
     """1 for a tension; the signed inverse of the moment arm for a torque."""
     if feature.scale == "direct":
-        return 1.0
+        return feature.factor
     if feature.scale != "joint":
         raise UserError(
             f"The effect '{feature.owner}' puts a term of scale '{feature.scale}' into a joint's equation; "
             "its terms there should be of scale 'joint' or 'direct'."
         )
     arm = "arm_mcp" if feature.row == Row.MCP else "arm_pip"
-    return motion.cable_sign / _routed(arm, motion, values, where)
+    return feature.factor * motion.cable_sign / _routed(arm, motion, values, where)
 
 
 def _routed(name: str, motion: Motion, values: Mapping[str, float], where: str) -> float:

@@ -18,7 +18,7 @@ term is a column of the modelled side times an unknown gain:
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Literal
 
@@ -90,6 +90,11 @@ def as_found(shape: Shape) -> Sequence[Shape]:
     return (shape,)
 
 
+def unbounded(shape: Shape) -> Mapping[str, tuple[float, float]]:
+    """No narrower limits than the gains have everywhere."""
+    return {}
+
+
 @dataclass(frozen=True)
 class Effect:
     """A physical effect that the nominal model leaves out.
@@ -118,6 +123,9 @@ class Effect:
         wanders: whether its strength differs by some per cent from run to run, as friction does.
         offsets: gains of a constant that the joints' losses could be as well: no misfit tells them apart, but
             losses that one such gain makes small at all joints and routings do.
+        bounds: narrower limits of a gain at a point of ``shapes``, where the law holds only near that point.
+        turns: by how much (rad) the load cell's face is turned against the finger at a point of ``shapes``;
+            what the tip does along the face turns with it.
         excess: gains that are what comes on top of another gain of the effect, and that one's name; nobody
             would speak of an excess that is a small share of it.
     """
@@ -143,4 +151,14 @@ class Effect:
     wanders: bool = False
     sticks: bool = False
     offsets: tuple[str, ...] = ()
+    bounds: Callable[[Shape], Mapping[str, tuple[float, float]]] = unbounded
+    turns: Callable[[Shape], float] | None = None
     excess: Mapping[str, str] = field(default_factory=dict)
+
+    def gains_at(self, shape: int) -> dict[str, Gain]:
+        """The gains with the limits that they have at one point of ``shapes``."""
+        within = self.bounds(self.shapes[shape])
+        return {
+            name: replace(gain, low=within[name][0], high=within[name][1]) if name in within else gain
+            for name, gain in self.gains.items()
+        }

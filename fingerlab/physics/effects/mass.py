@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 
 import numpy as np
 
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term, nothing
+from fingerlab.physics.effects.closer import plus
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.tip import tip_reach, while_pressed
 from fingerlab.sessions.model import Array
 
-TURNED_SLIP_STIFFNESS = 18.0
-"""Sideways over normal force, and over the friction coefficient, of a tip that sticks; assumed."""
-
-LARGE_TILT_RAD = 0.3
-"""About this tilt, or none, the torques are taken as straight; up to 0.45 rad that errs by 1 per cent."""
+LARGEST_TILT_RAD = 0.45
+TURNS_DEG = (-17.0, 0.0, 17.0)
+"""Tilts about which the torques are taken as straight, each half-way to the next; within 1 per cent."""
+PRESSED_TURNS_DEG = tuple(8.0 * k for k in range(-3, 4))
+"""The same where the load cell stays: what friction does to the tip is within 7 per cent."""
 
 
 def _tilt(motion: Motion, shape: Shape) -> list[Term]:
@@ -24,19 +26,14 @@ def _tilt(motion: Motion, shape: Shape) -> list[Term]:
     A load cell that stands on a base of its own (``cell_stays``) then presses from another direction, too:
     the levers of the contact force turn with the finger (thesis equation 3.18).
     """
-    about = LARGE_TILT_RAD * (shape.get("forwards", 0.0) - shape.get("backwards", 0.0))
+    about = math.radians(shape.get("turn_deg", 0.0))
     force = motion.force if shape.get("cell_stays") else None
     (mcp, pip), (turn_mcp, turn_pip) = _standing_torques(motion, force, about)
-    level, rubbing_mcp, rubbing_pip = (nothing(len(pip)) for _ in range(3))
-    if force is not None:
-        rubbing, level = motion.slipping(TURNED_SLIP_STIFFNESS), while_pressed(motion, tip_reach(motion))
-        rubbing_mcp, rubbing_pip = (rubbing * lever for lever in motion.contact_levers)
+    level = nothing(len(pip)) if force is None else while_pressed(motion, tip_reach(motion))
     terms = [
         Term(Row.MCP, "tilt", turn_mcp, "joint"),
         Term(Row.PIP, "tilt", turn_pip, "joint"),
         Term(Row.TIP, "tilt", level),
-        Term(Row.MCP, "rubbing", rubbing_mcp, "joint"),
-        Term(Row.PIP, "rubbing", rubbing_pip, "joint"),
     ]
     if about:
         (flat_mcp, flat_pip), _ = _standing_torques(motion, force, 0.0)
@@ -45,6 +42,18 @@ def _tilt(motion: Motion, shape: Shape) -> list[Term]:
             Term(Row.PIP, "", pip - flat_pip - about * turn_pip, "joint", constant=1.0),
         ]
     return terms
+
+
+def _near(shape: Shape) -> dict[str, tuple[float, float]]:
+    """The tilts that a point of the grid stands for."""
+    turns = PRESSED_TURNS_DEG if shape["cell_stays"] else TURNS_DEG
+    reach = (turns[1] - turns[0]) / 2.0
+    low, high = (math.radians(shape["turn_deg"] + side * reach) for side in (-1.0, 1.0))
+    return {"tilt": (max(low, -LARGEST_TILT_RAD), min(high, LARGEST_TILT_RAD))}
+
+
+def _face_turn(shape: Shape) -> float:
+    return math.radians(shape["turn_deg"]) * shape["cell_stays"]
 
 
 Pair = tuple[Array, Array]
@@ -113,10 +122,12 @@ EFFECTS = (
         acts_on=("joint_torque",),
         gains={
             "tilt": Gain(
-                "rad", -0.45, 0.45, 0.1, source="assumed: up to 25 degrees", title="tilt of the base"
-            ),
-            "rubbing": Gain(
-                "1", -0.15, 0.15, 0.05, source="assumed: tilt times friction", title="turned friction"
+                "rad",
+                -LARGEST_TILT_RAD,
+                LARGEST_TILT_RAD,
+                0.1,
+                source="assumed: up to 25 degrees",
+                title="tilt of the base",
             ),
         },
         columns=_tilt,
@@ -124,11 +135,14 @@ EFFECTS = (
         equation=Row.MCP,
         explanation="The missing torques are those of gravity from another direction.",
         reveal="slow steps over the whole travel",
-        shapes=tuple(
-            {"cell_stays": stays, "backwards": float(k == 0), "forwards": float(k == 2)}
-            for stays in (0.0, 1.0)
-            for k in range(3)
+        shapes=(
+            *({"cell_stays": 0.0, "turn_deg": t} for t in TURNS_DEG),
+            *({"cell_stays": 1.0, "turn_deg": t} for t in PRESSED_TURNS_DEG),
         ),
+        shape_units={"turn_deg": "deg"},
+        closer=plus("turn_deg", (-4.0, 0.0, 4.0)),
+        bounds=_near,
+        turns=_face_turn,
     ),
     Effect(
         id="added_mass",

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from fingerlab.identify.diagnosis.features import (
-    SHIFTS_S,
-    SLOPE,
-    nuisance_ranges,
-    shift_weights,
-    slope_weights,
-)
+from fingerlab.identify.diagnosis.features import base_columns, nuisance_ranges, turned_columns
 from fingerlab.identify.diagnosis.groups import Reduced
 from fingerlab.identify.diagnosis.model import build
 from fingerlab.identify.diagnosis.reduction import reduce_sessions
 from fingerlab.identify.diagnosis.residuals import row_covariance
+from fingerlab.identify.diagnosis.shifts import SHIFTS_S, SLOPE, shift_weights, slope_weights
+from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.base import Row
+from fingerlab.physics.effects.motion import Motion
+from fingerlab.physics.effects.tip import tip_reach
+from fingerlab.physics.nominal import JointMotion
+from fingerlab.rig import Finger
+from tests.physics.effects.moving import FINGER, moving
 
 from . import closed_form as made
 
@@ -137,3 +140,28 @@ def test_samples_are_those_of_the_runs(quiet: Reduced) -> None:
             assert (
                 25 * (10 - 2 - 0.32 - 0.06 - 2 * 0.22) - 2 <= fold.taut_samples <= 25 * (10 - 2 - 0.32 - 0.4)
             )
+
+
+def test_friction_on_a_turned_face_has_the_levers_of_that_face() -> None:
+    """Virtual work: a force along the face turns a joint by how far the tip moves along the face with it."""
+    motion, tilt = moving(force=1.0), CATALOGUE["gravity_tilt"]
+    shape = next(i for i, s in enumerate(tilt.shapes) if s["cell_stays"] and s["turn_deg"] > 12.0)
+    turned = replace(FINGER, wrist_angle=FINGER.wrist_angle + np.radians(tilt.shapes[shape]["turn_deg"]))
+    level = {(f.row, f.parameter): values for f, values in base_columns(motion)}
+    friction = np.asarray(motion.slipping(18.0))
+    for row, joint in ((Row.MCP, "mcp"), (Row.PIP, "pip")):
+        told = level[row, "lateral_slip_18"] + sum(
+            f.factor * values
+            for f, values in turned_columns(motion, tilt, shape)
+            if (f.row, f.parameter) == (row, "lateral_slip_18")
+        )
+        assert told == pytest.approx(-friction * slope_of_the_reach(turned, motion, joint), abs=1e-8)
+
+
+def slope_of_the_reach(finger: Finger, motion: Motion, joint: str, step: float = 1e-5) -> np.ndarray:
+    """By how much the tip moves along the face as a joint turns, m/rad, by a difference."""
+    reaches = []
+    for sign in (1.0, -1.0):
+        q = vars(motion.joints) | {joint: getattr(motion.joints, joint) + sign * step}
+        reaches.append(tip_reach(replace(motion, finger=finger, joints=JointMotion(**q), _memory={})))
+    return np.asarray((reaches[0] - reaches[1]) / (2.0 * step))

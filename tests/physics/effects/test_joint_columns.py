@@ -15,11 +15,11 @@ import sympy as sp
 from fingerlab.physics import nominal
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.base import Row
-from fingerlab.physics.effects.mass import LARGE_TILT_RAD
 from fingerlab.physics.effects.sensing import lateral_levers
 
 from .moving import FINGER, RATE, column, moving, wave
 
+TILT_RAD = np.radians(16.0)  # a point of the grid
 LAST = slice(500, None)  # the third and fourth second: a whole cycle of the slower joint
 SPEEDS = {Row.MCP: "mcp_velocity", Row.PIP: "pip_velocity"}
 ANGLES = {Row.MCP: "mcp", Row.PIP: "pip"}
@@ -241,8 +241,8 @@ def test_a_large_tilt_is_told_by_its_own_point_of_the_grid() -> None:
     motion = moving(force=1.0)
     assert motion.force is not None
     assert motion.joints is not None
-    tilted = replace(FINGER, wrist_angle=FINGER.wrist_angle + LARGE_TILT_RAD)
-    shape = {"cell_stays": 1.0, "backwards": 0.0, "forwards": 1.0}
+    tilted = replace(FINGER, wrist_angle=FINGER.wrist_angle + TILT_RAD)
+    shape = {"cell_stays": 1.0, "turn_deg": 16.0}
     terms = CATALOGUE["gravity_tilt"].columns(motion, shape)
     q = motion.joints
     for row, torque, lever in (
@@ -252,7 +252,7 @@ def test_a_large_tilt_is_told_by_its_own_point_of_the_grid() -> None:
         change = torque(tilted, q).gravity - torque(FINGER, q).gravity
         change = change + motion.force * (lever(tilted, q.mcp, q.pip) - lever(FINGER, q.mcp, q.pip))
         told = sum(
-            t.values * (t.constant + (LARGE_TILT_RAD if t.gain == "tilt" else 0.0))
+            t.values * (t.constant + (TILT_RAD if t.gain == "tilt" else 0.0))
             for t in terms
             if t.row == row and t.gain in ("tilt", "")
         )
