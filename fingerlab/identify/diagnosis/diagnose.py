@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.errors import equation_errors
-from fingerlab.identify.diagnosis.evidence import Evidence, alike, borne_out, distrusted
+from fingerlab.identify.diagnosis.evidence import Evidence, alike, beside_others, borne_out, distrusted
 from fingerlab.identify.diagnosis.path import LONGEST_PATH, forward
 from fingerlab.identify.diagnosis.recall import Recall
 from fingerlab.identify.diagnosis.reduction import reduce_sessions
@@ -28,10 +28,10 @@ from fingerlab.identify.diagnosis.second_look import (
     worth_a_look,
 )
 from fingerlab.identify.diagnosis.steps import justified, much_left
-from fingerlab.identify.diagnosis.study import Study
+from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study
 from fingerlab.identify.diagnosis.trial import Trial
 from fingerlab.identify.diagnosis.unseen import hidden, least_strength, needed, unseen
-from fingerlab.identify.diagnosis.watch import Progress, Watch
+from fingerlab.identify.diagnosis.watch import SILENT, Progress, Watch
 from fingerlab.identify.diagnosis.wording import every_parameter, explanation, parameters
 from fingerlab.identify.results import Candidate, Diagnosis, Fingerprint, PathStep, Verdict
 from fingerlab.physics.effects import effect, whole_catalogue
@@ -152,6 +152,7 @@ def _searched(question: _Question, study: Study) -> _Found:
     evidence = weigh(study, base, effects, question.scale.part(0.4, 0.7))
     first_weights = study.weights
     path = forward(study, evidence, effects, len(question.given), question.scale.part(0.7, 0.9))
+    evidence = _judged_beside(study, evidence, path, effects)
     if len(path) == 1 and _verdict(evidence) == "missing_effect":
         evidence = distrusted(evidence)
     closer, path = _looked_at_again(question, path)
@@ -168,6 +169,21 @@ def _searched(question: _Question, study: Study) -> _Found:
         evidence, base=study.told(evidence.base), trials=tuple(map(study.told, evidence.trials))
     )
     return _Found(study, unseen(evidence), path, closer)
+
+
+def _judged_beside(
+    study: Study, evidence: Evidence, path: Sequence[Trial], effects: Sequence[Effect]
+) -> Evidence:
+    """The evidence; where its best effect stood for two others, by what effects do beside the later ones."""
+    if len(path) < 3:
+        return evidence
+    best = evidence.trials[int(np.argmax(evidence.log_odds))].model.choices[-1].effect.id
+    if best in {c.effect.id for c in path[-1].model.choices}:
+        return evidence
+    keep, last = len(path[0].model.choices), path[-1]
+    others = [*last.model.choices[:keep], *last.model.choices[keep + 1 :]]
+    base = study.hold_out(study.fit(others, last, FULL_ITERATIONS))
+    return beside_others(evidence, weigh(study, base, effects, SILENT))
 
 
 def _looked_at_again(question: _Question, path: list[Trial]) -> tuple[Study | None, list[Trial]]:

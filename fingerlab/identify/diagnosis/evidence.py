@@ -111,6 +111,8 @@ def against_nothing(base: Trial, misfit: float, left: float, count: float) -> fl
     return 0.5 * fall / temperature(left, count) + float(np.log(PRIOR_EFFECTS / PRIOR_NOTHING))
 
 
+IMPOSSIBLE = -700.0
+"""Log odds that leave no probability."""
 NOT_BORNE_OUT = 0.05
 """Share of their probability that effects keep when adding the best of them is no justified step."""
 
@@ -146,6 +148,20 @@ def borne_out(evidence: Evidence, last: Trial) -> Evidence:
     found, none, other = _shared(logs)
     shares = found * _of_each(evidence.log_odds)
     return replace(evidence, probabilities=shares, nothing=none, unknown=other, logs=logs)
+
+
+def beside_others(evidence: Evidence, beside: Evidence) -> Evidence:
+    """The evidence, and which effect it is by what each does ``beside`` others that are missing, too.
+
+    Those others are in the models of ``beside``, and are none of the answers.
+    """
+    known = {
+        t.model.choices[-1].effect.id: odds for t, odds in zip(beside.trials, beside.log_odds, strict=True)
+    }
+    told = [known.get(t.model.choices[-1].effect.id, IMPOSSIBLE) for t in evidence.trials]
+    log_odds = np.array(told) - max(told)
+    shares = float(evidence.probabilities.sum()) * _of_each(log_odds)
+    return replace(evidence, probabilities=shares, log_odds=log_odds)
 
 
 def alike(evidence: Evidence) -> list[int]:

@@ -11,7 +11,7 @@ from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.odds import among
 from fingerlab.identify.diagnosis.search import FRONT, SCREEN_ITERATIONS, refine, reshape, weigh
 from fingerlab.identify.diagnosis.sketch import Sketch
-from fingerlab.identify.diagnosis.steps import idle_steps, justified, least_fall, much_left
+from fingerlab.identify.diagnosis.steps import NEXT_SHARE, idle_steps, justified, least_fall, much_left
 from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study
 from fingerlab.identify.diagnosis.trial import Trial
 from fingerlab.identify.diagnosis.watch import Watch
@@ -22,6 +22,8 @@ LONGEST_PATH = 4
 """At most this many effects are added."""
 STEP_PROMISE = 0.25
 """An effect that promises less than this share of what a further step must reach is no candidate for it."""
+RUNNERS_UP = 2
+"""So many other beginnings are tried where a way ends with much left."""
 
 
 def forward(
@@ -34,7 +36,45 @@ def forward(
 ) -> list[Trial]:
     """The model as given, then with each effect worth adding; all held out, under the last step's weights.
 
-    At ``most`` so many are added.
+    At ``most`` so many are added. Where much is left at the end, one effect may have stood for two: the way
+    then begins with one of the next best instead, if that leads further.
+    """
+    weights = study.weights
+    found = _walked(study, first, effects, keep, watch, most)
+    if most > 1 and len(found) > 1 and much_left(found[-1]):
+        ends = [(_density(study, found[-1]), found, study.weights)]
+        for begin in _runners_up(first, found[1]):
+            study.weights = weights
+            settled = study.hold_out(study.settle(begin.model.choices, begin))
+            other = _walked(study, first, effects, keep, watch, most, settled)
+            if other[-1].misfit < (1.0 - NEXT_SHARE) * found[-1].misfit:
+                ends.append((_density(study, other[-1]), other, study.weights))
+        _, found, study.weights = min(ends, key=lambda end: end[0])
+    return found
+
+
+def _density(study: Study, trial: Trial) -> float:
+    """Minus twice the log density of the data under a model and its own weights, up to a constant."""
+    return trial.fit.cost + study.level(trial)
+
+
+def _runners_up(evidence: Evidence, taken: Trial) -> list[Trial]:
+    """The trials that leave least after the one that was taken."""
+    held = {c.effect.id for c in taken.model.choices}
+    others = [t for t in evidence.trials if t.model.choices[-1].effect.id not in held]
+    return sorted(others, key=lambda t: t.misfit)[:RUNNERS_UP]
+
+
+def _walked(
+    study: Study,
+    first: Evidence,
+    effects: Sequence[Effect],
+    keep: int,
+    watch: Watch,
+    most: int,
+    begin: Trial | None = None,
+) -> list[Trial]:
+    """The way from ``first`` by the best effect at each step, or by ``begin`` at the first.
 
     Two effects may hide each other: seen through one of them alone, what the other does can pass for noise.
     A step that is not borne out by itself is therefore kept for a while where much is left to explain, and
@@ -48,6 +88,7 @@ def forward(
         if evidence.for_an_effect <= 0.0:
             break
         best = evidence.trials[int(np.argmax(evidence.log_odds))]
+        best = begin if begin is not None and len(steps) == 1 else best
         if not justified(evidence.base, best):
             break
         borne_out = worth_adding(study, steps[sound - 1], best)
@@ -64,7 +105,8 @@ def forward(
         evidence = weigh(study, chosen, effects, watch, STEP_PROMISE * least_fall(chosen))
     steps, weights = steps[:sound], weights[:sound]
     if sound > 2:
-        steps, weights = _exchanged(study, steps[-1], keep, rivals) or (steps, weights)
+        every = effects if much_left(steps[-1]) else ()
+        steps, weights = _exchanged(study, steps[-1], keep, rivals, every) or (steps, weights)
     return _borne_out(study, steps, weights)
 
 
@@ -101,21 +143,25 @@ def _rivals(evidence: Evidence) -> list[Effect]:
 
 
 def _exchanged(
-    study: Study, last: Trial, keep: int, rivals: Mapping[str, Sequence[Effect]]
+    study: Study, last: Trial, keep: int, rivals: Mapping[str, Sequence[Effect]], every: Sequence[Effect] = ()
 ) -> tuple[list[Trial], list[Weights]] | None:
     """Steps to a model in which effects have given way to rivals that do better beside the later ones.
 
-    What was taken first was judged with the others still missing. None: all stay.
+    What was taken first was judged with the others still missing; of ``every`` effect those are tried, too,
+    that promise most beside the others. None: all stay.
     """
     choices = list(last.model.choices)
     for place in range(keep, len(choices) - 1):
         others = [*choices[:place], *choices[place + 1 :]]
         held = {c.effect.id for c in choices}
         wanted = [e for e in rivals.get(choices[place].effect.id, ()) if e.id not in held]
-        if not wanted:
+        if not (wanted or every):
             continue
         base = study.hold_out(study.fit(others, last, FULL_ITERATIONS))
         promise = Sketch(study, base).promise
+        known = {*held, *(e.id for e in wanted)}
+        rest = sorted((e for e in every if e.id not in known), key=lambda e: -promise(e).fall)
+        wanted += rest[:FRONT]
         tried = [refine(study, study.fit([*others, choices[place]], last, SCREEN_ITERATIONS))]
         tried += [
             refine(study, study.fit([*others, Choice(e, promise(e).shape)], last, SCREEN_ITERATIONS))
