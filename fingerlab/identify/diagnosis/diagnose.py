@@ -165,10 +165,20 @@ def _searched(question: _Question, study: Study) -> _Found:
     else:
         study.weights = first_weights
     evidence = borne_out(evidence, path[-1])
-    evidence = replace(
-        evidence, base=study.told(evidence.base), trials=tuple(map(study.told, evidence.trials))
-    )
+    trials = (_unturned(study, evidence.base, trial) for trial in evidence.trials)
+    evidence = replace(evidence, base=study.told(evidence.base), trials=tuple(map(study.told, trials)))
     return _Found(study, unseen(evidence), path, closer)
+
+
+def _unturned(study: Study, base: Trial, trial: Trial) -> Trial:
+    """The trial; where its effect is not seen, at a point of its grid with no effect: what hides is small."""
+    *others, last = trial.model.choices
+    if last.effect.turns is None or justified(base, trial):
+        return trial
+    points = range(len(last.effect.shapes))
+    still = [i for i in points if all(g.low <= 0.0 <= g.high for g in last.effect.gains_at(i).values())]
+    fits = [study.fit([*others, replace(last, shape=i)], base) for i in still]
+    return study.count(min(fits, key=lambda t: t.fit.cost))
 
 
 def _judged_beside(
