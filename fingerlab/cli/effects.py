@@ -92,8 +92,8 @@ def _ask_and_trust(source: OwnSource) -> None:
 
 
 def _to_json(files: tuple[OwnFile, ...]) -> dict[str, Any]:
+    from fingerlab.own_settings import read_settings
     from fingerlab.physics.effects import CATALOGUE
-    from fingerlab.physics.effects.own_settings import read_settings
 
     folder = read_settings().folder
     listed = [_effect_json(effect, None) for effect in CATALOGUE.values()]

@@ -12,6 +12,7 @@ import fingerlab.acquisition.process_bench
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.cli.main import cli
 from fingerlab.devices.choosing import OWN, choose_device
+from fingerlab.devices.own import confirm, confirmed_files, device_file
 from fingerlab.errors import UserError
 from fingerlab.sessions import open_session
 
@@ -63,6 +64,7 @@ def test_a_session_is_recorded_and_holds_the_rotor_s_equation(
         ("x = 1\n", "it holds none"),
         ("import nowhere_at_all\n", "cannot be run: ModuleNotFoundError"),
         ("this is no Python", "cannot be run: SyntaxError"),
+        ("raise SystemExit(7)\n", "cannot be run: SystemExit: 7"),
         (EXAMPLE.read_text(encoding="utf-8") + "\n\nclass Other(Rotor):\n    pass\n", "Other, Rotor"),
         (EXAMPLE.read_text(encoding="utf-8").replace("1000.0", "500.0"), "runs at 500 Hz"),
         (EXAMPLE.read_text(encoding="utf-8").replace("rate_hz", "rate"), "no name or no rate_hz"),
@@ -73,6 +75,36 @@ def test_what_is_wrong_with_a_file_is_said_in_one_sentence(text: str, told: str,
     path.write_text(text, encoding="utf-8")
     with pytest.raises(UserError, match=told):
         choose_device(f"own:{path}")
+
+
+def test_what_a_file_prints_is_no_result(unpaced: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    unpaced.write_text(f"{unpaced.read_text(encoding='utf-8')}\nprint('hello')\n", encoding="utf-8")
+    choose_device(f"own:{unpaced}")
+    told = capsys.readouterr()
+    assert (told.out, told.err) == ("", "hello\n")
+
+
+def test_each_content_is_confirmed_once(
+    unpaced: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FINGERLAB_SETTINGS_DIR", str(tmp_path / "settings"))
+    first = device_file(unpaced)
+    assert (first.state, confirmed_files()) == ("new", ())
+    confirm(first)
+    assert device_file(unpaced).state == "confirmed"
+    other = tmp_path / "other.py"
+    other.write_text("x = 1\n", encoding="utf-8")
+    confirm(device_file(other))
+    assert confirmed_files() == (other, unpaced)  # the latest first
+    other.unlink()
+    assert confirmed_files() == (unpaced,)
+    unpaced.write_bytes(first.content + b"\n")
+    assert device_file(unpaced).state == "changed"
+    unpaced.write_bytes(first.content)
+    assert device_file(unpaced).state == "confirmed"
+    (tmp_path / "settings" / "own-devices.json").write_text("{", encoding="utf-8")
+    with pytest.raises(UserError, match="choose your own device anew"):
+        device_file(unpaced)
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
