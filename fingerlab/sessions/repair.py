@@ -34,7 +34,7 @@ from fingerlab.sessions.writing import SessionWriter
 PIECE = 1 << 15
 """Samples copied and compared at a time: with all channels some 0.1 s of work, after which the recorder shows
 that it lives; two of a session's chunks."""
-WRITING_SHARE = 0.7
+WRITING_SHARE = 0.63
 """Of the time until a session is whole, what writing takes; reading back takes the rest (measured)."""
 MARKERS_SUFFIX = ".markers"
 _OWN_ROOT = ("format", "format_version", "created", "title", "rig", "software")

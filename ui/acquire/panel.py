@@ -265,6 +265,7 @@ class Panel(QWidget):
         self.writing.setObjectName("writingProgress")
         self.writing.setAccessibleName("Progress of writing and verifying")
         self.writing.setRange(0, STEPS)
+        self.writing.setTextVisible(False)
         self.writing.hide()
         self.warning = remark()
         self.warning.setObjectName("recordWarning")
@@ -348,8 +349,8 @@ class Panel(QWidget):
             button.refuse(recording.refusal(what))
         self._refresh_writing()
         status, session = self._station.status, recording.session
-        if self._station.caller.title == WRITING:
-            words = f"{WRITING} …"
+        if self._station.caller.title == WRITING or recording.writing.under_way:
+            words = recording.writing.words or f"{WRITING} …"
         elif recording.recording and status is not None:
             words = f"{status.recorded:,} samples".replace(",", "\u202f")
         elif session is not None:
@@ -365,14 +366,11 @@ class Panel(QWidget):
 
     def _refresh_writing(self) -> None:
         writing = self._recording.writing
-        at_rest: tuple[QWidget, ...] = (self.write, self.count)
-        at_work: tuple[QWidget, ...] = (self.later, self.writing)
-        for widget in (*at_rest, *at_work):
-            widget.setVisible((widget in at_work) == writing.under_way)
-        if writing.under_way:
-            self.later.refuse("It is being put off." if writing.asked_to_wait else "")
-            self.writing.setValue(round(STEPS * writing.share))
-            self.writing.setFormat(writing.words)
+        self.write.setHidden(writing.under_way)
+        self.later.setVisible(writing.under_way)
+        self.writing.setVisible(writing.under_way)
+        self.later.refuse("It is being put off." if writing.asked_to_wait else "")
+        self.writing.setValue(round(STEPS * writing.share))
 
     @staticmethod
     def _set_text(button: QPushButton, text: str) -> None:
