@@ -121,6 +121,7 @@ class SessionsTab(Tab):
         review.changed.connect(self.desk.commands_changed)
         review.cut_asked.connect(self.cut)
         review.beside_asked.connect(self.review_beside)
+        review.refused.connect(self.desk.tell)
         self.data.beside.connect(review.show_beside)
         return review
 
