@@ -91,7 +91,7 @@ class OverRow(QWidget):
         self._recolour()
 
     def _button(self, over: Over) -> QPushButton:
-        button = QPushButton(f"{over.name}  ✕")
+        button = QPushButton(f" {over.name}  ✕")
         button.setObjectName(f"over-{over.number}")
         button.setFont(small_font())
         button.setIconSize(SWATCH)

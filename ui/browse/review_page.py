@@ -255,7 +255,9 @@ class ReviewPage(QWidget):
         first, others = self._strokes[0], len(self._strokes) - 1
         many = f"{first.count} of {first.total}" if first.count < first.total else str(first.total)
         beside = f", with those of {others} other run{'s' * (others > 1)}" if others else ""
-        self.state.setText(f"{many} strokes of {first.period:.4g} s over one another{beside}")
+        without = [one.name for one in self.plots.layers if period_of(one.run) is None]
+        lacking = f"; none in {', '.join(without)}" if without else ""
+        self.state.setText(f"{many} strokes of {first.period:.4g} s over one another{beside}{lacking}")
 
     def _on_heights(self, on: bool) -> None:
         self.plots.fits_heights = on

@@ -367,7 +367,7 @@ class SessionsTab(Tab):
 
     def _on_written(self, path: Path) -> None:
         if path.is_file():
-            self.history.note(FileEdit(path, self._in_use))
+            self.history.add(FileEdit(path, self._in_use))
         if path.is_file() and path.resolve().is_relative_to(self.folder.resolve()):
             self.read_again(path)
 
@@ -385,7 +385,7 @@ class SessionsTab(Tab):
             self.desk.tell(str(error))
             return
         self.page.details.kept(note)
-        self.history.note(NoteEdit(facts, before, note, partial(self._write_note, notebook)))
+        self.history.add(NoteEdit(facts, before, note, partial(self._write_note, notebook)))
         self.desk.say(f"Tags and notes of {facts.name} kept")
 
     def _write_note(self, notebook: Notebook, facts: SessionFacts, note: Note) -> None:
