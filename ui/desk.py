@@ -61,6 +61,18 @@ def read_session(path: Path) -> Session:
     return open_session(path)
 
 
+def make_whole(path: Path, progress: Progress) -> Path:
+    """Finish a recording that was cut or put off, which may take minutes; the path to read then."""
+    from fingerlab.sessions.repair import repaired
+
+    return repaired(path, progress)
+
+
+def part_of(progress: Progress, number: int, count: int) -> Progress:
+    """Tells the progress of one of several parts, the first of which is 0."""
+    return lambda share, what: progress((number + share) / count, what)
+
+
 class Desk(QObject):
     """One for each window.
 
@@ -120,7 +132,7 @@ class Desk(QObject):
             sessions = []
             for number, path in enumerate(paths):
                 progress(number / len(paths), f"reading {path.name}")
-                sessions.append(self._read(path))
+                sessions.append(self._read(make_whole(path, part_of(progress, number, len(paths)))))
             return tuple(sessions)
 
         def done(sessions: Any) -> None:
