@@ -10,6 +10,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QMessageBox, QPushButton, QSpinBox, QWidget
 
+from ..widgets.focus import set_usable
 from ..widgets.labels import heading, remark
 from .fields import across, centred_column, choice, number
 from .opening import Wanted, own_device_file, own_device_files
@@ -205,8 +206,8 @@ class ConnectPage(QWidget):
         """While something is being connected, say so."""
         self.title.setText(f"{what} …" if what else "No rig connected")
         for button in (self.simulated, self.own, self.replay, self.replay_run, self.rig, self.again):
-            button.setEnabled(not what)
-        self.card.setEnabled(not what and bool(self._card) and not self.card.toolTip())
+            set_usable(button, not what)
+        set_usable(self.card, not what and bool(self._card) and not self.card.toolTip())
 
     # hand
 

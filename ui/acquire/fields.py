@@ -17,24 +17,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-WAITS_FOR_FOCUS = "waitsForFocus"
-
-
-def set_usable(widget: QWidget, on: bool) -> None:
-    """Enable or disable a widget without moving the keyboard's focus to another one.
-
-    Qt hands the focus of a widget that is disabled to the next, where the next key changes a number that
-    nobody meant to change. Here it stays away until the widget can be used again, or the user takes it.
-    """
-    window = widget.window()
-    if not on and window.focusWidget() is widget:
-        widget.setProperty(WAITS_FOR_FOCUS, True)
-        widget.clearFocus()
-    widget.setEnabled(on)
-    if on and widget.property(WAITS_FOR_FOCUS):
-        widget.setProperty(WAITS_FOR_FOCUS, None)
-        if window.focusWidget() is None:
-            widget.setFocus()
+from ..widgets.focus import set_usable
 
 
 class ActionButton(QPushButton):

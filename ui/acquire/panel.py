@@ -25,8 +25,9 @@ from fingerlab.acquisition.machine import Event, Mode
 from fingerlab.acquisition.safety import Limits
 
 from ..task_bar import STEPS
+from ..widgets.focus import set_shown, set_usable
 from ..widgets.labels import ElidedLabel, heading, remark
-from .fields import ActionButton, choice, number, row, set_usable
+from .fields import ActionButton, choice, number, row
 from .form_history import FormHistory
 from .initial_form import InitialButton
 from .motion_form import MotionForm
@@ -366,8 +367,8 @@ class Panel(QWidget):
 
     def _refresh_writing(self) -> None:
         writing = self._recording.writing
-        self.write.setHidden(writing.under_way)
-        self.later.setVisible(writing.under_way)
+        set_shown(self.write, not writing.under_way)
+        set_shown(self.later, writing.under_way)
         self.writing.setVisible(writing.under_way)
         self.later.refuse("It is being put off." if writing.asked_to_wait else "")
         self.writing.setValue(round(STEPS * writing.share))
