@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import threading
 
@@ -183,3 +184,18 @@ def test_writing_shows_how_far_it_is_and_can_be_put_off_without_losing_a_sample(
     (run,) = open_session(session.path).runs
     assert run.length == recorded
     assert not kept.exists()
+
+
+def test_who_disconnects_does_not_wait_for_a_long_recording(rig: Rig) -> None:
+    """It is kept as it is, and says so; an hour a look at the clock stands for ten hours of samples."""
+    rig.click("record")
+    rig.run(1.0)
+    session = rig.recording.session
+    assert session is not None
+    hours = itertools.count()
+    rig.recording.writing._clock = lambda: 3600.0 * next(hours)
+    rig.tab.disconnect_rig()
+    rig.wait_idle()
+    assert not rig.files()
+    assert "not written yet" in child(rig.window, QLabel, "message").text()
+    assert open_session(session.path).runs[0].length >= 900

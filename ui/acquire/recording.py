@@ -191,12 +191,13 @@ class Recording(QObject):
         )
 
     def finish(self) -> None:
-        """The window closes: what was recorded is written, whatever it is."""
-        bench = self.station.bench
-        if bench is None or self.session is None:
+        """The window or the bench closes: what was recorded is written, or kept where that takes long."""
+        bench, session = self.station.bench, self.session
+        if bench is None or session is None or self.writing.under_way:
             return
+        self.writing.hurry()
         try:
-            self.keep(Ending(bench.recorder.close(), True))
+            self.keep(self.writing.close(bench, session.path))
         except UserError as error:
             self.station.desk.tell(str(error))
 
