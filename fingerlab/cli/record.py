@@ -196,14 +196,12 @@ def _open(
 
     A simulated rig is taken as it is: what it records must depend on its seed alone.
     """
-    from platformdirs import user_data_path
-
+    from fingerlab.acquisition.recording import rescue_folder
     from fingerlab.acquisition.requests import LoopSettings
     from fingerlab.acquisition.safety import Limits
     from fingerlab.acquisition.units import BenchUnits
     from fingerlab.calibration.applying import default_folder, rig_and_attributes
 
-    rescue = user_data_path("FingerLab") / "rescued"
     device = choice.build() if simulated else None
     rig: Rig = device.rig if device is not None else choice.rig  # type: ignore[attr-defined, assignment]
     attributes = dict(getattr(device, "session_attributes", {}))
@@ -214,10 +212,10 @@ def _open(
     if device is not None and not options["real_time"]:
         from fingerlab.acquisition.inline import InlineBench
 
-        return InlineBench(device, settings, rescue), rig, attributes
+        return InlineBench(device, settings, rescue_folder()), rig, attributes
     from fingerlab.acquisition.process_bench import ProcessBench
 
-    return ProcessBench(choice, settings, rescue, rig.daq.rate_hz), rig, attributes
+    return ProcessBench(choice, settings, rescue_folder(), rig.daq.rate_hz), rig, attributes
 
 
 def _choice(options: Mapping[str, Any]) -> DeviceChoice:

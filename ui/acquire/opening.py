@@ -67,6 +67,7 @@ MakeBench = Callable[["DeviceChoice", "LoopSettings", float], "Bench"]
 def in_processes(choice: DeviceChoice, settings: LoopSettings, rate_hz: float) -> Bench:
     """Loop and recorder in processes of their own."""
     from fingerlab.acquisition.process_bench import ProcessBench
+    from fingerlab.acquisition.recording import rescue_folder
 
     return ProcessBench(choice, settings, rescue_folder(), rate_hz)
 
@@ -147,13 +148,6 @@ def own_device_files() -> tuple[Path, ...]:
         return confirmed_files()
     except UserError:  # said when one is connected
         return ()
-
-
-def rescue_folder() -> Path:
-    """Where a recording is saved whose own folder has vanished."""
-    from platformdirs import user_data_path
-
-    return user_data_path("FingerLab", appauthor=False) / "rescued"
 
 
 def find_devices(rig_file: Path | None) -> tuple[Found, ...]:
