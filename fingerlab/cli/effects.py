@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import json_option, refuse_existing, write_json
+from fingerlab.cli.common import json_option, write_json
 from fingerlab.errors import UserError
 
 if TYPE_CHECKING:
@@ -39,8 +39,6 @@ def effects(folder: Path | None, trust: Path | None, forget: bool, json_target: 
 
     if forget and (folder or trust):
         raise UserError("--forget forgets the folder; leave out --folder and --trust, or leave out --forget.")
-    if json_target not in (None, "-"):
-        refuse_existing(Path(str(json_target)))
     if forget:
         own.forget()
         click.echo("The folder of own effects and all confirmations are forgotten.", err=True)
