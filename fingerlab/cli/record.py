@@ -113,6 +113,10 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
         raise UserError("A replay has been recorded already; record from 'simulated' or from a card.")
     steps = plan_steps(plans, options["force"], options["rest"])
     simulated = choice.kind == "simulated"
+    if not simulated and (options["effects"] or options["hidden"]):  # a real motor is not what was meant
+        raise UserError(
+            "--effect and --hidden are of the simulated rig; leave them out, or give --device simulated."
+        )
     with ExitStack() as stack:
         events = stack.enter_context(Events(options["events"]))
         bar, report = progress_bar("Recording")

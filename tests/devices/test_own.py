@@ -58,6 +58,12 @@ def test_a_session_is_recorded_and_holds_the_rotor_s_equation(
     assert abs(sent.imag) == pytest.approx(DAMPING * 2 * np.pi, rel=0.05)
 
 
+def test_who_wants_an_effect_does_not_drive_a_motor(unpaced: Path, tmp_path: Path) -> None:
+    words = ["--protocol", "motor-bench", "--effect", "coulomb_friction", "--out", str(tmp_path / "s.h5")]
+    with pytest.raises(UserError, match="give --device simulated"):
+        CliRunner().invoke(cli, ["record", "--device", f"own:{unpaced}", *words], catch_exceptions=False)
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [
