@@ -143,6 +143,23 @@ class Desk(QObject):
 
         self.tasks.start(f"Opening {names}", work, done)
 
+    def when_whole(self, paths: Sequence[Path], then: Callable[[Sequence[Path]], None]) -> None:
+        """Finish recordings among these that were cut or put off, with progress; then call with all paths."""
+        if all(path.exists() for path in paths):
+            then(paths)
+            return
+
+        def work(progress: Progress, cancelled: IsCancelled) -> list[Path]:
+            return [make_whole(path, part_of(progress, n, len(paths))) for n, path in enumerate(paths)]
+
+        def done(whole: list[Path]) -> None:
+            then(whole)
+            for path in set(whole) - existing:
+                self.recorded(path)
+
+        existing = {path for path in paths if path.exists()}
+        self.tasks.start("Finishing the recording", work, done, "finishing")
+
     def close_sessions(self) -> None:
         """Close what is open."""
         self.sessions = ()

@@ -293,7 +293,7 @@ class SessionsTab(Tab):
         """Open sessions and show the runs of the first against time; those of the others can be laid over."""
         self.desk.hush()
         self.page.details.flush()
-        self.data.open(paths, read_session)
+        self.desk.when_whole(paths, lambda whole: self.data.open(whole, read_session))
 
     def review_beside(self) -> None:
         """Choose another session whose runs can be laid over those under review."""
