@@ -12,11 +12,13 @@ from PySide6.QtWidgets import (
     QDoubleSpinBox,
     QHBoxLayout,
     QLayout,
+    QProgressBar,
     QPushButton,
     QVBoxLayout,
     QWidget,
 )
 
+from ..task_bar import STEPS
 from ..widgets.focus import set_usable
 
 
@@ -56,6 +58,15 @@ def number(
     field.setAccessibleName(help_text.split(":")[0].split(".")[0])
     field.setKeyboardTracking(False)
     return field
+
+
+def progress_bar(name: str, title: str) -> QProgressBar:
+    """A bar in thousandths."""
+    bar = QProgressBar()
+    bar.setObjectName(name)
+    bar.setAccessibleName(title)
+    bar.setRange(0, STEPS)
+    return bar
 
 
 def choice(name: str, entries: dict[str, str], help_text: str) -> QComboBox:
