@@ -10,10 +10,15 @@ from click.testing import CliRunner
 
 import fingerlab.acquisition.process_bench
 from fingerlab.acquisition.inline import InlineBench
+from fingerlab.acquisition.process_bench import ProcessBench
+from fingerlab.acquisition.requests import LoopSettings
+from fingerlab.acquisition.safety import Limits
+from fingerlab.acquisition.units import BenchUnits
 from fingerlab.cli.main import cli
 from fingerlab.devices.choosing import OWN, choose_device
 from fingerlab.devices.own import confirm, confirmed_files, device_file
 from fingerlab.errors import UserError
+from fingerlab.rig_file import default_rig
 from fingerlab.sessions import open_session
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "own_device_example.py"
@@ -62,6 +67,34 @@ def test_who_wants_an_effect_does_not_drive_a_motor(unpaced: Path, tmp_path: Pat
     words = ["--protocol", "motor-bench", "--effect", "coulomb_friction", "--out", str(tmp_path / "s.h5")]
     with pytest.raises(UserError, match="give --device simulated"):
         CliRunner().invoke(cli, ["record", "--device", f"own:{unpaced}", *words], catch_exceptions=False)
+
+
+@pytest.mark.parametrize(
+    ("line", "process"),
+    [
+        ("        self.make_safe()\n\n    def start", "fingerlab-loop"),
+        ("        self._angle =", "fingerlab-recorder"),
+    ],
+)
+def test_a_device_that_fails_in_the_loop_or_as_guardian_is_not_driven(
+    unpaced: Path, tmp_path: Path, line: str, process: str
+) -> None:
+    """The guardian stops the motor when the loop dies: where there is none, there is no bench."""
+    fails = (
+        f"        if multiprocessing.current_process().name == {process!r}:\n"
+        "            raise OSError('the port is\\nin use')\n"
+    )
+    text = unpaced.read_text(encoding="utf-8")
+    assert text.count(line) == 1
+    unpaced.write_text(
+        text.replace(line, fails + line).replace("import math\n", "import math\nimport multiprocessing\n"),
+        encoding="utf-8",
+    )
+    choice = choose_device(f"own:{unpaced}")
+    settings = LoopSettings(BenchUnits.from_rig(default_rig()), Limits())
+    with pytest.raises(UserError, match="OSError: the port is in use") as told:
+        ProcessBench(choice, settings, tmp_path / "rescued")
+    assert "\n" not in str(told.value)
 
 
 @pytest.mark.parametrize(
