@@ -196,7 +196,7 @@ def _guard(plan: Plan, device: Device | None, board: Board, loop_lives: Connecti
     _wait_until_lost(board, loop_lives, standstill)
     if board[Slot.LOOP_ENDED]:
         return
-    confirmed = device is None or device.make_safe()
+    confirmed = device is None or _make_safe(device)
     board[Slot.SAFE] = int(confirmed)
     board[Slot.ENABLE_LINE] = 0
     board[Slot.KEEPER] = 1
@@ -205,8 +205,16 @@ def _guard(plan: Plan, device: Device | None, board: Board, loop_lives: Connecti
     with suppress(EOFError, OSError):
         loop_lives.recv()
     # What the loop had handed to the driver may have come after the zero: write it once more.
-    confirmed = any(device.make_safe() for _ in range(SAFE_TRIES))
+    confirmed = any(_make_safe(device) for _ in range(SAFE_TRIES))
     board[Slot.SAFE] = int(confirmed)
+
+
+def _make_safe(device: Device) -> bool:
+    """Whether zero output and a low enable line were confirmed. A user's own device may break its word."""
+    try:
+        return device.make_safe()
+    except Exception:
+        return False
 
 
 def _wait_until_lost(board: Board, loop_lives: Connection, standstill: Standstill | None) -> None:
