@@ -39,6 +39,7 @@ class Colours:
     residual: str
     floor: str
     candidate: str
+    alike: str
     fault: str
     stop: str
     over: tuple[str, ...]

@@ -130,11 +130,12 @@ class FingerprintPlot(pg.PlotWidget):
         y: Array = other.curve[known] * up
         self.alike[title] = item = pg.PlotCurveItem(other.centre[known] * across, y, antialias=True)
         item.setPen(self._dotted())
+        item.setZValue(1)  # seen where it lies on the effect's own
         self.getPlotItem().addItem(item, ignoreBounds=True)
         return y
 
     def _dotted(self) -> QPen:
-        pen = line(colours_of(self).candidate, 2 * self.devicePixelRatioF())
+        pen = line(colours_of(self).alike, 2 * self.devicePixelRatioF())
         pen.setStyle(Qt.PenStyle.DotLine)
         return pen
 

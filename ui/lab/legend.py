@@ -46,7 +46,7 @@ WHERE = (
     Key("mean, 90 % interval", "residual", "points"),
     Key("floor", "floor", "band"),
 )
-LOOK_ALIKES = (*FINGERPRINT[:2], Key("look-alikes", "candidate", "dotted"), *FINGERPRINT[2:])
+LOOK_ALIKES = (*FINGERPRINT[:2], Key("look-alikes", "alike", "dotted"), *FINGERPRINT[2:])
 RESIDUAL_ONLY = tuple(key for key in FINGERPRINT if key.colour != "candidate")
 
 
