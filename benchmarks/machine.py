@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import os
 import platform
+import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import psutil
 
+import fingerlab
+
+ROOT = Path(__file__).resolve().parent.parent
 Frame = tuple[float, float]
 """Milliseconds on the wall, and of the processor."""
 
@@ -106,6 +111,24 @@ class Watch:
     def _own(self) -> float:
         times = self._process.cpu_times()
         return times.user + times.system + times.children_user + times.children_system
+
+
+def code_words() -> str:
+    """Version and, in a checkout with git, the commit: with which code something was measured."""
+    asked = (
+        ("rev-parse", "--short", "HEAD"),
+        ("status", "--porcelain", "--", "fingerlab", "ui", "resources"),
+    )
+    try:
+        commit, changed = (
+            subprocess.run(
+                ["git", *words], cwd=ROOT, capture_output=True, text=True, check=True
+            ).stdout.strip()
+            for words in asked
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return f"FingerLab {fingerlab.__version__}"
+    return f"FingerLab {fingerlab.__version__}, commit {commit}{' and changes' if changed else ''}"
 
 
 def machine_words() -> str:

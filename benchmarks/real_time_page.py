@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from benchmarks.machine import machine_words
+from benchmarks.machine import code_words, machine_words
 
 if TYPE_CHECKING:
     from benchmarks.real_time import Timed
@@ -46,12 +46,15 @@ def page(results: list[Timed], speeds: dict[int, float], rate_hz: float) -> str:
         if stops
         else ""
     )
-    return TEXT.format(rows="\n".join(rows), stops=told, speed=speed, machine=machine_words())
+    return TEXT.format(
+        rows="\n".join(rows), stops=told, speed=speed, machine=machine_words(), code=code_words()
+    )
 
 
 TEXT = """# Real time
 
-Made with `python -m benchmarks.real_time`, without and with `--with-window` and `--driven`, on {machine}.
+Made with `python -m benchmarks.real_time`, without and with `--with-window` and `--driven`, on {machine};
+{code}.
 Other programs shared the machine, as its load tells: a machine of one's own is more punctual.
 
 The simulated rig at 1 kHz by the machine's clock, every sample recorded. Where the motor is not driven the

@@ -1,6 +1,6 @@
 """Seconds and peak memory of opening, fitting and diagnosing a session of the thesis' size and longer ones.
 
-    python benchmarks/session_sizes.py [1 10 100]
+    python -m benchmarks.session_sizes [1 10 100]
 
 A session of the thesis' size (20 runs of 30 s at 1 kHz) is simulated once; longer ones repeat its runs. Every
 step runs as a command in a process of its own, so that its peak memory is its own (a second process that it
@@ -11,8 +11,6 @@ Processor time is kept beside wall time, because other work on the machine slows
 from __future__ import annotations
 
 import json
-import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -23,6 +21,7 @@ from pathlib import Path
 
 import psutil
 
+from benchmarks.machine import code_words, load_average, machine_words
 from fingerlab.sessions import SessionWriter, open_session
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -149,10 +148,9 @@ def table(results: Results, sizes: list[int]) -> list[str]:
 def page(results: Results, sizes: list[int], loads: tuple[float, float], speed: str) -> str:
     """The measurements as Markdown, ratios first."""
     busy = loads[0] >= BUSY_LOAD
-    machine = f"{os.cpu_count()} cores ({platform.system()} {platform.machine()})"
-    told = f"Python {platform.python_version()}; load average {loads[0]:.1f} before, {loads[1]:.1f} after"
-    command = f"python benchmarks/session_sizes.py {' '.join(map(str, sizes))}"
-    head = ["# Benchmarks", "", f"Made with `{command}` on {machine}, {told}."]
+    told = f"load average {loads[0]:.1f} before, {loads[1]:.1f} after"
+    command = f"python -m benchmarks.session_sizes {' '.join(map(str, sizes))}"
+    head = ["# Benchmarks", "", f"Made with `{command}` on {machine_words()}, {told}; {code_words()}."]
     if busy:
         head += [
             "Other programs shared the machine, so that times are longer than on a machine of one's own."
@@ -174,11 +172,6 @@ def page(results: Results, sizes: list[int], loads: tuple[float, float], speed: 
             "",
         ]
     )
-
-
-def load_average() -> float:
-    """Programs waiting for a core in the last minute; 0 where the system does not tell."""
-    return os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
 
 
 def main() -> None:

@@ -30,7 +30,7 @@ import numpy as np
 import psutil
 
 from benchmarks.benches import in_processes, keep_option, kept, turned_by_hand
-from benchmarks.machine import load_average, machine_words
+from benchmarks.machine import code_words, load_average, machine_words
 from fingerlab.acquisition.bench import Bench
 from fingerlab.acquisition.board import Slot
 from fingerlab.acquisition.columns import COLUMN
@@ -329,13 +329,13 @@ def page(results: list[Soaked]) -> str:
     }
     rows = [f"| {words} | {' | '.join(cells)} |" for words, cells in table.items()]
     rows.insert(1, "|---|" + "---|" * len(results))
-    return TEXT.format(table="\n".join(rows), machine=machine_words())
+    return TEXT.format(table="\n".join(rows), machine=machine_words(), code=code_words())
 
 
 TEXT = """# Soak
 
 Hours of recording in one run on the simulated rig, faster than real time: `python -m benchmarks.soak` makes
-this page. Made on {machine}, which other programs shared.
+this page. Made with {code}, on {machine}, which other programs shared.
 
 The finger presses the load cell in a sine of 4 degrees and 1 Hz about 0.8 N, under the position loop and the
 safety checks; loop, recorder and session file are those that a card would have. "One" process: loop and

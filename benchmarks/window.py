@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.benches import SIZE, shown_window
-from benchmarks.machine import Share, machine_words
+from benchmarks.machine import Share, code_words, machine_words
 from benchmarks.window_repaint import FRAMES, WINDOW_S, Repainted, repaint
 from benchmarks.window_review import HOURS, OVER_HOURS, Reviewed, review
 from benchmarks.window_start import Started, start_times, switch_times
@@ -72,9 +72,10 @@ def page(parts: Parts) -> str:
     lines = [
         "# Benchmarks of the window",
         "",
-        f"Made with `python -m benchmarks.window` on {machine_words()}; window of {SIZE[0]} x {SIZE[1]}, off "
-        "screen. Times are on the wall; the processor's are this process' own, which others on the machine "
-        "stretch less. The machine was shared: beneath each table stands what others had of it meanwhile.",
+        f"Made with `python -m benchmarks.window` on {machine_words()}, {code_words()}; window of {SIZE[0]} "
+        f"x {SIZE[1]}, off screen. Times are on the wall; the processor's are this process' own, which "
+        "others on the machine stretch less. The machine was shared: beneath each table stands what others "
+        "had of it meanwhile.",
         "",
     ]
     for name, lines_of in (("start", start_lines), ("review", review_lines), ("live", live_lines)):

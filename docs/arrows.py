@@ -33,7 +33,7 @@ ROWS = (
     {"ground": (0.50, "sessions, rig, errors")},
 )
 """Parts from the top down: place across the drawing, and what they are. Imports lead to rows further down."""
-GROUND = ("errors", "rig", "rig_daq", "rig_file", "sessions", "parallel")
+GROUND = ("errors", "own_settings", "rig", "rig_daq", "rig_file", "sessions", "parallel")
 TOLD = (
     *("trajectories", "trajectory_points", "reference", "torque"),
     *("control", "units", "safety", "checks"),

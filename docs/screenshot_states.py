@@ -206,7 +206,7 @@ def tell_diagnosis(name: str, tab: ModelLabTab) -> None:
 
 
 def sessions_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """A folder with sessions; one of its runs with cursors and another run over it; its strokes."""
+    """A folder with sessions; one of its runs with cursors and two other runs over it; its strokes."""
     library = Path("recordings")
     library.mkdir(exist_ok=True)
     record(library / "finger-rig.h5")
@@ -228,11 +228,13 @@ def sessions_states(window: MainWindow, folder: Path) -> Iterator[str]:
     yield ""
     tab.page.details.review.click()
     wait_until(lambda: tab.review_page.session is not None and not tab.data.busy)
-    tab.review_page.over.setCurrentIndex(2)
+    for row in (2, 3):
+        tab.review_page.over.setCurrentIndex(row)
     tab.review_page.cursors.click()
     pause(500)
     wait_until(lambda: not tab.data.busy)
     yield "review"
+    tab.review_page.over.setCurrentIndex(0)
     tab.review_page.strokes.click()
     wait_until(lambda: tab.review_page.plots.cycles is not None)
     yield "strokes"

@@ -82,6 +82,7 @@ def take(app: QApplication, tab: str, states: States, target: Path, folder: Path
     window.resize(*SIZES[0])
     window.show()
     for state in states(window, folder):
+        pause(50)  # a window that has just opened takes the focus only now
         if window.rail.focusWidget() is not None:
             window.rail.focusWidget().clearFocus()
         for look in LOOKS:

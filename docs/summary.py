@@ -22,7 +22,9 @@ def summary(folder: Path) -> str:
         folder: holds the pages.
     """
     rows = [
-        row for part in (_hidden, _replicate, _faults, _sessions, _real_time, _soak) for row in part(folder)
+        row
+        for part in (_hidden, _replicate, _faults, _sessions, _real_time, _window, _soak)
+        for row in part(folder)
     ]
     return "\n".join(["| what | figure | read from |", "|---|---|---|", *rows])
 
@@ -118,6 +120,26 @@ def _real_time(folder: Path) -> Iterator[str]:
         if row[0] in REAL_TIME_ROWS:
             figure = "; ".join(f"{value} ({case})" for case, value in zip(cases, row[1:], strict=False))
             yield _line(f"control loop at 1 kHz on a shared machine, {row[0]}", figure, name, "Real time")
+    _, speeds = table(folder / name, "samples at a time", "samples a second")
+    for pieces, rate, times in speeds:
+        what = f"recorder, ring to disk, {pieces} samples at a time"
+        yield _line(what, f"{rate} samples a second, {times} times 1 kHz", name, "Real time")
+
+
+def _window(folder: Path) -> Iterator[str]:
+    path, title = folder / "benchmarks-window.md", "The window, measured"
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    for head, rows in tables(text):
+        for row in rows:
+            cells = dict(zip(head, row, strict=False))
+            if "tab shown" in cells and row[0].startswith("warm, "):
+                figure = f"{cells['p50']} (p50), {cells['longest']} at most"
+                yield _line(f"the window starts on {row[0].removeprefix('warm, ')}", figure, path.name, title)
+            elif row[0].startswith("repaint"):
+                figure = f"{cells['p50']} ms (p50), {cells['p99']} ms (p99)"
+                yield _line("six live plots of 60 s repainted", figure, path.name, title)
+            elif "goal" in cells and "measured" in cells:
+                yield _line(row[0], cells["measured"], path.name, title)
 
 
 SOAK_ROWS = ("samples in the file", "cycles lost, rows unread", "largest difference from the first minute")

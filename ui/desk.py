@@ -61,6 +61,18 @@ def read_session(path: Path) -> Session:
     return open_session(path)
 
 
+def make_whole(path: Path, progress: Progress) -> Path:
+    """Finish a recording that was cut or put off, which may take minutes; the path to read then."""
+    from fingerlab.sessions.repair import repaired
+
+    return repaired(path, progress)
+
+
+def part_of(progress: Progress, number: int, count: int) -> Progress:
+    """Tells the progress of one of several parts, the first of which is 0."""
+    return lambda share, what: progress((number + share) / count, what)
+
+
 class Desk(QObject):
     """One for each window.
 
@@ -120,7 +132,7 @@ class Desk(QObject):
             sessions = []
             for number, path in enumerate(paths):
                 progress(number / len(paths), f"reading {path.name}")
-                sessions.append(self._read(path))
+                sessions.append(self._read(make_whole(path, part_of(progress, number, len(paths)))))
             return tuple(sessions)
 
         def done(sessions: Any) -> None:
@@ -130,6 +142,23 @@ class Desk(QObject):
             self.show_tab(tab)
 
         self.tasks.start(f"Opening {names}", work, done)
+
+    def when_whole(self, paths: Sequence[Path], then: Callable[[Sequence[Path]], None]) -> None:
+        """Finish recordings among these that were cut or put off, with progress; then call with all paths."""
+        if all(path.exists() for path in paths):
+            then(paths)
+            return
+
+        def work(progress: Progress, cancelled: IsCancelled) -> list[Path]:
+            return [make_whole(path, part_of(progress, n, len(paths))) for n, path in enumerate(paths)]
+
+        def done(whole: list[Path]) -> None:
+            then(whole)
+            for path in set(whole) - existing:
+                self.recorded(path)
+
+        existing = {path for path in paths if path.exists()}
+        self.tasks.start("Finishing the recording", work, done, "finishing")
 
     def close_sessions(self) -> None:
         """Close what is open."""

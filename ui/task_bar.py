@@ -55,6 +55,8 @@ class TaskBar(QWidget):
         self.text.setText(text)
 
     def _show_work(self, running: bool) -> None:
+        if not running:
+            self.cancel.clearFocus()  # Qt would hand it to the next widget, whatever that is
         # Space is kept, so that nothing jumps when work starts or ends.
         for widget in (self.progress, self.cancel):
             policy = widget.sizePolicy()
@@ -76,6 +78,7 @@ class TaskBar(QWidget):
         self.say(f"{words}, {left}" if left else words)
 
     def _on_cancel(self) -> None:
+        self.cancel.clearFocus()
         self.cancel.setEnabled(False)
         self.say(f"{self._title}: stopping")
         self._tasks.cancel()

@@ -39,15 +39,17 @@ class Colours:
     residual: str
     floor: str
     candidate: str
+    alike: str
     fault: str
     stop: str
+    over: tuple[str, ...]
 
 
 @cache
 def _schemes() -> dict[str, Colours]:
     text = files("fingerlab.resources").joinpath("style/colours.toml").read_text(encoding="utf-8")
     data = tomllib.loads(text)
-    return {name: Colours(**data[name]) for name in ("light", "dark")}
+    return {name: Colours(**{**data[name], "over": tuple(data[name]["over"])}) for name in ("light", "dark")}
 
 
 def colours_of(widget: QWidget) -> Colours:

@@ -84,9 +84,6 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
 }
 """The whole table: (mode, event) -> mode. Pairs that are not in it change nothing."""
 
-COMMAND_MODES = frozenset({Mode.RUNNING, Mode.STOPPING})
-ENABLE_MODES = frozenset({Mode.ENABLED, Mode.RUNNING, Mode.STOPPING})
-
 
 @dataclass(frozen=True, slots=True)
 class Machine:

@@ -16,6 +16,7 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -91,8 +92,8 @@ def loop_main(plan: Plan, commands: Connection, recorder_lives: Connection, aliv
     try:
         loop = ControlLoop(plan.device.build(), plan.settings, ring, board, time.perf_counter)
         loop.open()
-    except (DeviceLost, DeviceFault, UserError) as error:
-        board.set_text(Text.FAULT, str(error))
+    except Exception as error:
+        board.set_text(Text.FAULT, _why(error))
         board[Slot.LOOP_ENDED] = 1
         _leave()
 
@@ -129,9 +130,16 @@ def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, aliv
     """The recorder's process. ``alive`` is only held, so that the loop sees it close."""
     _be_undisturbed()
     ring, board = Ring.attach(plan.ring), Board.attach(plan.board)
+    try:
+        # Built before it is needed: importing a driver takes longer than the motor may run. And before the
+        # bench is told that this process is there: without a guardian no motor is driven.
+        own = None if plan.device.kind in IN_THE_LOOP else plan.device.build()
+    except Exception as error:
+        board.set_text(Text.RECORDER, _why(error))
+        _leave()
     board[Slot.RECORDER_PID] = os.getpid()
     recorder = Recorder(ring, board, plan.rescue)
-    threading.Thread(target=_guard, args=(plan, board, loop_lives), daemon=True).start()
+    threading.Thread(target=_guard, args=(plan, own, board, loop_lives), daemon=True).start()
     come_first()
     cut = False
     while True:
@@ -180,18 +188,15 @@ def _write_whole(recorder: Recorder, note: str) -> None:
         recorder.close()
 
 
-def _guard(plan: Plan, board: Board, loop_lives: Connection) -> None:
+def _guard(plan: Plan, device: Device | None, board: Board, loop_lives: Connection) -> None:
     """Wait for the loop's end; where it was no proper one, make the bench safe in its place."""
-    choice = plan.device
-    # Built before it is needed: importing a driver takes longer than the motor may run.
-    device = None if choice.kind in IN_THE_LOOP else choice.build()
     # A simulated motor stands still with its loop; without a clock nothing moves while the loop does not.
-    watched = device is not None and choice.real_time
+    watched = device is not None and plan.device.real_time
     standstill = Standstill(board, plan.settings.limits.late_time) if watched else None
     _wait_until_lost(board, loop_lives, standstill)
     if board[Slot.LOOP_ENDED]:
         return
-    confirmed = device is None or device.make_safe()
+    confirmed = device is None or _make_safe(device)
     board[Slot.SAFE] = int(confirmed)
     board[Slot.ENABLE_LINE] = 0
     board[Slot.KEEPER] = 1
@@ -200,8 +205,16 @@ def _guard(plan: Plan, board: Board, loop_lives: Connection) -> None:
     with suppress(EOFError, OSError):
         loop_lives.recv()
     # What the loop had handed to the driver may have come after the zero: write it once more.
-    confirmed = any(device.make_safe() for _ in range(SAFE_TRIES))
+    confirmed = any(_make_safe(device) for _ in range(SAFE_TRIES))
     board[Slot.SAFE] = int(confirmed)
+
+
+def _make_safe(device: Device) -> bool:
+    """Whether zero output and a low enable line were confirmed. A user's own device may break its word."""
+    try:
+        return device.make_safe()
+    except Exception:
+        return False
 
 
 def _wait_until_lost(board: Board, loop_lives: Connection, standstill: Standstill | None) -> None:
@@ -215,6 +228,14 @@ def _wait_until_lost(board: Board, loop_lives: Connection, standstill: Standstil
                 return
             if standstill is not None and standstill.seen():
                 return
+
+
+def _why(error: Exception) -> str:
+    """Why a device cannot be used. One that its user wrote may fail in any way, and they want the line."""
+    if isinstance(error, (DeviceLost, DeviceFault, UserError)):
+        return str(error)
+    traceback.print_exception(error)
+    return f"The device cannot be opened ({' '.join(f'{type(error).__name__}: {error}'.split())})."
 
 
 def _leave() -> NoReturn:

@@ -139,6 +139,7 @@ class ProcessBench(Bench):
             failed = self.board.text(Text.FAULT) if self.board[Slot.LOOP_ENDED] else ""
             dead = self.loop_process.exitcode is not None or self.recorder_process.exitcode is not None
             if failed or dead or time.monotonic() > end:
+                failed = failed or self.board.text(Text.RECORDER)
                 self.close()
                 raise UserError(failed or "The control loop did not start; look at the terminal for why.")
             time.sleep(0.01)

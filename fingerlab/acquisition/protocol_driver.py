@@ -224,6 +224,8 @@ class ProtocolDriver:
         trajectory = read_trajectory(settings)
         if not step.load_torque:  # with one, nothing is recorded before the motion
             self._wait_for_what_comes_before()
+        if self._ending:  # meanwhile: a motion that began now would not be ended any more
+            return
         rows = bench.ring.reader()
         bench.ask(Start(settings))
         start = at = bench.status().run_start

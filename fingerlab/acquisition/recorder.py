@@ -14,16 +14,14 @@ import shutil
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 
 from fingerlab.acquisition.board import Board, Number, Slot, Text
 from fingerlab.acquisition.columns import COLUMN, RowFlag
-from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.open_run import OpenRun
 from fingerlab.acquisition.recording import (
     LEAST_FREE_BYTES,
     RunInfo,
@@ -52,23 +50,6 @@ LOOK_S = 0.25
 """How often the place is looked at."""
 
 
-@dataclass
-class _Run:
-    """The run that is being written."""
-
-    info: RunInfo
-    writer: PartWriter
-    reader: RingReader
-    stop: int | None
-    next: int
-    paused: bool = False
-    skip_from: int | None = None
-    late: int = 0
-    dropped: int = 0
-    waiting: int = 0
-    not_numbers: int = 0
-
-
 class Recorder:
     """Records runs into one session at a time.
 
@@ -84,7 +65,7 @@ class Recorder:
         self._info: SessionInfo | None = None
         self._place: RecordingPlace | None = None
         self._done: list[tuple[Path, h5py.File]] = []
-        self._run: _Run | None = None
+        self._run: OpenRun | None = None
         self._looked = -1.0
         self._errors = 0
 
@@ -140,7 +121,7 @@ class Recorder:
             raise UserError(
                 f"{self._place.path} cannot be written ({_reason(error)}); choose a place with room."
             ) from None
-        self._run = _Run(run, writer, self._reader_from(run.start), run.stop, run.start)
+        self._run = OpenRun(run, writer, self._reader_from(run.start), run.stop, run.start)
         self._board[Slot.RECORDING], self._board[Slot.RECORDED], self._board[Slot.FLUSHED] = 1, 0, 0
 
     def pause(self, on: bool) -> None:
@@ -250,11 +231,11 @@ class Recorder:
         self._board[Slot.UNREAD] += piece.lost
         rows = piece.rows
         index = rows[:, COLUMN["index"]]
-        inside = _inside(run, index)
+        inside = run.inside(index)
         note = ""
         if run.info.load_torque:
-            note = self._load_set_down(run, rows[inside])
-            inside = _inside(run, index)
+            note = run.end_with_motion(rows[inside], self._board)
+            inside = run.inside(index)
         over = run.stop is not None and bool(len(index)) and index[-1] >= run.stop - 1
         if inside.any():
             self._write(run, rows[inside])
@@ -262,26 +243,7 @@ class Recorder:
             self._finish(note)
         return len(rows)
 
-    def _load_set_down(self, run: _Run, rows: Array) -> str:
-        """End a run against a known load with its motion: afterwards the load hangs on its support again.
-
-        Returns:
-            Why the run was cut, empty where its motion ended in order or goes on.
-        """
-        modes = rows[:, COLUMN["mode"]]
-        ended = np.flatnonzero(modes != Mode.RUNNING)
-        if not len(ended):
-            return ""
-        first, mode = ended[0], Mode(int(modes[ended[0]]))
-        # The row that begins a soft stop still holds the last sample of the motion.
-        stop = int(rows[first, COLUMN["index"]]) + (mode is Mode.STOPPING)
-        run.stop = stop if run.stop is None else min(run.stop, stop)
-        if mode is Mode.FAULT:
-            return self._board.text(Text.FAULT)
-        latched = int(rows[first, COLUMN["flags"]]) & RowFlag.LATCHED
-        return "The bench was stopped by the operator." if latched else ""
-
-    def _write(self, run: _Run, rows: Array) -> None:
+    def _write(self, run: OpenRun, rows: Array) -> None:
         index = rows[:, COLUMN["index"]]
         if run.paused:
             run.next = int(index[-1]) + 1
@@ -313,7 +275,7 @@ class Recorder:
         complete = not note and (wanted is None or run.next >= wanted)
         ended = TRUNCATED if note else LOSSY if run.dropped else CLEAN
         run.writer.set_counts(run.dropped, run.late)
-        run.writer.finish(ended, note or _lossy_note(run), complete)
+        run.writer.finish(ended, note or run.lossy_note, complete)
         path = run.writer.path
         self._done.append((path, h5py.File(path, "r")))
         self._board[Slot.RECORDED_RUNS] = len(self._done)
@@ -401,19 +363,6 @@ class Recorder:
             return self._ring.reader()
         behind = int(newest[0, COLUMN["index"]]) - index + 2
         return self._ring.reader(max(behind, 0))
-
-
-def _inside(run: _Run, index: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Which samples belong to the run and are not yet written."""
-    inside = index >= run.next
-    return inside if run.stop is None else inside & (index < run.stop)
-
-
-def _lossy_note(run: _Run) -> str:
-    if not run.dropped:
-        return ""
-    why = f", {run.not_numbers} of them were no numbers" if run.not_numbers else ""
-    return f"{run.dropped} samples were lost in gaps{why}."
 
 
 def _reason(error: Exception) -> str:

@@ -54,6 +54,13 @@ class RunInfo:
     attributes: Mapping[str, Any] = field(default_factory=dict)
 
 
+def rescue_folder() -> Path:
+    """Where a recording is saved whose own folder has vanished: among the user's data."""
+    from platformdirs import user_data_path
+
+    return user_data_path("FingerLab", appauthor=False) / "rescued"
+
+
 def channel_units(phase: str) -> dict[str, str]:
     """All channels of a run of this phase, with their units; ``time`` is the first."""
     names = ["time", *ALWAYS]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import json_option, progress_bar, refuse_existing, tell_own_effects, write_json
+from fingerlab.cli.common import json_option, progress_bar, tell_own_effects, write_json
 from fingerlab.errors import UserError
 
 if TYPE_CHECKING:
@@ -51,8 +51,6 @@ def batch(
     A table that is there already is continued: a session in it, with the same content, program and effects,
     is not diagnosed again. Stopped or killed, it goes on where it was when the same command is given again.
     """
-    if json_target not in (None, "-"):
-        refuse_existing(Path(str(json_target)))
     if out.suffix.lower() != ".parquet":
         raise UserError(f"--out is {out}; the table is a Parquet file, so its name should end in .parquet.")
     if address is not None and jobs is not None:

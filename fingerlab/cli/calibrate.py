@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import click
 
 from fingerlab.cli.common import json_option, write_json
-from fingerlab.cli.sessions import refuse_json
 from fingerlab.errors import UserError
 
 if TYPE_CHECKING:
@@ -63,7 +62,6 @@ def calibrate(
     from fingerlab.calibration.recording import read_recording
     from fingerlab.calibration.steps import count_steps
 
-    refuse_json(json_target)
     sensor, timing = SENSORS[word], StepTiming(step_seconds, centre_seconds)
     steps: list[Step] = []
     values: list[float] = []

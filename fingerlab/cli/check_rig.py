@@ -16,7 +16,8 @@ from fingerlab.errors import UserError
 @click.option(
     "--device",
     metavar="NAME",
-    help="A card such as Dev1 or host:31763/Dev1, or 'simulated' for practice; else the first one found.",
+    help="A card such as Dev1 or host:31763/Dev1; own:FILE.py; 'simulated' for practice; else the first one "
+    "found.",
 )
 @click.option(
     "--rig", "rig_file", type=click.Path(path_type=Path), help="Rig file; the default rig without it."

@@ -11,13 +11,22 @@ import click
 
 from fingerlab.errors import UserError
 
+
+def _free_for_json(context: click.Context, parameter: click.Parameter, target: str | None) -> str | None:
+    """Find out before the work that the JSON could not be written."""
+    if target not in (None, "-") and not context.resilient_parsing:
+        refuse_existing(Path(str(target)))
+    return target
+
+
 json_option = click.option(
     "--json",
     "json_target",
     metavar="FILE",
+    callback=_free_for_json,
     help="Write the result as JSON to FILE, or to standard output with '-'.",
 )
-"""``json_target`` is None, ``-`` or a path. With ``-`` nothing else may go to standard output."""
+"""``json_target`` is None, ``-`` or a free path. With ``-`` nothing else may go to standard output."""
 
 
 def write_json(result: dict[str, Any], target: str) -> None:
@@ -44,20 +53,22 @@ def refuse_existing(path: Path) -> None:
 
 
 def write_text_safely(path: Path, text: str) -> None:
-    """Write a file whole or not at all: first beside it, then moved into place.
+    """Write a file whole or not at all: first beside it, then moved into place, over no other one.
 
     Raises:
-        UserError: the place cannot be written to or is full.
+        UserError: the place is taken, cannot be written to, or is full.
     """
-    part = path.with_name(path.name + ".part")
+    from fingerlab.sessions.place import claim, move_into_place
+
+    part = claim(path)
     try:
         part.write_text(text, encoding="utf-8")
-        part.replace(path)
     except OSError as error:
         part.unlink(missing_ok=True)
         raise UserError(
             f"{path} cannot be written ({error.strerror}); choose a folder with room and write access."
         ) from None
+    move_into_place(part, path)
 
 
 def tell_own_effects() -> None:

@@ -49,7 +49,7 @@ def compare(
     floor of the best model; the endpoint force is that of the contact runs.
     """
     session = open_session(session_file)
-    refuse_taken_early(json_target, None, figures)
+    refuse_taken_early(None, figures)
     tell_own_effects()
     models = _load(model_files)
     bar, report = progress_bar("Comparing")

@@ -57,7 +57,7 @@ def diagnose(
     with second_process(() if figures else sessions, "fingerlab.identify.diagnosis.reduction") as executor:
         from fingerlab.cli.output import refuse_taken_early, write_results
 
-        refuse_taken_early(json_target, model_file, figures)
+        refuse_taken_early(model_file, figures)
         from fingerlab.identify.diagnosis import diagnose as run
         from fingerlab.sessions import open_session
 

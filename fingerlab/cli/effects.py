@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import json_option, refuse_existing, write_json
+from fingerlab.cli.common import json_option, write_json
 from fingerlab.errors import UserError
 
 if TYPE_CHECKING:
@@ -39,8 +39,6 @@ def effects(folder: Path | None, trust: Path | None, forget: bool, json_target: 
 
     if forget and (folder or trust):
         raise UserError("--forget forgets the folder; leave out --folder and --trust, or leave out --forget.")
-    if json_target not in (None, "-"):
-        refuse_existing(Path(str(json_target)))
     if forget:
         own.forget()
         click.echo("The folder of own effects and all confirmations are forgotten.", err=True)
@@ -92,8 +90,8 @@ def _ask_and_trust(source: OwnSource) -> None:
 
 
 def _to_json(files: tuple[OwnFile, ...]) -> dict[str, Any]:
+    from fingerlab.own_settings import read_settings
     from fingerlab.physics.effects import CATALOGUE
-    from fingerlab.physics.effects.own_settings import read_settings
 
     folder = read_settings().folder
     listed = [_effect_json(effect, None) for effect in CATALOGUE.values()]

@@ -67,7 +67,7 @@ def fit(
     motor-bench runs and no finger is fitted with J, gain and offset of the motor-bench equation.
     """
     session = open_session(session_file)
-    refuse_taken_early(json_target, model_file, figures)
+    refuse_taken_early(model_file, figures)
     if motor_bench_runs(session) and not any(run.phase == "on_air" for run in session.runs):
         _fit_motor_bench(session, model_file, figures, json_target)
         return

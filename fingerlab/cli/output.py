@@ -27,15 +27,14 @@ def table_console(stream: IO[str] | None = None) -> Console:
     return console if console.is_terminal else Console(file=stream, highlight=False, width=TABLE_WIDTH)
 
 
-def refuse_taken_early(json_target: str | None, model: Path | None, figures: Path | None) -> None:
+def refuse_taken_early(model: Path | None, figures: Path | None) -> None:
     """Find out before the work that a result could not be written.
 
     Raises:
         UserError: a target exists or its folder does not.
     """
-    for path in (None if json_target in (None, "-") else Path(str(json_target)), model):
-        if path is not None:
-            refuse_taken(path)
+    if model is not None:
+        refuse_taken(model)
     if figures is not None and figures.exists() and not figures.is_dir():
         raise UserError(f"{figures} is a file; give '--figures' a folder to write to.")
 

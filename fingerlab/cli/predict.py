@@ -48,7 +48,7 @@ def predict(session_file: Path, model_file: Path, figures: Path | None, json_tar
     was fitted to is predicted by a fit without that run.
     """
     session = open_session(session_file)
-    refuse_taken_early(json_target, None, figures)
+    refuse_taken_early(None, figures)
     model = load_model(model_file)
     if model.method == DIAGNOSIS_METHOD:
         from fingerlab.cli.predict_extended import predict_with_effects

@@ -113,6 +113,10 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
         raise UserError("A replay has been recorded already; record from 'simulated' or from a card.")
     steps = plan_steps(plans, options["force"], options["rest"])
     simulated = choice.kind == "simulated"
+    if not simulated and (options["effects"] or options["hidden"]):  # a real motor is not what was meant
+        raise UserError(
+            "--effect and --hidden are of the simulated rig; leave them out, or give --device simulated."
+        )
     with ExitStack() as stack:
         events = stack.enter_context(Events(options["events"]))
         bar, report = progress_bar("Recording")
@@ -196,14 +200,12 @@ def _open(
 
     A simulated rig is taken as it is: what it records must depend on its seed alone.
     """
-    from platformdirs import user_data_path
-
+    from fingerlab.acquisition.recording import rescue_folder
     from fingerlab.acquisition.requests import LoopSettings
     from fingerlab.acquisition.safety import Limits
     from fingerlab.acquisition.units import BenchUnits
     from fingerlab.calibration.applying import default_folder, rig_and_attributes
 
-    rescue = user_data_path("FingerLab") / "rescued"
     device = choice.build() if simulated else None
     rig: Rig = device.rig if device is not None else choice.rig  # type: ignore[attr-defined, assignment]
     attributes = dict(getattr(device, "session_attributes", {}))
@@ -214,10 +216,10 @@ def _open(
     if device is not None and not options["real_time"]:
         from fingerlab.acquisition.inline import InlineBench
 
-        return InlineBench(device, settings, rescue), rig, attributes
+        return InlineBench(device, settings, rescue_folder()), rig, attributes
     from fingerlab.acquisition.process_bench import ProcessBench
 
-    return ProcessBench(choice, settings, rescue, rig.daq.rate_hz), rig, attributes
+    return ProcessBench(choice, settings, rescue_folder(), rig.daq.rate_hz), rig, attributes
 
 
 def _choice(options: Mapping[str, Any]) -> DeviceChoice:

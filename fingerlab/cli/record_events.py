@@ -155,6 +155,8 @@ class Observer:
         rows = self._rows.read().rows
         if not len(rows):
             return
+        index = rows[:, COLUMN["index"]]
+        before = index[0] - 1 if self._newest is None else self._newest[COLUMN["index"]]
         self._newest = rows[-1]
         self._cycles.take(rows)
         if self._model is None:
@@ -165,7 +167,7 @@ class Observer:
             self._set_up = driver.set_up
             self._live = live_model(self._rig, self._bench.rate_hz, self._model, driver.set_up)
         assert self._live is not None
-        if np.any(np.diff(rows[:, COLUMN["index"]]) != 1):
+        if np.any(np.diff(index, prepend=before) != 1):
             self._live.forget()
         names = ("mcp_angle", "pip_angle", "motor_position", "motor_torque", "endpoint_force")
         self._live.extend(Measured(*(rows[:, COLUMN[name]] for name in names)))

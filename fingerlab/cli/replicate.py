@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
+from fingerlab.cli.common import json_option, progress_bar, write_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -32,8 +31,6 @@ def replicate(preset: str, seed: int, benches: int, json_target: str | None) -> 
     """The thesis' experiment end to end on the simulated rig, beside the published numbers."""
     from fingerlab.report.replicate import compare, lines_json
 
-    if json_target not in (None, "-"):
-        refuse_existing(Path(str(json_target)))
     seeds = list(range(seed, seed + benches))
     lines = compare(_analyses(preset, seeds))
     if json_target is not None:

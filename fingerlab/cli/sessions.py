@@ -32,7 +32,6 @@ def info(session_file: Path, json_target: str | None) -> None:
     are errors; gaps and missing force are told.
     """
     session = open_session(session_file)
-    refuse_json(json_target)
     bar, report_progress = progress_bar("Checking")
     with bar:
         report = check_session(session, report_progress)
@@ -125,7 +124,6 @@ def import_text(
         raise UserError("The option --out S.h5 is missing; it names the session to write.")
     if target is not None:
         refuse_taken(target)
-    refuse_json(json_target)
     rig = _rig(rig_file)
     plans = plan_import(_text_runs(files, phases, cables, trajectory), mapping, rate)
     for plan in plans:
@@ -175,7 +173,6 @@ def export(session_file: Path, kind: str, folder: Path, json_target: str | None)
     from fingerlab.sessions.exporting import export_session
 
     session = open_session(session_file)
-    refuse_json(json_target)
     bar, report_progress = progress_bar("Exporting")
     with bar:
         written = export_session(session, kind, folder, report_progress)
@@ -209,16 +206,6 @@ def _text_runs(
         TextRun(path, phase, cable, told)
         for path, phase, cable in zip(files, each_phase, each_cable, strict=True)
     ]
-
-
-def refuse_json(json_target: str | None) -> None:
-    """Find out before the work that the JSON could not be written.
-
-    Raises:
-        UserError: the file exists, or its folder does not.
-    """
-    if json_target not in (None, "-"):
-        refuse_taken(Path(str(json_target)))
 
 
 def _each(given: tuple[str, ...], default: str, files: tuple[Path, ...], name: str) -> tuple[str, ...]:

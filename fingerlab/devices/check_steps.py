@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -91,48 +92,36 @@ def channels_at_rest(bench: Bench) -> Iterator[Outcome]:
         yield _asked(bench, f"rest/{name}", title, question, measured)
 
 
+@dataclass(frozen=True)
+class _Task:
+    """What the operator is to do by hand, for one channel."""
+
+    step: str
+    title: str
+    question: str
+
+    def outcome(self, state: str, sentence: str, measured: dict[str, Any], answer: str = YES) -> Outcome:
+        return Outcome(self.step, self.title, state, sentence, self.question, answer, measured)
+
+
 def channels_moved(bench: Bench) -> Iterator[Outcome]:
     """The right channel answers to a hand, in the right direction."""
     for k, name in enumerate(CHANNELS[:3]):
-        channel = bench.rig.daq.inputs[k]
-        title = f"{_sentence_case(TITLES[name])} moved by hand"
-        if not channel.terminal or math.isnan(bench.rest[k]):
-            yield Outcome(f"moved/{name}", title, SKIPPED, "The channel could not be read at rest.")
-            continue
         act, amount, least = HANDS[name]
         question = f"{act}, within {HAND_SECONDS:g} s from your 'yes'. Ready?"
-        answer = bench.operator.ask(f"moved/{name}", question)
-        if answer != YES:
-            yield Outcome(f"moved/{name}", title, SKIPPED, "The operator left it out.", question, answer)
-            continue
-        raw = bench.watch(HAND_SECONDS, hand=(name, amount))
-        yield _judge_movement(bench, k, raw, least, title, question)
+        task = _Task(f"moved/{name}", f"{_sentence_case(TITLES[name])} moved by hand", question)
+        raw = _by_hand(bench, k, task, amount)
+        yield raw if isinstance(raw, Outcome) else _judge_movement(bench, k, raw, least, task)
 
 
 def scaling(bench: Bench) -> Iterator[Outcome]:
     """A known weight and a known angle read as what they are."""
     for k, name in enumerate(CHANNELS[:3]):
-        channel = bench.rig.daq.inputs[k]
-        title = f"{_sentence_case(TITLES[name])}, scaling"
-        if not channel.terminal or math.isnan(bench.rest[k]):
-            yield Outcome(f"scale/{name}", title, SKIPPED, "The channel could not be read at rest.")
-            continue
         act, amount, tolerance = KNOWN[name]
         question = f"{act}, within {HAND_SECONDS:g} s from your 'yes', and leave it so. Ready?"
-        answer = bench.operator.ask(f"scale/{name}", question)
-        if answer != YES:
-            yield Outcome(f"scale/{name}", title, SKIPPED, "The operator left it out.", question, answer)
-            continue
-        raw = bench.watch(HAND_SECONDS, hand=(name, amount))
-        last = raw[-len(raw) // 4 :, k].mean()
-        shown = float(channel.gain * channel.sign * (last - bench.rest[k]))
-        measured = {"shown": shown, "known": amount, "tolerance": tolerance}
-        sentence = f"It shows {_shown(name, shown)} of {_shown(name, amount)}"
-        if abs(shown / amount - 1.0) <= tolerance:
-            yield Outcome(f"scale/{name}", title, CONFIRMED, f"{sentence}.", question, answer, measured)
-            continue
-        sentence += f"; calibrate it ('fingerlab calibrate'), or correct its gain and sign in [daq.{name}]."
-        yield Outcome(f"scale/{name}", title, FAILED, sentence, question, answer, measured)
+        task = _Task(f"scale/{name}", f"{_sentence_case(TITLES[name])}, scaling", question)
+        raw = _by_hand(bench, k, task, amount)
+        yield raw if isinstance(raw, Outcome) else _judge_scaling(bench, k, raw, amount, tolerance, task)
 
 
 def encoder_turned(bench: Bench) -> Iterator[Outcome]:
@@ -245,27 +234,48 @@ def _fault_at_rest(channel: AnalogInput, volts: float, spread: float) -> str:
     return ""
 
 
-def _judge_movement(bench: Bench, k: int, raw: Any, least: float, title: str, question: str) -> Outcome:
+def _by_hand(bench: Bench, k: int, task: _Task, amount: float) -> Any | Outcome:
+    """What was read meanwhile, shape (n, channels), V and counts; an outcome where nothing was done."""
+    if not bench.rig.daq.inputs[k].terminal or math.isnan(bench.rest[k]):
+        return Outcome(task.step, task.title, SKIPPED, "The channel could not be read at rest.")
+    answer = bench.operator.ask(task.step, task.question)
+    if answer != YES:
+        return task.outcome(SKIPPED, "The operator left it out.", {}, answer)
+    return bench.watch(HAND_SECONDS, hand=(CHANNELS[k], amount))
+
+
+def _judge_scaling(bench: Bench, k: int, raw: Any, amount: float, tolerance: float, task: _Task) -> Outcome:
+    name, channel = CHANNELS[k], bench.rig.daq.inputs[k]
+    last = raw[-len(raw) // 4 :, k].mean()
+    shown = float(channel.gain * channel.sign * (last - bench.rest[k]))
+    measured = {"shown": shown, "known": amount, "tolerance": tolerance}
+    sentence = f"It shows {_shown(name, shown)} of {_shown(name, amount)}"
+    if abs(shown / amount - 1.0) <= tolerance:
+        return task.outcome(CONFIRMED, f"{sentence}.", measured)
+    sentence += f"; calibrate it ('fingerlab calibrate'), or correct its gain and sign in [daq.{name}]."
+    return task.outcome(FAILED, sentence, measured)
+
+
+def _judge_movement(bench: Bench, k: int, raw: Any, least: float, task: _Task) -> Outcome:
     name, channel = CHANNELS[k], bench.rig.daq.inputs[k]
     moved = channel.gain * channel.sign * (raw[:, :3] - bench.rest[:3])
     peak = moved[np.nanargmax(np.abs(moved[:, k])), k] if not np.isnan(moved[:, k]).all() else math.nan
     swings = np.abs(np.nan_to_num(raw[:, :3] - bench.rest[:3])).max(axis=0)
     measured = {"peak": float(peak), "volts": {CHANNELS[j]: float(swings[j]) for j in range(3)}}
     other = int(np.argmax(swings))
+    sentence = f"It moved by {_shown(name, float(peak))}"
     if not abs(peak) >= least:
         loudest = (
             f"; the {TITLES[CHANNELS[other]]} moved instead" if other != k and swings[other] > 0.1 else ""
         )
-        sentence = f"It moved by {_shown(name, float(peak))} only{loudest}; check its terminal and wiring."
-        return Outcome(f"moved/{name}", title, FAILED, sentence, question, YES, measured)
+        return task.outcome(FAILED, f"{sentence} only{loudest}; check its terminal and wiring.", measured)
     if peak < 0:
-        sentence = f"It moved by {_shown(name, float(peak))}: turn its sign in the rig file's [daq] around."
-        return Outcome(f"moved/{name}", title, FAILED, sentence, question, YES, measured)
+        sentence += ": turn its sign in the rig file's [daq] around."
+        return task.outcome(FAILED, sentence, measured)
     if other != k and swings[other] > 1.5 * swings[k]:
         sentence = f"The {TITLES[CHANNELS[other]]} moved by more; check whether the terminals are swapped."
-        return Outcome(f"moved/{name}", title, FAILED, sentence, question, YES, measured)
-    sentence = f"It moved by {_shown(name, float(peak))}."
-    return Outcome(f"moved/{name}", title, CONFIRMED, sentence, question, YES, measured)
+        return task.outcome(FAILED, sentence, measured)
+    return task.outcome(CONFIRMED, f"{sentence}.", measured)
 
 
 def _judge_disabled(bench: Bench, raw: Any, question: str, answer: str) -> Outcome:

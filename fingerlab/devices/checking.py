@@ -194,7 +194,7 @@ def _guarded(step: Step, bench: Bench) -> list[Outcome]:
         bench.device.make_safe()
         outcomes = [Outcome(name, "The device reported a fault", FAILED, str(failure))]
     for outcome in outcomes:
-        bench.operator.tell(f"{outcome.state}: {outcome.title}. {outcome.sentence}")
+        bench.operator.tell(f"{outcome.state}: {outcome.title.rstrip('.')}. {outcome.sentence}")
     return outcomes
 
 

@@ -1,21 +1,76 @@
 """A device of one's own: a Python file with one class that keeps to the protocol.
 
 The file is run where it is named, and nowhere else: it moves a motor, and should have been read by whoever
-names it.
+names it. Who writes ``own:FILE`` in a command has named it; where it is chosen from a list, as in the window,
+:func:`confirm` remembers that its user let exactly this content be run.
 """
 
 from __future__ import annotations
 
-import importlib.util
+import hashlib
 import inspect
 import sys
+from contextlib import redirect_stdout
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
+from typing import Literal
 
 from fingerlab.devices.protocol import Device
 from fingerlab.errors import UserError
+from fingerlab.own_settings import read_settings, write_settings
 
 CALLS = ("open", "start", "set_enable", "exchange", "make_safe", "close")
 """What a class needs beside ``name`` and ``rate_hz`` to be taken for a device."""
+
+
+@dataclass(frozen=True)
+class DeviceFile:
+    """A file as it was read, and whether its user has confirmed this content, another one, or none."""
+
+    path: Path
+    content: bytes
+    state: Literal["confirmed", "new", "changed"]
+
+    @property
+    def sha256(self) -> str:
+        return hashlib.sha256(self.content).hexdigest()
+
+
+def device_file(path: Path) -> DeviceFile:
+    """A file that is chosen; it is read, not run.
+
+    Raises:
+        UserError: it cannot be read, or the settings are damaged.
+    """
+    path = path.resolve()
+    read, trusted = DeviceFile(path, _content(path), "new"), read_settings("devices").trusted
+    if read.sha256 in trusted:
+        return replace(read, state="confirmed")
+    if str(path) in trusted.values():
+        return replace(read, state="changed")
+    return read
+
+
+def confirm(file: DeviceFile) -> None:
+    """Remember that its user lets exactly this content be run. Call it only after they were asked.
+
+    Raises:
+        UserError: the settings cannot be read or written.
+    """
+    settings = read_settings("devices")
+    others = {key: name for key, name in settings.trusted.items() if key != file.sha256}
+    write_settings(replace(settings, trusted={**others, file.sha256: str(file.path)}), "devices")
+
+
+def confirmed_files() -> tuple[Path, ...]:
+    """Files that were confirmed and are still there, latest first.
+
+    Raises:
+        UserError: the settings are damaged.
+    """
+    names = dict.fromkeys(reversed([*read_settings("devices").trusted.values()]))
+    return tuple(path for path in map(Path, names) if path.is_file())
 
 
 def own_device(path: Path, rate_hz: float) -> Device:
@@ -34,8 +89,9 @@ def own_device(path: Path, rate_hz: float) -> Device:
             f"{path} should hold one class with {', '.join(CALLS)}, name and rate_hz; it holds {found}."
         )
     try:
-        device = kinds[0]()
-    except Exception as error:  # whatever the file does
+        with redirect_stdout(sys.stderr):
+            device = kinds[0]()
+    except (Exception, SystemExit) as error:  # whatever the file does
         raise UserError(f"{kinds[0].__name__} of {path} cannot be made: {_said(error)}.") from None
     if not isinstance(device, Device):
         raise UserError(f"{kinds[0].__name__} of {path} has no name or no rate_hz; add both.")
@@ -48,21 +104,31 @@ def own_device(path: Path, rate_hz: float) -> Device:
 
 
 def _classes(path: Path) -> list[type]:
-    """Classes that the file itself defines."""
-    if not path.is_file():
-        raise UserError(f"{path} does not exist; give own: with the Python file of a device.")
+    """Classes that the file itself defines. It is run as it reads now, past what Python may have compiled."""
     name = f"fingerlab_own_device_{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise UserError(f"{path} is no Python file; give own: with the Python file of a device.")
-    module = importlib.util.module_from_spec(spec)
+    module = ModuleType(name)
+    module.__file__ = str(path)
+    content = _content(path)
     sys.modules[name] = module  # dataclasses and pickle look there
     try:
-        spec.loader.exec_module(module)
-    except Exception as error:  # whatever the file does
+        # What the file prints must not get between a command's results.
+        with redirect_stdout(sys.stderr):
+            exec(compile(content, str(path), "exec"), module.__dict__)
+    except (Exception, SystemExit) as error:  # whatever the file does
         raise UserError(f"{path} cannot be run: {_said(error)}.") from None
     return [one for _, one in inspect.getmembers(module, inspect.isclass) if one.__module__ == name]
 
 
-def _said(error: Exception) -> str:
-    return f"{type(error).__name__}: {str(error).rstrip('.')}"
+def _content(path: Path) -> bytes:
+    if not path.is_file():
+        raise UserError(f"{path} does not exist; name the Python file of a device.")
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise UserError(
+            f"{path} cannot be read ({error.strerror}); name the Python file of a device."
+        ) from None
+
+
+def _said(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split()).rstrip(".: ")

@@ -6,7 +6,7 @@ wrong sensor in one run alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -221,3 +221,13 @@ def _edges(place: Array, chosen: Coordinate, runs: int) -> Array | None:
         return None
     low, high = np.quantile(place, (OUTLYING, 1 - OUTLYING))
     return np.linspace(low, high, BINS + 1) if high > low else None
+
+
+def most_orderly(profiles: Mapping[str, Profile]) -> str:
+    """The coordinate whose bins' means explain the largest share of the residual."""
+
+    def order(found: Profile) -> float:
+        known = np.isfinite(found.rms)
+        return float(np.sum(found.mean[known] ** 2) / max(float(np.sum(found.rms[known] ** 2)), 1e-300))
+
+    return max(profiles, key=lambda name: order(profiles[name]), default="")

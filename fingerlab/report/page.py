@@ -39,8 +39,8 @@ from fingerlab.report.where_figures import where_figure
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.place import OutputSet
 
-SHOWN_CANDIDATES = 4
-"""Effects whose evidence is drawn: those of the set, and at least the two best."""
+FEWEST_CANDIDATES = 2
+"""Effects whose evidence is drawn: every one of the set, and at least so many, best first."""
 
 EQUATION_NOTES = {
     "mcp_torque": "Measured: what the cable does at the joint, from motor current. Modelled: what the "
@@ -220,13 +220,18 @@ def _equation(content: Content, pictures: Pictures, title: str) -> dict[str, Any
 
 def _picture_count(diagnosis: Diagnosis, analysis: Analysis | None) -> int:
     equations = len({c.equation for c in diagnosis.comparisons})
-    return 3 + 2 * equations + SHOWN_CANDIDATES + (0 if analysis is None else len(analysis.figures))
+    return (
+        3
+        + 2 * equations
+        + len(_drawn_candidates(diagnosis))
+        + (0 if analysis is None else len(analysis.figures))
+    )
 
 
 def _drawn_candidates(diagnosis: Diagnosis) -> list[Candidate]:
     unseen = words.not_shown(diagnosis)
     best = [c for c in words.shown_best_first(diagnosis) if c.effect not in unseen]
-    return best[: max(2, min(len(words.suspects(diagnosis)), SHOWN_CANDIDATES))]
+    return best[: max(FEWEST_CANDIDATES, len(words.suspects(diagnosis)))]
 
 
 def _candidate(candidate: Candidate, pictures: Pictures) -> dict[str, Any]:

@@ -26,18 +26,6 @@ CHANNEL_UNITS = {
 }
 """Channels of the contract with their unit, in the contract's order."""
 
-CHANNEL_TITLES = {
-    "time": "time",
-    "motor_command": "motor command",
-    "motor_position": "motor position",
-    "motor_current": "motor current",
-    "motor_torque": "motor torque",
-    "mcp_angle": "MCP angle",
-    "pip_angle": "PIP angle",
-    "endpoint_force": "endpoint force",
-    "load_torque": "load torque",
-}
-
 MAY_BE_NAN = frozenset({"endpoint_force"})
 """Channels of the contract in which NaN means "not read"."""
 

@@ -34,7 +34,7 @@ from fingerlab.sessions.writing import SessionWriter
 PIECE = 1 << 15
 """Samples copied and compared at a time: with all channels some 0.1 s of work, after which the recorder shows
 that it lives; two of a session's chunks."""
-WRITING_SHARE = 0.7
+WRITING_SHARE = 0.63
 """Of the time until a session is whole, what writing takes; reading back takes the rest (measured)."""
 MARKERS_SUFFIX = ".markers"
 _OWN_ROOT = ("format", "format_version", "created", "title", "rig", "software")
@@ -43,18 +43,22 @@ _WRITE_FLAGS = 0x05  # superblock version 3: open for writing, open in single-wr
 _CUT_NOTE = "The recording was cut off; what had been flushed is here."
 
 
-def repaired(path: Path) -> Path:
-    """The path to open: ``path`` itself, after a recording that was cut has been made whole.
+def repaired(path: Path, progress: Progress | None = None) -> Path:
+    """The path to open: ``path`` itself, after a recording that was cut or put off has been made whole.
 
     A good session costs this function a look at twelve bytes.
+
+    Args:
+        progress: called with the share done and what is being done; may raise ``Cancelled``, which leaves
+            everything as it was.
 
     Raises:
         UserError: it is being recorded at this moment, holds no sample, or the place cannot be written to.
     """
     if not path.exists() and recording_folder(path).is_dir():
-        return finish_recording(RecordingPlace.hold(path))
+        return finish_recording(RecordingPlace.hold(path), progress)
     if was_cut(path):
-        return _repair_single(path)
+        return _repair_single(path, progress)
     return path
 
 
@@ -260,7 +264,7 @@ def was_cut(path: Path) -> bool:
     )
 
 
-def _repair_single(path: Path) -> Path:
+def _repair_single(path: Path, progress: Progress | None) -> Path:
     """A run's file that somebody took out of its folder: make it whole and keep the cut one beside it."""
     try:
         with h5py.File(path, "r", swmr=True) as file:
@@ -270,6 +274,10 @@ def _repair_single(path: Path) -> Path:
         return path  # the reader says what is wrong with it
     fixed = path.with_name(path.name + ".repaired")
     fixed.unlink(missing_ok=True)
-    assemble([path], fixed, path)
+    try:
+        assemble([path], fixed, path, progress)
+    except BaseException:
+        fixed.unlink(missing_ok=True)
+        raise
     path.replace(path.with_name(path.name + ".cut"))
     return give_name(fixed, path)

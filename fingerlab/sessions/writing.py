@@ -27,6 +27,10 @@ from fingerlab.sessions.run_writing import (
 )
 from fingerlab.sessions.target_file import TargetFile
 
+CACHE_BYTES = 2 * 8 * CHUNK_SAMPLES
+"""Room of each channel for chunks that are not yet compressed: two. With HDF5's own megabyte most of the work
+waited until the file was closed, a minute without a word for a recording of ten hours."""
+
 
 class SessionWriter:
     """Writes a session beside its place as ``NAME.part`` and moves it there when all went well.
@@ -76,7 +80,7 @@ class SessionWriter:
         try:
             with writing_to(self.path):
                 self._target = TargetFile(self._part)
-                self._file = h5py.File(self._target, "w")
+                self._file = h5py.File(self._target, "w", rdcc_nbytes=CACHE_BYTES)
                 write_attributes(self._file, {**(attributes or {}), **root})
                 self._file.create_group("runs")
         except BaseException:

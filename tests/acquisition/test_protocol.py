@@ -11,6 +11,7 @@ import pytest
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.protocol import (
+    SETTLE_S,
     Change,
     Find,
     Lift,
@@ -19,7 +20,7 @@ from fingerlab.acquisition.protocol import (
     plan_seconds,
     plan_steps,
 )
-from fingerlab.acquisition.protocol_driver import ProtocolDriver
+from fingerlab.acquisition.protocol_driver import Beginning, ProtocolDriver
 from fingerlab.acquisition.recording import SessionInfo
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.safety import Limits
@@ -127,6 +128,22 @@ def test_a_fault_ends_the_protocol_and_what_was_taken_is_kept(tmp_path: Path) ->
     runs = open_session(bench.recorder.close()).runs
     assert runs[0].attributes["ended"] == "clean"
     assert runs[-1].attributes["ended"] == "truncated"
+    bench.close()
+
+
+def test_an_end_before_the_motion_begins_none(tmp_path: Path) -> None:
+    device = FakeDevice()
+    bench = inline(device, tmp_path)
+
+    def look() -> None:
+        if driver.doing == "before the motion":
+            driver.end()
+
+    driver = ProtocolDriver(
+        bench, lambda _: settled(device), None, None, look, Beginning(before_s=2.0 * SETTLE_S)
+    )
+    driver.take(plan_steps([AIR], 0.8))
+    assert (device.volts, device.enabled, bench.status().run, driver.number) == (0.0, False, 0, 0)
     bench.close()
 
 

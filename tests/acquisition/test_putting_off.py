@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import shutil
 import threading
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,6 +16,7 @@ from fingerlab.acquisition.process_bench import _Far
 from fingerlab.errors import Cancelled
 from fingerlab.sessions import open_session
 from fingerlab.sessions.recording_place import recording_folder
+from fingerlab.sessions.repair import repaired
 
 from .test_recorder import Bench
 
@@ -56,6 +58,38 @@ def test_what_was_put_off_is_whole_when_it_is_opened(bench: Bench, until: str) -
     assert session.attributes["ended"] == "clean"
     assert session.runs[0].length == 1000
     assert not folder.exists()
+
+
+def test_finishing_later_may_be_put_off_again(bench: Bench) -> None:
+    def stop(share: float, what: str) -> None:
+        raise Cancelled
+
+    for again in (bench.recorder.close, lambda progress: repaired(bench.path, progress)):
+        with pytest.raises(Cancelled):
+            again(stop)
+    shares: list[float] = []
+    assert repaired(bench.path, lambda share, _: shares.append(share)) == bench.path
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert open_session(bench.path).runs[0].length == 1000
+
+
+def test_a_runs_file_alone_is_repaired_whole_or_not_at_all(bench: Bench, tmp_path: Path) -> None:
+    """Somebody copied it out of its folder while it grew."""
+    bench.begin(2000)
+    bench.publish(2500)
+    alone = tmp_path / "alone.h5"
+    shutil.copyfile(recording_folder(bench.path) / "002.h5part", alone)
+
+    def stop(share: float, what: str) -> None:
+        if what == "verifying":
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        repaired(alone, stop)
+    assert [file.name for file in tmp_path.iterdir() if file.is_file()] == ["alone.h5"]
+    assert repaired(alone) == alone
+    assert open_session(alone).attributes["ended"] == "truncated"
 
 
 def test_the_recorder_is_free_for_the_next_session_at_once(bench: Bench) -> None:

@@ -8,9 +8,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import pytest
 
-from fingerlab.cli.main import COMMANDS, main
+from fingerlab.cli.common import write_json
+from fingerlab.cli.main import COMMANDS, cli, main
+from fingerlab.errors import UserError
 from tests.cli.bad_sessions import BAD_SESSIONS
 from tests.cli.calling import assert_one_sentence, run_main, snapshot
 
@@ -194,3 +197,18 @@ def test_a_model_that_is_not_there(tmp_path, make_session, capsys):
         pytest.skip("the command 'predict' is not there yet")
     code, out, err = run_main(["predict", make_session(), "--model", tmp_path / "none.json"], capsys)
     assert_one_sentence(code, out, err, "none.json")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_no_command_writes_its_json_over_a_file(command: str, tmp_path: Path) -> None:
+    kept = tmp_path / "kept.json"
+    kept.write_text("{}", encoding="utf-8")
+    found = cli.get_command(click.Context(cli), command)
+    assert found is not None
+    assert "json_target" in {parameter.name for parameter in found.params}
+    with pytest.raises(UserError, match="not overwritten"):
+        found.make_context(command, ["--json", str(kept)])
+    with pytest.raises(UserError, match="not overwritten"):  # nor where it came about meanwhile
+        write_json({"new": 1}, str(kept))
+    assert [path.name for path in tmp_path.iterdir()] == ["kept.json"]
+    assert kept.read_text(encoding="utf-8") == "{}"

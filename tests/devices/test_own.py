@@ -10,9 +10,15 @@ from click.testing import CliRunner
 
 import fingerlab.acquisition.process_bench
 from fingerlab.acquisition.inline import InlineBench
+from fingerlab.acquisition.process_bench import ProcessBench
+from fingerlab.acquisition.requests import LoopSettings
+from fingerlab.acquisition.safety import Limits
+from fingerlab.acquisition.units import BenchUnits
 from fingerlab.cli.main import cli
 from fingerlab.devices.choosing import OWN, choose_device
+from fingerlab.devices.own import confirm, confirmed_files, device_file
 from fingerlab.errors import UserError
+from fingerlab.rig_file import default_rig
 from fingerlab.sessions import open_session
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "own_device_example.py"
@@ -57,12 +63,47 @@ def test_a_session_is_recorded_and_holds_the_rotor_s_equation(
     assert abs(sent.imag) == pytest.approx(DAMPING * 2 * np.pi, rel=0.05)
 
 
+def test_who_wants_an_effect_does_not_drive_a_motor(unpaced: Path, tmp_path: Path) -> None:
+    words = ["--protocol", "motor-bench", "--effect", "coulomb_friction", "--out", str(tmp_path / "s.h5")]
+    with pytest.raises(UserError, match="give --device simulated"):
+        CliRunner().invoke(cli, ["record", "--device", f"own:{unpaced}", *words], catch_exceptions=False)
+
+
+@pytest.mark.parametrize(
+    ("line", "process"),
+    [
+        ("        self.make_safe()\n\n    def start", "fingerlab-loop"),
+        ("        self._angle =", "fingerlab-recorder"),
+    ],
+)
+def test_a_device_that_fails_in_the_loop_or_as_guardian_is_not_driven(
+    unpaced: Path, tmp_path: Path, line: str, process: str
+) -> None:
+    """The guardian stops the motor when the loop dies: where there is none, there is no bench."""
+    fails = (
+        f"        if multiprocessing.current_process().name == {process!r}:\n"
+        "            raise OSError('the port is\\nin use')\n"
+    )
+    text = unpaced.read_text(encoding="utf-8")
+    assert text.count(line) == 1
+    unpaced.write_text(
+        text.replace(line, fails + line).replace("import math\n", "import math\nimport multiprocessing\n"),
+        encoding="utf-8",
+    )
+    choice = choose_device(f"own:{unpaced}")
+    settings = LoopSettings(BenchUnits.from_rig(default_rig()), Limits())
+    with pytest.raises(UserError, match="OSError: the port is in use") as told:
+        ProcessBench(choice, settings, tmp_path / "rescued")
+    assert "\n" not in str(told.value)
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [
         ("x = 1\n", "it holds none"),
         ("import nowhere_at_all\n", "cannot be run: ModuleNotFoundError"),
         ("this is no Python", "cannot be run: SyntaxError"),
+        ("raise SystemExit(7)\n", "cannot be run: SystemExit: 7"),
         (EXAMPLE.read_text(encoding="utf-8") + "\n\nclass Other(Rotor):\n    pass\n", "Other, Rotor"),
         (EXAMPLE.read_text(encoding="utf-8").replace("1000.0", "500.0"), "runs at 500 Hz"),
         (EXAMPLE.read_text(encoding="utf-8").replace("rate_hz", "rate"), "no name or no rate_hz"),
@@ -73,6 +114,36 @@ def test_what_is_wrong_with_a_file_is_said_in_one_sentence(text: str, told: str,
     path.write_text(text, encoding="utf-8")
     with pytest.raises(UserError, match=told):
         choose_device(f"own:{path}")
+
+
+def test_what_a_file_prints_is_no_result(unpaced: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    unpaced.write_text(f"{unpaced.read_text(encoding='utf-8')}\nprint('hello')\n", encoding="utf-8")
+    choose_device(f"own:{unpaced}")
+    told = capsys.readouterr()
+    assert (told.out, told.err) == ("", "hello\n")
+
+
+def test_each_content_is_confirmed_once(
+    unpaced: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FINGERLAB_SETTINGS_DIR", str(tmp_path / "settings"))
+    first = device_file(unpaced)
+    assert (first.state, confirmed_files()) == ("new", ())
+    confirm(first)
+    assert device_file(unpaced).state == "confirmed"
+    other = tmp_path / "other.py"
+    other.write_text("x = 1\n", encoding="utf-8")
+    confirm(device_file(other))
+    assert confirmed_files() == (other, unpaced)  # the latest first
+    other.unlink()
+    assert confirmed_files() == (unpaced,)
+    unpaced.write_bytes(first.content + b"\n")
+    assert device_file(unpaced).state == "changed"
+    unpaced.write_bytes(first.content)
+    assert device_file(unpaced).state == "confirmed"
+    (tmp_path / "settings" / "own-devices.json").write_text("{", encoding="utf-8")
+    with pytest.raises(UserError, match="choose your own device anew"):
+        device_file(unpaced)
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:

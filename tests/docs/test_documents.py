@@ -288,6 +288,7 @@ def test_the_summary_of_the_measurements_is_read_from_their_pages(generate: Modu
     made = sys.modules["summary"]
     text = made.summary(DOCS)
     assert "memory, largest difference from the first minute" in text
+    assert "six live plots of 60 s repainted" in text
     rows = [line.strip("| ").split(" | ") for line in text.splitlines()[2:]]
     assert len(rows) > 8
     for what, figure, link in rows:

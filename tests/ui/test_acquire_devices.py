@@ -26,16 +26,19 @@ from fingerlab.devices.clock import VirtualClock
 from fingerlab.devices.detect import detect
 from fingerlab.devices.faults import FAULT_KINDS
 from fingerlab.devices.ni.card import NiCard
+from fingerlab.devices.own import DeviceFile
 from fingerlab.devices.simulated import SimulatedBench, Simulation
+from fingerlab.errors import UserError
 from fingerlab.rig_file import default_rig, load_rig
 from fingerlab.sessions import open_session
 from fingerlab.ui.acquire import tab as acquire_tab
-from fingerlab.ui.acquire.opening import open_bench
+from fingerlab.ui.acquire.opening import Wanted, open_bench, own_device_file
 
 from .bench_hands import PATIENCE, Rig, tabs_with
 from .hands import child
 from .virtual_card import Card, DaqFailure, InProcessChannel, Servicer, TcpServer
 
+ROOT = Path(__file__).resolve().parents[2]
 WindowMaker = Callable[..., Any]
 Build = Callable[[Any], Any]
 """A device choice -> its device on a virtual clock."""
@@ -202,6 +205,65 @@ def test_a_file_that_is_no_recording_is_refused_in_one_sentence(  # type: ignore
     assert "wires.toml" in rig.label("message")
     assert rig.tab.connect_page.rig_file is None
     assert not rig.button("connectCard").isEnabled()
+
+
+def test_a_device_of_one_s_own_is_asked_about_once_and_driven(  # type: ignore[no-untyped-def]
+    unconnected, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = (ROOT / "docs" / "own_device_example.py").read_text(encoding="utf-8")
+    waits = next(line for line in text.splitlines() if "time.sleep(" in line)
+    file = tmp_path / "my_device.py"
+    file.write_text(text.replace(waits, "        pass"), encoding="utf-8")  # time is the test's
+    asked: list[str] = []
+    answers = [False, True, True]
+
+    def ask(parent: object, file: DeviceFile) -> bool:
+        asked.append(file.state)
+        return answers.pop(0)
+
+    monkeypatch.setenv("FINGERLAB_SETTINGS_DIR", str(tmp_path / "settings"))
+    monkeypatch.setattr("fingerlab.ui.acquire.connect_page.ask_to_run", ask)
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", staticmethod(lambda *_: (str(file), "")))
+    rig = unconnected(lambda choice: choice.build())
+    rig.click("connectOwn")
+    assert asked == ["new"]
+    assert not rig.station.caller.busy  # nothing of the file was run
+    rig.connect("connectOwn")
+    assert "rotor" in rig.label("deviceName")
+    assert not rig.station.opened.simulated
+    rig.choose("phase", "motor_bench")
+    rig.run(0.1)
+    rig.start()
+    rig.run(2.0)
+    assert rig.mode is Mode.RUNNING
+    rig.click("stop")
+    rig.run(0.1)
+    rig.click("disconnect")
+    rig.wait_idle()
+    page = rig.tab.connect_page
+    assert [page.own_file.itemText(row) for row in range(page.own_file.count())][:1] == ["my_device.py"]
+    rig.connect("connectOwn")  # this content is known
+    rig.click("disconnect")
+    rig.wait_idle()
+    assert asked == ["new", "new"]
+    file.write_text("raise RuntimeError('no hardware here')\n", encoding="utf-8")
+    rig.click("connectOwn")
+    rig.wait_idle()
+    assert asked == ["new", "new", "changed"]
+    assert "RuntimeError: no hardware here" in rig.label("message")
+
+
+def test_an_own_device_that_was_not_asked_about_is_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FINGERLAB_SETTINGS_DIR", str(tmp_path / "settings"))
+    file = tmp_path / "my_device.py"
+    file.write_text("raise AssertionError\n", encoding="utf-8")
+    before = own_device_file(file)
+    file.write_text("raise AssertionError  # since then\n", encoding="utf-8")
+    for asked in (None, before):
+        with pytest.raises(UserError, match="changed meanwhile"):
+            open_bench(Wanted(f"own:{file}", own=asked))
 
 
 def test_a_card_is_connected_driven_recorded_and_lost(unconnected, qtbot: QtBot) -> None:  # type: ignore[no-untyped-def]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import threading
 
@@ -15,6 +16,8 @@ from pytestqt.qtbot import QtBot
 from fingerlab.sessions import open_session
 from fingerlab.sessions.recording_place import Progress, recording_folder
 from fingerlab.ui.acquire.caller import Call
+from fingerlab.ui.browse.tab import SessionsTab
+from fingerlab.ui.browse.wording import quality_text
 
 from .bench_hands import PATIENCE, Rig
 from .hands import child
@@ -166,9 +169,14 @@ def test_writing_shows_how_far_it_is_and_can_be_put_off_without_losing_a_sample(
     monkeypatch.setattr(recorder, "close", slowly)
     rig.click("write")
     bar = child(rig.window, QProgressBar, "writingProgress")
-    qtbot.waitUntil(lambda: bar.isVisible() and bar.text().startswith("Verifying"), timeout=PATIENCE)
+    qtbot.waitUntil(lambda: rig.label("recordedText") == "Verifying …", timeout=PATIENCE)
+    assert bar.isVisible()
     assert bar.value() == bar.maximum()
     assert not rig.button("write").isVisible()
+    rig.window.show_tab("sessions")
+    rig.run(0.1)
+    assert "Verifying …" in [label.text() for label in rig.window.header.findChildren(QLabel)]
+    rig.window.show_tab("acquire")
     rig.click("writeLater")
     assert not rig.button("writeLater").isEnabled()
     go_on.set()
@@ -182,3 +190,32 @@ def test_writing_shows_how_far_it_is_and_can_be_put_off_without_losing_a_sample(
     (run,) = open_session(session.path).runs
     assert run.length == recorded
     assert not kept.exists()
+
+
+def test_who_disconnects_does_not_wait_for_a_long_recording(rig: Rig, qtbot: QtBot) -> None:
+    """It is kept as it is, and says so; an hour a look at the clock stands for ten hours of samples."""
+    rig.click("record")
+    rig.run(1.0)
+    session = rig.recording.session
+    assert session is not None
+    hours = itertools.count()
+    rig.recording.writing._clock = lambda: 3600.0 * next(hours)
+    rig.tab.disconnect_rig()
+    rig.wait_idle()
+    assert not rig.files()
+    assert "not written yet" in child(rig.window, QLabel, "message").text()
+    # Who reviews it in Sessions has it written first.
+    rig.window.show_tab("sessions")
+    tab = rig.window.tab("sessions")
+    assert isinstance(tab, SessionsTab)
+    tab.browse(session.path.parent)
+    qtbot.waitUntil(lambda: tab.page.model.total == 1, timeout=PATIENCE)
+    facts = tab.page.model.facts(session.path)
+    assert facts is not None
+    assert quality_text(facts) == "not yet written"
+    tab.page.choose_path(session.path)
+    rig.click("review")
+    qtbot.waitUntil(lambda: tab.review_page.session is not None and not tab.data.busy, timeout=PATIENCE)
+    assert tab.review_page.session is not None
+    assert tab.review_page.session.runs[0].length >= 900
+    assert rig.files() == [session.path]

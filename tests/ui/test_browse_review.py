@@ -224,6 +224,57 @@ def test_sessions_marked_together_are_reviewed_together(
     assert page.runs.count() == 2
 
 
+def test_several_runs_lie_over_one_another_each_with_a_line_of_its_own(
+    qtbot: QtBot, make_window, make_session: Callable[..., Path], settings
+) -> None:  # type: ignore[no-untyped-def]
+    def stronger(file: h5py.File) -> None:
+        for number in range(1, 7):
+            file[f"runs/{number:03d}/motor_torque"][...] *= number
+
+    path = make_session("six.h5", stronger, phases=(("on_air", "extension"),) * 6, samples=3000)
+    settings.set_library(path.parent)
+    window = make_window(tab="sessions", diagnose=invented_diagnosis)
+    tab = window.tab("sessions")
+    assert isinstance(tab, SessionsTab)
+    tab.review([path])
+    qtbot.waitUntil(lambda: tab.review_page.session is not None and not tab.data.busy, timeout=PATIENCE)
+    page = tab.review_page
+    for row in (2, 3, 4, 5):
+        page.over.setCurrentIndex(row)
+    settle(qtbot, page)
+
+    def largest() -> list[float]:
+        found = [drawn(page, "motor_torque", number)[1] for number in range(5)]
+        return [float(np.nanmax(y)) / 64.93 if len(y) else 0.0 for y in found]
+
+    # Largest torque of a run of conftest: 64.93 mN m, times the number of the run.
+    assert largest() == pytest.approx([1, 2, 3, 4, 5], rel=1e-3)
+    pens = [page.plots.panes[1].curves[number, "motor_torque"].opts["pen"] for number in range(5)]
+    assert len({pen.color().name() for pen in pens}) == len({pen.style() for pen in pens}) == 5
+    legend = page.plots.panes[0].legend.toPlainText()
+    assert all(f"Run {number:03d}" in legend for number in (2, 3, 4, 5))
+    page.over.setCurrentIndex(6)
+    assert "take one of them away" in window.desk.log[-1]
+    assert page.over.currentText().startswith("Over it: Run 005")
+    click(window, "over-2")
+    settle(qtbot, page)
+    assert largest() == pytest.approx([1, 2, 0, 4, 5], rel=1e-3)  # the others keep their lines
+    page.over.setCurrentIndex(6)
+    settle(qtbot, page)
+    assert largest() == pytest.approx([1, 2, 6, 4, 5], rel=1e-3)
+    click(window, "strokes")
+    state = child(window, QLabel, "reviewState")
+    qtbot.waitUntil(lambda: state.text().endswith("with those of 4 other runs"), timeout=PATIENCE)
+    x, y = page.plots.panes[1].strokes[2, "motor_torque"].getData()
+    assert np.nanmax(y) == pytest.approx(6 * 64.93, rel=1e-3)
+    assert 0.0 <= np.nanmin(x) <= np.nanmax(x) <= 1.0
+    click(window, "strokes")
+    page.over.setCurrentIndex(0)
+    settle(qtbot, page)
+    assert largest() == pytest.approx([1, 0, 0, 0, 0], rel=1e-3)
+    assert not page.overlays.row.isVisible()
+
+
 def test_no_more_is_drawn_than_can_be_seen(reviewing: tuple[MainWindow, ReviewPage], qtbot: QtBot) -> None:
     _, page = reviewing
     pixels = int(page.plots.top.getViewBox().width())

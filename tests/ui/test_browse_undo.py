@@ -118,7 +118,7 @@ def test_the_desktops_own_trash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     path = tmp_path / "new.h5"
     path.write_text("as written", encoding="utf-8")
     history = EditHistory()
-    history.note(FileEdit(path, lambda _: False))
+    history.add(FileEdit(path, lambda _: False))
     history.undo()
     assert not path.exists()
     assert (data / "Trash" / "files" / "new.h5").read_text(encoding="utf-8") == "as written"
@@ -137,7 +137,7 @@ def test_where_there_is_no_trash_the_file_stays_and_older_steps_can_be_undone(
     path = tmp_path / "new.h5"
     path.write_text("as written", encoding="utf-8")
     history = EditHistory()
-    history.note(FileEdit(path, lambda _: False))
+    history.add(FileEdit(path, lambda _: False))
     with pytest.raises(Gone, match=r"new\.h5 stays, for there is no trash .* delete it in the file manager"):
         history.undo()
     assert path.is_file()
@@ -148,7 +148,7 @@ def test_a_file_that_was_changed_stays_and_one_in_use_waits(tmp_path: Path, tras
     path, used = tmp_path / "new.h5", [True]
     path.write_text("as written", encoding="utf-8")
     history = EditHistory()
-    history.note(FileEdit(path, lambda _: used[0]))
+    history.add(FileEdit(path, lambda _: used[0]))
     with pytest.raises(UserError, match="is open; close it"):
         history.undo()
     assert history.can_undo
@@ -164,7 +164,7 @@ def test_nothing_is_brought_back_over_another_file(tmp_path: Path, trash: Path) 
     path = tmp_path / "new.h5"
     path.write_text("first", encoding="utf-8")
     history = EditHistory()
-    history.note(FileEdit(path, lambda _: False))
+    history.add(FileEdit(path, lambda _: False))
     assert history.undo() == "new file new.h5"
     path.write_text("second", encoding="utf-8")
     with pytest.raises(UserError, match="is there already"):

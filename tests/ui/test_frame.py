@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -199,6 +200,25 @@ def test_header_and_status_bar_say_how_the_rig_is(window: MainWindow) -> None:
     window.desk.show_rig(RigLine())
     assert not window.header.dot.isVisible()
     assert not child(window, QLabel, "statusDevice").isVisible()
+
+
+def test_the_status_bar_says_less_where_room_is_short_and_never_half_a_word(window: MainWindow) -> None:
+    """At 200 % the smallest window has 640 of the widget's own pixels; the warning stays to the last."""
+    line = RigLine(device="NI USB-6211", samples=36_000_000, late=2, free_bytes=74 * 10**9, warning="9 lost")
+    window.desk.show_rig(replace(line, cycle_s=1e-3, longest_cycle_s=1.23e-3))
+    label = window.status.device
+    cycle = "cycle 1.00 ms, longest 1.23 ms"
+    whole = f"NI USB-6211 · 36\u202f000\u202f000 samples · 2 late · {cycle} · 74 GB free · ⚠ 9 lost"
+    assert label.text() == label.seen == whole
+    seen = []
+    for width in range(label.sizeHint().width(), label.minimumSizeHint().width() - 1, -1):
+        label.resize(width, label.height())
+        if label.seen not in seen:
+            seen.append(label.seen)
+        assert label.fontMetrics().horizontalAdvance(label.seen) <= width
+    assert seen[0] == whole
+    assert len(seen) == 4
+    assert all(text.startswith("NI USB-6211 · ") and text.endswith("⚠ 9 lost") for text in seen)
 
 
 def test_a_tab_that_would_lose_something_keeps_the_window_open(window: MainWindow) -> None:

@@ -43,6 +43,11 @@ def work_through(qtbot: QtBot, window, path: Path, effect: str) -> None:  # type
     assert child(window, QLabel, "explanation").text()
     assert "mN m" in lab.evidence.title.toolTip()
     before = lab.controller.history.now.diagnosis
+    for candidate in before.candidates:
+        lab.candidates.choose(candidate.effect)
+        assert lab.evidence.plot.fingerprint is candidate.fingerprint is not None
+        assert lab.evidence.plot.points.isVisible()
+    lab.candidates.choose(effect)
     click(window, "addToModel")
     qtbot.waitUntil(lambda: lab.controller.history.can_undo, timeout=PATIENCE)
     after = lab.controller.history.now.diagnosis

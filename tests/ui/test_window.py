@@ -91,6 +91,13 @@ def test_clicking_a_candidate_shows_its_fingerprint(opened: MainWindow) -> None:
     x, curve = lab.evidence.plot.curve.getData()
     assert x[-1] == pytest.approx(np.degrees(1.8))
     assert curve[-1] == pytest.approx(5.1)
+    alike = lab.evidence.plot.alike["Coulomb joint friction"]  # side by side with what it could be as well
+    assert alike.getData()[1][-1] == pytest.approx(4.8, abs=0.05)
+    assert "Coulomb joint friction" in lab.evidence.plot.toolTip()
+    assert "look-alikes" in lab.evidence.keys.accessibleName()
+    lab.candidates.choose("gravity_tilt")
+    assert not lab.evidence.plot.alike
+    lab.candidates.choose("stribeck_friction")
     QTest.keyClick(view, Qt.Key.Key_Up)
     assert lab.evidence.title.text().startswith("Coulomb joint friction")
     assert "MCP friction torque 4.8 ± 0.2 mN m" in lab.evidence.title.toolTip()

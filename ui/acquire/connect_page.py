@@ -6,14 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QSpinBox, QWidget
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QShowEvent
+from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QMessageBox, QPushButton, QSpinBox, QWidget
 
+from ..widgets.focus import set_usable
 from ..widgets.labels import heading, remark
 from .fields import across, centred_column, choice, number
-from .opening import Wanted
+from .opening import Wanted, own_device_file, own_device_files
 
 if TYPE_CHECKING:
+    from fingerlab.devices.own import DeviceFile
     from fingerlab.devices.protocol import Found
 
 COLUMN_WIDTH = 640
@@ -23,6 +26,7 @@ DEFAULT_RIG = (
     "Default rig: wiring and limits as in the thesis, a card in this machine. A rig file names others, and "
     "the device server of a card in another machine."
 )
+PYTHON_FILTER = "Python files (*.py);;All files (*)"
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
 
 
@@ -42,12 +46,14 @@ class ConnectPage(QWidget):
         self.title = heading("No rig connected", large=True)
         self._make_simulated()
         self._make_card()
+        self._make_own()
         self._make_replay()
         self._build()
         self.card.clicked.connect(lambda: self.chosen.emit(Wanted(self._card, self.rig_file)))
         self.again.clicked.connect(self.look_asked)
         self.simulated.clicked.connect(self._on_simulated)
         self.fault.currentIndexChanged.connect(self._on_fault)
+        self.own.clicked.connect(self._on_own)
         self.replay.clicked.connect(self._on_replay)
         self.replay_run.clicked.connect(self._on_replay_run)
         self.rig.clicked.connect(self._on_rig)
@@ -97,6 +103,14 @@ class ConnectPage(QWidget):
         self.rig = _button("Rig &file…", "rigFile")
         self.rig_text = remark(DEFAULT_RIG)
 
+    def _make_own(self) -> None:
+        self.own = _button("&Own device", "connectOwn")
+        self.own.setToolTip(
+            "A Python file of yours that drives other hardware; you are asked before it is run."
+        )
+        self.own_file: QComboBox = choice("ownFile", {}, "File of an own device.")
+        self._offer_own(())
+
     def _make_replay(self) -> None:
         self.replay = _button("&Replay a recording…", "connectReplay")
         self.replay_text = remark("A recorded run as if it were measured now; nothing moves it.")
@@ -120,6 +134,7 @@ class ConnectPage(QWidget):
             (self.simulated, self.effect, self.seed),
             (room, self.fault, self.fault_after),
             (self.card, self.found, self.again),
+            (self.own, self.own_file),
             (self.replay, self.replay_text, self.runs, self.replay_run),
             (self.rig, self.rig_text),
         ):
@@ -127,6 +142,18 @@ class ConnectPage(QWidget):
             inner.addLayout(across(*entries))
 
     # what is shown
+
+    def showEvent(self, event: QShowEvent) -> None:
+        super().showEvent(event)
+        self._offer_own(own_device_files())
+
+    def _offer_own(self, files: Sequence[Path]) -> None:
+        """Offer these files, and any other."""
+        self.own_file.clear()
+        for path in files:
+            self.own_file.addItem(path.name, path)
+            self.own_file.setItemData(self.own_file.count() - 1, str(path), Qt.ItemDataRole.ToolTipRole)
+        self.own_file.addItem("another Python file …" if files else "a Python file …", None)
 
     def show_looking(self) -> None:
         """A card is looked for."""
@@ -178,9 +205,9 @@ class ConnectPage(QWidget):
     def show_busy(self, what: str) -> None:
         """While something is being connected, say so."""
         self.title.setText(f"{what} …" if what else "No rig connected")
-        for button in (self.simulated, self.replay, self.replay_run, self.rig, self.again):
-            button.setEnabled(not what)
-        self.card.setEnabled(not what and bool(self._card) and not self.card.toolTip())
+        for button in (self.simulated, self.own, self.replay, self.replay_run, self.rig, self.again):
+            set_usable(button, not what)
+        set_usable(self.card, not what and bool(self._card) and not self.card.toolTip())
 
     # hand
 
@@ -199,6 +226,23 @@ class ConnectPage(QWidget):
     def _on_fault(self) -> None:
         self.fault_after.setEnabled(bool(self.fault.currentData()))
 
+    def _on_own(self) -> None:
+        path = self.own_file.currentData() or self._browse_own()
+        if path is None:
+            return
+        file = own_device_file(path)
+        if file is not None and file.state != "confirmed" and not ask_to_run(self, file):
+            return
+        others = [one for one in own_device_files() if one != path]
+        self._offer_own([path, *others])  # who puts it right and tries again finds it chosen
+        self.chosen.emit(Wanted(f"own:{path}", self.rig_file, own=file))
+
+    def _browse_own(self) -> Path | None:
+        known = own_device_files()
+        folder = str(known[0].parent) if known else self._folder
+        name, _ = QFileDialog.getOpenFileName(self, "Own device", folder, PYTHON_FILTER)
+        return Path(name).resolve() if name else None
+
     def _on_replay(self) -> None:
         name, _ = QFileDialog.getOpenFileName(self, "Replay a recording", self._folder, SESSION_FILTER)
         if name:
@@ -213,6 +257,24 @@ class ConnectPage(QWidget):
             self.rig_file = Path(name)
             self.rig_text.setText(name)
             self.look_asked.emit()
+
+
+def ask_to_run(parent: QWidget, file: DeviceFile) -> bool:
+    """Whether a file that is new, or was changed, may be run."""
+    box = QMessageBox(parent)
+    box.setWindowTitle("FingerLab")
+    why = "has changed since you let it be run" if file.state == "changed" else "has not been run yet"
+    box.setText(
+        f"{file.path.name} {why}. It is a program: it drives the motor, and may do all that you may. Run it "
+        "now and from now on?"
+    )
+    box.setInformativeText(str(file.path))
+    box.setDetailedText(file.content.decode("utf-8", errors="replace"))
+    run = box.addButton("&Run it", QMessageBox.ButtonRole.AcceptRole)
+    leave = box.addButton("&Leave it", QMessageBox.ButtonRole.RejectRole)
+    box.setDefaultButton(leave)
+    box.exec()
+    return box.clickedButton() is run
 
 
 def _button(text: str, name: str) -> QPushButton:

@@ -12,29 +12,14 @@ from PySide6.QtWidgets import (
     QDoubleSpinBox,
     QHBoxLayout,
     QLayout,
+    QProgressBar,
     QPushButton,
     QVBoxLayout,
     QWidget,
 )
 
-WAITS_FOR_FOCUS = "waitsForFocus"
-
-
-def set_usable(widget: QWidget, on: bool) -> None:
-    """Enable or disable a widget without moving the keyboard's focus to another one.
-
-    Qt hands the focus of a widget that is disabled to the next, where the next key changes a number that
-    nobody meant to change. Here it stays away until the widget can be used again, or the user takes it.
-    """
-    window = widget.window()
-    if not on and window.focusWidget() is widget:
-        widget.setProperty(WAITS_FOR_FOCUS, True)
-        widget.clearFocus()
-    widget.setEnabled(on)
-    if on and widget.property(WAITS_FOR_FOCUS):
-        widget.setProperty(WAITS_FOR_FOCUS, None)
-        if window.focusWidget() is None:
-            widget.setFocus()
+from ..task_bar import STEPS
+from ..widgets.focus import set_usable
 
 
 class ActionButton(QPushButton):
@@ -73,6 +58,15 @@ def number(
     field.setAccessibleName(help_text.split(":")[0].split(".")[0])
     field.setKeyboardTracking(False)
     return field
+
+
+def progress_bar(name: str, title: str) -> QProgressBar:
+    """A bar in thousandths."""
+    bar = QProgressBar()
+    bar.setObjectName(name)
+    bar.setAccessibleName(title)
+    bar.setRange(0, STEPS)
+    return bar
 
 
 def choice(name: str, entries: dict[str, str], help_text: str) -> QComboBox:

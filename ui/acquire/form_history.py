@@ -10,10 +10,10 @@ from PySide6.QtCore import QEvent, QObject, QTimer, Signal
 from PySide6.QtGui import QKeyEvent, QKeySequence
 from PySide6.QtWidgets import QAbstractSpinBox, QWidget
 
+from ..undo_steps import UndoSteps
+
 MERGE_S = 1.0
 """Changes of one field that follow one another so soon, such as turns of the wheel, are one step."""
-
-MOST_STEPS = 200
 
 State = Mapping[str, Any]
 
@@ -26,10 +26,9 @@ class Form(Protocol):
     def restore(self, state: State) -> None: ...
 
 
-class FormHistory(QObject):
-    """Signals: changed: can be undone or not. shown(name): undo or redo has changed that form."""
+class FormHistory(UndoSteps[dict[str, State]]):
+    """Steps are what all forms held before. Signal ``shown(name)``: undo or redo has changed that form."""
 
-    changed = Signal()
     shown = Signal(str)
 
     def __init__(
@@ -42,8 +41,6 @@ class FormHistory(QObject):
         self._forms = dict(forms)
         self._clock = clock
         self._now = self._states()
-        self._undo: list[dict[str, State]] = []
-        self._redo: list[dict[str, State]] = []
         self._last: tuple[set[tuple[str, str]], float] = (set(), 0.0)
         self._applying = False
         # All that one click changes, such as a trajectory that was handed over, is one step.
@@ -70,45 +67,30 @@ class FormHistory(QObject):
         if not changes:
             return
         keys, moment = self._last
-        if not (changes == keys and len(keys) == 1 and self._clock() - moment < MERGE_S and self._undo):
-            self._undo.append(self._now)
-            del self._undo[:-MOST_STEPS]
+        merged = changes == keys and len(keys) == 1 and self._clock() - moment < MERGE_S and self.can_undo
+        before, self._now = self._now, now
         self._last = changes, self._clock()
-        self._now = now
-        self._redo.clear()
-        self.changed.emit()
+        self.add(self._done.pop() if merged else before)
 
     def given(self, name: str) -> None:
         """What stands in that form now was not entered by hand, such as a rig's own values: no step."""
         state = dict(self._forms[name].state())
-        for step in (self._now, *self._undo, *self._redo):
+        for step in (self._now, *self._done, *self._undone):
             step[name] = state
-
-    @property
-    def can_undo(self) -> bool:
-        """Whether there is a step to take back."""
-        return bool(self._undo)
-
-    @property
-    def can_redo(self) -> bool:
-        """Whether a step was taken back that can be done again."""
-        return bool(self._redo)
 
     def undo(self) -> None:
         """Take the last step back."""
         self.note()
-        self._go(self._undo, self._redo)
+        if self.can_undo:
+            self._go_to(self.back(self._now))
 
     def redo(self) -> None:
         """Do it again."""
         self.note()
-        self._go(self._redo, self._undo)
+        if self.can_redo:
+            self._go_to(self.forth(self._now))
 
-    def _go(self, source: list[dict[str, State]], target: list[dict[str, State]]) -> None:
-        if not source:
-            return
-        wanted = source.pop()
-        target.append(self._now)
+    def _go_to(self, wanted: dict[str, State]) -> None:
         names = sorted({name for name, _ in _changes(self._now, wanted)})
         self._applying = True
         for name in names:

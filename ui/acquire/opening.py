@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fingerlab.errors import UserError
+
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
     from fingerlab.acquisition.requests import LoopSettings
     from fingerlab.devices.choosing import DeviceChoice
+    from fingerlab.devices.own import DeviceFile
     from fingerlab.devices.protocol import Found
     from fingerlab.rig import Rig
 
@@ -24,6 +27,7 @@ class Wanted:
         effect: of the simulated rig: empty for none, ``hidden``, or an effect's id. seed: which bench.
         preset: of the simulated rig. fault: of the simulated rig: empty for none, or one of
             :data:`fingerlab.devices.faults.FAULT_KINDS`; fault_after_s: how long after it starts.
+        own: the file of an own device, as its user lets it be run.
     """
 
     device: str
@@ -33,6 +37,7 @@ class Wanted:
     preset: str = "practice"
     fault: str = ""
     fault_after_s: float = 20.0
+    own: DeviceFile | None = None
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,7 @@ MakeBench = Callable[["DeviceChoice", "LoopSettings", float], "Bench"]
 def in_processes(choice: DeviceChoice, settings: LoopSettings, rate_hz: float) -> Bench:
     """Loop and recorder in processes of their own."""
     from fingerlab.acquisition.process_bench import ProcessBench
+    from fingerlab.acquisition.recording import rescue_folder
 
     return ProcessBench(choice, settings, rescue_folder(), rate_hz)
 
@@ -70,19 +76,22 @@ def open_bench(wanted: Wanted, make: MakeBench = in_processes) -> OpenBench:
     """Build what was chosen.
 
     Raises:
-        UserError: there is no such device, it does not answer, or a stored calibration is damaged.
+        UserError: there is no such device, it does not answer, its user has not let its file be run, or a
+            stored calibration is damaged.
     """
     from fingerlab.acquisition.requests import LoopSettings
     from fingerlab.acquisition.safety import Limits
     from fingerlab.acquisition.units import BenchUnits
     from fingerlab.calibration.applying import default_folder, rig_and_attributes
-    from fingerlab.devices.choosing import CARD, REPLAY, choose_device
+    from fingerlab.devices.choosing import CARD, OWN, REPLAY, choose_device
     from fingerlab.devices.faults import fault_after
     from fingerlab.devices.simulated import Simulation
     from fingerlab.rig_file import load_rig
     from fingerlab.twin.effects import parse_effects
     from fingerlab.twin.protocols import RATE_HZ
 
+    if wanted.device.startswith(f"{OWN}:"):
+        _let_run(wanted)  # before anything of the file is
     rig = load_rig(wanted.rig_file) if wanted.rig_file is not None else None
     hidden = wanted.effect == "hidden"
     effects = parse_effects(() if hidden or not wanted.effect else (wanted.effect,))
@@ -90,7 +99,8 @@ def open_bench(wanted: Wanted, make: MakeBench = in_processes) -> OpenBench:
     faults = fault_after(wanted.fault, wanted.fault_after_s, RATE_HZ)
     choice = choose_device(wanted.device, rig, simulation, faults=faults)
     attributes: dict[str, Any] = {}
-    if choice.kind == CARD:
+    wired = choice.kind in (CARD, OWN)
+    if wired:
         assert choice.rig is not None
         known: Rig = choice.rig
         rate = known.daq.rate_hz
@@ -101,19 +111,43 @@ def open_bench(wanted: Wanted, make: MakeBench = in_processes) -> OpenBench:
         attributes = dict(getattr(device, "session_attributes", {}))
     folder = None
     if choice.kind != REPLAY:  # what was recorded has the calibration of its time
-        folder = default_folder(wanted.rig_file, "default" if choice.kind == CARD else "simulated")
+        folder = default_folder(wanted.rig_file, "default" if wired else "simulated")
         known, told = rig_and_attributes(known, folder)
         attributes |= told
     settings = LoopSettings(BenchUnits.from_rig(known), Limits.from_rig(known))
     bench = make(choice, settings, rate)
-    return OpenBench(bench, known, attributes, folder, choice.kind != CARD)
+    return OpenBench(bench, known, attributes, folder, not wired)
 
 
-def rescue_folder() -> Path:
-    """Where a recording is saved whose own folder has vanished."""
-    from platformdirs import user_data_path
+def _let_run(wanted: Wanted) -> None:
+    """The file of an own device runs only with a content that its user was asked about."""
+    from fingerlab.devices.own import confirm, device_file
 
-    return user_data_path("FingerLab", appauthor=False) / "rescued"
+    file = device_file(Path(wanted.device.partition(":")[2]))
+    if wanted.own is not None and wanted.own.sha256 == file.sha256:
+        confirm(file)
+    elif file.state != "confirmed":
+        raise UserError(f"{file.path} was changed meanwhile; look at it again, and connect it anew.")
+
+
+def own_device_file(path: Path) -> DeviceFile | None:
+    """A file to ask its user about; None where it cannot be read, which connecting it says."""
+    from fingerlab.devices.own import device_file
+
+    try:
+        return device_file(path)
+    except UserError:
+        return None
+
+
+def own_device_files() -> tuple[Path, ...]:
+    """Files of own devices that were let in before; none where that is not known any more."""
+    from fingerlab.devices.own import confirmed_files
+
+    try:
+        return confirmed_files()
+    except UserError:  # said when one is connected
+        return ()
 
 
 def find_devices(rig_file: Path | None) -> tuple[Found, ...]:

@@ -13,7 +13,6 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
     QLineEdit,
-    QProgressBar,
     QPushButton,
     QStackedWidget,
     QVBoxLayout,
@@ -25,8 +24,9 @@ from fingerlab.acquisition.machine import Event, Mode
 from fingerlab.acquisition.safety import Limits
 
 from ..task_bar import STEPS
+from ..widgets.focus import set_shown, set_usable
 from ..widgets.labels import ElidedLabel, heading, remark
-from .fields import ActionButton, choice, number, row, set_usable
+from .fields import ActionButton, choice, number, progress_bar, row
 from .form_history import FormHistory
 from .initial_form import InitialButton
 from .motion_form import MotionForm
@@ -188,10 +188,7 @@ class Panel(QWidget):
             "Take all runs and write the file (Ctrl+Shift+Return).",
             actions.protocol,
         )
-        self.progress = QProgressBar()
-        self.progress.setObjectName("protocolProgress")
-        self.progress.setAccessibleName("Progress of the protocol")
-        self.progress.setRange(0, 1000)
+        self.progress = progress_bar("protocolProgress", "Progress of the protocol")
         self.hand_left = ElidedLabel()
         self.hand_left.setObjectName("motionLeft")
         self.hand_left.setAccessibleName("Time left of the motion")
@@ -243,6 +240,25 @@ class Panel(QWidget):
             "Marker with the note; Ctrl+M takes the moment, then asks for the note.",
             actions.mark,
         )
+        self._make_writing(actions)
+        self.warning = remark()
+        self.warning.setObjectName("recordWarning")
+        self.warning.setAccessibleName("Warning")
+        self.warning.hide()
+        label = QLabel("Before (s)")
+        label.setBuddy(self.before)
+        self._record = (
+            heading("Recording"),
+            row(self.record, self.pause),
+            row(label, self.before),
+            row(self.note, self.mark),
+            row(self.write, self.later, self.details),
+            self.count,
+            self.writing,
+            self.warning,
+        )
+
+    def _make_writing(self, actions: Actions) -> None:
         self.write = ActionButton(
             "&Write to file",
             "write",
@@ -261,27 +277,9 @@ class Panel(QWidget):
         )
         self.count = ElidedLabel()
         self.count.setObjectName("recordedText")
-        self.writing = QProgressBar()
-        self.writing.setObjectName("writingProgress")
-        self.writing.setAccessibleName("Progress of writing and verifying")
-        self.writing.setRange(0, STEPS)
+        self.writing = progress_bar("writingProgress", "Progress of writing and verifying")
+        self.writing.setTextVisible(False)
         self.writing.hide()
-        self.warning = remark()
-        self.warning.setObjectName("recordWarning")
-        self.warning.setAccessibleName("Warning")
-        self.warning.hide()
-        label = QLabel("Before (s)")
-        label.setBuddy(self.before)
-        self._record = (
-            heading("Recording"),
-            row(self.record, self.pause),
-            row(label, self.before),
-            row(self.note, self.mark),
-            row(self.write, self.later, self.details),
-            self.count,
-            self.writing,
-            self.warning,
-        )
 
     # what is shown
 
@@ -348,8 +346,8 @@ class Panel(QWidget):
             button.refuse(recording.refusal(what))
         self._refresh_writing()
         status, session = self._station.status, recording.session
-        if self._station.caller.title == WRITING:
-            words = f"{WRITING} …"
+        if self._station.caller.title == WRITING or recording.writing.under_way:
+            words = recording.writing.words or f"{WRITING} …"
         elif recording.recording and status is not None:
             words = f"{status.recorded:,} samples".replace(",", "\u202f")
         elif session is not None:
@@ -365,14 +363,11 @@ class Panel(QWidget):
 
     def _refresh_writing(self) -> None:
         writing = self._recording.writing
-        at_rest: tuple[QWidget, ...] = (self.write, self.count)
-        at_work: tuple[QWidget, ...] = (self.later, self.writing)
-        for widget in (*at_rest, *at_work):
-            widget.setVisible((widget in at_work) == writing.under_way)
-        if writing.under_way:
-            self.later.refuse("It is being put off." if writing.asked_to_wait else "")
-            self.writing.setValue(round(STEPS * writing.share))
-            self.writing.setFormat(writing.words)
+        set_shown(self.write, not writing.under_way)
+        set_shown(self.later, writing.under_way)
+        self.writing.setVisible(writing.under_way)
+        self.later.refuse("It is being put off." if writing.asked_to_wait else "")
+        self.writing.setValue(round(STEPS * writing.share))
 
     @staticmethod
     def _set_text(button: QPushButton, text: str) -> None:

@@ -75,7 +75,7 @@ class Recording(QObject):
         self.in_protocol = self._under_way = self._asked_to_end = False
         self.errands: SimpleQueue[Callable[[Bench], None]] = SimpleQueue()
         self.failed_beside.connect(lambda sentence: station.desk.tell(sentence))
-        self.writing.changed.connect(self.changed)
+        self.writing.changed.connect(self._on_writing)
         station.ticked.connect(self._on_tick)
         station.stopped.connect(self._on_stopped)
         station.warned.connect(self._on_warned)
@@ -191,12 +191,13 @@ class Recording(QObject):
         )
 
     def finish(self) -> None:
-        """The window closes: what was recorded is written, whatever it is."""
-        bench = self.station.bench
-        if bench is None or self.session is None:
+        """The window or the bench closes: what was recorded is written, or kept where that takes long."""
+        bench, session = self.station.bench, self.session
+        if bench is None or session is None or self.writing.under_way:
             return
+        self.writing.hurry()
         try:
-            self.keep(Ending(bench.recorder.close(), True))
+            self.keep(self.writing.close(bench, session.path))
         except UserError as error:
             self.station.desk.tell(str(error))
 
@@ -211,6 +212,10 @@ class Recording(QObject):
             if self.station.set_up.load_torque and not self._asked_to_end and self.session is not None:
                 self.station.desk.say(f"Run {self.session.runs} ended with its motion: the load is set down")
             self.changed.emit()
+
+    def _on_writing(self) -> None:
+        self.station.beside = self.writing.words
+        self.changed.emit()
 
     def _on_stopped(self, sentence: str) -> None:
         if self.recording and not self.in_protocol:

@@ -50,6 +50,8 @@ class Station(QObject):
     """One bench at a time.
 
     Attributes:
+        doing, beside: what runs, such as a motion; what is done meanwhile, such as writing a file. In the
+            header of every tab.
         numbers_due: whether this look's numbers are to be shown: each third, and wherever a state changes.
 
     Signals:
@@ -70,7 +72,7 @@ class Station(QObject):
         self.opened: OpenBench | None = None
         self.status: Status | None = None
         self.set_up = SetUp()
-        self.doing = ""
+        self.doing = self.beside = ""
         self.history = History((*SHOWN, *MODELLED), 1000.0, 1.0)
         self.model: LiveModel | None = None
         self._cycles = CycleTimes(1000.0)
@@ -136,7 +138,7 @@ class Station(QObject):
     def _let_go(self) -> None:
         self._timer.stop()
         self.opened = self.status = self._seen = self._reader = self.model = None
-        self.doing = ""
+        self.doing = self.beside = ""
         self.desk.show_bench(None)
         self.desk.show_rig(RigLine())
 
@@ -299,7 +301,7 @@ class Station(QObject):
             RigLine(
                 light="fault" if status.loop_ended or status.latched else _LIGHTS[status.mode],
                 state=word,
-                doing=self.doing if status.mode in (Mode.RUNNING, Mode.STOPPING) else "",
+                doing=self.doing if status.mode in (Mode.RUNNING, Mode.STOPPING) else self.beside,
                 recording=status.recorded if status.recording else None,
                 paused=status.recording == 2,
                 device=status.device,

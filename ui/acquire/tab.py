@@ -185,6 +185,7 @@ class AcquireTab(Tab):
     def shut_down(self) -> None:
         self._painted.set()
         self.conducting.running.answer()
+        self.recording.writing.hurry()
         self.station.caller.shut_down()
         self.recording.finish()
         self.station.shut_down()

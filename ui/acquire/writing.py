@@ -5,6 +5,7 @@ Nothing is lost by putting it off: the runs are closed by then, and whoever open
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -17,6 +18,9 @@ from fingerlab.acquisition.bench import Bench
 from fingerlab.errors import Cancelled
 
 from ..task_bar import STEPS, time_left
+
+CLOSING_S = 10.0
+"""A window that closes waits so long for a session (an hour's is written meanwhile); then it is put off."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,7 @@ class Writing(QObject):
     def __init__(self, parent: QObject | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__(parent)
         self.share, self.words = 0.0, ""
-        self._clock, self._began = clock, 0.0
+        self._clock, self._began, self._until = clock, 0.0, math.inf
         self._later = threading.Event()
         self._told = (-1, "")
         self._went_on.connect(self._on_went_on)
@@ -63,9 +67,13 @@ class Writing(QObject):
             self._later.set()
             self._show("Putting it off …")
 
+    def hurry(self) -> None:
+        """The window closes, or the bench: what is written now, or next, is put off where it takes long."""
+        self._until = self._clock() + CLOSING_S
+
     def over(self) -> None:
         """The session is written, put off, or could not be written."""
-        self.share = 0.0
+        self.share, self._until = 0.0, math.inf
         self._show("")
 
     # in the worker
@@ -85,7 +93,7 @@ class Writing(QObject):
 
     def _report(self, share: float, what: str) -> None:
         """Asked a hundred times a second; told when something of it changes on the screen."""
-        if self._later.is_set():
+        if self._later.is_set() or self._clock() > self._until:
             raise Cancelled
         now = round(STEPS * share), what
         if now != self._told:

@@ -17,12 +17,15 @@ MARGIN = 1.0
 
 @dataclass
 class Layer:
-    """Attributes: shift: s, added to the run's time on the screen. samples: read last, with ``time``;
-    version: counts how often there were others.
+    """Attributes: number: 0 for the run under review, else that of its line (``overlays.py``).
+    shift: s, added to the run's time on the screen. samples: read last, with ``time``; version: counts how
+    often there were others. name: as the legend has it.
     """
 
+    number: int
     run: Run
     pyramid: Pyramid
+    name: str = ""
     shift: float = 0.0
     samples: Mapping[str, Array] = field(default_factory=dict)
     asked: tuple[float, float] | None = None

@@ -17,22 +17,21 @@ from .background import Background, IsCancelled, Tell
 from .layer import Layer
 from .quantities import QUANTITIES
 
-KEPT = 4
+KEPT = 6
 """Pyramids held, the ones used last: of ten-hour runs 22 MB each."""
 
 RunKey = tuple[Path, str]
 
 
 class ReviewData(QObject):
-    """Signals, all of the layer by its number: filled(number, share); sampled(number, layer);
-    valued(list of time and values), cycled(Cycles), opened(sessions), beside(Session),
-    failed(sentence, details).
+    """Signals, of layers by their number: filled(number, share); sampled(layer); cycled(layer, Cycles);
+    valued(list of time and values), opened(sessions), beside(Session), failed(sentence, details).
     """
 
     filled = Signal(int, float)
-    sampled = Signal(int, object)
+    sampled = Signal(object)
+    cycled = Signal(object, object)
     valued = Signal(object)
-    cycled = Signal(object)
     opened = Signal(object)
     beside = Signal(object)
     failed = Signal(str, str)
@@ -71,13 +70,13 @@ class ReviewData(QObject):
             del self._pyramids[next(iter(self._pyramids))]
         if not kept[1].complete:
             self._filler.ask(("fill", number), partial(_fill, *kept))
-        return Layer(run, kept[1])
+        return Layer(number, run, kept[1])
 
-    def want_samples(self, number: int, layer: Layer, left: float, right: float) -> None:
+    def want_samples(self, layer: Layer, left: float, right: float) -> None:
         """Read every sample between two times of the layer's run."""
         run, pyramid = layer.run, layer.pyramid
         work = partial(load_between, run, pyramid, pyramid.channels, left, right)
-        self._ask(("sampled", number), lambda tell, cancelled: (layer, work()))
+        self._ask(("sampled", layer.number), lambda tell, cancelled: (layer, work()))
 
     def want_values(self, layer: Layer, times: tuple[float, ...]) -> None:
         """Read the samples nearest to times of the layer's run."""
@@ -90,7 +89,7 @@ class ReviewData(QObject):
     def want_cycles(self, layer: Layer) -> None:
         """Lay the strokes of the layer's run over one another."""
         work = partial(fold, layer.run, layer.pyramid, layer.pyramid.channels)
-        self._ask("cycled", lambda tell, cancelled: work())
+        self._ask(("cycled", layer.number), lambda tell, cancelled: (layer, work()))
 
     def shut_down(self) -> None:
         """Stop both threads and wait for them."""
@@ -106,14 +105,16 @@ class ReviewData(QObject):
         self._reader.ask(key, work)
 
     def _on_read(self, key: Any, result: Any) -> None:
-        if isinstance(key, tuple):
-            layer, samples = result
-            if samples is not None:
-                layer.take(samples)
-                self.sampled.emit(key[1], layer)
+        if not isinstance(key, tuple):
+            signals = {"valued": self.valued, "opened": self.opened, "beside": self.beside}
+            signals[key].emit(result)
             return
-        signals = {"valued": self.valued, "cycled": self.cycled, "opened": self.opened, "beside": self.beside}
-        signals[key].emit(result)
+        layer, found = result
+        if key[0] == "cycled":
+            self.cycled.emit(layer, found)
+        elif found is not None:
+            layer.take(found)
+            self.sampled.emit(layer)
 
 
 def _fill(run: Run, pyramid: Pyramid, tell: Tell, cancelled: IsCancelled) -> None:

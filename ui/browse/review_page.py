@@ -1,4 +1,4 @@
-"""The review of one session: a run against time, another over it, its strokes, cursors with differences."""
+"""The review of one session: a run against time, others over it, their strokes, cursors with differences."""
 
 from __future__ import annotations
 
@@ -20,17 +20,16 @@ from fingerlab.library.facts import started_at
 from fingerlab.library.reviewing import Cycles, markers_of, period_of
 from fingerlab.report.screen import with_minus
 from fingerlab.sessions.model import Run, Session
-from fingerlab.sessions.words import trajectory_words
 
 from ..widgets.labels import ElidedLabel, remark
 from .clock_axis import clock_text
 from .layer import Layer
+from .overlays import Overlays
 from .quantities import QUANTITIES
 from .review_data import ReviewData
 from .review_plots import ReviewPlots
-from .wording import PHASE_WORDS, duration
+from .wording import duration, run_words
 
-BESIDE = "beside"
 CURSOR_MS = 60
 FILL_MS = 300
 """While a long run is read, its picture grows this often."""
@@ -38,30 +37,36 @@ FILL_MS = 300
 
 class ReviewPage(QWidget):
     """Signals: back_asked; cut_asked: between the cursors; beside_asked: a session whose runs are laid over;
-    changed: another run, or cursors on or off.
+    changed: another run, or cursors on or off; refused(sentence): why another run cannot be laid over.
     """
 
     back_asked = Signal()
     cut_asked = Signal()
     beside_asked = Signal()
     changed = Signal()
+    refused = Signal(str)
 
     def __init__(self, data: ReviewData, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.data = data
         self.session: Session | None = None
-        self._overs: list[tuple[Session, Run]] = []
-        self._over_before = 0
+        self.overlays = Overlays(self)
+        self._strokes: dict[int, Cycles] = {}
         self.plots = ReviewPlots()
         self.plots.setToolTip("\n".join(one.help() for one in QUANTITIES.values()))
         self.back = _button("reviewBack", "‹ &All sessions", "Back to the table (Alt+Left).")
-        self.runs = _choice("reviewRun", "Run shown", "Run shown (Alt+Up, Alt+Down for the next).")
-        self.over = _choice(
+        self.runs = _as_choice(
+            QComboBox(), "reviewRun", "Run shown", "Run shown (Alt+Up, Alt+Down for the next)."
+        )
+        self.over = _as_choice(
+            self.overlays.field,
             "reviewOver",
             "Run over it",
-            "Another run over this one, dashed, from its own start; of another session, too.",
+            "Lay another run over this one, dashed, from its own start; up to four, of other sessions, too.",
         )
-        self.strokes = _switch("strokes", "Stro&kes", "The strokes of a sine over one another.")
+        self.strokes = _switch(
+            "strokes", "Stro&kes", "The strokes of a sine over one another, with those of the runs over it."
+        )
         self.cursors = _switch("reviewCursors", "&Cursors", "Two cursors to drag, with differences (Ctrl+K).")
         self.heights = _switch(
             "heights", "Fit &heights", "Scale each plot to what is seen of it, not to the run."
@@ -96,6 +101,7 @@ class ReviewPage(QWidget):
         top.addLayout(row, 0, 0, 1, 2)
         top.addWidget(self.values, 1, 0)
         top.addWidget(self.state, 1, 1, Qt.AlignmentFlag.AlignRight)
+        top.addWidget(self.overlays.row, 2, 0, 1, 2)
         top.setColumnStretch(0, 1)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
@@ -107,11 +113,13 @@ class ReviewPage(QWidget):
         self.back.clicked.connect(self.back_asked)
         self.cut.clicked.connect(self.cut_asked)
         self.runs.currentIndexChanged.connect(self._on_run)
-        self.over.currentIndexChanged.connect(self._on_over)
+        self.overlays.changed.connect(self._show)
+        self.overlays.beside_asked.connect(self.beside_asked)
+        self.overlays.refused.connect(self.refused)
         self.strokes.toggled.connect(self._on_strokes)
         self.cursors.toggled.connect(self._on_cursors)
         self.heights.toggled.connect(self._on_heights)
-        self.plots.samples_wanted.connect(self._on_samples_wanted)
+        self.plots.samples_wanted.connect(self.data.want_samples)
         self.plots.cursors_moved.connect(lambda *_: self._timer.start())
         self._timer.timeout.connect(self._ask_values)
         self._growing.timeout.connect(self._grow)
@@ -126,48 +134,20 @@ class ReviewPage(QWidget):
         """Review another session, from its first run; None lets go of it. Runs of ``others`` are offered."""
         self.data.stop()
         self.session = session
-        self._overs = []
-        for field in (self.runs, self.over):
-            field.blockSignals(True)
-            field.clear()
-        if session is not None:
-            self.over.addItem("Nothing over it", None)
-            self.over.addItem("A run of another session…", BESIDE)
-            for run in session.runs:
-                self.runs.addItem(run_words(run), run.name)
-            for one in (session, *others):
-                self._offer(one)
-            self.runs.setCurrentIndex(0)
-            self.over.setCurrentIndex(0)
-        self._over_before = 0
-        for field in (self.runs, self.over):
-            field.blockSignals(False)
+        self.runs.blockSignals(True)
+        self.runs.clear()
+        for run in session.runs if session is not None else ():
+            self.runs.addItem(run_words(run), run.name)
+        self.runs.setCurrentIndex(0)
+        self.runs.blockSignals(False)
+        self.overlays.offer_all((session, *others) if session is not None else ())
         self._on_run()
         self.plots.setFocus()
 
     def show_beside(self, session: Session) -> None:
         """Offer the runs of another session, too, and lay the first of them over."""
         if self.session is not None:
-            row = self.over.count() - 1
-            self._offer(session)
-            self.over.setCurrentIndex(row)
-
-    def _offer(self, session: Session) -> None:
-        """Before the last entry, which asks for a further session."""
-        for run in session.runs:
-            file = "" if session is self.session else f"{session.path.stem}, "
-            self.over.insertItem(self.over.count() - 1, f"Over it: {file}{run_words(run)}", len(self._overs))
-            self._overs.append((session, run))
-
-    def _on_over(self) -> None:
-        if self.over.currentData() != BESIDE:
-            self._over_before = self.over.currentIndex()
-            self._show()
-            return
-        self.over.blockSignals(True)
-        self.over.setCurrentIndex(self._over_before)
-        self.over.blockSignals(False)
-        self.beside_asked.emit()
+            self.overlays.offer_beside(session)
 
     @property
     def run(self) -> Run | None:
@@ -197,18 +177,21 @@ class ReviewPage(QWidget):
         self.changed.emit()
 
     def _show(self) -> None:
-        run, session, number = self.run, self.session, self.over.currentData()
+        run, session = self.run, self.session
         if run is None or session is None:
             self.plots.show_layers([], None, ())
             return
-        layers = [self.data.layer(0, session, run)]
-        theirs, other = self._overs[number] if isinstance(number, int) else (session, run)
-        if other is not run:
-            over = self.data.layer(1, theirs, other)
-            over.shift = layers[0].pyramid.first_time - over.pyramid.first_time
-            layers.append(over)
+        layers, overs = [self.data.layer(0, session, run)], self.overlays.shown_over(run)
+        for over in overs:
+            layer = self.data.layer(over.number, over.session, over.run)
+            layer.name, layer.shift = over.name, layers[0].pyramid.first_time - layer.pyramid.first_time
+            layers.append(layer)
+        self.overlays.row.show_overs(overs)
         self.plots.show_layers(layers, self.began, markers_of(run))
-        self._tell_state(1.0 if layers[0].pyramid.complete else 0.0)
+        if self.strokes.isChecked():
+            self._ask_strokes()
+        else:
+            self._tell_state(1.0 if layers[0].pyramid.complete else 0.0)
 
     def _tell_state(self, share: float) -> None:
         run = self.run
@@ -222,12 +205,13 @@ class ReviewPage(QWidget):
 
     def _on_filled(self, number: int, share: float) -> None:
         layers = self.plots.layers
-        if number >= len(layers):
+        layer = next((one for one in layers if one.number == number), None)
+        if layer is None:
             return
-        if number == 0:
+        if number == 0 and not self.strokes.isChecked():
             self._tell_state(share)
         elif share >= 1.0:
-            layers[1].shift = layers[0].pyramid.first_time - layers[1].pyramid.first_time
+            layer.shift = layers[0].pyramid.first_time - layer.pyramid.first_time
         if share >= 1.0:
             self._grow()
         elif not self._growing.isActive():
@@ -240,28 +224,40 @@ class ReviewPage(QWidget):
         if self.plots.cycles is None:
             self.plots.set_limits()
 
-    def _on_samples_wanted(self, number: int, left: float, right: float) -> None:
-        self.data.want_samples(number, self.plots.layers[number], left, right)
-
-    def _on_sampled(self, number: int, layer: Layer) -> None:
+    def _on_sampled(self, layer: Layer) -> None:
         if any(layer is one for one in self.plots.layers):
             self.plots.feed()
 
     def _on_strokes(self, on: bool) -> None:
         self.cursors.setChecked(False)
-        for other in (self.cursors, self.over):  # of strokes there is one run, against the stroke's own time
-            other.setEnabled(not on)
+        self.cursors.setEnabled(not on)  # the time of a stroke is not the run's
         if on and self.plots.layers:
-            self.data.want_cycles(self.plots.layers[0])
+            self._ask_strokes()
         else:
-            self.plots.show_cycles(None)
+            self._strokes = {}
+            self.plots.show_cycles({})
             self._tell_state(1.0)
 
-    def _on_cycled(self, cycles: Cycles) -> None:
-        if self.strokes.isChecked():
-            self.plots.show_cycles(cycles)
-            many = f"{cycles.count} of {cycles.total}" if cycles.count < cycles.total else str(cycles.total)
-            self.state.setText(f"{many} strokes of {cycles.period:.4g} s over one another")
+    def _ask_strokes(self) -> None:
+        """Those of each run that has any; they come one after the other."""
+        self._strokes = {}
+        for layer in self.plots.layers:
+            if period_of(layer.run) is not None:
+                self.data.want_cycles(layer)
+
+    def _on_cycled(self, layer: Layer, cycles: Cycles) -> None:
+        if not self.strokes.isChecked() or not any(layer is one for one in self.plots.layers):
+            return
+        self._strokes[layer.number] = cycles
+        if 0 not in self._strokes:
+            return
+        self.plots.show_cycles(self._strokes)
+        first, others = self._strokes[0], len(self._strokes) - 1
+        many = f"{first.count} of {first.total}" if first.count < first.total else str(first.total)
+        beside = f", with those of {others} other run{'s' * (others > 1)}" if others else ""
+        without = [one.name for one in self.plots.layers if period_of(one.run) is None]
+        lacking = f"; none in {', '.join(without)}" if without else ""
+        self.state.setText(f"{many} strokes of {first.period:.4g} s over one another{beside}{lacking}")
 
     def _on_heights(self, on: bool) -> None:
         self.plots.fits_heights = on
@@ -307,14 +303,6 @@ def cursor_texts(
     return with_minus(f"B − A: {', '.join(differences)}"), [with_minus(text) for text in lines]
 
 
-def run_words(run: Run) -> str:
-    """``Run 002 · on air, extension, sine, 15°, 1 Hz``."""
-    cable = "" if run.cable == "none" else f", {run.cable}"
-    return (
-        f"Run {run.name} · {PHASE_WORDS.get(run.phase, run.phase)}{cable}, {trajectory_words(run.trajectory)}"
-    )
-
-
 def _button(name: str, text: str, help_text: str) -> QPushButton:
     button = QPushButton(text)
     button.setObjectName(name)
@@ -328,8 +316,7 @@ def _switch(name: str, text: str, help_text: str) -> QPushButton:
     return button
 
 
-def _choice(name: str, title: str, help_text: str) -> QComboBox:
-    field = QComboBox()
+def _as_choice(field: QComboBox, name: str, title: str, help_text: str) -> QComboBox:
     field.setObjectName(name)
     field.setAccessibleName(title)
     field.setToolTip(help_text)

@@ -13,6 +13,8 @@ from ..theme import Colours
 from ..widgets.curve import DecimatedCurve
 from ..widgets.plot_style import bottom_axis_height, line, tint
 from .grid import Grid
+from .layer import Layer
+from .overlays import GLYPHS
 from .quantities import QUANTITIES, PaneSpec
 
 RUN_TIME = "Run time (s)"
@@ -24,7 +26,7 @@ class ReviewPane:
     def __init__(self, spec: PaneSpec, plot: pg.PlotItem) -> None:
         self.spec, self.plot = spec, plot
         self.curves: dict[tuple[int, str], DecimatedCurve] = {}
-        self.strokes: dict[str, pg.PlotCurveItem] = {}
+        self.strokes: dict[tuple[int, str], pg.PlotCurveItem] = {}
         names = (
             {"label": "A", "labelOpts": {"position": 0.06}},
             {"label": "B", "labelOpts": {"position": 0.06}},
@@ -39,13 +41,19 @@ class ReviewPane:
             cursor.setZValue(20)
         self.grid = Grid(plot)
         plot.addItem(self.grid, ignoreBounds=True)
-        for name in spec.channels:
-            for number in range(2):
-                self.curves[number, name] = curve = DecimatedCurve()
-                curve.setZValue(number)
-                plot.addItem(curve, ignoreBounds=True)
-            self.strokes[name] = stroke = pg.PlotCurveItem(connect="finite", antialias=True)
-            plot.addItem(stroke, ignoreBounds=True)
+        self.add_curves(0)
+
+    def add_curves(self, number: int, run: str = "") -> None:
+        """Curves for the layer of that number, with the name of its run; they stay when it goes."""
+        for name in self.spec.channels:
+            if (number, name) not in self.curves:
+                self.curves[number, name] = DecimatedCurve()
+                self.strokes[number, name] = pg.PlotCurveItem(connect="finite", antialias=True)
+                for item in (self.curves[number, name], self.strokes[number, name]):
+                    item.setZValue(number)
+                    self.plot.addItem(item, ignoreBounds=True)
+            for item in (self.curves[number, name], self.strokes[number, name]):
+                item.opts["name"] = f"{QUANTITIES[name].title}, {run}" if run else None
 
     def show_cursors(self, times: Sequence[float] | None) -> None:
         """Put the cursors somewhere; None for none. While they are not shown they cost nothing."""
@@ -69,8 +77,8 @@ class ReviewPane:
         else:
             axis.unlinkFromView()
 
-    def show_legend(self, present: Collection[str], over: bool, colours: Colours) -> None:
-        """Name the curves where there is more than one, each as it is drawn."""
+    def show_legend(self, present: Collection[str], over: Sequence[Layer], colours: Colours) -> None:
+        """Name the curves where there is more than one, each as it is drawn; and the runs laid over."""
         names = [name for name in self.spec.channels if name in present]
         parts = []
         for name in names if len(names) > 1 else ():
@@ -78,8 +86,9 @@ class ReviewPane:
             title = f"<b>{title}</b>" if name in self.spec.wide else title
             colour = getattr(colours, self.spec.channels[name])
             parts.append(f'<span style="color:{colour}">{title}</span>')
-        if over:
-            parts.append(f'<span style="color:{colours.modelled}">the other run</span>')
+        for layer in over:
+            drawn_as = f"{GLYPHS[layer.number - 1]}&nbsp;{escape(layer.name)}"
+            parts.append(f'<span style="color:{colours.over[layer.number - 1]}">{drawn_as}</span>')
         self.legend.setHtml(" &nbsp; ".join(parts))
         self.legend.fill = pg.mkBrush(tint(colours.surface, 0.75))
         self.legend.setVisible(bool(parts))

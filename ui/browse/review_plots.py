@@ -1,8 +1,8 @@
-"""All quantities of a run stacked over one time axis, with cursors, markers and another run over it."""
+"""All quantities of a run stacked over one time axis, with cursors, markers and other runs over it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
@@ -20,6 +20,7 @@ from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, li
 from ..widgets.time_keys import move_by_key
 from .clock_axis import ClockAxis
 from .layer import MARGIN, Layer, limits_of
+from .overlays import over_pen
 from .quantities import PANES, QUANTITIES, PaneSpec
 from .review_pane import RUN_TIME, ReviewPane
 
@@ -39,11 +40,11 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
     """Keys: + and − zoom, ← and → move, Home shows the whole run.
 
     Signals:
-        samples_wanted(number, left, right): of a layer, between two times of its run, s.
+        samples_wanted(layer, left, right): between two times of its run, s.
         cursors_moved(a, b): on the screen's time axis, s.
     """
 
-    samples_wanted = Signal(int, float, float)
+    samples_wanted = Signal(object, float, float)
     cursors_moved = Signal(float, float)
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -55,7 +56,7 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         self.ci.setContentsMargins(0, 4, 8, 0)
         self.ci.setSpacing(4)
         self.layers: list[Layer] = []
-        self.cycles: Cycles | None = None
+        self.strokes: dict[int, Cycles] = {}
         self.clock = ClockAxis()
         self.fits_heights = False
         self._drawn_as: tuple[bool, bool] | None = None
@@ -102,12 +103,16 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
     # what is shown
 
     def show_layers(self, layers: list[Layer], began: datetime | None, markers: Sequence[Marker]) -> None:
-        """Show a run, and perhaps another over it. The view stays where the first run stays the same."""
+        """Show a run, and others over it. The view stays where the first run stays the same."""
         same = bool(self.layers and layers and self.layers[0].run is layers[0].run)
         self.layers = layers
         self._fed_state = ()
-        if self.cycles is not None and not same:
-            self.cycles = None
+        self._drawn_as = None
+        for pane in self.panes:
+            for layer in layers:
+                pane.add_curves(layer.number, layer.name)
+        if self.strokes and not same:
+            self.strokes = {}
         self.clock.set_began(began)
         self._shown_markers = tuple(markers)
         present = {name for layer in layers for name in layer.pyramid.channels}
@@ -126,19 +131,24 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         self.set_heights()
         self.feed()
 
-    def show_cycles(self, cycles: Cycles | None) -> None:
-        """Strokes over one another in place of the run, or the run again."""
-        self.cycles = cycles
-        self.clock.setVisible(cycles is None)
+    @property
+    def cycles(self) -> Cycles | None:
+        """The strokes of the run under review, where strokes are shown."""
+        return self.strokes.get(0)
+
+    def show_cycles(self, strokes: Mapping[int, Cycles]) -> None:
+        """Strokes over one another, by the numbers of the layers, in place of the runs; none: the runs."""
+        self.strokes = dict(strokes)
+        self.clock.setVisible(not strokes)
         for pane in self.panes:
-            for name, item in pane.strokes.items():
-                factor = QUANTITIES[name].unit.factor
-                x, y = cycles.series.get(name, _NOTHING) if cycles is not None else _NOTHING
-                item.setData(x, y * factor)
+            for (number, name), item in pane.strokes.items():
+                series = strokes[number].series if number in strokes else {}
+                x, y = series.get(name, _NOTHING)
+                item.setData(x, y * QUANTITIES[name].unit.factor)
             for curve in pane.curves.values():
-                curve.setVisible(cycles is None)
+                curve.setVisible(not strokes)
             if pane.plot.getAxis("bottom").isVisible():
-                pane.plot.setLabel("bottom", RUN_TIME if cycles is None else "Time in the stroke (s)")
+                pane.plot.setLabel("bottom", "Time in the stroke (s)" if strokes else RUN_TIME)
         self._show_markers()
         self._show_legends()
         self.show_whole()
@@ -159,24 +169,24 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
     @property
     def span(self) -> tuple[float, float]:
         """First and last time that can be shown."""
-        if self.cycles is not None:
-            return 0.0, self.cycles.period
+        if self.strokes:
+            return 0.0, max(cycles.period for cycles in self.strokes.values())
         spans = [layer.span for layer in self.layers]
         return (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else (0.0, 1.0)
 
     def feed(self) -> None:
         """Give every curve what the view needs; ask for samples where memory is too coarse."""
-        if self.cycles is not None:
+        if self.strokes:
             return
         (left, right), pixels = self.top.viewRange()[0], max(int(self.top.getViewBox().width()), 16)
         rate = self.layers[0].run.sample_rate_hz if self.layers else 1.0
         samples = (right - left) * rate / pixels
         self._set_pens(samples > DENSE, samples <= SMOOTH)
-        for number, layer in enumerate(self.layers):
+        for layer in self.layers:
             wanted = layer.wants_samples(left, right, pixels)
             if wanted is not None and wanted != layer.asked:
                 layer.asked = wanted
-                self.samples_wanted.emit(number, *wanted)
+                self.samples_wanted.emit(layer, *wanted)
         if not self._is_fed(left, right, pixels):
             self._feed_curves(left, right, pixels)
         if self.fits_heights:
@@ -198,16 +208,15 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         return False
 
     def _feed_curves(self, left: float, right: float, pixels: int) -> None:
-        for number in range(2):
-            layer = self.layers[number] if number < len(self.layers) else None
-            for pane in self.panes:
-                for name in pane.spec.channels:
-                    curve = pane.curves[number, name]
-                    if layer is None or name not in layer.pyramid.channels:
-                        curve.set_series(*_NOTHING)
-                        continue
-                    time, values = layer.series(name, left, right, pixels)
-                    curve.set_series(time, values * QUANTITIES[name].unit.factor)
+        layers = {layer.number: layer for layer in self.layers}
+        for pane in self.panes:
+            for (number, name), curve in pane.curves.items():
+                layer = layers.get(number)
+                if layer is None or name not in layer.pyramid.channels:
+                    curve.set_series(*_NOTHING)
+                    continue
+                time, values = layer.series(name, left, right, pixels)
+                curve.set_series(time, values * QUANTITIES[name].unit.factor)
 
     def set_heights(self) -> None:
         """Scale the heights to the whole run, or to what is seen."""
@@ -216,11 +225,11 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
             parts: list[Array] = []
             for name in pane.spec.channels:
                 factor = QUANTITIES[name].unit.factor
-                if self.cycles is not None:
-                    parts.append(self.cycles.series.get(name, _NOTHING)[1] * factor)
+                if self.strokes:
+                    parts += [one.series.get(name, _NOTHING)[1] * factor for one in self.strokes.values()]
                 elif self.fits_heights:
-                    for number in range(len(self.layers)):
-                        x, y = pane.curves[number, name].series
+                    for layer in self.layers:
+                        x, y = pane.curves[layer.number, name].series
                         parts.append(y[(x >= left) & (x <= right)])
                 else:
                     for layer in self.layers:
@@ -261,15 +270,18 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
 
     def _show_legends(self) -> None:
         present = {name for layer in self.layers for name in layer.pyramid.channels}
-        over = len(self.layers) > 1 and self.cycles is None
+        over = [one for one in self.layers[1:] if not self.strokes or one.number in self.strokes]
         for pane in self.panes:
-            pane.show_legend(present, over, colours_of(self))
+            pane.show_legend(present, over if pane is self._first_pane() else (), colours_of(self))
 
     def _show_markers(self) -> None:
         colour = colours_of(self).muted
-        first = next((p for p in self.panes if p.plot.isVisible()), self.panes[0])
         for pane in self.panes:
-            pane.show_markers(self._shown_markers if self.cycles is None else (), pane is first, colour)
+            markers = self._shown_markers if not self.strokes else ()
+            pane.show_markers(markers, pane is self._first_pane(), colour)
+
+    def _first_pane(self) -> ReviewPane:
+        return next((pane for pane in self.panes if pane.plot.isVisible()), self.panes[0])
 
     # how it looks
 
@@ -294,9 +306,13 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
             for (number, name), curve in pane.curves.items():
                 # Of two curves in a plot one is wide; another run is dashed: colour never tells alone.
                 wide = 1.6 * width if name in pane.spec.wide and not dense else width
-                role = pane.spec.channels[name] if number == 0 else "modelled"
+                role = pane.spec.channels[name]
+                pen = over_pen(number, colours, wide) if number else line(getattr(colours, role), wide)
+                if dense:
+                    pen.setStyle(Qt.PenStyle.SolidLine)
                 curve.opts["antialias"] = smooth
-                curve.setPen(line(getattr(colours, role), wide, dashed=number > 0 and not dense))
+                curve.setPen(pen)
+                pane.strokes[number, name].setPen(pen)
 
     def _recolour(self) -> None:
         drawn_as, self._drawn_as = self._drawn_as or (False, False), None
@@ -308,9 +324,6 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         for pane in self.panes:
             colour_plot(pane.plot, colours)
             pane.grid.set_colour(colours.line)
-            for name, role in pane.spec.channels.items():
-                colour = getattr(colours, role)
-                pane.strokes[name].setPen(line(colour, width))
             for cursor, colour in zip(pane.cursors, (colours.accent, colours.residual), strict=True):
                 cursor.setPen(line(colour, 1.5 * width))
                 cursor.label.setColor(colour)

@@ -121,6 +121,7 @@ class SessionsTab(Tab):
         review.changed.connect(self.desk.commands_changed)
         review.cut_asked.connect(self.cut)
         review.beside_asked.connect(self.review_beside)
+        review.refused.connect(self.desk.tell)
         self.data.beside.connect(review.show_beside)
         return review
 
@@ -292,7 +293,7 @@ class SessionsTab(Tab):
         """Open sessions and show the runs of the first against time; those of the others can be laid over."""
         self.desk.hush()
         self.page.details.flush()
-        self.data.open(paths, read_session)
+        self.desk.when_whole(paths, lambda whole: self.data.open(whole, read_session))
 
     def review_beside(self) -> None:
         """Choose another session whose runs can be laid over those under review."""
@@ -366,7 +367,7 @@ class SessionsTab(Tab):
 
     def _on_written(self, path: Path) -> None:
         if path.is_file():
-            self.history.note(FileEdit(path, self._in_use))
+            self.history.add(FileEdit(path, self._in_use))
         if path.is_file() and path.resolve().is_relative_to(self.folder.resolve()):
             self.read_again(path)
 
@@ -384,7 +385,7 @@ class SessionsTab(Tab):
             self.desk.tell(str(error))
             return
         self.page.details.kept(note)
-        self.history.note(NoteEdit(facts, before, note, partial(self._write_note, notebook)))
+        self.history.add(NoteEdit(facts, before, note, partial(self._write_note, notebook)))
         self.desk.say(f"Tags and notes of {facts.name} kept")
 
     def _write_note(self, notebook: Notebook, facts: SessionFacts, note: Note) -> None:

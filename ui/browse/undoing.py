@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from PySide6.QtCore import QFile, QObject, QStandardPaths, Signal
+from PySide6.QtCore import QFile, QStandardPaths
 
 from fingerlab.errors import UserError
 from fingerlab.library.facts import SessionFacts
 from fingerlab.library.notes import Note
 
-MOST_STEPS = 200
+from ..undo_steps import UndoSteps
 
 
 class Gone(UserError):
@@ -102,30 +102,8 @@ class FileEdit:
         self._stamp = _stamp(self.path)
 
 
-class EditHistory(QObject):
-    """What was done, latest last. Signal ``changed``: another thing can be undone or redone."""
-
-    changed = Signal()
-
-    def __init__(self, parent: QObject | None = None) -> None:
-        super().__init__(parent)
-        self._done: list[Edit] = []
-        self._undone: list[Edit] = []
-
-    def note(self, edit: Edit) -> None:
-        """Something was done; what was undone before cannot be redone any more."""
-        self._done.append(edit)
-        del self._done[:-MOST_STEPS]
-        self._undone.clear()
-        self.changed.emit()
-
-    @property
-    def can_undo(self) -> bool:
-        return bool(self._done)
-
-    @property
-    def can_redo(self) -> bool:
-        return bool(self._undone)
+class EditHistory(UndoSteps[Edit]):
+    """Steps are edits, which undo and redo themselves."""
 
     def undo(self) -> str:
         """Take the last thing back; returns its words.

@@ -8,6 +8,8 @@ from fingerlab.library.facts import UNWRITTEN, SessionFacts
 from fingerlab.library.verdicts import Verdict
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 from fingerlab.report.screen import percent, score_text
+from fingerlab.sessions.model import Run
+from fingerlab.sessions.words import trajectory_words
 
 PHASE_WORDS = {
     "on_air": "on air",
@@ -15,6 +17,14 @@ PHASE_WORDS = {
     "motor_bench": "motor bench",
     "free": "free",
 }
+
+
+def run_words(run: Run) -> str:
+    """``Run 002 · on air, extension, sine, 15°, 1 Hz``."""
+    cable = "" if run.cable == "none" else f", {run.cable}"
+    return (
+        f"Run {run.name} · {PHASE_WORDS.get(run.phase, run.phase)}{cable}, {trajectory_words(run.trajectory)}"
+    )
 
 
 def duration(seconds: float) -> str:

@@ -20,9 +20,8 @@ def estimate_words(sensor: Sensor, estimate: Estimate) -> str:
     unit = estimate.unit.replace("rad", "°")
     half = factor * (estimate.high - estimate.low) / 2
     digits = decimals_for(half)
-    return (
-        f"{fixed(factor * estimate.value, digits)} ± {fixed(half, digits)}{'' if unit == '°' else ' '}{unit}"
-    )
+    behind = unit if unit == "°" else f" {unit}"
+    return f"{fixed(factor * estimate.value, digits)} ± {fixed(half, digits)}{behind}"
 
 
 def number_rows(outcome: Outcome, previous: Record | None) -> list[tuple[str, str, str]]:

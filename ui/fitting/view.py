@@ -31,7 +31,7 @@ class FitView(QWidget):
         self.run = ""
         self.speeds = {joint: SpeedPlot(joint) for joint in JOINTS}
         self.plane = PlanePlot()
-        self.r2 = RunBars("r2Bars", "R²", ScreenUnit("", 1.0), top=1.02)
+        self.r2 = RunBars("r2Bars", "R²", ScreenUnit("", 1.0), top=1.06)
         self.delays = RunBars("delayBars", "Delay of torque after tension", ScreenUnit("ms", 1e3))
         self.table = ParameterTable()
         self.plane_words, self.r2_words, self.delay_words = _words(), _words(), _words()

@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QHBoxLayout, QListView, QPushButton, QVBoxLayout, 
 from fingerlab.identify.results import Diagnosis
 
 from ..theme import large_font, small_font
+from ..widgets.focus import set_usable
 from ..widgets.labels import WholeLabel
 from .candidate_delegate import CandidateDelegate
 from .candidate_list import CandidateList, Row
@@ -126,7 +127,7 @@ class CandidatesPanel(QWidget):
             why = "Work is running; wait for it or cancel it below."
         else:
             why = ""
-        self.add_button.setEnabled(not why)
+        set_usable(self.add_button, not why)
         help_text = f"Refit with {row.title} in the model (Enter)." if row is not None else ""
         self.add_button.setToolTip(why or help_text)
         self.add_button.setAccessibleDescription(why or help_text)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from fingerlab.identify.results import EQUATION_TITLES, Candidate, Diagnosis, Fingerprint
-from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed, parameter_titles
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed, parameter_titles, suspects
 from fingerlab.report.screen import estimate_text
 
 from ..theme import small_font
 from ..widgets.labels import ElidedLabel, WholeLabel
 from .equations import FLOOR_HELP, equation_text
 from .fingerprint_plot import FingerprintPlot
-from .legend import FINGERPRINT, RESIDUAL_ONLY, LegendKeys
+from .legend import FINGERPRINT, LOOK_ALIKES, RESIDUAL_ONLY, LegendKeys
 from .wording import OUTCOME_TITLES, find_candidate, outcome_explanation
 
 LEAST_PLOT = 104
@@ -66,9 +66,11 @@ class EvidencePanel(QWidget):
         self.explanation.setText(candidate.explanation)
         self.explanation.setToolTip(candidate.explanation)
         self.title.setToolTip(_strength(candidate))
-        self.keys.set_keys(FINGERPRINT)
-        self.plot.show_fingerprint(candidate.fingerprint, _floor(candidate.fingerprint, diagnosis))
-        self.plot.setToolTip(_plot_help(candidate.fingerprint, with_curve=True))
+        shown, alike = candidate.fingerprint, look_alikes(candidate, diagnosis)
+        self.keys.set_keys(LOOK_ALIKES if alike else FINGERPRINT)
+        self.plot.show_fingerprint(shown, _floor(shown, diagnosis), look_alikes=alike)
+        dotted = f"Dotted, what could not be told from it: {listed(list(map(in_sentence, alike)))}. "
+        self.plot.setToolTip(_plot_help(shown, with_curve=True) + (dotted.rstrip() if alike else ""))
 
     def _show_outcome(self, outcome: str, diagnosis: Diagnosis) -> None:
         self.title.setText(OUTCOME_TITLES[outcome])
@@ -79,6 +81,22 @@ class EvidencePanel(QWidget):
         self.keys.set_keys(RESIDUAL_ONLY)
         self.plot.show_fingerprint(shown, _floor(shown, diagnosis), with_curve=False)
         self.plot.setToolTip(_plot_help(shown, with_curve=False))
+
+
+def look_alikes(candidate: Candidate, diagnosis: Diagnosis) -> dict[str, Fingerprint]:
+    """Of an effect of the set: the others, by title, whose curves can be drawn over the same residual."""
+    own, alike = candidate.fingerprint, suspects(diagnosis)
+    if own is None or candidate.effect not in alike:
+        return {}
+    return {
+        one.title: one.fingerprint
+        for one in diagnosis.candidates
+        if one.effect in alike
+        and one is not candidate
+        and one.fingerprint is not None
+        # Of other coordinates the residual is another picture.
+        and (one.fingerprint.equation, one.fingerprint.coordinate) == (own.equation, own.coordinate)
+    }
 
 
 def _strength(candidate: Candidate) -> str:

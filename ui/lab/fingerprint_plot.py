@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent
+from PySide6.QtCore import QEvent, Qt
+from PySide6.QtGui import QPen
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.identify.results import Fingerprint
 from fingerlab.report.screen import ScreenUnit, screen_unit
+from fingerlab.sessions.model import Array
 
 from ..theme import colours_of, small_font
 from ..widgets.plot_series import Series
@@ -21,7 +25,10 @@ AXIS_WIDTH = 72
 
 
 class FingerprintPlot(pg.PlotWidget):
-    """Bins as points with their interval, the effect as a green curve, the floor as a grey band."""
+    """Bins as points with their interval, the effect as a green curve, the floor as a grey band.
+
+    Effects that cannot be told from it are dotted beside it.
+    """
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent, enableMenu=False)
@@ -43,20 +50,31 @@ class FingerprintPlot(pg.PlotWidget):
         self.bars = pg.ErrorBarItem(beam=0.0)
         self.points = pg.ScatterPlotItem(size=6, pxMode=True)
         self.curve = pg.PlotCurveItem(connect="finite", antialias=True)
+        self.alike: dict[str, pg.PlotCurveItem] = {}
         self.empty = pg.TextItem("This effect has no fingerprint on these data.", anchor=(0.5, 0.5))
         self.empty.setFont(small_font())
         for item in (self.floor_band, self.zero, self.bars, self.curve, self.points, self.empty):
             plot.addItem(item, ignoreBounds=True)
         self.fingerprint: Fingerprint | None = None
         self._with_curve = True
+        self._look_alikes: dict[str, Fingerprint] = {}
         self._recolour()
         self.show_fingerprint(None)
 
     def show_fingerprint(
-        self, fingerprint: Fingerprint | None, floor: float | None = None, with_curve: bool = True
+        self,
+        fingerprint: Fingerprint | None,
+        floor: float | None = None,
+        with_curve: bool = True,
+        look_alikes: Mapping[str, Fingerprint] | None = None,
     ) -> None:
-        """Show a fingerprint; ``floor`` in its ``value_unit``; without curve where no effect is claimed."""
+        """Show a fingerprint; ``floor`` in its ``value_unit``; without curve where no effect is claimed.
+
+        Args:
+            look_alikes: by title, fingerprints over the same residual whose curves are drawn as well.
+        """
         self.fingerprint, self._with_curve = fingerprint, with_curve
+        self._look_alikes = dict(look_alikes or {})
         usable = fingerprint is not None and bool(np.isfinite(fingerprint.mean).any())
         for item in (self.floor_band, self.zero, self.bars, self.points, self.curve):
             item.setVisible(usable)
@@ -64,6 +82,9 @@ class FingerprintPlot(pg.PlotWidget):
         plot = self.getPlotItem()
         for name in ("left", "bottom"):
             plot.getAxis(name).setStyle(showValues=usable)
+        for old in self.alike.values():
+            plot.removeItem(old)
+        self.alike = {}
         if fingerprint is None or not usable:
             plot.setRange(xRange=(-1, 1), yRange=(-1, 1), padding=0)
             self._unit = None
@@ -86,6 +107,7 @@ class FingerprintPlot(pg.PlotWidget):
         self.points.setData(x, mean)
         self.bars.setData(x=x, y=mean, top=np.maximum(high - mean, 0), bottom=np.maximum(mean - low, 0))
         self.curve.setData(x, curve if with_curve else np.full(len(x), np.nan))
+        others = [self._draw_alike(*one, across.factor, up.factor) for one in self._look_alikes.items()]
         band = (floor or 0.0) * up.factor
         self.floor_band.setRegion((-band, band))
         plot = self.getPlotItem()
@@ -95,25 +117,43 @@ class FingerprintPlot(pg.PlotWidget):
         self._label_left()
         # The edges of the floor stay in view: inside it, a residual says nothing.
         edges = [-1.1 * band, 1.1 * band]
-        bottom, top = span_of(np.concatenate([low, high, curve if with_curve else mean, edges]))
+        bottom, top = span_of(np.concatenate([low, high, curve if with_curve else mean, edges, *others]))
         plot.setRange(xRange=span_of(x), yRange=(bottom, top), padding=0)
         self.setAccessibleDescription(
             f"{equation_text(fingerprint.equation).quantity} residual in {up.symbol} against "
             f"{fingerprint.coordinate} in {across.symbol}, {int(known.sum())} bins"
         )
 
+    def _draw_alike(self, title: str, other: Fingerprint, across: float, up: float) -> Array:
+        """The curve of a look-alike; its values on the screen."""
+        known = np.isfinite(other.curve)
+        y: Array = other.curve[known] * up
+        self.alike[title] = item = pg.PlotCurveItem(other.centre[known] * across, y, antialias=True)
+        item.setPen(self._dotted())
+        item.setZValue(1)  # seen where it lies on the effect's own
+        self.getPlotItem().addItem(item, ignoreBounds=True)
+        return y
+
+    def _dotted(self) -> QPen:
+        pen = line(colours_of(self).alike, 2 * self.devicePixelRatioF())
+        pen.setStyle(Qt.PenStyle.DotLine)
+        return pen
+
     def numbers(self) -> list[Series]:
-        """For CSV: the bins with their interval, and the effect's own curve where one is claimed."""
+        """For CSV: bins with their interval, the curves of look-alikes, the effect's own where claimed."""
         shown = self.fingerprint
         if shown is None or self._unit is None:
             return []
-        across = screen_unit(shown.coordinate_unit, largest(shown.centre))
-        x, up = shown.centre * across.factor, self._unit
-        columns = [("mean residual", shown.mean), ("lower end of the 90 % interval", shown.low)]
-        columns += [("upper end of the 90 % interval", shown.high)]
-        columns += [("the effect's own curve", shown.curve)] if self._with_curve else []
+        drawn = [("mean residual", shown, shown.mean), ("lower end of the 90 % interval", shown, shown.low)]
+        drawn += [("upper end of the 90 % interval", shown, shown.high)]
+        drawn += [(f"{title}'s curve", one, one.curve) for title, one in self._look_alikes.items()]
+        drawn += [("the effect's own curve", shown, shown.curve)] if self._with_curve else []
+        across, up = screen_unit(shown.coordinate_unit, largest(shown.centre)), self._unit
         coordinate = across.label(shown.coordinate[:1].upper() + shown.coordinate[1:])
-        return [Series(name, coordinate, up.label("Residual"), x, y * up.factor) for name, y in columns]
+        return [
+            Series(name, coordinate, up.label("Residual"), one.centre * across.factor, y * up.factor)
+            for name, one, y in drawn
+        ]
 
     def _label_left(self) -> None:
         if self._unit is not None:
@@ -139,6 +179,8 @@ class FingerprintPlot(pg.PlotWidget):
         self.points.setPen(line(colours.residual))
         self.points.setBrush(pg.mkBrush(colours.residual))
         self.curve.setPen(line(colours.candidate, 2 * width))
+        for other in self.alike.values():
+            other.setPen(self._dotted())
         self.floor_band.setBrush(tint(colours.floor, 0.35))
         for edge in self.floor_band.lines:
             edge.setPen(pg.mkPen(None))

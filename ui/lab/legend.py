@@ -23,7 +23,7 @@ class Key:
 
     words: str
     colour: str
-    style: Literal["solid", "dashed", "points", "band", "tint"] = "solid"
+    style: Literal["solid", "dashed", "dotted", "points", "band", "tint"] = "solid"
 
 
 CURVES = (
@@ -35,7 +35,7 @@ CURVES = (
 WORST = (Key("worst stretch:", "residual", "tint"),)
 CHOSEN = (Key("chosen place:", "residual", "tint"),)
 FINGERPRINT = (
-    Key("residual, mean of a bin", "residual", "points"),
+    Key("mean residual", "residual", "points"),
     Key("the effect's own curve", "candidate"),
     Key("floor", "floor", "band"),
 )
@@ -46,6 +46,7 @@ WHERE = (
     Key("mean, 90 % interval", "residual", "points"),
     Key("floor", "floor", "band"),
 )
+LOOK_ALIKES = (*FINGERPRINT[:2], Key("look-alikes", "alike", "dotted"), *FINGERPRINT[2:])
 RESIDUAL_ONLY = tuple(key for key in FINGERPRINT if key.colour != "candidate")
 
 
@@ -96,7 +97,10 @@ class LegendKeys(QWidget):
             painter.setBrush(QColor(colour))
             painter.drawEllipse(QPointF(room.center().x(), middle), 3, 3)
         else:
-            painter.setPen(line(colour, 2 * self.devicePixelRatioF(), dashed=key.style == "dashed"))
+            pen = line(colour, 2 * self.devicePixelRatioF(), dashed=key.style == "dashed")
+            if key.style == "dotted":
+                pen.setStyle(Qt.PenStyle.DotLine)
+            painter.setPen(pen)
             painter.drawLine(QPointF(room.left(), middle), QPointF(room.right(), middle))
 
 

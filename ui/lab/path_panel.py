@@ -7,6 +7,7 @@ from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
 
+from ..widgets.focus import set_usable
 from .error_path import ErrorPath
 from .error_table import ErrorTable
 from .history import History
@@ -47,8 +48,8 @@ class PathPanel(QWidget):
         self.table.show_history(history)
         can_undo = history is not None and history.can_undo
         can_redo = history is not None and history.can_redo
-        self.undo.setEnabled(can_undo)
-        self.redo.setEnabled(can_redo)
+        set_usable(self.undo, can_undo)
+        set_usable(self.redo, can_redo)
         added = history.now.last_added if history is not None else None
         undone = history.undone() if history is not None else None
         self.undo.setToolTip(

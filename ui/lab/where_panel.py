@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from fingerlab.identify.results import Comparison
-from fingerlab.identify.where import COORDINATES, Profile, profile
+from fingerlab.identify.where import COORDINATES, Profile, most_orderly, profile
 from fingerlab.report.where_words import axis_title, bin_words, miss_words, worst_words
 
 from ..widgets.labels import ElidedLabel, remark
@@ -117,16 +116,6 @@ class WherePanel(QWidget):
             words += f" Chosen: {bin_words(found, number)}: {miss_words(found, number)}."
         self.words.setText(words)
         self.place_chosen.emit(found, number)
-
-
-def most_orderly(profiles: dict[str, Profile]) -> str:
-    """The coordinate whose bins' means explain the largest share of the residual."""
-
-    def order(found: Profile) -> float:
-        known = np.isfinite(found.rms)
-        return float(np.sum(found.mean[known] ** 2) / max(float(np.sum(found.rms[known] ** 2)), 1e-300))
-
-    return max(profiles, key=lambda name: order(profiles[name]), default="")
 
 
 def _identical(one: Sequence[Comparison], other: Sequence[Comparison]) -> bool:

@@ -44,6 +44,7 @@ class PredictPanel(QWidget):
         self.list.setAccessibleName("Models; the ticked ones are shown")
         self.list.setFont(small_font())
         self.list.setWordWrap(True)
+        self.list.setSpacing(1)
         # The style's own empty box cannot be seen on dark.
         self.list.setStyleSheet(
             "QListView::indicator:unchecked { border: 1px solid palette(dark); width: 11px; height: 11px; }"

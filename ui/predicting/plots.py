@@ -143,6 +143,8 @@ SWEEP_HELP = (
     "A line ends where the force would grow beyond all bounds, as its lever vanishes."
 )
 
+UNBOUNDED = "a line ends: the force has no bound"
+
 
 class SweepPlot(ShownPlot):
     """Peak of the modelled force as the contact force leans, with R² at each angle (thesis figure 5.2)."""
@@ -163,12 +165,13 @@ class SweepPlot(ShownPlot):
                 self.write("that does not repeat, are not swept.", 30, 0.5)
             return
         measured = swept[0][2].numbers.prediction.peak_measured
-        peaks = [measured]
+        peaks, bounded = [measured], True
         for name, one, force in swept:
             angles = np.array([step.angle_deg for step in force.sweep])
             heights = np.array([step.peak for step in force.sweep])
             # Where the force's line comes to pass through the joint, the force has no end: the curve ends.
             heights = np.where(heights < MOST_PEAKS * max(measured, heights[0]), heights, np.nan)
+            bounded = bounded and bool(np.isfinite(heights).all())
             peaks += heights[np.isfinite(heights)].tolist()
             plot.addItem(plain_curve(angles, heights, one.pen(colours, 1.5 * self.devicePixelRatioF()), name))
         low, high = span_of(np.array(peaks))
@@ -176,6 +179,8 @@ class SweepPlot(ShownPlot):
             pg.InfiniteLine(pos=measured, angle=0, movable=False, pen=self.pen("measured")), ignoreBounds=True
         )
         plot.setRange(xRange=(-2, 62), yRange=(min(low, 0.0), 1.1 * high), padding=0)
+        if not bounded:
+            self.write(UNBOUNDED, 61, min(low, 0.0), (1.0, 1.0))
         self._tell(swept)
         if len(swept) > 1:
             return  # whose numbers they are would not be seen; all are in the tooltip

@@ -23,6 +23,7 @@ from fingerlab.identify.model_file import Model, load_model
 from ..desk import Desk
 from ..tab import Command, Tab
 from ..tasks import IsCancelled, Progress
+from ..undo_steps import UndoSteps
 from ..widgets.invitation import lay_out_invitation
 from ..widgets.labels import ElidedLabel, heading, remark
 from ..widgets.panes import Panes
@@ -58,8 +59,7 @@ class PredictTab(Tab):
         self.models: dict[str, Model] = {}
         self.found: Beside | None = None
         self._due = self._shown = False
-        self._before: list[tuple[dict[str, Model], Beside | None]] = []
-        self._after: list[tuple[dict[str, Model], Beside | None]] = []
+        self._steps: UndoSteps[tuple[dict[str, Model], Beside | None]] = UndoSteps(self)
         self._given: tuple[object, object] = ((), ())
         self.panel = PredictPanel()
         self.force, self.period, self.sweep = ForcePlot(), PeriodPlot(), SweepPlot()
@@ -136,7 +136,7 @@ class PredictTab(Tab):
 
     def on_session_opened(self, sessions: tuple[Session, ...]) -> None:
         self.sessions, self.found = sessions, None
-        self._before, self._after = [], []  # of another session
+        self._steps.forget()  # they are of another session
         self._due = bool(sessions and self.models)
         self._refresh()
         if self._due and self._shown:
@@ -169,29 +169,26 @@ class PredictTab(Tab):
 
     def undo(self) -> None:
         """The models as they were before one was added or removed."""
-        if self._before:
-            self._after.append((self.models, self.found))
-            self.models, self.found = self._before.pop()
+        if self.can_undo:
+            self.models, self.found = self._steps.back((self.models, self.found))
             self._refresh()
 
     def redo(self) -> None:
-        if self._after:
-            self._before.append((self.models, self.found))
-            self.models, self.found = self._after.pop()
+        if self.can_redo:
+            self.models, self.found = self._steps.forth((self.models, self.found))
             self._refresh()
 
     @property
     def can_undo(self) -> bool:
-        return bool(self._before)
+        return self._steps.can_undo
 
     @property
     def can_redo(self) -> bool:
-        return bool(self._after)
+        return self._steps.can_redo
 
     def _note(self) -> None:
         """Other models are about to be there."""
-        self._before.append((dict(self.models), self.found))
-        self._after.clear()
+        self._steps.add((dict(self.models), self.found))
 
     def remove(self, file: str) -> None:
         """Take a model off the list; what the others predict is kept."""

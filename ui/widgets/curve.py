@@ -40,7 +40,7 @@ class DecimatedCurve(pg.PlotCurveItem):
         """Draw again if the visible part or its width in pixels has changed."""
         view = self.getViewBox()
         if view is None or not len(self._x):
-            if self._shown is not None or not len(self._x):
+            if self.xData is not None and len(self.xData):
                 self.setData(np.empty(0), np.empty(0))
             return
         (left, right), _ = view.viewRange()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
@@ -31,6 +33,41 @@ class ElidedLabel(QLabel):
         text = self.fontMetrics().elidedText(self.text(), Qt.TextElideMode.ElideRight, room.width())
         painter.setPen(self.palette().color(self.foregroundRole()))
         painter.drawText(room, self.alignment() | Qt.TextFlag.TextSingleLine, text)
+
+
+class FittingLabel(QLabel):
+    """One line in the longest of several wordings that has room: never a half of one.
+
+    Its text is the longest, for whoever reads it aloud.
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setTextFormat(Qt.TextFormat.PlainText)
+        self._texts: tuple[str, ...] = ("",)
+
+    def set_texts(self, texts: Sequence[str]) -> None:
+        """The wordings, the longest first."""
+        self._texts = tuple(texts)
+        self.setText(self._texts[0])
+
+    @property
+    def seen(self) -> str:
+        """The wording that is drawn."""
+        room = self.contentsRect().width()
+        fitting = (text for text in self._texts if self._width(text) <= room)
+        return next(fitting, self._texts[-1])
+
+    def minimumSizeHint(self) -> QSize:
+        return QSize(min(map(self._width, self._texts)), super().minimumSizeHint().height())
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setPen(self.palette().color(self.foregroundRole()))
+        painter.drawText(self.contentsRect(), self.alignment() | Qt.TextFlag.TextSingleLine, self.seen)
+
+    def _width(self, text: str) -> int:
+        return self.fontMetrics().horizontalAdvance(text)
 
 
 class WholeLabel(QLabel):

@@ -7,11 +7,8 @@ from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QScrollArea, QWidget
 
 
-class Room(QScrollArea):
-    """Gives one widget the whole room, and more where that is less than it needs at least.
-
-    Qt's own resizing goes by the height that wrapped words would like, not by what they need.
-    """
+class _Fitted(QScrollArea):
+    """A scroll area without a look of its own, which fits what is in it anew whenever either changes."""
 
     def __init__(self, inner: QWidget, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -31,6 +28,16 @@ class Room(QScrollArea):
             self._fit()
         return super().eventFilter(watched, event)
 
+    def _fit(self) -> None:
+        raise NotImplementedError
+
+
+class Room(_Fitted):
+    """Gives one widget the whole room, and more where that is less than it needs at least.
+
+    Qt's own resizing goes by the height that wrapped words would like, not by what they need.
+    """
+
     def minimumSizeHint(self) -> QSize:
         return QSize(0, 0)
 
@@ -45,31 +52,17 @@ class Room(QScrollArea):
             inner.resize(QSize(across, down).expandedTo(needed))
 
 
-class SideRoom(QScrollArea):
+class SideRoom(_Fitted):
     """Room for a side panel of fixed width, which scrolls by itself where the window is too low for it.
 
     What stands beside it, such as plots, stays in view meanwhile.
     """
 
     def __init__(self, inner: QWidget, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setFrameShape(QFrame.Shape.NoFrame)
-        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        super().__init__(inner, parent)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.setWidgetResizable(True)
-        self.setWidget(inner)
-        self.viewport().setAutoFillBackground(False)
-        inner.setAutoFillBackground(False)
         self._fit()
-
-    def resizeEvent(self, event: QResizeEvent) -> None:
-        super().resizeEvent(event)
-        self._fit()
-
-    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        if watched is self.widget() and event.type() == QEvent.Type.LayoutRequest:
-            self._fit()
-        return super().eventFilter(watched, event)
 
     def minimumSizeHint(self) -> QSize:
         return QSize(self.minimumWidth(), 0)

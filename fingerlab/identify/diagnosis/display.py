@@ -29,7 +29,6 @@ from fingerlab.sessions.model import Array, Run, Session
 
 SHOWN_STRETCHES = 48
 """Curves are kept of this many stretches (of at most a minute); more would not be looked at one by one."""
-SHOWN_FINGERPRINTS = 12
 BINS = 15
 ROW_EQUATIONS = {
     Row.MCP: "mcp_torque",
@@ -100,8 +99,7 @@ class Display:
         for kept in self.stretches:
             comparisons += _comparisons(study, evidence.base, groups[kept.key], kept)
         prints = {}
-        shown = sorted(evidence.trials, key=lambda t: t.misfit)[:SHOWN_FINGERPRINTS]
-        for trial in shown:
+        for trial in evidence.trials:
             one = trial.model.choices[-1].effect
             drawn = _fingerprint(one, evidence.base, trial, groups, self.stretches, study.reduced.on_bench)
             if drawn is not None:
@@ -143,6 +141,13 @@ def _residuals(trial: Trial, group: Group, kept: Kept) -> dict[Row, Array]:
     rows = trial.model.rows
     columns = kept.columns[:, trial.model.pick.signals]
     return {row: columns[:, rows == row] @ h[rows == row] for row in Row if np.any(rows == row)}
+
+
+def _residual(trial: Trial, group: Group, kept: Kept, row: Row) -> Array:
+    """As :func:`_residuals`, of one equation: a fingerprint is drawn for each of dozens of effects."""
+    h, _ = trial.model.coefficients(trial.fit.values, group)
+    chosen = trial.model.rows == row
+    return np.asarray(kept.columns[:, trial.model.pick.signals[chosen]] @ h[chosen], dtype=float)
 
 
 def _arms(trial: Trial, group: Group) -> tuple[float, float]:
@@ -235,7 +240,7 @@ def _fingerprint(
         group = groups[kept.key]
         if group.on_bench != bench:  # one axis cannot hold two equations
             continue
-        before, after = _residuals(base, group, kept)[row], _residuals(trial, group, kept)[row]
+        before, after = _residual(base, group, kept, row), _residual(trial, group, kept, row)
         scale = 1.0 if row in (Row.CABLE, Row.BENCH, Row.TIP) else _arms(base, group)[int(row)]
         # Torque of the joint in the direction of its angle, whichever way the cable pulls.
         places.append(where)

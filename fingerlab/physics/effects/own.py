@@ -19,9 +19,9 @@ from types import ModuleType
 from typing import Literal
 
 from fingerlab.errors import UserError
+from fingerlab.own_settings import OwnSettings, read_settings, write_settings
 from fingerlab.physics.effects.base import Effect
 from fingerlab.physics.effects.own_checks import checked, told
-from fingerlab.physics.effects.own_settings import OwnSettings, read_settings, write_settings
 
 State = Literal["trusted", "waiting", "changed"]
 

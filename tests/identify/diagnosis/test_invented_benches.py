@@ -285,6 +285,12 @@ def test_time_course_of_the_answer_is_shown_where_it_is_wanted() -> None:
     assert best.fingerprint.coordinate == "joint speed"
     slope = np.polyfit(best.fingerprint.centre, best.fingerprint.curve, 1)[0]
     assert abs(slope) == pytest.approx(2e-3, rel=0.35)  # of the PIP joint; nuisances take some of it
+    prints = {c.effect: c.fingerprint for c in result.candidates}
+    assert None not in prints.values()  # whichever effect a person chooses, it is seen in the data
+    rival = prints["coulomb_friction"]
+    assert rival is not None
+    np.testing.assert_allclose(rival.mean, best.fingerprint.mean)  # the same residual, another curve
+    assert np.ptp(rival.curve - best.fingerprint.curve) > 0.2 * np.ptp(rival.curve)
     equations = {c.equation for c in result.comparisons}
     assert {"mcp_torque", "pip_torque", "cable_kinematics", "endpoint_force_pip"} <= equations
     for c in result.comparisons:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from fingerlab.errors import UserError
+from fingerlab.own_settings import settings_file
 from fingerlab.physics.effects import CATALOGUE, effect, own, whole_catalogue
 from fingerlab.physics.effects.base import Row
-from fingerlab.physics.effects.own_settings import settings_file
 
 from .moving import bench, moving
 
