@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from fingerlab.identify.diagnosis.evidence import alike, borne_out, judge
+from fingerlab.identify.diagnosis.evidence import alike, beside_others, borne_out, judge
 from fingerlab.identify.diagnosis.fitting import Fit
 from fingerlab.identify.diagnosis.model import Choice
 from fingerlab.identify.diagnosis.odds import small_excess
@@ -133,3 +133,19 @@ def test_what_further_effects_explain_is_no_sign_of_something_outside(base: floa
 def test_one_effect_alone_is_judged_by_itself() -> None:
     evidence = judged(3.0, viscous_friction=1.1)
     assert borne_out(evidence, trial(1.1, "viscous_friction")) is evidence
+
+
+def test_where_one_stood_for_two_the_verdict_names_what_does_best_beside_the_other() -> None:
+    stood_for = judged(7.0, varying_moment_arm=2.3, angle_sensor_nonlinearity=2.5)
+    assert named(stood_for, "varying_moment_arm") > named(stood_for, "angle_sensor_nonlinearity")
+    beside = judge(
+        trial(2.4, "stiffness_error"),
+        [
+            trial(1.1, "stiffness_error", "angle_sensor_nonlinearity"),
+            trial(2.2, "stiffness_error", "varying_moment_arm"),
+        ],
+    )
+    told = beside_others(stood_for, beside)
+    assert named(told, "angle_sensor_nonlinearity") > 0.9
+    assert named(told, "stiffness_error") < 1e-100  # it is there in any case, and none of the answers
+    assert told.probabilities.sum() == pytest.approx(stood_for.probabilities.sum())

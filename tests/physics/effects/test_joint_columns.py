@@ -257,3 +257,14 @@ def test_a_large_tilt_is_told_by_its_own_point_of_the_grid() -> None:
             if t.row == row and t.gain in ("tilt", "")
         )
         assert told == pytest.approx(change, abs=1e-12)
+
+
+def test_every_tilt_belongs_to_a_point_of_the_grid() -> None:
+    """The points' ranges meet, and reach as far as the plausible tilt does."""
+    tilt = CATALOGUE["gravity_tilt"]
+    for stays in (0.0, 1.0):
+        points = [i for i, s in enumerate(tilt.shapes) if s["cell_stays"] == stays]
+        ranges = sorted((g.low, g.high) for g in (tilt.gains_at(i)["tilt"] for i in points))
+        assert [low for low, _ in ranges[1:]] == pytest.approx([high for _, high in ranges[:-1]])
+        assert ranges[0][0] == pytest.approx(-ranges[-1][1])
+        assert ranges[-1][1] == pytest.approx(np.radians(25.5), abs=0.1)
