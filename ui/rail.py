@@ -48,3 +48,9 @@ class Rail(QWidget):
     def show_current(self, key: str) -> None:
         """Mark a tab as the one in front (without going there)."""
         self._buttons[key].setChecked(True)
+
+    def take_focus(self) -> None:
+        """The keyboard begins at the tab in front; Qt would begin at the topmost, and Space go there."""
+        checked = self._group.checkedButton()
+        if checked is not None:
+            checked.setFocus()

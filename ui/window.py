@@ -78,6 +78,8 @@ class MainWindow(QMainWindow):
         self.place = PlaceKeeper(self, self.settings)
         first = self.settings.tab()
         self.show_tab(first if first in self._entries else next(iter(self._entries)))
+        if self.focusWidget() is None:
+            self.rail.take_focus()
 
     def _build(self) -> None:
         self.rail = Rail(list(self._entries.values()))

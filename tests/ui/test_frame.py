@@ -95,6 +95,13 @@ def test_rail_and_keys_change_the_tab_and_the_next_start_shows_it(window: MainWi
     assert window.settings.tab() == "notebook"
 
 
+def test_the_keyboard_begins_at_the_tab_in_front(make_window) -> None:  # type: ignore[no-untyped-def]
+    """Not at the topmost, to which Space would go."""
+    focused = make_window(tab="sessions").focusWidget()
+    assert focused is not None
+    assert focused.objectName() == "tab_sessions"
+
+
 def test_keys_of_a_tab_work_only_while_it_is_in_front(window: MainWindow) -> None:
     tab = notebook(window)
     alt = Qt.KeyboardModifier.AltModifier
