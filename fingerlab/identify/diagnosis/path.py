@@ -103,11 +103,18 @@ def _walked(
         sound = len(steps) if borne_out else sound
         watch.tell(0.5, f"looking beyond {best.model.choices[-1].effect.title.lower()}")
         evidence = weigh(study, chosen, effects, watch, STEP_PROMISE * least_fall(chosen))
-    steps, weights = steps[:sound], weights[:sound]
-    if sound > 2:
+    steps, weights = _straight(steps[:sound], weights[:sound])
+    if len(steps) > 2:
         every = effects if much_left(steps[-1]) else ()
         steps, weights = _exchanged(study, steps[-1], keep, rivals, every) or (steps, weights)
     return _borne_out(study, steps, weights)
+
+
+def _straight(steps: Sequence[Trial], weights: Sequence[Weights]) -> tuple[list[Trial], list[Weights]]:
+    """The way without steps to effects that the last model has made needless."""
+    last = {c.effect.id for c in steps[-1].model.choices}
+    kept = [k for k, step in enumerate(steps) if last.issuperset(c.effect.id for c in step.model.choices)]
+    return [steps[k] for k in kept], [weights[k] for k in kept]
 
 
 def worth_adding(study: Study, base: Trial, best: Trial) -> bool:
