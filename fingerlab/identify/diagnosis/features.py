@@ -183,10 +183,10 @@ def turned_columns(motion: Motion, effect: Effect, shape: int) -> list[tuple[Fea
     The levers turn with the face; how strong the forces are, the nuisances say. A share of the normal force
     is left out: turned, it is a change of that force.
     """
-    angle = (
-        effect.turns(effect.shapes[shape]) if effect.turns is not None and motion.finger is not None else 0
-    )
-    if not angle:
+    if effect.turns is None or motion.finger is None:
+        return []
+    angle = effect.turns(effect.shapes[shape])
+    if angle == 0.0:
         return []
     parts = (
         (math.cos(angle) - 1.0, _along_the_face(motion)),
