@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.benches import SIZE, shown_window
 from benchmarks.machine import Share, code_words, machine_words
 from benchmarks.window_repaint import FRAMES, WINDOW_S, Repainted, repaint
-from benchmarks.window_review import HOURS, OVER_HOURS, Reviewed, review
+from benchmarks.window_review import HOURS, OVER_HOURS, OVERS, Reviewed, review
 from benchmarks.window_start import Started, start_times, switch_times
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -119,9 +119,9 @@ def review_lines(reviewed: dict[str, Any]) -> list[str]:
     lines = [
         f"## Reviewing {HOURS:g} hours in Sessions",
         "",
-        f"A session of {HOURS:g} hours in one run and {OVER_HOURS:g} in another, seven channels at 1 kHz. It "
-        f"is shown after {reviewed['shown']:.2f} s and grows while it is read, until "
-        f"{reviewed['read']:.0f} s.",
+        f"A session of {HOURS:g} hours in one run and {OVER_HOURS:g} in each of {OVERS} others, which can be "
+        f"laid over it; seven channels at 1 kHz. It is shown after {reviewed['shown']:.2f} s and grows while "
+        f"it is read, until {reviewed['read']:.0f} s.",
         "",
         *FRAME_HEAD,
     ]

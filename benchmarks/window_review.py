@@ -15,15 +15,21 @@ from fingerlab.ui.browse.tab import SessionsTab
 from fingerlab.ui.window import MainWindow
 
 HOURS = 10.0
+OVERS = 4
+"""As many further runs as can be laid over the first."""
 OVER_HOURS = 2.0
-"""A second run, laid over the first."""
+"""Length of each of them."""
+FIRST_OVER = 2
+"""Row of the first of them among the choices: after "Nothing over it" and the run under review itself."""
 VIEWS_S = {"five hours": 5 * 3600.0, "an hour": 3600.0, "a minute": 60.0, "ten seconds": 10.0}
 """Width of the view in which is panned, s."""
 PANS = 60
 STEP = 0.02
 """Each frame of panning moves the view by this share of its width."""
 ZOOMS = 60
-OVER = "with another run over it"
+ONE_OVER = "with another run over it"
+ALL_OVER = "with four runs over it"
+ZOOM = "zoom, from ten hours to a second and back"
 
 
 @dataclass
@@ -39,7 +45,7 @@ class Reviewed:
 def review(window: MainWindow, app: QApplication, folder: Path, hours: float = HOURS) -> Reviewed:
     """Open such a session through the tab, pan and zoom."""
     path = folder / "long.h5"
-    write_long_session(path, hours, OVER_HOURS)
+    write_long_session(path, hours, *OVERS * [min(OVER_HOURS, hours)])
     tab = window.tab("sessions")
     assert isinstance(tab, SessionsTab)
     window.show_tab("sessions")
@@ -56,14 +62,28 @@ def review(window: MainWindow, app: QApplication, folder: Path, hours: float = H
     for words, width in VIEWS_S.items():
         found.frames[f"pan, {words} in view"] = _pan(app, page, width)
         watch.look()
-    found.frames["zoom, from ten hours to a second and back"] = _zoom(app, page)
+    found.frames[ZOOM] = _zoom(app, page)
     watch.look()
-    page.over.setCurrentIndex(page.over.count() - 2)  # the last of the session's runs
-    _settle(app, page)
-    found.frames[f"pan, an hour in view, {OVER}"] = _pan(app, page, 3600.0)
-    found.frames[f"pan, a minute in view, {OVER}"] = _pan(app, page, 60.0)
+    _lay_over(app, page, 1)
+    found.frames[f"pan, an hour in view, {ONE_OVER}"] = _pan(app, page, 3600.0)
+    found.frames[f"pan, a minute in view, {ONE_OVER}"] = _pan(app, page, 60.0)
+    watch.look()
+    _lay_over(app, page, OVERS)
+    for words in ("five hours", "an hour", "a minute"):
+        found.frames[f"pan, {words} in view, {ALL_OVER}"] = _pan(app, page, VIEWS_S[words])
+        watch.look()
+    found.frames[f"{ZOOM}, {ALL_OVER}"] = _zoom(app, page)
     found.share = watch.share()
     return found
+
+
+def _lay_over(app: QApplication, page: ReviewPage, runs: int) -> None:
+    """Lay the first of the further runs over, until there are so many, and wait until all is read."""
+    for row in range(FIRST_OVER, FIRST_OVER + runs):
+        page.over.setCurrentIndex(row)
+        _settle(app, page)
+    if len(page.plots.layers) != 1 + runs:
+        raise RuntimeError(f"{len(page.plots.layers) - 1} runs lie over the run under review, not {runs}.")
 
 
 def _frame(

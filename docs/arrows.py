@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
+from functools import cache
 from html import escape
 from pathlib import Path
 
@@ -53,34 +54,35 @@ def part_of(words: tuple[str, ...]) -> str:
     return "told" if name == "acquisition" and len(words) > 2 and words[2] in TOLD else name
 
 
-def imports(root: Path = ROOT) -> set[Edge]:
+@cache
+def imports(root: Path = ROOT) -> frozenset[Edge]:
     """Which part imports which, as the files say; what is only for type checking is left out."""
-    edges = set()
+    edges, known = set(), ranks()
     for top in ("fingerlab", "ui"):
         for path in (root / top).rglob("*.py"):
             own = part_of(path.relative_to(root).with_suffix("").parts)
             for name in _imported(ast.parse(path.read_text(encoding="utf-8"))):
                 other = part_of(tuple(name.split(".")))
-                if other not in (own, "") and own in ranks() and other in ranks():
+                if other not in (own, "") and own in known and other in known:
                     edges.add((own, other))
-    return edges
+    return frozenset(edges)
 
 
 def _imported(tree: ast.AST) -> Iterator[str]:
-    skipped = {
-        id(inner)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
-        for inner in ast.walk(node)
-    }
-    for node in ast.walk(tree):
-        if id(node) in skipped:
+    left = [tree]
+    while left:
+        node = left.pop()
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
             continue
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [f"{node.module}.{a.name}" for a in node.names] if node.level == 0 and node.module else []
         else:
+            inner = ast.iter_child_nodes(node)
+            left.extend(
+                one for one in inner if not isinstance(one, ast.expr)
+            )  # no expression holds an import
             continue
         yield from (name for name in names if name.startswith("fingerlab."))
 
@@ -90,7 +92,7 @@ def ranks() -> dict[str, int]:
     return {name: row for row, parts in enumerate(ROWS) for name in parts}
 
 
-def drawn(edges: set[Edge]) -> set[Edge]:
+def drawn(edges: Set[Edge]) -> set[Edge]:
     """The edges that others do not say already: a way over a third part leaves out the direct one."""
     rank = ranks()
     after = {name: {b for a, b in edges if a == name} for name in rank}

@@ -108,7 +108,14 @@ def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
     bench, wrong = opened.bench, {5: 0.7}
     assert isinstance(bench, InlineBench)
     window.desk.show_bench(opened)
-    window.desk.show_rig(RigLine(light="ready", state="initialised", device="simulated rig"))
+
+    def tell_rig() -> None:
+        samples = bench.status().index
+        window.desk.show_rig(
+            RigLine(light="ready", state="initialised", device="simulated rig", samples=samples)
+        )
+
+    tell_rig()
     tab.start("load-cell")
     wizard = tab.wizard
     assert wizard is not None
@@ -125,14 +132,17 @@ def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
                 end = bench.status().index + round(1000 * seconds)
 
     work(3, 9.0)
+    tell_rig()
     yield "hold"
     wizard.timing = StepTiming(3.0, 1.0)
     work(6, 0.5)
+    tell_rig()
     yield "doubt"
     wrong.clear()
     tab.undo()
     work(len(wizard.plan.moves))
     read_numbers(tab.widget)
+    tell_rig()
     yield "result"
     tab._end()
     window.desk.show_bench(None)
@@ -222,7 +232,7 @@ def sessions_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tab = window.tab("sessions")
     assert isinstance(tab, SessionsTab)
     tab.browse(library)
-    wait_until(lambda: tab.page.model.total > 0)
+    wait_until(lambda: tab.page.model.total == len(list(library.glob("*.h5"))))
     tab.page.choose_path(library / "finger-rig.h5")
     pause(3000)  # the thumbnails are drawn in the background
     yield ""

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 from fingerlab.errors import UserError
+from fingerlab.sessions.place import whole_file
 
 SETTINGS_VARIABLE = "FINGERLAB_SETTINGS_DIR"
 """Environment variable that puts the settings into another folder than the system's usual one."""
@@ -87,13 +88,25 @@ def write_settings(settings: OwnSettings, kind: Kind = "effects") -> None:
     path = settings_file(kind)
     folder = None if settings.folder is None else str(settings.folder)
     data = {"format": _format(kind), "folder": folder, "trusted": dict(settings.trusted)}
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
+    with whole_file(path, f"set {SETTINGS_VARIABLE} to a folder that can be.") as part:
         path.parent.mkdir(parents=True, exist_ok=True)
         part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise UserError(
-            f"{path} cannot be written ({error.strerror}); set {SETTINGS_VARIABLE} to a folder that can be."
-        ) from None
+
+
+def forget_file(file: str, kind: Kind) -> bool:
+    """Forget that contents of this file were confirmed; it is asked about again before it is run.
+
+    Args:
+        file: its whole path.
+
+    Returns:
+        Whether any was.
+
+    Raises:
+        UserError: the settings cannot be read or written.
+    """
+    settings = read_settings(kind)
+    kept = {sha256: name for sha256, name in settings.trusted.items() if name != file}
+    if len(kept) < len(settings.trusted):
+        write_settings(replace(settings, trusted=kept), kind)
+    return len(kept) < len(settings.trusted)

@@ -14,6 +14,13 @@ ROOT = Path(__file__).resolve().parents[1]
 TARGET = ROOT / "packaging" / "LICENCES.md"
 ELSEWHERE = {"pywin32": ("312", "PSF-2.0 (Windows only; from its page, not installed here)")}
 """Packages of other systems, which this machine cannot ask."""
+BROUGHT = {
+    "pyside6-essentials": "LGPL-3.0.txt",
+    "shiboken6": "LGPL-3.0.txt",
+    "ni-grpcdevice-v1-proto": "MIT-NI.txt",
+    "ni-protobuf-types": "MIT-NI.txt",
+}
+"""Packages that bring no text of their licence -> the file of ``packaging/texts`` that holds it."""
 TEXT_NAMES = re.compile(r"licen[cs]e|copying|notice|authors", re.IGNORECASE)
 """Files of a ``*.dist-info`` folder that tell the terms of the package."""
 HEAD = """# What a packaged program bundles

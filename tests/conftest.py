@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+
+import fingerlab.parallel
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 os.environ["MPLBACKEND"] = "Agg"
@@ -18,6 +20,14 @@ os.environ["MPLBACKEND"] = "Agg"
 ROOT = Path(__file__).resolve().parents[1]
 # Effects that somebody made for themselves on this machine must not take part in the tests.
 os.environ["FINGERLAB_SETTINGS_DIR"] = str(ROOT / "tests" / "no-settings")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _no_second_process() -> Iterator[None]:
+    """The tests have both cores in hand; a second process of a diagnosis has tests of its own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fingerlab.parallel, "WORTH_BYTES", math.inf)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QWidget
 
-from .widgets.labels import ElidedLabel
+from .widgets.labels import header_name
 
 
 class Header(QWidget):
@@ -17,12 +17,7 @@ class Header(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.name = ElidedLabel()
-        self.name.setObjectName("sessionName")
-        self.name.setAccessibleName("Open sessions")
-        font = self.name.font()
-        font.setBold(True)
-        self.name.setFont(font)
+        self.name = header_name("sessionName", "Open sessions", alone=False)
         self.reveal = QPushButton("Reveal the hidden effect")
         self.reveal.setObjectName("reveal")
         self.reveal.setToolTip("Say which effect was put into this practice session.")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from fingerlab.errors import UserError
 from fingerlab.identify.results import Diagnosis
 from fingerlab.sessions.model import Session
+from fingerlab.sessions.place import put_in_place
 
 from .tasks import IsCancelled, Progress
 
@@ -36,11 +36,5 @@ def write_page(
     fresh = path.with_name(f"{path.stem}.new{path.suffix}")
     fresh.unlink(missing_ok=True)
     write_report(sessions, fresh, diagnosis.model, diagnosis, progress, cancelled)
-    try:
-        fresh.replace(path)
-    except OSError as error:
-        fresh.unlink(missing_ok=True)
-        raise UserError(
-            f"{path} cannot be replaced ({error.strerror}); close it elsewhere or choose another name."
-        ) from None
+    put_in_place(fresh, path, "close it elsewhere or choose another name.", "replaced")
     return path

@@ -135,7 +135,10 @@ class ControlLoop:
             self._fault(str(error), lost=True)
             return
         except DeviceFault as error:
-            self._fault(str(error))
+            taken = bool(self._board[Slot.KEEPER])  # by the guardian: there is no device left
+            self._fault(STOOD_STILL if taken else str(error), lost=taken)
+            # A device that fails in every cycle must not keep the loop from its end.
+            self.ended = self.ended or any(isinstance(one, Quit) for _, one in list(self._commands))
             return
         reading = self._reader.read(sample, self._steering.reference.value)
         sentence = self._complaint(reading)

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +20,7 @@ import pyarrow.parquet as pq
 
 from fingerlab.batch.rows import Outcome, Row, recorded_at
 from fingerlab.errors import UserError
+from fingerlab.sessions.place import whole_file
 
 MARK = b"fingerlab_batch"
 SCHEMA_VERSION = 1
@@ -113,17 +112,12 @@ def write_table(path: Path, contents: Contents) -> None:
     told = {"schema": SCHEMA_VERSION, "folder": contents.folder, "added": list(contents.added)}
     schema = pa.schema(fields, metadata={MARK: json.dumps(told).encode()})
     rows = [{**row, "recorded": recorded_at(row.get("created"))} for row in contents.rows]
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
+    advice = (
+        "close it elsewhere and give it room, then start the same batch again: what is done is kept beside "
+        "it."
+    )
+    with whole_file(path, advice) as part:
         pq.write_table(pa.Table.from_pylist(rows, schema=schema), part)
-        part.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
-        raise UserError(
-            f"{path} cannot be written ({error.strerror or error}); close it elsewhere and give it room, "
-            "then start the same batch again: what is done is kept beside it."
-        ) from None
 
 
 def complete(row: Mapping[str, Any]) -> Row:
@@ -151,19 +145,16 @@ class Parts:
         """
         key = json.dumps([outcome.row["session"], outcome.row["options"], outcome.row["software"]])
         path = self.folder / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
-        part = path.with_suffix(f".{os.getpid()}.part")
         text = json.dumps(
             {"format": PART_FORMAT, "row": outcome.row, "units": outcome.units}, allow_nan=False
         )
-        try:
+        advice = (
+            "results are kept there until all are done, so give the place room and write access and start "
+            "the same batch again."
+        )
+        with whole_file(path, advice) as part:
             self.folder.mkdir(exist_ok=True)
             part.write_text(text, encoding="utf-8")
-            part.replace(path)
-        except OSError as error:
-            raise UserError(
-                f"{path} cannot be written ({error.strerror}); results are kept there until all are done, so "
-                "give the place room and write access and start the same batch again."
-            ) from None
 
     def read(self) -> list[Outcome]:
         """What was kept; a damaged part is as good as absent, so its session is done again."""

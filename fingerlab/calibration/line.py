@@ -149,13 +149,7 @@ def _suspect(
     volts = np.array([step.volts for step in steps])
     for extreme in (float(volts.min()), float(volts.max())):
         found += _outside(sensor.volts, extreme)
-    limit = sensor.accuracy
-    for number, residual in enumerate(residuals, start=1):
-        if not limit.low <= residual <= limit.high:
-            found.append(
-                f"Step {number} lies {_show(residual, limit.unit)} off the line, more than the "
-                f"{_show(limit.high, limit.unit)} of the data sheet ({limit.source})."
-            )
+    found += _off_the_line(sensor.accuracy, residuals)
     usual = float(np.median(np.abs(np.diff(volts))))
     for number, step in enumerate(steps, start=1):
         if step.spread > UNSTEADY * usual:
@@ -164,6 +158,30 @@ def _suspect(
                 f"{usual:.3g} V apart."
             )
     return found
+
+
+NAMED_ALONE = 2
+"""So many steps off the line are named one by one; more, mostly drawn by a single one, in one sentence."""
+
+
+def _off_the_line(limit: Limit, residuals: Array) -> list[str]:
+    far = [(n, float(r)) for n, r in enumerate(residuals, start=1) if not limit.low <= r <= limit.high]
+    allowed = f"more than the {_show(limit.high, limit.unit)} of the data sheet ({limit.source})."
+    if len(far) <= NAMED_ALONE:
+        return [f"Step {n} lies {_show(value, limit.unit)} off the line, {allowed}" for n, value in far]
+    largest = _show(max(abs(value) for _, value in far), limit.unit)
+    return [f"Steps {_in_runs([n for n, _ in far])} lie up to {largest} off the line, {allowed}"]
+
+
+def _in_runs(numbers: Sequence[int]) -> str:
+    """``1 to 5, 7, 9 to 12``: increasing whole numbers, neighbours together."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
 
 
 def _outside(limit: Limit, value: float) -> list[str]:
@@ -178,5 +196,5 @@ def _outside(limit: Limit, value: float) -> list[str]:
 def _show(value: float, unit: str) -> str:
     """A number as a person reads it: radians as degrees."""
     if unit.startswith("rad"):
-        return f"{math.degrees(value):.4g} °{unit[3:]}"
+        return f"{math.degrees(value):.4g}°{unit[3:]}"
     return f"{value:.4g} {unit}"

@@ -27,18 +27,25 @@ SHOWN_LINES = 60
 @click.option(
     "--trust", metavar="FILE", type=click.Path(path_type=Path), help="Let this file of the folder be run."
 )
+@click.option(
+    "--untrust", metavar="FILE", type=click.Path(path_type=Path), help="Do not run this file any more."
+)
 @click.option("--forget", is_flag=True, help="Forget the folder and every file that was confirmed.")
 @json_option
-def effects(folder: Path | None, trust: Path | None, forget: bool, json_target: str | None) -> None:
+def effects(
+    folder: Path | None, trust: Path | None, untrust: Path | None, forget: bool, json_target: str | None
+) -> None:
     """List every effect that a diagnosis can rank: equations, parameters, ranges and their sources.
 
     An effect of your own is one small Python file in a folder that you choose. It runs only after you have
-    confirmed it with --trust, and after a change only when you confirm it again.
+    confirmed it with --trust, and after a change only when you confirm it again; --untrust takes that back.
     """
     from fingerlab.physics.effects import CATALOGUE, own
 
-    if forget and (folder or trust):
-        raise UserError("--forget forgets the folder; leave out --folder and --trust, or leave out --forget.")
+    if forget and (folder or trust or untrust):
+        raise UserError("--forget forgets the folder and all files; leave out --forget, or all else.")
+    if trust is not None and untrust is not None:
+        raise UserError("--trust and --untrust together make no sense; give one of them.")
     if forget:
         own.forget()
         click.echo("The folder of own effects and all confirmations are forgotten.", err=True)
@@ -51,13 +58,15 @@ def effects(folder: Path | None, trust: Path | None, forget: bool, json_target: 
                     _ask_and_trust(file.source)
     if trust is not None:
         _ask_and_trust(own.find(trust))
+    if untrust is not None:
+        click.echo(f"{own.distrust(untrust)} is not run any more.", err=True)
     files = own.own_files(CATALOGUE)
     for file in files:
         if file.notice:
             click.echo(file.notice, err=True)
     if json_target is not None:
         write_json(_to_json(files), json_target)
-    elif trust is None and not forget:
+    elif trust is None and untrust is None and not forget:
         _print(files)
 
 

@@ -11,14 +11,17 @@ from typing import Any
 class Interrupts:
     """While it is entered, Ctrl-C and SIGTERM call ``first`` and then raise KeyboardInterrupt, once.
 
+    Args:
+        raises: whether they raise anything; else ``first`` alone has to see to it.
+
     Python drops an exception that is raised while it clears away an object, so that a KeyboardInterrupt may
     get lost; ``first`` has run by then, and ``asked`` tells.
 
     A program started in the background may find Ctrl-C switched off; here it listens all the same.
     """
 
-    def __init__(self, first: Callable[[], None]) -> None:
-        self.first = first
+    def __init__(self, first: Callable[[], None], raises: bool = True) -> None:
+        self.first, self._raises = first, raises
         self.asked = False
         self._before: dict[signal.Signals, Any] = {}
 
@@ -37,4 +40,5 @@ class Interrupts:
         self.first()
         if not self.asked:  # who presses again must not break what is being saved
             self.asked = True
-            raise KeyboardInterrupt
+            if self._raises:
+                raise KeyboardInterrupt

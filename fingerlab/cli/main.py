@@ -31,6 +31,7 @@ COMMANDS = {
     "compare": ("fingerlab.cli.compare:compare", "Compare saved models on the same held-out runs."),
     "batch": ("fingerlab.cli.batch:batch", "Diagnose every session below a folder."),
     "effects": ("fingerlab.cli.effects:effects", "List the catalogue, and let in effects of your own."),
+    "devices": ("fingerlab.cli.devices:devices", "List what can be driven, and forget devices of your own."),
     "replicate": ("fingerlab.cli.replicate:replicate", "Repeat the thesis' experiment on the simulated rig."),
     "check-rig": ("fingerlab.cli.check_rig:check_rig", "Confirm channels, signs and limits of the bench."),
     "report": ("fingerlab.cli.report:report", "Write the whole comparison as one page."),

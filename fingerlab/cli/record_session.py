@@ -12,7 +12,7 @@ import click
 
 from fingerlab.cli.interrupts import Interrupts
 from fingerlab.cli.record_events import Events, Lines, Observer, live_model
-from fingerlab.errors import UserError
+from fingerlab.errors import Cancelled, UserError
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
@@ -151,10 +151,56 @@ def take(
         except BaseException as error:
             bench.stop()  # before anything else
             why = KeyboardInterrupt() if interrupts.asked or script.stopped else error
-            _keep(bench, why, told.out, events)
+            _keep(bench, why, told.out, _Writing(events, bar, report))
             raise why from None
-    report(1.0, "writing and verifying")
-    return bench.recorder.close(), driver.samples, driver.number
+    return _write(bench, told.out, _Writing(events, bar, report)), driver.samples, driver.number
+
+
+class _Writing:
+    """Shows and tells how far a session's file is; ``put_off`` lets it be finished later."""
+
+    STEP = 0.01
+    """Told again when so much more is done, as a share of the whole."""
+
+    def __init__(self, events: Events, bar: Any, report: Report) -> None:
+        self.events, self._report = events, report
+        self._told, self._doing = -1.0, ""
+        self._later = False
+        bar.reset(bar.task_ids[0])  # the time left is that of the writing, not of the runs
+
+    def put_off(self) -> None:
+        self._later = True
+
+    def __call__(self, share: float, doing: str) -> None:
+        from fingerlab.sessions.recording_place import VERIFYING
+
+        self._report(share, "reading the file back" if doing == VERIFYING else "writing the file")
+        if doing != self._doing or share >= min(self._told + self.STEP, 1.0) > self._told:
+            self._told, self._doing = share, doing
+            self.events.tell("writing", {"share": round(share, 4), "doing": doing})
+        if self._later:
+            raise Cancelled
+
+
+def _write(bench: Bench, out: Path, writing: _Writing) -> Path:
+    """Write the session's file. Ctrl-C puts it off: all runs are whole by then.
+
+    Raises:
+        UserError: the place is full. KeyboardInterrupt: it was put off.
+    """
+    from fingerlab.sessions.recording_place import recording_folder
+
+    with Interrupts(writing.put_off, raises=False):
+        try:
+            return bench.recorder.close(writing)
+        except Cancelled:
+            sentence = (
+                f"The runs are whole and kept in {recording_folder(out)}; the file is written when {out} is "
+                "next opened, such as by 'fingerlab info'."
+            )
+            writing.events.tell("put_off", {"sentence": sentence})
+            click.echo(sentence, err=True)
+            raise KeyboardInterrupt from None
 
 
 def _info(rig: Rig, told: Told, device: str) -> Any:
@@ -166,14 +212,14 @@ def _info(rig: Rig, told: Told, device: str) -> Any:
     return SessionInfo(told.out, rig.to_json(), title, now, attributes)
 
 
-def _keep(bench: Bench, error: BaseException, out: Path, events: Events) -> None:
+def _keep(bench: Bench, error: BaseException, out: Path, writing: _Writing) -> None:
     """What was recorded before it broke off becomes a session that says so."""
     note = str(error) if isinstance(error, UserError) else "The recording was stopped by the operator."
     try:
         bench.recorder.cut(note)
-        path = bench.recorder.close()
+        path = bench.recorder.close(writing)
     except UserError:
-        events.tell("broken_off", {"sentence": note, "session": None})
+        writing.events.tell("broken_off", {"sentence": note, "session": None})
         return
-    events.tell("broken_off", {"sentence": note, "session": str(path)})
+    writing.events.tell("broken_off", {"sentence": note, "session": str(path)})
     click.echo(f"The recording broke off; what was taken is in {path}.", err=True)

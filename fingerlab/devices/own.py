@@ -18,10 +18,13 @@ from typing import Literal
 
 from fingerlab.devices.protocol import Device
 from fingerlab.errors import UserError
-from fingerlab.own_settings import read_settings, write_settings
+from fingerlab.own_settings import OwnSettings, forget_file, read_settings, write_settings
 
 CALLS = ("open", "start", "set_enable", "exchange", "make_safe", "close")
 """What a class needs beside ``name`` and ``rate_hz`` to be taken for a device."""
+
+
+State = Literal["confirmed", "new", "changed"]
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class DeviceFile:
 
     path: Path
     content: bytes
-    state: Literal["confirmed", "new", "changed"]
+    state: State
 
     @property
     def sha256(self) -> str:
@@ -71,6 +74,32 @@ def confirmed_files() -> tuple[Path, ...]:
     """
     names = dict.fromkeys(reversed([*read_settings("devices").trusted.values()]))
     return tuple(path for path in map(Path, names) if path.is_file())
+
+
+def remembered_files() -> tuple[tuple[Path, State | Literal["missing"]], ...]:
+    """Every file of which a content was ever confirmed, latest first: as it reads now.
+
+    Raises:
+        UserError: the settings are damaged.
+    """
+    names = dict.fromkeys(reversed([*read_settings("devices").trusted.values()]))
+    paths = [Path(name) for name in names]
+    return tuple((path, device_file(path).state if path.is_file() else "missing") for path in paths)
+
+
+def forget(path: Path) -> None:
+    """Forget that this file was ever confirmed, whether it is still there or not.
+
+    Raises:
+        UserError: it never was, or the settings cannot be read or written.
+    """
+    if not forget_file(str(path.resolve()), "devices"):
+        raise UserError(f"{path} was never confirmed as a device of your own; there is nothing to forget.")
+
+
+def forget_all() -> None:
+    """Forget every device of one's own."""
+    write_settings(OwnSettings(), "devices")
 
 
 def own_device(path: Path, rate_hz: float) -> Device:

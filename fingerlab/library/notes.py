@@ -15,7 +15,6 @@ that are to travel with the data go into a copy of the file (``fingerlab.session
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from typing import Any
 
 from fingerlab.errors import UserError
 from fingerlab.library.facts import SessionFacts, text_list
+from fingerlab.sessions.place import whole_file
 
 FILE_NAME = "fingerlab-library.json"
 FORMAT = "fingerlab-library"
@@ -129,12 +129,5 @@ class Notebook:
         return orphans[0] if len(orphans) == 1 else None
 
     def _save(self) -> None:
-        part = self.path.with_name(f"{FILE_NAME}.{os.getpid()}.part")
-        try:
+        with whole_file(self.path, "notes need write access to the folder.") as part:
             part.write_text(json.dumps(self._data, ensure_ascii=False, indent=1), encoding="utf-8")
-            part.replace(self.path)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise UserError(
-                f"{self.path} cannot be written ({error.strerror}); notes need write access to the folder."
-            ) from None

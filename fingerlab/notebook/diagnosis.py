@@ -12,7 +12,7 @@ from fingerlab.notebook.layout import Part, Shown, Table
 from fingerlab.notebook.model import ModelView
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import error_rows, short_ranking
-from fingerlab.report.screen import score_text
+from fingerlab.report.screen import printed, score_text
 from fingerlab.sessions.model import Session
 
 
@@ -87,7 +87,7 @@ class DiagnosisView(Shown):
         result = self.result
         parts: list[Part] = [words.verdict_sentence(result), _errors(result), _ranking(result)]
         best = words.suspected(result)
-        parts += [f"{candidate.title}: {candidate.explanation}" for candidate in best]
+        parts += [f"{candidate.title}: {printed(candidate.explanation)}" for candidate in best]
         if len(result.set) > 1 or words.not_shown(result):
             parts.append(words.set_sentence(result))
         if words.worth_adding(result):

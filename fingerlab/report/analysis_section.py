@@ -132,12 +132,16 @@ def _number_row(quantity: Quantity) -> tuple[str, str, str]:
 
 
 def _printed(quantity: Quantity, unit: str) -> str:
-    """The published number as the thesis printed it: two decimals at least where it is below 1."""
+    """The published number as the thesis printed it: two decimals at least where it is below 1.
+
+    Its deviation has as many decimals as the number itself.
+    """
     if quantity.published is None:
         return "–"
     numbers = [v for v in (quantity.published, quantity.published_deviation) if v is not None]
-    texts = (f"{v:.2f}" if abs(v) < 1 and len(f"{v:g}") < 4 else f"{v:g}" for v in numbers)
-    return " ± ".join(texts) + unit
+    least = 2 if abs(quantity.published) < 1 else 0
+    decimals = max(least, *(len(f"{v:g}".partition(".")[2]) for v in numbers))
+    return " ± ".join(f"{v:.{decimals}f}" for v in numbers) + unit
 
 
 def _of_motor_bench(session: Session, progress: Progress) -> Analysis:

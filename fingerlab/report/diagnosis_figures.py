@@ -23,7 +23,7 @@ from fingerlab.report.figure_style import (
     legend_below,
     new_figure,
 )
-from fingerlab.report.screen import score_text, screen_unit
+from fingerlab.report.screen import ScreenUnit, score_text, screen_unit, with_minus
 from fingerlab.report.where_figures import where_figure
 from fingerlab.sessions.model import Array
 
@@ -34,6 +34,8 @@ STRETCH_S = 5.0
 ROUND_STEPS = [1, 2, 2.5, 5, 10]
 FARTHEST = 1.5
 """A model that shoots past what was measured is shown to this share of the measured span beyond it."""
+WORTH_CUTTING = 0.1
+"""What would be cut has to be this share at least of what stays."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,7 @@ def comparison_figure(shown: Shown, failure: Failure | None = None) -> Figure:
     unit = screen_unit(one.unit, _largest(measured))
     above.plot(time, unit.factor * measured, color=MEASURED, lw=1.6, label="measured")
     above.plot(time, unit.factor * modelled, color=MODELLED, lw=1.3, ls="--", label="modelled")
-    _keep_in_sight(above, unit.factor * measured, unit.factor * modelled)
+    _keep_in_sight(above, unit.factor * measured, unit.factor * modelled, unit)
     label(above, "", unit.label(QUANTITIES.get(one.equation, "value")))
     residual = measured - modelled
     small = screen_unit(one.unit, max(_largest(residual), one.floor))
@@ -155,19 +157,28 @@ def _largest(values: Array) -> float:
     return float(finite.max()) if len(finite) else 0.0
 
 
-def _keep_in_sight(axes: Axes, measured: Array, modelled: Array) -> None:
-    """Cut the axis where the model shoots far past what was measured, and say how far it goes."""
+def _keep_in_sight(axes: Axes, measured: Array, modelled: Array, unit: ScreenUnit) -> None:
+    """Cut the axis where the model shoots far past what was measured, and say how far it goes.
+
+    Args:
+        measured, modelled: in ``unit``.
+    """
     both = [v[np.isfinite(v)] for v in (measured, modelled)]
     if not len(both[0]) or not len(both[1]):
         return
     (low, high), (bottom, top) = ((float(v.min()), float(v.max())) for v in both)
     span = max(high - low, 1e-9)
     least, most = max(bottom, low - FARTHEST * span), min(top, high + FARTHEST * span)
-    if least > bottom or most < top:
+    if max(least - bottom, top - most) > WORTH_CUTTING * (most - least):
         least, most = min(least, low), max(most, high)
         axes.set_ylim(least - 0.05 * (most - least), most + 0.15 * (most - least))
-        words = f"cut: modelled reaches {bottom:.3g} to {top:.3g}"
+        words = f"cut: modelled reaches {_end(bottom)} to {unit.after(_end(top))}"
         axes.annotate(words, (0.01, 0.97), xycoords="axes fraction", va="top", fontsize=TICK_SIZE)
+
+
+def _end(value: float) -> str:
+    rounded = float(f"{value:.3g}")
+    return with_minus(f"{rounded:.0f}" if abs(value) >= 100 else f"{rounded:g}")
 
 
 def fingerprint_figure(print_: Fingerprint, title: str) -> Figure:

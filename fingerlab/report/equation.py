@@ -181,7 +181,8 @@ def _tension_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_eff
     return Part(
         "Cable tension from the motor",
         (rf"T = \frac{{{number(gain)}\,M {rotor}{effect}}}{{{number(motor.pulley_radius)}}}{current}",),
-        "M: torque at the gearbox output. i: motor current.",
+        "M: torque at the gearbox output. i: motor current."
+        + (" The number before M corrects the torque constant." if gain != 1 else ""),
     )
 
 
@@ -199,7 +200,8 @@ def _balance_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> 
                 + (rf" - \tau_{index}" if with_effect else "")
                 + rf"\qquad\mathrm{{({cable}\ cable)}}"
             )
-    return Part("Balance of each joint", tuple(lines), "On air F and H are zero.")
+    corrected = " The number before F corrects the load cell." if _value(found, "force_gain") else ""
+    return Part("Balance of each joint", tuple(lines), f"On air F and H are zero.{corrected}")
 
 
 def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Iterator[Part]:

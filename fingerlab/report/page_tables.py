@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
@@ -22,6 +21,7 @@ from fingerlab.report.screen import (
     estimate_text,
     fixed,
     percent,
+    printed,
     r2_text,
     score_text,
     screen_unit,
@@ -117,23 +117,6 @@ def outcome_of(candidate: Candidate) -> Outcome:
         printed(candidate.explanation),
         True,
     )
-
-
-_PRINTED = (
-    (r"(?<![\w.)])-(?=\d)", "−"),
-    (r"(?<=\d) deg\b", "°"),
-    (r"\bdeg/s", "°/s"),
-    (r"\bum\b", "µm"),
-    (r"\^2\b", "²"),
-    (r"\^3\b", "³"),
-)
-
-
-def printed(text: str) -> str:
-    """A sentence of the terminal, whose letters are those of every keyboard, as it is printed."""
-    for pattern, by in _PRINTED:
-        text = re.sub(pattern, by, text)
-    return text
 
 
 def parameter_rows(candidate: Candidate) -> list[tuple[str, str]]:

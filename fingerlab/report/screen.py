@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -121,3 +122,33 @@ def r2_text(r2: float) -> str:
         return fixed(r2, 3) if r2 > -10 else "below −10"
     digits = min(max(3, math.ceil(-math.log10(max(1.0 - r2, 1e-12))) + 1), 6)
     return fixed(math.floor(r2 * 10**digits) / 10**digits, digits)
+
+
+_PRINTED = (
+    (r"(?<![\w.)])-(?=\d)", "−"),
+    (r"(?<=\d) deg\b", "°"),
+    (r"\bdeg/s", "°/s"),
+    (r"\bum\b", "µm"),
+    (r"\^2\b", "²"),
+    (r"\^3\b", "³"),
+)
+
+
+def printed(text: str) -> str:
+    """A sentence of the terminal, whose letters are those of every keyboard, as page and window write it."""
+    text = re.sub(r"(?<![\w.])\d(?:\.\d+)?e[+-]\d+", _plain, text)
+    for pattern, by in _PRINTED:
+        text = re.sub(pattern, by, text)
+    return text
+
+
+def _plain(number: re.Match[str]) -> str:
+    """``1.3e+03`` as 1300, ``2e-05`` as 2 × 10⁻⁵."""
+    digits, _, power = number[0].partition("e")
+    if 0 <= int(power) <= MOST_ZEROS:
+        return f"{float(number[0]):.0f}"
+    return f"{digits} × 10{str(int(power)).translate(_RAISED)}"
+
+
+MOST_ZEROS = 5
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

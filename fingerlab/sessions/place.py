@@ -2,11 +2,61 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 
 from fingerlab.errors import UserError
+
+ADVICE = "choose a place with room and write access."
+
+
+@contextmanager
+def whole_file(path: Path, advice: str = ADVICE) -> Iterator[Path]:
+    """Write a file whole or not at all; what has its name is replaced, so whoever calls has the right to.
+
+    Use as a context manager: its value is the path to write to, beside the place and of this process alone.
+    It takes the place in one step when the body ends. Where the body raises, it is removed, and what was
+    there stays.
+
+    Args:
+        advice: what the user can do where the place takes no file; ends the sentence.
+
+    Raises:
+        UserError: the place cannot be written to, or is full.
+    """
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        yield part
+        part.replace(path)
+    except OSError as error:
+        raise _refused(path, error, advice) from None
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def put_in_place(part: Path, path: Path, advice: str = ADVICE, deed: str = "written") -> None:
+    """Give a finished file its name in one step; what has the name is replaced.
+
+    Args:
+        advice, deed: words of the sentence: ``PATH cannot be DEED (reason); ADVICE``.
+
+    Raises:
+        UserError: it cannot be moved; the part file is removed.
+    """
+    try:
+        part.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+        raise _refused(path, error, advice, deed) from None
+
+
+def _refused(path: Path, error: OSError, advice: str, deed: str = "written") -> UserError:
+    return UserError(f"{path} cannot be {deed} ({error.strerror or error}); {advice}")
 
 
 def claim(path: Path) -> Path:
@@ -28,9 +78,7 @@ def claim(path: Path) -> Path:
             "wait for it, or remove it and try again."
         ) from None
     except OSError as error:
-        raise UserError(
-            f"{path} cannot be written ({error.strerror}); choose a place with room and write access."
-        ) from None
+        raise _refused(path, error, ADVICE) from None
     return part
 
 
@@ -56,15 +104,10 @@ def move_into_place(part: Path, path: Path) -> None:
     """
     try:
         refuse_taken(path)
-        part.replace(path)
     except UserError:
         part.unlink(missing_ok=True)
         raise
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise UserError(
-            f"{path} cannot be written ({error.strerror}); choose a place with room and write access."
-        ) from None
+    put_in_place(part, path)
 
 
 class OutputSet:

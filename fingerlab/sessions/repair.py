@@ -24,6 +24,7 @@ from fingerlab.sessions.recording_place import (
     VERIFYING,
     WHOLE,
     WRITING,
+    WRITTEN,
     Progress,
     RecordingPlace,
     give_name,
@@ -41,6 +42,9 @@ _OWN_ROOT = ("format", "format_version", "created", "title", "rig", "software")
 _OWN_RUN = ("phase", "cable", "sample_rate_hz", "trajectory")
 _WRITE_FLAGS = 0x05  # superblock version 3: open for writing, open in single-writer mode
 _CUT_NOTE = "The recording was cut off; what had been flushed is here."
+
+PartRun = tuple[Path, h5py.File, int]
+"""Path of a run's file, the file, and how many samples are whole."""
 
 
 def repaired(path: Path, progress: Progress | None = None) -> Path:
@@ -72,13 +76,9 @@ def finish_recording(place: RecordingPlace, progress: Progress | None = None) ->
     whole = place.folder / WHOLE
     try:
         if progress:
-            progress(0.0, WRITING)
+            progress(0.0, VERIFYING if (place.folder / WRITTEN).exists() else WRITING)
         if not whole.exists():
-            assembling = place.folder / ASSEMBLING
-            assembling.unlink(missing_ok=True)
-            assembling.with_name(assembling.name + ".part").unlink(missing_ok=True)
-            assemble(place.parts(), assembling, place.path, progress)
-            assembling.replace(whole)
+            _assembled(place, progress).replace(whole)
         target = give_name(whole, place.path)
     except OSError as error:
         place.release()
@@ -86,15 +86,36 @@ def finish_recording(place: RecordingPlace, progress: Progress | None = None) ->
             f"{place.path} cannot be written ({error.strerror}); make room and open it again, the recording "
             f"is kept in {place.folder}."
         ) from None
-    except Cancelled:
-        (place.folder / ASSEMBLING).unlink(missing_ok=True)  # as large as the recording itself
-        place.release()
-        raise
-    except UserError:
+    except (Cancelled, UserError):
         place.release()
         raise
     place.remove()
     return target
+
+
+def _assembled(place: RecordingPlace, progress: Progress | None) -> Path:
+    """The session in its folder, every sample read back.
+
+    What was written to its end before it was put off is not written again. It is read back from its first
+    sample all the same, and written anew where anything of it is not as recorded.
+    """
+    assembling, written = place.folder / ASSEMBLING, place.folder / WRITTEN
+    for left in (assembling, assembling.with_name(assembling.name + ".part")):
+        left.unlink(missing_ok=True)
+    with _opened(place.parts()) as files:
+        if written.exists():
+            try:
+                _read_back(_with_samples(files, place.path), written, place.path, progress, 0.0)
+                return written
+            except (UserError, OSError, RuntimeError, KeyError, ValueError):
+                written.unlink()  # what is left of the time before is no good
+        try:
+            assemble_files(files, assembling, place.path, progress)
+        except Cancelled:
+            if assembling.exists():  # it has this name only when it is whole
+                assembling.replace(written)
+            raise
+    return assembling
 
 
 def assemble(parts: Sequence[Path], target: Path, name: Path, progress: Progress | None = None) -> None:
@@ -114,10 +135,7 @@ def assemble_files(
     files: Sequence[tuple[Path, h5py.File]], target: Path, name: Path, progress: Progress | None = None
 ) -> None:
     """As :func:`assemble`, from files that are open already, even where their names are gone."""
-    runs = [(part, file, _length(file)) for part, file in files if RUN in file.get("runs", ())]
-    runs = [run for run in runs if run[2] > 0]
-    if not runs:
-        raise UserError(f"{name} holds no samples: its recording was cut before the first was written.")
+    runs = _with_samples(files, name)
     total, done = sum(length for _, _, length in runs), 0
     root = {key: plain(value) for key, value in runs[0][1].attrs.items()}
     extra = {key: value for key, value in root.items() if key not in _OWN_ROOT}
@@ -136,12 +154,42 @@ def assemble_files(
                 done += count
                 if progress:
                     progress(WRITING_SHARE * done / total, WRITING)
-    done = 0
-    for number, (_, file, length) in enumerate(runs, start=1):
-        for count in _compare(target, f"{number:03d}", file, length, name):
-            done += count
-            if progress:
-                progress(WRITING_SHARE + (1.0 - WRITING_SHARE) * done / total, VERIFYING)
+    _read_back(runs, target, name, progress, WRITING_SHARE)
+
+
+def _with_samples(files: Sequence[tuple[Path, h5py.File]], name: Path) -> list[PartRun]:
+    """The runs that hold a sample.
+
+    Raises:
+        UserError: none does.
+    """
+    found = [(part, file, _length(file)) for part, file in files if RUN in file.get("runs", ())]
+    runs = [run for run in found if run[2] > 0]
+    if not runs:
+        raise UserError(f"{name} holds no samples: its recording was cut before the first was written.")
+    return runs
+
+
+def _read_back(
+    runs: Sequence[PartRun], target: Path, name: Path, progress: Progress | None, before: float
+) -> None:
+    """Compare every sample of a session that is written with what was recorded.
+
+    Args:
+        before: share of the work that is done already.
+
+    Raises:
+        UserError: they differ.
+    """
+    total, done = sum(length for _, _, length in runs), 0
+    with h5py.File(target, "r") as session:
+        if len(session["runs"]) != len(runs):
+            raise UserError(f"{name} has {len(session['runs'])} runs of {len(runs)} that were recorded.")
+        for number, (_, file, length) in enumerate(runs, start=1):
+            for count in _compare(session, f"{number:03d}", file, length, name):
+                done += count
+                if progress:
+                    progress(before + (1.0 - before) * done / total, VERIFYING)
 
 
 def _copy_run(writer: SessionWriter, part: Path, file: h5py.File, length: int) -> Iterator[int]:
@@ -167,20 +215,18 @@ def _copy_run(writer: SessionWriter, part: Path, file: h5py.File, length: int) -
     run.finish()
 
 
-def _compare(target: Path, run: str, file: h5py.File, length: int, name: Path) -> Iterator[int]:
-    source = file[f"runs/{RUN}"]
-    with h5py.File(target, "r") as session:
-        written = session[f"runs/{run}"]
-        for start in range(0, length, PIECE):
-            stop = min(start + PIECE, length)
-            for channel in _channels(source):
-                wanted, found = _samples(source, channel, start, stop), written[channel][start:stop]
-                if len(written[channel]) != length or not np.array_equal(wanted, found, equal_nan=True):
-                    raise UserError(
-                        f"{name} read back differs from what was recorded in run {run}, '{channel}'; the "
-                        "disk is not to be trusted, save elsewhere."
-                    )
-            yield stop - start
+def _compare(session: h5py.File, run: str, file: h5py.File, length: int, name: Path) -> Iterator[int]:
+    source, written = file[f"runs/{RUN}"], session[f"runs/{run}"]
+    for start in range(0, length, PIECE):
+        stop = min(start + PIECE, length)
+        for channel in _channels(source):
+            wanted, found = _samples(source, channel, start, stop), written[channel][start:stop]
+            if len(written[channel]) != length or not np.array_equal(wanted, found, equal_nan=True):
+                raise UserError(
+                    f"{name} read back differs from what was recorded in run {run}, '{channel}'; the "
+                    "disk is not to be trusted, save elsewhere."
+                )
+        yield stop - start
 
 
 def _samples(group: h5py.Group, name: str, start: int, stop: int) -> np.ndarray[Any, Any]:

@@ -38,12 +38,17 @@ def trajectory_words(trajectory: Mapping[str, Any]) -> str:
 
 UNITS = {"_s": " s", "_hz": " Hz", "_deg": "°", "_n": " N"}
 """What the end of a number's name says of its unit."""
+MOST_NUMBERS = 6
+"""So many numbers of a list are told one by one."""
 
 
 def _named(key: str, value: Any) -> str:
-    """``duration 20 s`` for ``duration_s`` and 20."""
-    end = next((e for e in UNITS if key.endswith(e) and isinstance(value, int | float)), "")
-    return f"{key.removesuffix(end).replace('_', ' ')} {_number(value)}{UNITS.get(end, '')}"
+    """``duration 20 s`` for ``duration_s`` and 20; ``frequencies 1, 2 Hz`` for a few."""
+    values = value if isinstance(value, list | tuple) else [value]
+    numbers = bool(values) and all(isinstance(one, int | float) for one in values)
+    end = next((e for e in UNITS if numbers and key.endswith(e)), "")
+    shown = ", ".join(map(_number, values)) if numbers and len(values) <= MOST_NUMBERS else _number(value)
+    return f"{key.removesuffix(end).replace('_', ' ')} {shown}{UNITS.get(end, '')}"
 
 
 def _number(value: Any) -> str:

@@ -16,14 +16,17 @@ from fingerlab.acquisition.commands import (
     Enable,
     Finish,
     Initialise,
+    Quit,
     Release,
     Reset,
     SetUp,
     Start,
     Tare,
 )
+from fingerlab.acquisition.loop import STOOD_STILL
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.safety import Limits, safety_checks
+from fingerlab.devices.protocol import DeviceFault
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
 
@@ -184,6 +187,31 @@ def test_an_error_of_our_own_stops_the_motor_too() -> None:
     assert "ZeroDivisionError" in bench.fault
     assert bench.board[Slot.LOOP_ENDED] == 1
     assert bench.board[Slot.SAFE] == 1
+
+
+@pytest.mark.parametrize("why", ["told to end", "the guardian has taken the device"])
+def test_a_device_that_fails_in_every_cycle_does_not_keep_the_loop(
+    why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is read then, and so nothing was obeyed: closing such a bench took ten seconds and a kill."""
+    bench = Driven(FakeDevice())
+    bench.run(endless=True)
+    bench.cycles(1000)
+
+    def failing(volts: float) -> None:
+        raise DeviceFault("The fake bench fails for good.")
+
+    monkeypatch.setattr(bench.device, "exchange", failing)
+    bench.cycles(50)
+    assert not bench.loop.ended
+    if why == "told to end":
+        bench.loop.submit(99, Quit())
+    else:
+        bench.board[Slot.KEEPER] = 1
+    bench.cycles(2)
+    assert bench.loop.ended
+    assert bench.fault == ("The fake bench fails for good." if why == "told to end" else STOOD_STILL)
+    assert (bench.device.volts, bench.device.enabled) == (0.0, False)
 
 
 def test_zero_output_is_tried_again_and_its_failure_is_told() -> None:

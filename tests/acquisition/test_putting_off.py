@@ -8,9 +8,11 @@ import threading
 from pathlib import Path
 from types import SimpleNamespace
 
+import h5py
 import pytest
 
 from fingerlab.acquisition.board import Number, Slot
+from fingerlab.acquisition.columns import COLUMN
 from fingerlab.acquisition.process import _serve
 from fingerlab.acquisition.process_bench import _Far
 from fingerlab.errors import Cancelled
@@ -53,11 +55,41 @@ def test_what_was_put_off_is_whole_when_it_is_opened(bench: Bench, until: str) -
         bench.recorder.close(progress)
     folder = recording_folder(bench.path)
     assert not bench.path.exists()
-    assert sorted(file.name for file in folder.iterdir()) == ["001.h5part", "lock"]
+    kept = ["written.h5part"] if until == "verifying" else []
+    assert sorted(file.name for file in folder.iterdir()) == ["001.h5part", "lock", *kept]
     session = open_session(bench.path)
     assert session.attributes["ended"] == "clean"
     assert session.runs[0].length == 1000
     assert not folder.exists()
+
+
+@pytest.mark.parametrize("damage", ["none", "a sample", "a run", "the file"])
+def test_what_was_written_to_its_end_is_only_read_back(bench: Bench, damage: str) -> None:
+    def progress(share: float, what: str) -> None:
+        if what == "verifying":
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        bench.recorder.close(progress)
+    written = recording_folder(bench.path) / "written.h5part"
+    if damage == "the file":
+        written.write_bytes(written.read_bytes()[:1000])
+    elif damage != "none":
+        with h5py.File(written, "r+") as file:
+            if damage == "a run":
+                file.copy("runs/001", "runs/002")
+            else:
+                file["runs/001/motor_position"][-1] += 1e-3
+    told: list[tuple[float, str]] = []
+    repaired(bench.path, lambda share, what: told.append((share, what)))
+    assert ("writing" in [what for _, what in told]) == (damage != "none")
+    assert told[0] == (0.0, "verifying")
+    assert told[-1] == (1.0, "verifying")
+    run = open_session(bench.path).runs[0]
+    assert run.length == 1000
+    recorded = 0.001 * 999 + COLUMN["motor_position"]
+    assert run.channel("motor_position")[-1] == pytest.approx(recorded, rel=1e-6)
+    assert not recording_folder(bench.path).exists()
 
 
 def test_finishing_later_may_be_put_off_again(bench: Bench) -> None:

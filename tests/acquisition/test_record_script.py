@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import signal
 import subprocess
 import sys
 from importlib import resources
@@ -27,7 +28,7 @@ from fingerlab.acquisition.units import BenchUnits
 from fingerlab.cli.common import progress_bar
 from fingerlab.cli.record import record
 from fingerlab.cli.record_events import Events
-from fingerlab.cli.record_session import Told, take
+from fingerlab.cli.record_session import Told, _Writing, take
 from fingerlab.errors import UserError
 from fingerlab.rig_file import default_rig
 from fingerlab.sessions import check_session, open_session
@@ -113,6 +114,46 @@ def test_a_run_begins_at_its_trigger(tmp_path: Path) -> None:
     start = float(run.attributes["trajectory_start_s"])
     assert start < 0.0
     assert run.length == pytest.approx(3000 + 1000 * start, abs=1)
+
+
+def test_how_far_the_file_is_is_told_and_shown(tmp_path: Path) -> None:
+    """On a terminal by the bar, to a script as events; the JSON stays alone on standard output."""
+    told, out = tmp_path / "events.jsonl", tmp_path / "s.h5"
+    brief = json.dumps({**RUN, "duration_s": 1.0})
+    given = ["--trajectory", brief, "--phase", "on_air", "--device", "simulated", "--out", str(out)]
+    result = CliRunner().invoke(
+        record, [*given, "--events", str(told), "--json", "-"], env={"FORCE_COLOR": "1"}
+    )
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["samples"] == 1000
+    assert "Recording: reading the file back" in result.stderr
+    events = [json.loads(line) for line in told.read_text(encoding="utf-8").splitlines()]
+    kinds = [event["event"] for event in events]
+    writing = of(events, "writing")
+    assert kinds.index("run_ended") < kinds.index("writing")
+    assert kinds[-1 - len(writing) :] == ["writing"] * len(writing) + ["written"]
+    assert list(dict.fromkeys(event["doing"] for event in writing)) == ["writing", "verifying"]
+    shares = [event["share"] for event in writing]
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+
+
+def test_ctrl_c_puts_the_writing_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    went_on = _Writing.__call__
+
+    def pressed(writing: _Writing, share: float, doing: str) -> None:
+        signal.raise_signal(signal.SIGINT)
+        went_on(writing, share, doing)
+
+    monkeypatch.setattr(_Writing, "__call__", pressed)
+    result, events = call(tmp_path, duration_s=1.0)
+    assert isinstance(result.exception, KeyboardInterrupt) or result.exit_code == 1
+    assert "s.h5.recording" in result.stderr
+    assert [event["event"] for event in events][-2:] == ["writing", "put_off"]
+    assert not (tmp_path / "s.h5").exists()
+    session = open_session(tmp_path / "s.h5")
+    assert session.attributes["ended"] == "clean"
+    assert session.runs[0].length == 1000
 
 
 def test_a_trigger_that_never_comes_is_told(tmp_path: Path) -> None:

@@ -121,6 +121,15 @@ def test_a_forgotten_weight_and_an_unsteady_step_are_suspect():
     assert "Step 7 is not steady" in text
 
 
+def test_many_steps_that_one_wrong_mark_draws_off_the_line_are_one_sentence():
+    marks = SENSORS["mcp"].default_marks(7)
+    volts = 2.6 + np.array((*marks[:6], 20.0)) / 42  # the last mark was never reached
+    text = " ".join(calibrate_line(*staircase(volts), marks, SENSORS["mcp"]).suspect)
+    assert text.count("off the line") == 1
+    # Least squares of the seven points: residuals of -18.75, -15, ..., -3.75, 0 and 56.25 degrees.
+    assert "Steps 1 to 5, 7 lie up to 56.25° off the line" in text
+
+
 def test_an_angle_sensor_in_degrees_and_either_way_round():
     """KMA210: 180 degrees over 90 % of the supply are 40 degrees a volt at 5 V, 44.4 at 4.5 V."""
     sensor = SENSORS["mcp"]

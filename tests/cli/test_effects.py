@@ -61,6 +61,10 @@ def test_an_own_file_goes_from_waiting_to_the_list(folder: Path) -> None:
     }  # fmt: skip
     assert "your own, from" in call("effects").stdout
 
+    taken_back = call("effects", "--untrust", EXAMPLE.name, "--json", "-")
+    assert [f["state"] for f in json.loads(taken_back.stdout)["own_files"]] == ["waiting"]
+    assert "never confirmed" in str(call("effects", "--untrust", EXAMPLE.name).exception)
+
     assert call("effects", "--forget").exit_code == 0
     assert json.loads(call("effects", "--json", "-").stdout)["folder"] is None
 
@@ -80,7 +84,7 @@ def test_on_a_terminal_the_file_is_shown_and_asked_for(
 
 def test_diagnose_says_that_a_file_waits(folder: Path, make_session) -> None:
     call("effects", "--folder", folder)
-    told = call("diagnose", make_session(samples=6000))
+    told = call("diagnose", make_session(phases=(("on_air", "extension"),), samples=6000))
     assert "waits for 'fingerlab effects --trust own_effect_example.py'" in told.stderr
     unknown = call("diagnose", make_session("b.h5"), "--add", "motor_root_friction")
     assert "There is no effect 'motor_root_friction'" in str(unknown.exception)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 import fingerlab.acquisition.process_bench
 from fingerlab.acquisition.inline import InlineBench
@@ -144,6 +145,40 @@ def test_each_content_is_confirmed_once(
     (tmp_path / "settings" / "own-devices.json").write_text("{", encoding="utf-8")
     with pytest.raises(UserError, match="choose your own device anew"):
         device_file(unpaced)
+
+
+def test_what_was_confirmed_is_listed_and_forgotten(
+    unpaced: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the command: one file, even one that is gone, then all; other files stay as they were."""
+
+    def call(*arguments: object) -> Result:
+        return CliRunner().invoke(cli, ["devices", *map(str, arguments)])
+
+    def listed() -> dict[str, str]:
+        told = json.loads(call("--json", "-").stdout)
+        assert [one["name"] for one in told["devices"]][-1] == "simulated"
+        return {one["file"]: one["state"] for one in told["own_files"]}
+
+    monkeypatch.setenv("FINGERLAB_SETTINGS_DIR", str(tmp_path / "settings"))
+    assert "No device of your own was confirmed." in call().stdout
+    others = [tmp_path / "gone.py", tmp_path / "other.py"]
+    for path in others:
+        path.write_text(f"# {path.name}\n", encoding="utf-8")
+    for path in (*others, unpaced):
+        confirm(device_file(path))
+    unpaced.write_text(unpaced.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    others[0].unlink()
+    assert listed() == {str(unpaced): "changed", str(others[1]): "confirmed", str(others[0]): "missing"}
+    assert call("--untrust", others[0]).exit_code == 0
+    assert "never confirmed" in str(call("--untrust", others[0]).exception)
+    assert list(listed()) == [str(unpaced), str(others[1])]
+    assert call("--untrust", unpaced).exit_code == 0
+    assert device_file(unpaced).state == "new"
+    assert "leave out" in str(call("--untrust", others[1], "--forget").exception)
+    assert device_file(others[1]).state == "confirmed"
+    assert call("--forget").exit_code == 0
+    assert listed() == {}
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:

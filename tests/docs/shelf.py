@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from datetime import UTC, datetime, tzinfo
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,10 @@ from click.testing import CliRunner
 
 import fingerlab.report.content
 import fingerlab.report.page
+import fingerlab.sessions.writing
 from fingerlab.cli.main import cli
-from fingerlab.identify.results import Diagnosis
 from fingerlab.report.page import Extras
+from fingerlab.report.pictures import NamedFigure
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Session
 from fingerlab.twin.protocols import RunPlan
@@ -24,6 +26,8 @@ from fingerlab.twin.protocols import RunPlan
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 8.0
 """Length of a run in the sessions of most pages; the page with checked numbers has the real ones."""
+MOST_FILES = 2
+"""Figures of a report that are written as files of their own, each in every format."""
 OUTPUTS = ("--out", "--save", "--json", "--pdf", "--figures", "--equation", "--model")
 
 
@@ -44,19 +48,38 @@ def shortened(plans: Callable[[float], list[RunPlan]]) -> Callable[[float], list
 
 
 class Remembered:
-    """A diagnosis that was made already is not made again: pages differ in words more than in data."""
+    """What was worked out for the same sessions and effects already is not worked out again.
 
-    def __init__(self, diagnose: Callable[..., Diagnosis]) -> None:
-        self._diagnose = diagnose
-        self._made: dict[tuple[object, ...], Diagnosis] = {}
+    Args:
+        work: ``diagnose``, or a fit, of sessions and effects.
+        whole: with curves even where none are wanted, as reports of the same sessions will want them.
+    """
+
+    def __init__(self, work: Callable[..., Any], whole: bool = False) -> None:
+        self._work, self._whole = work, whole
+        self._made: dict[tuple[object, ...], Any] = {}
 
     def __call__(
-        self, sessions: list[Session], added: tuple[str, ...] = (), *_: object, **__: object
-    ) -> Diagnosis:
-        key = (*(content_hash(s) for s in sessions), *added)
-        if key not in self._made:
-            self._made[key] = self._diagnose(sessions, added)
-        return self._made[key]
+        self, sessions: list[Session], effects: Sequence[str] = (), *_: object, **named: object
+    ) -> Any:
+        same = (*(content_hash(s) for s in sessions), *effects)
+        plain = named.get("with_curves") is False and not self._whole
+        for known in ((*same, plain), (*same, False)):
+            if known in self._made:
+                return self._made[known]
+        options = {"with_curves": False} if plain else {}
+        return self._made.setdefault((*same, plain), self._work(sessions, effects, **options))
+
+
+def stop_the_clock(patch: pytest.MonkeyPatch) -> None:
+    """Sessions that are simulated in the same way become the same file."""
+
+    class Stopped(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> Stopped:
+            return cls(2026, 11, 1, 9, tzinfo=UTC)
+
+    patch.setattr(fingerlab.sessions.writing, "datetime", Stopped)
 
 
 def thin_reports(patch: pytest.MonkeyPatch) -> None:
@@ -73,7 +96,13 @@ def thin_reports(patch: pytest.MonkeyPatch) -> None:
             few = replace(few, final_parameters={})
         return whole(sessions, out, added, few, extras=extras, **named)
 
+    save = fingerlab.report.page.save_figures
+
+    def save_first(figures: Mapping[str, NamedFigure], *where: Any) -> None:
+        save(dict(list(figures.items())[:MOST_FILES]), *where)
+
     patch.setattr(fingerlab.report.page, "write_report", thin)
+    patch.setattr(fingerlab.report.page, "save_figures", save_first)
     patch.setattr(fingerlab.report.content, "analyse", lambda sessions, progress: None)
 
 
@@ -85,11 +114,9 @@ def run(line: list[str]) -> str:
 
 
 def fill(shelf: Path) -> None:
-    """Sessions, models, text files, a rig file and calibration recordings, as a user would have them."""
-    run(["simulate", "--protocol", "rich", "--effect", "coulomb_friction", "--seed", "7",
+    """Sessions, text files, a rig file and calibration recordings, as a user would have them."""
+    run(["simulate", "--protocol", "rich", "--effect", "coulomb_friction", "--seed", "1",
          "--out", str(shelf / "session.h5")])  # fmt: skip
-    run(["diagnose", str(shelf / "session.h5"), "--save", str(shelf / "a.json")])
-    shutil.copy(shelf / "a.json", shelf / "b.json")
     run(["export", str(shelf / "session.h5"), "--to", "txt", "--out", str(shelf / "txt")])
     for number, path in enumerate(sorted((shelf / "txt").glob("*.txt"))[:2], start=1):
         shutil.copy(path, shelf / f"run{number}.txt")

@@ -10,11 +10,14 @@ from pathlib import Path
 import click
 import pytest
 
+import fingerlab.batch.rows
 import fingerlab.identify.diagnosis
+import fingerlab.identify.prediction
+import fingerlab.report.prediction_section
 import fingerlab.twin.protocols
 from fingerlab.cli.main import cli
 from tests.docs.console import INSTALLS, OURS, Console, console_lines, mentions, shell_lines
-from tests.docs.shelf import ROOT, Remembered, fill, run, shortened, supply, thin_reports
+from tests.docs.shelf import ROOT, Remembered, fill, run, shortened, stop_the_clock, supply, thin_reports
 
 DOCS = ROOT / "docs"
 PAGES = (
@@ -65,8 +68,13 @@ def shelf(tmp_path_factory: pytest.TempPathFactory, patched: pytest.MonkeyPatch)
     protocols = fingerlab.twin.protocols.PROTOCOLS
     for name, plans in list(protocols.items()):
         patched.setitem(protocols, name, shortened(plans))  # type: ignore[arg-type]
-    diagnosis = fingerlab.identify.diagnosis
-    patched.setattr(diagnosis, "diagnose", Remembered(diagnosis.diagnose))
+    diagnose = Remembered(fingerlab.identify.diagnosis.diagnose, whole=True)
+    for module in (fingerlab.identify.diagnosis, fingerlab.batch.rows):
+        patched.setattr(module, "diagnose", diagnose)
+    fit = Remembered(fingerlab.identify.prediction.fit_extended)
+    for module in (fingerlab.identify.prediction, fingerlab.report.prediction_section):
+        patched.setattr(module, "fit_extended", fit)
+    stop_the_clock(patched)
     thin_reports(patched)
     folder = tmp_path_factory.mktemp("shelf")
     patched.setenv("FINGERLAB_SETTINGS_DIR", str(folder / "settings"))
@@ -83,7 +91,7 @@ def test_every_command_of_the_page_runs(
     monkeypatch.setattr("fingerlab.cli.effects._somebody_there", lambda: True)
     for command in commands(page):
         if page == CHECKED and command.words[0] != "report":
-            continue  # run at their real length in test_worked_example.py
+            continue  # run at their real length in tests/notebook/test_story.py
         if not command.reason:
             supply(command.words, shelf, tmp_path)
             run(command.words)

@@ -47,9 +47,9 @@ def main(output: str, session: str, rescue: str, late: str = "30") -> None:
     }
     print(json.dumps(told), flush=True)
     try:
-        while not bench.status().recorder:
+        while not (status := bench.status()).recorder and not status.loop_ended:
             bench.idle()
-        print(bench.status().recorder, file=sys.stderr)
+        print(status.recorder or status.fault, file=sys.stderr)
     except UserError as error:
         print(error, file=sys.stderr)
     bench.close()

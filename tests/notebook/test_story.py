@@ -1,4 +1,7 @@
-"""The tutorial as a script: the effect that the bench hid is found, and what the objects show of it."""
+"""The tutorial, as a script and as commands: the effect that the bench hid is found, with the page's numbers.
+
+Both simulate and look at the same session of the real length; it is diagnosed once.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import importlib.util
 import json
 import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -13,9 +17,28 @@ from typing import Any
 import pytest
 
 import fingerlab
+import fingerlab.identify.diagnosis
+import fingerlab.identify.prediction
 from fingerlab.errors import UserError
+from fingerlab.sessions import file_hash
+from tests.docs.console import console_lines
+from tests.docs.shelf import ROOT, Remembered, run, stop_the_clock
 
-SCRIPT = Path(__file__).resolve().parents[2] / "docs" / "hidden_effect_story.py"
+SCRIPT = ROOT / "docs" / "hidden_effect_story.py"
+PAGE = ROOT / "docs" / "hidden-effect.md"
+SAME = 0.25
+"""By how much a printed number may differ from that of this machine and version, as a share of it."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _once() -> Iterator[None]:
+    """What was worked out for the script is not worked out again for the commands."""
+    diagnosis, prediction = fingerlab.identify.diagnosis, fingerlab.identify.prediction
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(diagnosis, "diagnose", Remembered(diagnosis.diagnose))
+        patch.setattr(prediction, "fit_extended", Remembered(prediction.fit_extended))
+        stop_the_clock(patch)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -130,3 +153,43 @@ def test_every_line_of_the_page_on_notebooks_runs(
         exec(line, names)
     assert set(names["session"].to_xarray().children) == {f"{number:03d}" for number in range(1, 15)}
     assert Path("model.json").is_file()
+
+
+def told(pattern: str, text: str) -> list[float]:
+    """The numbers of the first place that fits."""
+    found = re.search(pattern, " ".join(text.split()))
+    assert found is not None, pattern
+    return [float(group) for group in found.groups()]
+
+
+FACTS = (
+    r"falls from ([\d.]+) to ([\d.]+) times the bench's own repeatability",
+    r"Joint torque ([\d.]+) ([\d.]+) mN m ([\d.]+)",
+    r"friction torque at the gearbox output ([\d.]+) ±",
+    r"motor_presliding: torque = ([\d.]+) N m, travel = ([\d.]+) rad",
+)
+"""Numbers of the page that are looked up in what its commands print."""
+
+
+def test_the_worked_example_prints_what_its_page_says(
+    story: dict[str, Any], folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = PAGE.read_text(encoding="utf-8")
+    told_of = [c for c in console_lines(page) if not c.reason and c.words[0] != "report"]  # elsewhere
+    printed = "\n".join(run(command.words) for command in told_of)
+    assert file_hash(tmp_path / "session.h5") == file_hash(folder / "out" / "session.h5")
+    for fact in FACTS:
+        assert told(fact, printed) == pytest.approx(told(fact, page), rel=SAME), fact
+    rows = re.findall(
+        r"^\| (nominal|with the effect), PIP and MCP \| ([\d.]+) .*?\| ([\d.]+) ±", page, re.MULTILINE
+    )
+    assert len(rows) == 2
+    for name, r2, error in rows:
+        word = "nominal" if name == "nominal" else "extended"
+        cells = rf"{word} *│ *PIP and MCP *│ *([\d.]+) ±[^│]*│[^│]*│ *([\d.]+) ±"
+        shown = re.search(cells, printed)
+        assert shown is not None, printed
+        assert float(shown[1]) == pytest.approx(float(r2), abs=0.01)
+        assert float(shown[2]) == pytest.approx(float(error), rel=SAME)
+    assert "Presliding on the motor side is missing" in " ".join(printed.split())

@@ -146,9 +146,10 @@ def test_licence_texts_are_found_for_what_is_bundled() -> None:
     assert ("licences", "LGPL-3.0.txt") in places
     named = {Path(folder).parts[1] for folder, _ in places if len(Path(folder).parts) > 1}
     without = set(licences.locked("app")) - named
-    # Qt's own packages bring no text (packaging/texts has them); pywin32 is not installed off Windows.
     assert {"numpy", "scipy", "h5py", "pyarrow", "python"} <= named
-    assert "pyside6-essentials" in without
+    # Those that bring no text have one in packaging/texts; pywin32 is not installed off Windows.
+    assert without - set(licences.ELSEWHERE) == set(licences.BROUGHT)
+    assert {("licences", text) for text in licences.BROUGHT.values()} <= set(places)
 
 
 @pytest.fixture

@@ -78,7 +78,15 @@ def test_a_model_far_off_is_cut_and_the_figure_says_so(found) -> None:
     far = replace(found.comparisons[0], modelled=100 * found.comparisons[0].modelled)
     above = comparison_figure(chosen_stretches([far], "pip_torque")[0]).axes[0]
     assert above.get_ylim()[1] < 200  # the model reaches 1500 mN m
-    assert [t.get_text() for t in above.texts] == ["cut: modelled reaches -1.5e+03 to 1.5e+03"]
+    assert [t.get_text() for t in above.texts] == ["cut: modelled reaches −1500 to 1500 mN m"]
+
+
+def test_a_little_beyond_is_shown_and_not_cut(found) -> None:
+    """A fortieth of the axis would be saved."""
+    near = replace(found.comparisons[0], modelled=4.2 * found.comparisons[0].measured)
+    above = comparison_figure(chosen_stretches([near], "pip_torque")[0]).axes[0]
+    assert not above.texts
+    assert above.get_ylim()[1] > 4.2 * 1000 * np.nanmax(found.comparisons[0].measured)
 
 
 def test_the_fingerprint_has_bins_intervals_and_curve(found) -> None:

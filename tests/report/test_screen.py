@@ -8,7 +8,15 @@ import pytest
 
 from fingerlab.identify.results import ParameterEstimate
 from fingerlab.report.diagnosis_words import in_sentence, listed, parameter_titles
-from fingerlab.report.screen import decimals_for, estimate_text, percent, r2_text, score_text, screen_unit
+from fingerlab.report.screen import (
+    decimals_for,
+    estimate_text,
+    percent,
+    printed,
+    r2_text,
+    score_text,
+    screen_unit,
+)
 
 
 @pytest.mark.parametrize(
@@ -73,3 +81,8 @@ def test_parameters_of_an_effect_have_titles_that_differ() -> None:
     assert titles["stribeck_speed"] == "stribeck speed"
     assert all(t.startswith("MCP ") for n, t in titles.items() if n.endswith("_mcp"))
     assert parameter_titles("an_effect_of_my_own", ["gap_deg"]) == {"gap_deg": "gap"}
+
+
+def test_powers_of_ten_are_written_out() -> None:
+    told = "give of tip 1.3e+03 um/N; less than 2e-05 m; -4.5e-03 N m; run 12e4.h5 stays"
+    assert printed(told) == "give of tip 1300 µm/N; less than 2 × 10⁻⁵ m; −4.5 × 10⁻³ N m; run 12e4.h5 stays"

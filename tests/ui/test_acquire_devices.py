@@ -251,6 +251,10 @@ def test_a_device_of_one_s_own_is_asked_about_once_and_driven(  # type: ignore[n
     rig.wait_idle()
     assert asked == ["new", "new", "changed"]
     assert "RuntimeError: no hardware here" in rig.label("message")
+    rig.click("forgetOwn")
+    assert [page.own_file.itemText(row) for row in range(page.own_file.count())] == ["a Python file …"]
+    assert not rig.button("forgetOwn").isVisible()
+    assert own_device_file(file).state == "new"
 
 
 def test_an_own_device_that_was_not_asked_about_is_not_run(

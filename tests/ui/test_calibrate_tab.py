@@ -95,7 +95,7 @@ class Bench:
 
     def label(self, name: str) -> str:
         text: str = child(self.tab.widget, QLabel, name).text()
-        return text
+        return text.replace("\u00a0", " ")
 
     def files(self) -> list[Path]:
         return sorted(self.tab.store().folder.glob("*.json"))

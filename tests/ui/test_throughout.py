@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import pytest
 from PySide6.QtCore import QObject, QRect, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QImage
@@ -9,8 +11,12 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import (
     QApplication,
     QCheckBox,
+    QComboBox,
     QDoubleSpinBox,
     QLineEdit,
+    QListWidget,
+    QListWidgetItem,
+    QMenu,
     QPushButton,
     QRadioButton,
     QScrollArea,
@@ -21,6 +27,7 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.ui.task_bar import TaskBar, time_left
 from fingerlab.ui.theme import Appearance, apply_appearance
+from fingerlab.ui.widgets.framed_ticks import FramedTicks
 from fingerlab.ui.window import MainWindow
 
 from .hands import child, invented_diagnosis
@@ -129,6 +136,51 @@ def test_a_field_or_box_has_an_edge_that_is_seen(qtbot: QtBot, qapp: QApplicatio
         row = [image.pixelColor(x, field.geometry().center().y()) for x in range(4, 40)]
         edge = max(contrast(colour, row[0]) for colour in row)
         assert edge > (1.4 if look == "light" else 2.0), type(field).__name__
+
+
+@pytest.mark.parametrize("look", ["light", "dark"])
+def test_boxes_in_a_list_have_an_edge_ticked_or_not(
+    qtbot: QtBot, qapp: QApplication, look: Appearance
+) -> None:
+    listed = QListWidget()
+    qtbot.addWidget(listed)
+    listed.setItemDelegate(FramedTicks(listed))
+    for state in (Qt.CheckState.Checked, Qt.CheckState.Unchecked):
+        item = QListWidgetItem()
+        item.setCheckState(state)
+        listed.addItem(item)
+    apply_appearance(qapp, look)
+    image = listed.viewport().grab().toImage()
+    apply_appearance(qapp, "light")
+    for row in range(listed.count()):
+        place = listed.visualItemRect(listed.item(row))
+        y = place.center().y() - 5  # above the tick, between the frame's upper corners
+        edge = max(contrast(image.pixelColor(x, y), image.pixelColor(40, y)) for x in range(20))
+        assert edge > 3.0, row
+
+
+@pytest.mark.parametrize("look", ["light", "dark"])
+@pytest.mark.parametrize("kind", [QMenu, QComboBox])
+def test_the_entry_under_the_mouse_can_be_read(
+    qtbot: QtBot, qapp: QApplication, kind: type[QMenu | QComboBox], look: Appearance
+) -> None:
+    apply_appearance(qapp, look)
+    choice = kind()
+    qtbot.addWidget(choice)
+    if isinstance(choice, QMenu):
+        choice.setActiveAction(choice.addAction("MMMM"))
+        shown: QWidget = choice
+    else:
+        choice.addItem("MMMM")
+        view = choice.view()
+        view.window().resize(120, 60)
+        view.setCurrentIndex(choice.model().index(0, 0))
+        shown = view.viewport()
+    image = shown.grab(QRect(0, 0, 90, 20)).toImage()
+    apply_appearance(qapp, "light")
+    colours = [image.pixelColor(x, y) for x in range(4, 80) for y in range(4, 16)]
+    ground = Counter(colour.name() for colour in colours).most_common(1)[0][0]
+    assert max(contrast(colour, QColor(ground)) for colour in colours) > 4.5
 
 
 def contrast(one: QColor, other: QColor) -> float:

@@ -81,7 +81,7 @@ def test_the_cursor_tells_the_values_under_it(opened: MainWindow, qtbot: QtBot) 
 
 def test_clicking_a_candidate_shows_its_fingerprint(opened: MainWindow) -> None:
     lab = lab_of(opened).view
-    assert child(opened, QLabel, "verdict").text() == "Missing: Coulomb joint friction, 83 %"
+    assert child(opened, QLabel, "verdict").text() == "Missing: Coulomb joint friction, 83\u00a0%"
     assert "Stribeck" in child(opened, QLabel, "setText").text()
     view = lab.candidates.view
     row = lab.candidates.list.index_of("stribeck_friction")
@@ -132,7 +132,7 @@ def test_adding_the_effect_makes_the_error_fall_and_undo_brings_it_back(
     assert child(opened, QLabel, "verdict").text() == "Nothing more is missing"
     QTest.keyClick(opened, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
     assert table.cell("joint_torque", "now") == "4.81"
-    assert child(opened, QLabel, "verdict").text() == "Missing: Coulomb joint friction, 83 %"
+    assert child(opened, QLabel, "verdict").text() == "Missing: Coulomb joint friction, 83\u00a0%"
     click(opened, "redo")
     assert table.cell("joint_torque", "now") == "0.44"
     click(opened, "undo")

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QMessageBox, QPushButton, QSpinBox, QWidget
+from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QSpinBox, QWidget
 
+from fingerlab.errors import UserError
+
+from ..own_files import ask_to_run as ask
 from ..widgets.focus import set_usable
 from ..widgets.labels import heading, remark
 from .fields import across, centred_column, choice, number
-from .opening import Wanted, own_device_file, own_device_files
+from .opening import Wanted, forget_own_device, own_device_file, own_device_files
 
 if TYPE_CHECKING:
     from fingerlab.devices.own import DeviceFile
@@ -31,11 +34,14 @@ SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
 
 
 class ConnectPage(QWidget):
-    """Signals: chosen(Wanted); look_asked: for devices, with the rig file of now; runs_asked(Path)."""
+    """Signals: chosen(Wanted); look_asked: for devices, with the rig file of now; runs_asked(Path);
+    refused(str): a sentence on what could not be done.
+    """
 
     chosen = Signal(object)
     look_asked = Signal()
     runs_asked = Signal(object)
+    refused = Signal(str)
 
     def __init__(self, folder: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -54,6 +60,8 @@ class ConnectPage(QWidget):
         self.simulated.clicked.connect(self._on_simulated)
         self.fault.currentIndexChanged.connect(self._on_fault)
         self.own.clicked.connect(self._on_own)
+        self.own_file.currentIndexChanged.connect(self._on_own_file)
+        self.forget.clicked.connect(self._on_forget)
         self.replay.clicked.connect(self._on_replay)
         self.replay_run.clicked.connect(self._on_replay_run)
         self.rig.clicked.connect(self._on_rig)
@@ -109,6 +117,8 @@ class ConnectPage(QWidget):
             "A Python file of yours that drives other hardware; you are asked before it is run."
         )
         self.own_file: QComboBox = choice("ownFile", {}, "File of an own device.")
+        self.forget = _button("Forget &it", "forgetOwn")
+        self.forget.setToolTip("Take it from the list; you are asked again before this file is run.")
         self._offer_own(())
 
     def _make_replay(self) -> None:
@@ -134,7 +144,7 @@ class ConnectPage(QWidget):
             (self.simulated, self.effect, self.seed),
             (room, self.fault, self.fault_after),
             (self.card, self.found, self.again),
-            (self.own, self.own_file),
+            (self.own, self.own_file, self.forget),
             (self.replay, self.replay_text, self.runs, self.replay_run),
             (self.rig, self.rig_text),
         ):
@@ -154,6 +164,7 @@ class ConnectPage(QWidget):
             self.own_file.addItem(path.name, path)
             self.own_file.setItemData(self.own_file.count() - 1, str(path), Qt.ItemDataRole.ToolTipRole)
         self.own_file.addItem("another Python file …" if files else "a Python file …", None)
+        self._on_own_file()
 
     def show_looking(self) -> None:
         """A card is looked for."""
@@ -205,7 +216,15 @@ class ConnectPage(QWidget):
     def show_busy(self, what: str) -> None:
         """While something is being connected, say so."""
         self.title.setText(f"{what} …" if what else "No rig connected")
-        for button in (self.simulated, self.own, self.replay, self.replay_run, self.rig, self.again):
+        for button in (
+            self.simulated,
+            self.own,
+            self.forget,
+            self.replay,
+            self.replay_run,
+            self.rig,
+            self.again,
+        ):
             set_usable(button, not what)
         set_usable(self.card, not what and bool(self._card) and not self.card.toolTip())
 
@@ -237,6 +256,18 @@ class ConnectPage(QWidget):
         self._offer_own([path, *others])  # who puts it right and tries again finds it chosen
         self.chosen.emit(Wanted(f"own:{path}", self.rig_file, own=file))
 
+    def _on_own_file(self) -> None:
+        self.forget.setVisible(self.own_file.currentData() is not None)
+
+    def _on_forget(self) -> None:
+        path = self.own_file.currentData()
+        try:
+            forget_own_device(path)
+        except UserError as error:
+            self.refused.emit(str(error))
+        self._offer_own(own_device_files())
+        self.own_file.setFocus()  # the button is gone where none is left
+
     def _browse_own(self) -> Path | None:
         known = own_device_files()
         folder = str(known[0].parent) if known else self._folder
@@ -261,20 +292,7 @@ class ConnectPage(QWidget):
 
 def ask_to_run(parent: QWidget, file: DeviceFile) -> bool:
     """Whether a file that is new, or was changed, may be run."""
-    box = QMessageBox(parent)
-    box.setWindowTitle("FingerLab")
-    why = "has changed since you let it be run" if file.state == "changed" else "has not been run yet"
-    box.setText(
-        f"{file.path.name} {why}. It is a program: it drives the motor, and may do all that you may. Run it "
-        "now and from now on?"
-    )
-    box.setInformativeText(str(file.path))
-    box.setDetailedText(file.content.decode("utf-8", errors="replace"))
-    run = box.addButton("&Run it", QMessageBox.ButtonRole.AcceptRole)
-    leave = box.addButton("&Leave it", QMessageBox.ButtonRole.RejectRole)
-    box.setDefaultButton(leave)
-    box.exec()
-    return box.clickedButton() is run
+    return ask(parent, file.path, file.content, file.state == "changed", "it drives the motor, and")
 
 
 def _button(text: str, name: str) -> QPushButton:

@@ -7,7 +7,7 @@ from pathlib import Path
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QWidget
 
-from ..widgets.labels import ElidedLabel
+from ..widgets.labels import header_name
 
 
 class AcquireHeader(QWidget):
@@ -18,12 +18,7 @@ class AcquireHeader(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.name = ElidedLabel()
-        self.name.setObjectName("deviceName")
-        self.name.setAccessibleName("Device")
-        font = self.name.font()
-        font.setBold(True)
-        self.name.setFont(font)
+        self.name = header_name("deviceName", "Device", alone=False)
         self.disconnect_button = QPushButton("Disconnect")
         self.disconnect_button.setObjectName("disconnect")
         self.disconnect_button.setToolTip("Stop the motor and let the device go, to choose another.")
@@ -42,7 +37,7 @@ class AcquireHeader(QWidget):
 
     def show_device(self, name: str, in_protocol: bool) -> None:
         """Which device is connected."""
-        self.name.setText(name[:1].upper() + name[1:] if name else "Acquire")
+        self.name.setText(name[:1].upper() + name[1:] if name else "")
         self.disconnect_button.setVisible(bool(name))
         self.disconnect_button.setEnabled(not in_protocol)
 

@@ -150,6 +150,17 @@ def own_device_files() -> tuple[Path, ...]:
         return ()
 
 
+def forget_own_device(path: Path) -> None:
+    """Its file is asked about again before it is run.
+
+    Raises:
+        UserError: the settings cannot be read or written.
+    """
+    from fingerlab.devices.own import forget
+
+    forget(path)
+
+
 def find_devices(rig_file: Path | None) -> tuple[Found, ...]:
     """What can be used, with the sentence to show.
 

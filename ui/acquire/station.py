@@ -131,7 +131,8 @@ class Station(QObject):
         self.model = None
         self._timer.start()
         self.desk.show_bench(opened)
-        self.desk.say(f"{self.status.device} is open")
+        device = self.status.device
+        self.desk.say(f"{device[:1].upper()}{device[1:]} is open")
         self._show()
         self.changed.emit()
 

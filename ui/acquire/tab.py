@@ -131,6 +131,7 @@ class AcquireTab(Tab):
         page.chosen.connect(station.open)
         page.look_asked.connect(self._look_for_devices)
         page.runs_asked.connect(self._look_for_runs)
+        page.refused.connect(self.desk.tell)
         self.panel.set_up_chosen.connect(self._on_set_up_chosen)
         self.panel.load_chosen.connect(self._on_load_chosen)
         self.panel.history.changed.connect(desk.commands_changed)

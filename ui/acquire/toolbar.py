@@ -19,6 +19,8 @@ from PySide6.QtWidgets import (
     QWidgetAction,
 )
 
+from fingerlab.report.screen import ScreenUnit
+
 from ..widgets.labels import ElidedLabel
 from .channels import QUANTITIES, SHOWN
 from .fields import choice
@@ -129,7 +131,7 @@ class TriggerButton(QToolButton):
         layout = QGridLayout(form)
         layout.setContentsMargins(16, 8, 16, 8)
         layout.addWidget(self.on, 0, 0, 1, 2)
-        self._unit = QLabel("&Level")
+        self._unit = QLabel(f"&Level ({self._shown_unit().symbol})")
         self._unit.setBuddy(self.level)
         for row, (label, field) in enumerate(
             ((QLabel("Quantity"), self.quantity), (QLabel("Edge"), self.edge), (self._unit, self.level)), 1
@@ -152,9 +154,11 @@ class TriggerButton(QToolButton):
             self._on_quantity()
         self._apply()
 
+    def _shown_unit(self) -> ScreenUnit:
+        return QUANTITIES[str(self.quantity.currentData())].unit
+
     def _on_quantity(self) -> None:
-        column = str(self.quantity.currentData())
-        unit = QUANTITIES[column].unit
+        column, unit = str(self.quantity.currentData()), self._shown_unit()
         self._unit.setText(f"&Level ({unit.symbol})")
         self.level.setValue(level_of(self._plots.history, column) * unit.factor)
         self._apply()

@@ -6,8 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from PySide6.QtCore import QEvent, QObject, QSize, Qt, Signal
-from PySide6.QtGui import QIcon, QKeyEvent, QPainter, QPen, QPixmap, QWheelEvent
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QWidget
+from PySide6.QtGui import QIcon, QKeyEvent, QPainter, QPaintEvent, QPen, QPixmap, QWheelEvent
+from PySide6.QtWidgets import (
+    QComboBox,
+    QHBoxLayout,
+    QPushButton,
+    QStyle,
+    QStyleOptionComboBox,
+    QStylePainter,
+    QWidget,
+)
 
 from fingerlab.sessions.model import Run, Session
 
@@ -51,7 +59,27 @@ def over_pen(number: int, colours: Colours, width: float = 1.0) -> QPen:
 
 
 class Adding(QComboBox):
-    """A list from which things are added one by one: neither keys nor wheel run through it when shut."""
+    """A list from which things are added one by one: neither keys nor wheel run through it when shut.
+
+    Shut, it shows its ``caption``, which is short, in place of what was chosen last; where there is none,
+    that. Open, it is as wide as its entries.
+    """
+
+    caption = ""
+
+    def showPopup(self) -> None:
+        view = self.view()
+        bar = view.verticalScrollBar().sizeHint().width()
+        view.setMinimumWidth(max(view.sizeHintForColumn(0) + bar, self.width()))
+        super().showPopup()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter, option = QStylePainter(self), QStyleOptionComboBox()
+        self.initStyleOption(option)
+        if self.caption:
+            option.currentText = self.caption
+        painter.drawComplexControl(QStyle.ComplexControl.CC_ComboBox, option)
+        painter.drawControl(QStyle.ControlElement.CE_ComboBoxLabel, option)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         if event.key() in (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_PageUp, Qt.Key.Key_PageDown):
@@ -147,6 +175,7 @@ class Overlays(QObject):
     def offer_all(self, sessions: Sequence[Session]) -> None:
         """Offer the runs of these sessions, the first of which is under review; lay none over."""
         self._offered, self._over, self._before = [], {}, 0
+        self._caption()
         blocked = self.field.blockSignals(True)
         self.field.clear()
         if sessions:
@@ -208,8 +237,14 @@ class Overlays(QObject):
 
     def _settle(self, row: int) -> None:
         self._before = row
+        self._caption()
         self._go_to(row)
         self.changed.emit()
+
+    def _caption(self) -> None:
+        many = len(self._over)
+        self.field.caption = f"{many} run{'s' if many > 1 else ''} over it" if many else ""
+        self.field.update()
 
     def _go_to(self, row: int) -> None:
         blocked = self.field.blockSignals(True)

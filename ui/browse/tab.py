@@ -21,6 +21,7 @@ from fingerlab.sessions.model import Session
 from ..desk import Desk, read_session
 from ..tab import SEPARATOR, Command, Tab
 from ..task_bar import time_left
+from ..widgets.labels import header_name
 from .background import Background, IsCancelled, Tell
 from .library_page import LibraryPage
 from .review_data import ReviewData
@@ -75,6 +76,7 @@ class SessionsTab(Tab):
         self.pages = QStackedWidget()
         self.pages.addWidget(self.page)
         self.widget = self.pages
+        self.header = self.name = header_name("reviewSession", "Session under review")
         self.writer = Writer(desk, self.widget, self)
         self.notebook = Notebook(self.folder)
         self.history = EditHistory(self)
@@ -119,6 +121,7 @@ class SessionsTab(Tab):
         self.pages.addWidget(review)
         review.back_asked.connect(self.show_table)
         review.changed.connect(self.desk.commands_changed)
+        review.changed.connect(lambda: self.name.setText(self.window_title()))
         review.cut_asked.connect(self.cut)
         review.beside_asked.connect(self.review_beside)
         review.refused.connect(self.desk.tell)

@@ -26,8 +26,11 @@ from ..widgets.labels import heading, remark
 from .light import StabilityLight
 from .picture import Picture
 from .plots import LivePlot
+from .wording import held_together
 
 PANEL_WIDTH = 304
+NUMBERS = (0, 2)
+"""Columns of numbers in the table of steps."""
 
 
 class MeasurePage(QWidget):
@@ -137,7 +140,8 @@ class MeasurePage(QWidget):
         item = self.table.item(number, 0)
         if item is not None:
             self.table.scrollToItem(item)
-        self.doubt.setText(f"Doubtful: {doubts[-1].words} Undo the step if so." if doubts else "")
+        said = f"Doubtful: {doubts[-1].words} Undo the step if so." if doubts else ""
+        self.doubt.setText(held_together(said))
         self.doubt.setVisible(bool(doubts))
         self.picture.show_step(plan, number)
         self.undo.refuse("" if wizard.can_undo else "No step has been captured yet.")
@@ -179,7 +183,7 @@ def _fill(table: QTableWidget, rows: list[tuple[str, str, str, str]]) -> None:
         for index in range(len(rows)):
             for column in range(4):
                 cell = QTableWidgetItem()
-                if column in (0, 2):
+                if column in NUMBERS:
                     cell.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
                 table.setItem(index, column, cell)
     for index, texts in enumerate(rows):
@@ -194,13 +198,18 @@ def _steps_table() -> QTableWidget:
     table.setObjectName("calibrationSteps")
     table.setAccessibleName("Steps and their readings")
     table.setHorizontalHeaderLabels(["mark", "pass", "read (V)", ""])
+    for column in range(4):
+        title = table.horizontalHeaderItem(column)
+        assert title is not None
+        side = Qt.AlignmentFlag.AlignRight if column in NUMBERS else Qt.AlignmentFlag.AlignLeft
+        title.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
     table.verticalHeader().hide()
     table.verticalHeader().setDefaultSectionSize(20)
     table.verticalHeader().setMinimumSectionSize(16)
     table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
     table.setFont(small_font())
     letter = table.fontMetrics().horizontalAdvance("0")
-    for column, letters in enumerate((9, 13, 9)):
+    for column, letters in enumerate((8, 11, 9)):
         table.horizontalHeader().resizeSection(column, letters * letter)
     table.horizontalHeader().setStretchLastSection(True)
     table.horizontalHeader().setFont(small_font())

@@ -24,6 +24,8 @@ BANDS = 4
 SYMBOLS = ("o", "t1")
 SIZES = (12, 6)
 AXIS_WIDTH = 72
+SMALL_N = 0.1
+"""Below this a force is shown in mN, as in the numbers beside the plots."""
 
 
 class _Plot(pg.PlotWidget):
@@ -176,7 +178,8 @@ class ResidualPlot(_OutcomePlot):
 
     def _draw(self, outcome: Outcome) -> None:
         plot, colours = self.getPlotItem(), colours_of(self)
-        factor, unit = _screen(outcome)
+        across, known_unit = _screen(outcome)
+        factor, unit = _screen(outcome, max(map(abs, outcome.calibration.residuals)))
         limit = factor * outcome.sensor.accuracy.high
         band = pg.LinearRegionItem(
             (-limit, limit),
@@ -188,7 +191,7 @@ class ResidualPlot(_OutcomePlot):
         band.setZValue(-10)
         plot.addItem(band, ignoreBounds=True)
         plot.addItem(pg.InfiniteLine(0, angle=0, pen=self.pen(colours.muted)), ignoreBounds=True)
-        known = factor * np.array(outcome.calibration.known)
+        known = across * np.array(outcome.calibration.known)
         residuals = factor * np.array(outcome.calibration.residuals)
         _add_points(plot, outcome, known, residuals, colours.residual, self.pen(colours.residual, 1.5))
         doubtful = [one.number for one in outcome.misplaced]
@@ -197,7 +200,7 @@ class ResidualPlot(_OutcomePlot):
             pen = self.pen(colours.fault, 2)
             plot.plot(known[doubtful], residuals[doubtful], pen=None, symbolPen=pen, **rings)
         plot.setLabel("left", f"off the line ({unit})")
-        plot.setLabel("bottom", f"known value ({unit})")
+        plot.setLabel("bottom", f"known value ({known_unit})")
         # What the data sheet allows may be a hundred times wider; the shape of the residuals must be seen.
         largest = float(np.abs(residuals).max()) or limit
         far = 1.2 * max(largest, min(limit, 1.5 * largest))
@@ -219,6 +222,9 @@ def _add_points(
         plot.plot(x[chosen], y[chosen], pen=None, symbolBrush=(None, colour)[number % 2], **look)
 
 
-def _screen(outcome: Outcome) -> tuple[float, str]:
-    """Factor and unit on the screen."""
-    return (180.0 / math.pi, "°") if outcome.sensor.unit == "rad" else (1.0, outcome.sensor.unit)
+def _screen(outcome: Outcome, largest: float = math.inf) -> tuple[float, str]:
+    """Factor and unit on the screen of values up to ``largest`` (SI)."""
+    unit = outcome.sensor.unit
+    if unit == "rad":
+        return 180.0 / math.pi, "°"
+    return (1e3, f"m{unit}") if largest < SMALL_N else (1.0, unit)

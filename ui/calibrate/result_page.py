@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QLineEdit, QVBoxLayout, QWidget
 
 from fingerlab.calibration.result import Outcome, amount_text
@@ -74,26 +75,36 @@ class ResultPage(QWidget):
         left.addWidget(self.legend)
         left.addWidget(self.fit, 3)
         left.addWidget(self.residuals, 2)
+        told = QWidget()
+        told.setFixedWidth(PANEL_WIDTH - 1)
+        words = QVBoxLayout(told)
+        words.setContentsMargins(16, 16, 16, 0)
+        words.setSpacing(8)
+        words.addLayout(self.numbers)
+        words.addSpacing(8)
+        words.addWidget(self.objections_title)
+        words.addWidget(self.objections)
+        words.addWidget(self.notes)
+        words.addStretch(1)
+        decision = QVBoxLayout()
+        decision.setContentsMargins(16, 8, 16, 16)
+        decision.setSpacing(8)
+        decision.addWidget(self.reason)
+        for button in (self.accept, self.with_reason, self.reject, self.back):
+            decision.addWidget(button)
         panel = QWidget()
         panel.setObjectName("acquirePanel")
-        panel.setFixedWidth(PANEL_WIDTH)
+        panel.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
         side = QVBoxLayout(panel)
-        side.setContentsMargins(16, 16, 16, 16)
-        side.setSpacing(8)
-        side.addLayout(self.numbers)
-        side.addSpacing(8)
-        side.addWidget(self.objections_title)
-        side.addWidget(self.objections)
-        side.addWidget(self.notes)
-        side.addStretch(1)
-        side.addWidget(self.reason)
-        for button in (self.accept, self.with_reason, self.reject, self.back):
-            side.addWidget(button)
+        side.setContentsMargins(1, 0, 0, 0)  # beside the panel's edge
+        side.setSpacing(0)
+        side.addWidget(SideRoom(told), 1)  # many words scroll; the buttons stay in sight
+        side.addLayout(decision)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(0)
         layout.addLayout(left, 1)
-        layout.addWidget(SideRoom(panel))
+        layout.addWidget(panel)
 
     def show_outcome(self, outcome: Outcome, previous: Record | None, notes: list[str], back: str) -> None:
         """Show a result; ``back`` is what the last button says."""

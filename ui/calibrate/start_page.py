@@ -21,6 +21,7 @@ HELP = {
     "mcp": "Marks from 0° to 90°, twice; about five minutes.",
     "pip": "Marks from 0° to 90°, twice; about five minutes.",
 }
+AGAIN_HELP = "Writes a copy of a session whose forces and angles are calculated anew from its raw volts."
 
 
 class StartPage(QWidget):
@@ -45,9 +46,6 @@ class StartPage(QWidget):
         self.current: dict[str, QLabel] = {}
         self.again = QPushButton("Apply to an old &session…")
         self.again.setObjectName("applyAgain")
-        self.again.setToolTip(
-            "Writes a copy of a session whose forces and angles are calculated anew from its raw volts."
-        )
         self.again.clicked.connect(self.again_asked)
         self.folder = remark()
         self._build()
@@ -113,3 +111,4 @@ class StartPage(QWidget):
             label.setText(f"Now: {record_words(SENSORS[name], records.get(name))}")
         self.folder.setText(f"Calibrations are kept in {folder}")
         self.again.setEnabled(bool(records))
+        self.again.setToolTip(AGAIN_HELP if records else "No sensor has been calibrated on this rig yet.")

@@ -22,7 +22,7 @@ from fingerlab.errors import UserError
 from ..desk import Desk
 from ..tab import SEPARATOR, Command, Tab
 from ..tasks import Progress
-from ..widgets.labels import ElidedLabel
+from ..widgets.labels import header_name
 from .measure_page import MeasurePage
 from .result_page import ResultPage
 from .source import NO_RIG, VoltSource
@@ -59,10 +59,7 @@ class CalibrateTab(Tab):
         for page in (self.start_page, self.measure_page, self.result_page):
             self.pages.addWidget(page)
         self.widget = self.pages
-        self.header = self.title = ElidedLabel()
-        self.title.setObjectName("calibrateTitle")
-        self.title.setAccessibleName("What is calibrated")
-        self.title.setContentsMargins(16, 0, 8, 0)
+        self.header = self.title = header_name("calibrateTitle", "What is calibrated")
         self.commands = self._menu()
         self.source.arrived.connect(self._on_volts)
         self.start_page.start_asked.connect(self.start)
@@ -341,7 +338,8 @@ class CalibrateTab(Tab):
         bench = self.desk.bench
         words = UNCONNECTED if refusal == NO_RIG else refusal
         if not words and bench is not None:
-            words = SIMULATED if bench.simulated else f"{self.desk.rig_line.device or 'A rig'} is connected."
+            device = self.desk.rig_line.device or "a rig"
+            words = SIMULATED if bench.simulated else f"{device[:1].upper()}{device[1:]} is connected."
         self.start_page.show_rig(words, refusal, bench is not None)
 
     def _show_measuring(self) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 
 from fingerlab.calibration import Calibration, Estimate
 from fingerlab.calibration.result import Outcome, amount_text, compare
 from fingerlab.calibration.sensors import Sensor
 from fingerlab.calibration.store import Record
-from fingerlab.report.screen import decimals_for, fixed, r2_text
+from fingerlab.report.screen import decimals_for, fixed, printed, r2_text
 
+_AMOUNT = re.compile(r"(?<=\d) (?=(?:g|kg|s|V|mV|N|mN)\b)")
 SENSOR_NAMES = {"load-cell": "Load cell", "mcp": "MCP angle sensor", "pip": "PIP angle sensor"}
 
 
@@ -20,7 +22,7 @@ def estimate_words(sensor: Sensor, estimate: Estimate) -> str:
     unit = estimate.unit.replace("rad", "°")
     half = factor * (estimate.high - estimate.low) / 2
     digits = decimals_for(half)
-    behind = unit if unit == "°" else f" {unit}"
+    behind = unit if unit.startswith("°") else f" {unit}"
     return f"{fixed(factor * estimate.value, digits)} ± {fixed(half, digits)}{behind}"
 
 
@@ -74,7 +76,7 @@ def _sheet_row(calibration: Calibration) -> tuple[str, str, str]:
     word = "inside" if sensor.gain.low <= size <= sensor.gain.high else "outside"
     return (
         "Data sheet",
-        f"{low:.1f} to {high:.1f} {unit}/V: {word}",
+        f"{low:.1f} to {high:.1f}{_close(unit)}/V: {word}",
         f"Gain allowed by the {sensor.gain.source}.",
     )
 
@@ -106,9 +108,19 @@ def record_words(sensor: Sensor, record: Record | None) -> str:
     if record is None:
         return "not calibrated on this rig yet"
     factor, unit = (180.0 / math.pi, "°") if sensor.unit == "rad" else (1.0, sensor.unit)
-    return f"{record.title}: {fixed(factor * record.gain, 3)} {unit}/V ({record.verdict})"
+    return f"{record.title}: {fixed(factor * record.gain, 3)}{_close(unit)}/V ({record.verdict})"
+
+
+def _close(unit: str) -> str:
+    """A unit behind its number: degrees stand close."""
+    return unit if unit == "°" else f" {unit}"
+
+
+def held_together(text: str) -> str:
+    """The same words; no line ends between a number and its unit."""
+    return _AMOUNT.sub("\u00a0", text)
 
 
 def listed(sentences: Sequence[str]) -> str:
     """One sentence a line."""
-    return "\n".join(sentences)
+    return held_together(printed("\n".join(sentences)))

@@ -60,8 +60,7 @@ class SpeedPlot(QuietPlot):
         duration = float(view.time[-1] + view.time[1])
         for region, start, stop in view.spans[self.joint]:
             self._tint(colours, region, start, stop)
-            if stop - start > 0.12 * duration:
-                self.write(REGION_TITLES[region], (start + stop) / 2, high)
+            self.write_over((REGION_TITLES[region],), (start, stop), high, turns=True)
         for sign in (1, -1):
             level = sign * DEGREES * view.thresholds[self.joint]
             plot.addItem(
@@ -118,8 +117,9 @@ class PlanePlot(QuietPlot):
         (left, right), (low, high) = span_of(shown.x), span_of(np.concatenate([lhs, on_line]))
         high += 0.12 * (high - low)
         plot.setRange(xRange=(left, right), yRange=(low, high), padding=0)
-        words = f"{JOINT_TITLES[self.joint]}, {REGION_TITLES[self.region]}: R² = {r2_text(shown.r2)}"
-        self.write(words, (left + right) / 2, high)
+        r2 = f"R² = {r2_text(shown.r2)}"
+        words = f"{JOINT_TITLES[self.joint]}, {REGION_TITLES[self.region]}: {r2}"
+        self.write_over((words, r2), (left, right), high)
         self.setAccessibleDescription(words)
 
 

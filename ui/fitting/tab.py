@@ -15,7 +15,7 @@ from ..desk import Desk
 from ..tab import Command, Tab
 from ..tasks import IsCancelled, Progress
 from ..widgets.invitation import lay_out_invitation
-from ..widgets.labels import ElidedLabel, heading, remark
+from ..widgets.labels import header_name, heading, remark
 from .panel import FitPanel
 from .view import FitView
 
@@ -44,10 +44,7 @@ class FitTab(Tab):
         self.panel = FitPanel()
         self.view = FitView()
         self.view.panes.remember(desk.settings)
-        self.name = ElidedLabel()
-        self.name.setContentsMargins(16, 0, 8, 0)
-        self.header = self.name
-        self.name.setObjectName("fitSession")
+        self.header = self.name = header_name("fitSession", "Session that is fitted")
         self.empty = QWidget()
         self.pages = QStackedWidget()
         self.pages.addWidget(self.empty)

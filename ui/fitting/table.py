@@ -24,15 +24,15 @@ COLUMNS = (
         "a or b: s times the slope of joint torque on cable tension, with its 90 % interval.",
     ),
     (
-        "kinematic\n(mm)",
+        "Kinematic\narm (mm)",
         "Kinematic moment arm: a, b of x_m = x0 + s (a θ1 + b θ2), with its 90 % interval.",
     ),
     ("Friction loss\n(mN m)", "L: the line's torque at no tension, with its 90 % interval. Nominal: 0."),
-    ("nominal loss\n(mN m)", "The nominal equations hold no friction loss."),
+    ("Nominal loss\n(mN m)", "The nominal equations hold no friction loss."),
     ("R²", "Of the line through all runs."),
     ("Delay\n(ms)", "By which the tension was shifted before the fit, mean over runs. Nominal: 0."),
 )
-LEAST_CHARACTERS = 15
+LEAST_CHARACTERS = 16
 """Width that each column keeps, in characters: room for the longest word of a heading."""
 RowKey = tuple[str, Joint, str]
 
@@ -43,7 +43,7 @@ class ParameterTable(NumberTable):
     chosen = Signal(object)
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__("parameters", "Fitted parameters with 90 % intervals", COLUMNS, parent)
+        super().__init__("parameters", "Fitted parameters with 90 % intervals", COLUMNS, 3, parent)
         self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
         # A narrower window scrolls before it cuts words.
         self.horizontalHeader().setMinimumSectionSize(

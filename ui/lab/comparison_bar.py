@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QFontMetrics, QResizeEvent
 from PySide6.QtWidgets import QButtonGroup, QComboBox, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QWidget
 
 from fingerlab.identify.results import EQUATION_TITLES, Comparison, EquationError
@@ -24,6 +26,7 @@ class ComparisonBar(QWidget):
         super().__init__(parent)
         self._comparisons: dict[tuple[str, str], Comparison] = {}
         self._sessions: dict[str, Session] = {}
+        self._error = ("", "")
         self._layout = QHBoxLayout(self)
         self._layout.setContentsMargins(0, 0, 0, 0)
         self._layout.setSpacing(4)
@@ -42,6 +45,9 @@ class ComparisonBar(QWidget):
         self.error = QLabel()
         self.error.setObjectName("equationError")
         self.error.setToolTip(f"Error on held-out runs: nominal model → present model. {FLOOR_HELP}")
+        bold = self.error.font()
+        bold.setBold(True)
+        self._letters = QFontMetrics(bold)
         self._layout.addSpacing(4)
         self._layout.addWidget(self.runs, 1)
         self._layout.addSpacing(8)
@@ -102,12 +108,28 @@ class ComparisonBar(QWidget):
 
     def show_error(self, before: EquationError | None, now: EquationError | None) -> None:
         """The error of the equation shown, with the nominal model and now."""
-        if before is None or now is None:
-            self.error.setText("")
-            return
-        was, is_now, floor, unit = error_texts(before, now)
-        change = f"{was} → <b>{is_now}</b>" if before is not now else f"<b>{is_now}</b>"
-        self.error.setText(f"error {change} {unit}, floor {floor}")
+        self._error = ("", "")
+        if before is not None and now is not None:
+            was, is_now, floor, unit = error_texts(before, now)
+            change = f"{was} → <b>{is_now}</b>" if before is not now else f"<b>{is_now}</b>"
+            self._error = (f"error {change} {unit}", f", floor {floor}")
+        self._fit_error()
+
+    def _fit_error(self) -> None:
+        """The floor is left out where room is short; the table below and the plot show it, too."""
+        error, floor = self._error
+        others = sum(
+            button.sizeHint().width() + 4 for button in self._buttons.values() if button.isVisibleTo(self)
+        )
+        short, plain = (re.sub("<[^>]*>", "", text) for text in (error, error + floor))
+        # The bar may get as narrow as the short wording lets it.
+        self.error.setMinimumWidth(self._letters.horizontalAdvance(short))
+        needed = others + self.runs.minimumSizeHint().width() + 24 + self._letters.horizontalAdvance(plain)
+        self.error.setText(error + floor if needed <= self.width() else error)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self._fit_error()
 
     # choice
 

@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from fingerlab.identify.results import EQUATION_TITLES, Candidate, Diagnosis, Fingerprint
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed, parameter_titles, suspects
-from fingerlab.report.screen import estimate_text
+from fingerlab.report.screen import estimate_text, printed
 
 from ..theme import small_font
 from ..widgets.labels import ElidedLabel, WholeLabel
@@ -42,9 +42,8 @@ class EvidencePanel(QWidget):
         layout.addWidget(self.explanation)
         keys = QHBoxLayout()
         keys.setContentsMargins(72, 0, 0, 0)
-        self.keys = LegendKeys(FINGERPRINT)
+        self.keys = LegendKeys(FINGERPRINT, wraps=True)
         keys.addWidget(self.keys)
-        keys.addStretch(1)
         layout.addLayout(keys)
         layout.addWidget(self.plot, 1)
 
@@ -63,8 +62,9 @@ class EvidencePanel(QWidget):
 
     def _show_candidate(self, candidate: Candidate, diagnosis: Diagnosis) -> None:
         self.title.setText(candidate.title)
-        self.explanation.setText(candidate.explanation)
-        self.explanation.setToolTip(candidate.explanation)
+        words = printed(candidate.explanation)
+        self.explanation.setText(words)
+        self.explanation.setToolTip(words)
         self.title.setToolTip(_strength(candidate))
         shown, alike = candidate.fingerprint, look_alikes(candidate, diagnosis)
         self.keys.set_keys(LOOK_ALIKES if alike else FINGERPRINT)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPaintEvent
+from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QHBoxLayout, QSizePolicy, QWidget
 
 from ..theme import Colours, colours_of, small_font
@@ -51,12 +51,18 @@ RESIDUAL_ONLY = tuple(key for key in FINGERPRINT if key.colour != "candidate")
 
 
 class LegendKeys(QWidget):
-    """Painted samples with their words."""
+    """Painted samples with their words.
 
-    def __init__(self, keys: tuple[Key, ...], parent: QWidget | None = None) -> None:
+    Args:
+        wraps: goes on in another line where room is short; else it keeps the room of one line.
+    """
+
+    def __init__(self, keys: tuple[Key, ...], wraps: bool = False, parent: QWidget | None = None) -> None:
         super().__init__(parent)
+        self._wraps = wraps
         self.setFont(small_font())
-        self.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
+        across = QSizePolicy.Policy.Preferred if wraps else QSizePolicy.Policy.Fixed
+        self.setSizePolicy(across, QSizePolicy.Policy.Fixed)
         self.set_keys(keys)
 
     def set_keys(self, keys: tuple[Key, ...]) -> None:
@@ -66,25 +72,48 @@ class LegendKeys(QWidget):
         self.updateGeometry()
         self.update()
 
+    def _width_of(self, key: Key) -> float:
+        return SAMPLE + 4 + QFontMetricsF(small_font()).horizontalAdvance(key.words)
+
+    @property
+    def _line_height(self) -> int:
+        return int(QFontMetricsF(small_font()).height()) + 4
+
+    def _places(self, room: float) -> list[tuple[float, int]]:
+        """Where each entry begins in so much room: x, and the line from 0."""
+        x, row, places = 0.0, 0, []
+        for key in self._keys:
+            width = self._width_of(key)
+            if self._wraps and x > 0 and x + width > room:
+                x, row = 0.0, row + 1
+            places.append((x, row))
+            x += width + GAP
+        return places
+
     def sizeHint(self) -> QSize:
-        metrics = QFontMetricsF(small_font())
-        width = sum(SAMPLE + 4 + metrics.horizontalAdvance(key.words) for key in self._keys)
-        return QSize(int(width + GAP * (len(self._keys) - 1)) + 4, int(metrics.height()) + 4)
+        width = sum(map(self._width_of, self._keys)) + GAP * (len(self._keys) - 1)
+        return QSize(int(width) + 4, self.minimumSizeHint().height())
+
+    def minimumSizeHint(self) -> QSize:
+        if not self._wraps:
+            return QSize(0, self._line_height)
+        rows = 1 + max((row for _, row in self._places(self.width())), default=0)
+        return QSize(int(max(map(self._width_of, self._keys), default=0.0)) + 4, rows * self._line_height)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        if self._wraps and event.oldSize().width() != event.size().width():
+            self.updateGeometry()
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
         painter.setFont(small_font())
-        colours = colours_of(self)
-        metrics = QFontMetricsF(painter.font())
-        x = 0.0
-        for key in self._keys:
-            self._paint_sample(painter, QRectF(x, 0, SAMPLE, self.height()), key, colours)
-            x += SAMPLE + 4
+        colours, high = colours_of(self), self._line_height
+        for key, (x, row) in zip(self._keys, self._places(self.width()), strict=True):
+            self._paint_sample(painter, QRectF(x, row * high, SAMPLE, high), key, colours)
             painter.setPen(QColor(colours.text))
-            width = metrics.horizontalAdvance(key.words)
-            place = QRectF(x, 0, width + 2, self.height())
+            place = QRectF(x + SAMPLE + 4, row * high, self._width_of(key) - SAMPLE - 2, high)
             painter.drawText(place, Qt.AlignmentFlag.AlignVCenter, key.words)
-            x += width + GAP
 
     def _paint_sample(self, painter: QPainter, room: QRectF, key: Key, colours: Colours) -> None:
         colour = getattr(colours, key.colour)

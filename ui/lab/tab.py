@@ -132,7 +132,15 @@ class ModelLabTab(Tab):
             SEPARATOR,
             Command("&Practise on a hidden effect", self.practise),
             Command("Re&veal the hidden effect", self.reveal, None, self._sealed),
+            SEPARATOR,
+            Command("&Own effects…", self.show_own_effects),
         )
+
+    def show_own_effects(self) -> None:
+        """The folder of own effects, and which of its files may be run."""
+        from .own_effects import OwnEffects
+
+        OwnEffects(self.pages, self.desk.settings.folder()).open()
 
     # what the frame asks
 

@@ -61,7 +61,7 @@ def verdict_headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == UNKNOWN:
         return "What is missing is not in the catalogue"
     best = diagnosis.candidates[0]
-    return f"Missing: {in_sentence(best.title)}, {percent(best.probability)}"
+    return f"Missing: {in_sentence(best.title)}, {percent(best.probability).replace(' ', NO_BREAK)}"
 
 
 def set_words(diagnosis: Diagnosis) -> str:

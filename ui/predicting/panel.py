@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from ..theme import colours_of, small_font
+from ..widgets.framed_ticks import FramedTicks
 from ..widgets.labels import heading, remark
 from .plots import Look, look, sample
 
@@ -35,7 +36,6 @@ class PredictPanel(QWidget):
         super().__init__(parent)
         self.add = QPushButton("&Add model files…")
         self.add.setObjectName("addModels")
-        self.add.setProperty("primary", "true")
         self.add.setToolTip(
             "Model files that Fit, the Model lab or the command line saved; or drop them here."
         )
@@ -45,10 +45,9 @@ class PredictPanel(QWidget):
         self.list.setFont(small_font())
         self.list.setWordWrap(True)
         self.list.setSpacing(1)
-        # The style's own empty box cannot be seen on dark.
+        self.list.setItemDelegate(FramedTicks(self.list))
+        # The sample of the line stays readable in the chosen row.
         self.list.setStyleSheet(
-            "QListView::indicator:unchecked { border: 1px solid palette(dark); width: 11px; height: 11px; }"
-            # The sample of the line stays readable in the chosen row.
             "QListView::item:selected { background: palette(midlight); color: palette(text); }"
         )
         self.remove = QPushButton("&Remove this file")
@@ -98,6 +97,12 @@ class PredictPanel(QWidget):
             widget.blockSignals(False)
         self.list.setCurrentRow(0 if names else -1)
         self._enable()
+
+    def set_next(self, on: bool) -> None:
+        """Whether adding a model is the next thing to do; its button then stands out."""
+        self.add.setProperty("primary", "true" if on else None)
+        self.add.style().unpolish(self.add)
+        self.add.style().polish(self.add)
 
     def ticked(self) -> dict[str, Look]:
         """The models to show, with their looks; each keeps its own as long as it is ticked."""

@@ -25,7 +25,7 @@ from ..tab import Command, Tab
 from ..tasks import IsCancelled, Progress
 from ..undo_steps import UndoSteps
 from ..widgets.invitation import lay_out_invitation
-from ..widgets.labels import ElidedLabel, heading, remark
+from ..widgets.labels import header_name, heading, remark
 from ..widgets.panes import Panes
 from .panel import PANEL_WIDTH, PredictPanel
 from .plots import ForcePlot, PeriodPlot, SweepPlot
@@ -64,9 +64,7 @@ class PredictTab(Tab):
         self.panel = PredictPanel()
         self.force, self.period, self.sweep = ForcePlot(), PeriodPlot(), SweepPlot()
         self.numbers = NumbersTable()
-        self.name = ElidedLabel()
-        self.name.setContentsMargins(16, 0, 8, 0)
-        self.header = self.name
+        self.header = self.name = header_name("predictSession", "Session whose force is predicted")
         self.widget, self.empty, self.pages = QWidget(), QWidget(), QStackedWidget()
         self.wanted = WantedView(desk, self)
         self._build()
@@ -89,6 +87,7 @@ class PredictTab(Tab):
         self.empty_title, self.empty_text = heading(large=True), remark()
         self.empty_title.setObjectName("predictEmpty")
         self.empty_open = QPushButton("&Open a session…")
+        self.empty_open.setProperty("primary", "true")
         self.empty_open.clicked.connect(self.desk.open_asked)
         lay_out_invitation(self.empty, self.empty_title, self.empty_text, self.empty_open)
         middle = QWidget()
@@ -230,6 +229,7 @@ class PredictTab(Tab):
     def _refresh(self) -> None:
         found, opened = self.found, bool(self.sessions)
         self.name.setText(self.sessions[0].path.name if opened else "")
+        self.panel.set_next(opened and found is None)
         if found is None:
             waits = bool(self.models)
             no_force = "No force predicted" if waits else "No model yet"

@@ -34,7 +34,9 @@ class NumbersTable(NumberTable):
     """One row a ticked model."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__("predictionNumbers", "Numbers of each model on the run shown", COLUMNS, parent)
+        super().__init__(
+            "predictionNumbers", "Numbers of each model on the run shown", COLUMNS, parent=parent
+        )
         self.horizontalHeader().setMinimumSectionSize(40)
         self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         self.horizontalHeader().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)

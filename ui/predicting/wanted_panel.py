@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import (
     QComboBox,
     QDoubleSpinBox,
@@ -125,7 +125,7 @@ class WantedPanel(QWidget):
             box.clear()
             box.addItems(list(names))
             for row, name in enumerate(names):
-                box.setItemData(row, name, 3)  # Qt.ItemDataRole.ToolTipRole: the list may be too narrow
+                box.setItemData(row, name, Qt.ItemDataRole.ToolTipRole)  # the list may be too narrow
             box.setCurrentIndex(max(box.findText(before), 0))
             box.blockSignals(False)
 
@@ -189,4 +189,5 @@ def _number(
     field.setSingleStep(step)
     field.setValue(value)
     field.setKeyboardTracking(False)
+    field.setAlignment(Qt.AlignmentFlag.AlignRight)
     return field

@@ -7,6 +7,8 @@ takes it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from PySide6.QtWidgets import QWidget
 
 WAITS_FOR_FOCUS = "waitsForFocus"
@@ -14,18 +16,18 @@ WAITS_FOR_FOCUS = "waitsForFocus"
 
 def set_usable(widget: QWidget, on: bool) -> None:
     """Enable or disable a widget."""
-    if not on:
-        _let_go(widget)
-    widget.setEnabled(on)
-    if on:
-        _take_back(widget)
+    _change(widget, widget.setEnabled, on)
 
 
 def set_shown(widget: QWidget, on: bool) -> None:
     """Show or hide a widget."""
+    _change(widget, widget.setVisible, on)
+
+
+def _change(widget: QWidget, change: Callable[[bool], None], on: bool) -> None:
     if not on:
         _let_go(widget)
-    widget.setVisible(on)
+    change(on)
     if on:
         _take_back(widget)
 

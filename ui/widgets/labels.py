@@ -86,6 +86,23 @@ class WholeLabel(QLabel):
             self.updateGeometry()
 
 
+def header_name(name: str, accessible: str, alone: bool = True) -> ElidedLabel:
+    """What a tab shows in the window's header, such as a file: bold, short where room is short.
+
+    Args:
+        alone: nothing stands beside it, so that it keeps its own distance from the edges.
+    """
+    label = ElidedLabel()
+    label.setObjectName(name)
+    label.setAccessibleName(accessible)
+    font = label.font()
+    font.setBold(True)
+    label.setFont(font)
+    if alone:
+        label.setContentsMargins(16, 0, 8, 0)
+    return label
+
+
 def heading(text: str = "", large: bool = False) -> QLabel:
     """A bold label."""
     label = QLabel(text)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractItemView, QTableWidget, QWidget
 
 from ..theme import small_font
@@ -13,16 +14,26 @@ class NumberTable(QTableWidget):
     """A table with fixed columns, each a title and what it means."""
 
     def __init__(
-        self, name: str, accessible: str, columns: Sequence[tuple[str, str]], parent: QWidget | None = None
+        self,
+        name: str,
+        accessible: str,
+        columns: Sequence[tuple[str, str]],
+        words: int = 1,
+        parent: QWidget | None = None,
     ) -> None:
+        """Args:
+        columns: title and meaning of each. words: so many columns at the left hold words, the rest numbers.
+        """
         super().__init__(0, len(columns), parent)
         self.setObjectName(name)
         self.setAccessibleName(accessible)
         self.setHorizontalHeaderLabels([title for title, _ in columns])
-        for column, (_, words) in enumerate(columns):
+        for column, (_, meaning) in enumerate(columns):
             item = self.horizontalHeaderItem(column)
             assert item is not None
-            item.setToolTip(words)
+            item.setToolTip(meaning)
+            side = Qt.AlignmentFlag.AlignLeft if column < words else Qt.AlignmentFlag.AlignRight
+            item.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
         self.setFont(small_font())
         self.horizontalHeader().setFont(small_font())
         self.verticalHeader().hide()

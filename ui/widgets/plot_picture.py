@@ -13,6 +13,7 @@ from PySide6.QtGui import QImage, QPageLayout, QPageSize, QPainter, QPdfWriter
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.errors import UserError
+from fingerlab.sessions.place import whole_file
 
 from .plot_series import series_of, to_csv
 
@@ -33,15 +34,8 @@ def save_plot(widget: QWidget, path: Path) -> None:
     if make is None:
         raise UserError(f"{path.name} should end in .png, .svg, .pdf or .csv; that says what is written.")
     content = make(widget)
-    part = path.with_name(path.name + ".part")
-    try:
+    with whole_file(path, "choose a folder with room and write access.") as part:
         part.write_bytes(content)
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise UserError(
-            f"{path} cannot be written ({error.strerror}); choose a folder with room and write access."
-        ) from None
 
 
 def picture_of(widget: QWidget) -> QImage:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from fingerlab.report.screen import ScreenUnit
 
 from ..theme import colours_of, small_font
 from .plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot
+from .plot_words import WordsOver
 
 AXIS_WIDTH = 60
 MARGIN = 0.08
@@ -97,6 +99,14 @@ class QuietPlot(pg.PlotWidget):
         item.setFont(small_font())
         self.getPlotItem().addItem(item, ignoreBounds=True)
         item.setPos(x, y)
+
+    def write_over(
+        self, texts: Sequence[str], stretch: tuple[float, float], y: float, turns: bool = False
+    ) -> None:
+        """Words over a stretch, none of them cut; see :class:`WordsOver`."""
+        item = WordsOver(texts, stretch, colours_of(self).text, turns)
+        self.getPlotItem().addItem(item, ignoreBounds=True)
+        item.setPos(sum(stretch) / 2, y)
 
 
 def plain_curve(x: np.ndarray[Any, Any], y: np.ndarray[Any, Any], pen: Any, name: str) -> pg.PlotCurveItem:

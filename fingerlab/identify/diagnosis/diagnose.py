@@ -17,6 +17,7 @@ from fingerlab.identify.diagnosis.evidence import Evidence, alike, beside_others
 from fingerlab.identify.diagnosis.path import LONGEST_PATH, forward
 from fingerlab.identify.diagnosis.recall import Recall
 from fingerlab.identify.diagnosis.reduction import reduce_sessions
+from fingerlab.identify.diagnosis.rivals import looked_at_closely
 from fingerlab.identify.diagnosis.search import rescore, weigh
 from fingerlab.identify.diagnosis.second_look import (
     closely,
@@ -151,7 +152,7 @@ def _searched(question: _Question, study: Study) -> _Found:
     base = settled(study, question.given)
     evidence = weigh(study, base, effects, question.scale.part(0.4, 0.7))
     first_weights = study.weights
-    path = forward(study, evidence, effects, len(question.given), question.scale.part(0.7, 0.9))
+    evidence, path = _way(question, study, evidence)
     evidence = _judged_beside(study, evidence, path, effects)
     if len(path) == 1 and _verdict(evidence) == "missing_effect":
         evidence = distrusted(evidence)
@@ -187,13 +188,35 @@ def _judged_beside(
     """The evidence; where its best effect stood for two others, by what effects do beside the later ones."""
     if len(path) < 3:
         return evidence
-    best = evidence.trials[int(np.argmax(evidence.log_odds))].model.choices[-1].effect.id
+    best = _last(_best(evidence))
     if best in {c.effect.id for c in path[-1].model.choices}:
         return evidence
     keep, last = len(path[0].model.choices), path[-1]
     others = [*last.model.choices[:keep], *last.model.choices[keep + 1 :]]
     base = study.hold_out(study.fit(others, last, FULL_ITERATIONS))
     return beside_others(evidence, weigh(study, base, effects, SILENT))
+
+
+def _way(question: _Question, study: Study, evidence: Evidence) -> tuple[Evidence, list[Trial]]:
+    """The way from the evidence for one effect to all; and the evidence, where rivals of it were looked at.
+
+    They are where the way ends at once: among rivals it may have taken the wrong one.
+    """
+    first_weights, keep = study.weights, len(question.given)
+    effects, watch = study.reduced.layout.effects, question.scale.part(0.7, 0.88)
+    path = forward(study, evidence, effects, keep, watch)
+    if _verdict(evidence) != "missing_effect" or len(path) != 2:
+        return evidence, path
+    watch = question.scale.part(0.88, 0.9)
+    closer = looked_at_closely(question.sessions, study, evidence, watch, question.recall)
+    if _best(closer) is _best(evidence):
+        return closer, path
+    study.weights = first_weights
+    return closer, [closer.base, _best(closer)]
+
+
+def _best(evidence: Evidence) -> Trial:
+    return evidence.trials[int(np.argmax(evidence.log_odds))]
 
 
 def _looked_at_again(question: _Question, path: list[Trial]) -> tuple[Study | None, list[Trial]]:

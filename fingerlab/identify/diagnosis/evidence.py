@@ -88,7 +88,7 @@ def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
     log_odds = among(base, trials)
     least_left = max(float(min(charged, default=zero)), 0.0) / max(count, 1.0)
     found, none, other = _shared(logs)
-    shares = found * _of_each(log_odds)
+    shares = found * shares_of(log_odds)
     return Evidence(base, tuple(trials), shares, log_odds, none, other, heat, logs, least_left)
 
 
@@ -99,7 +99,7 @@ def _shared(logs: Array) -> tuple[float, float, float]:
     return found, none, other
 
 
-def _of_each(log_odds: Array) -> Array:
+def shares_of(log_odds: Array) -> Array:
     """Probability of each effect if one of them is missing, (trials,)."""
     shares = np.exp(log_odds)
     return np.asarray(shares / max(float(shares.sum()), 1.0))
@@ -146,7 +146,7 @@ def borne_out(evidence: Evidence, last: Trial) -> Evidence:
         return evidence
     logs = evidence.logs + np.array([gain, 0.0, 0.0])
     found, none, other = _shared(logs)
-    shares = found * _of_each(evidence.log_odds)
+    shares = found * shares_of(evidence.log_odds)
     return replace(evidence, probabilities=shares, nothing=none, unknown=other, logs=logs)
 
 
@@ -160,7 +160,7 @@ def beside_others(evidence: Evidence, beside: Evidence) -> Evidence:
     }
     told = [known.get(t.model.choices[-1].effect.id, IMPOSSIBLE) for t in evidence.trials]
     log_odds = np.array(told) - max(told)
-    shares = float(evidence.probabilities.sum()) * _of_each(log_odds)
+    shares = float(evidence.probabilities.sum()) * shares_of(log_odds)
     return replace(evidence, probabilities=shares, log_odds=log_odds)
 
 

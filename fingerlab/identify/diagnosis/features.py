@@ -44,7 +44,9 @@ presses harder or softer; assumed: the finger's posture and what gives way behin
 
 
 SLIPS = tuple(f"lateral_slip_{stiffness:g}" for stiffness in SLIP_STIFFNESSES)
-TIP_LAWS = {"slides": SLIPS, "sticks": ("lateral_constant",)}
+SET_DOWN = "lateral_constant"
+"""What a tip that sticks was set down with, N."""
+TIP_LAWS = {"slides": SLIPS, "sticks": (SET_DOWN,)}
 """What else a tip does, of which a model holds one: slide back and forth, its sideways force following the
 normal one until friction gives way; or stick, and keep what it was set down with."""
 
@@ -353,9 +355,7 @@ def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
         "cable_compliance": Gain("m/N", 0.0, 6e-5, 2e-5),
         "cable_damping": Gain("m s/N", -2e-6, 2e-6, 5e-7),
         "lateral": Gain("tan", -0.12, 0.12, 0.05),
-        "lateral_constant": Gain(
-            "N", -1.5, 1.5, 0.5, source="assumed: friction that the tip was set down with"
-        ),
+        SET_DOWN: Gain("N", -1.5, 1.5, 0.5, source="assumed: friction that the tip was set down with"),
         # A pad can only hold the tip back: with either sign, it would pass for a force that leans.
         "lateral_spring": Gain("N/m", 0.0, 4000.0, 1300.0, source="assumed: a tip of rubber"),
         "lateral_rub": Gain("1", 0.0, 0.4, 0.1, source="assumed: friction coefficient of printed parts"),

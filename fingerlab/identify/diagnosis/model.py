@@ -10,6 +10,7 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.features import (
     FORCE,
+    SET_DOWN,
     TIP_LAWS,
     Feature,
     Layout,
@@ -106,6 +107,11 @@ class Model:
     def wandering(self) -> list[BoolArray]:
         """The same for every gain that differs from run to run."""
         return self._features_of_gains([c.effect for c in self.choices if c.effect.wanders])
+
+    @cached_property
+    def set_down(self) -> BoolArray:
+        """Which of the active features are what a tip that sticks was set down with, (k,)."""
+        return np.array([self.layout.features[i].parameter == SET_DOWN for i in self.active])
 
     @property
     def last_gains(self) -> list[str]:

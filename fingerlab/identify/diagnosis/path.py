@@ -42,18 +42,18 @@ def forward(
     weights = study.weights
     found = _walked(study, first, effects, keep, watch, most)
     if most > 1 and len(found) > 1 and much_left(found[-1]):
-        ends = [(_density(study, found[-1]), found, study.weights)]
+        ends = [(density(study, found[-1]), found, study.weights)]
         for begin in _runners_up(first, found[1]):
             study.weights = weights
             settled = study.hold_out(study.settle(begin.model.choices, begin))
             other = _walked(study, first, effects, keep, watch, most, settled)
             if other[-1].misfit < (1.0 - NEXT_SHARE) * found[-1].misfit:
-                ends.append((_density(study, other[-1]), other, study.weights))
+                ends.append((density(study, other[-1]), other, study.weights))
         _, found, study.weights = min(ends, key=lambda end: end[0])
     return found
 
 
-def _density(study: Study, trial: Trial) -> float:
+def density(study: Study, trial: Trial) -> float:
     """Minus twice the log density of the data under a model and its own weights, up to a constant."""
     return trial.fit.cost + study.level(trial)
 
@@ -103,18 +103,30 @@ def _walked(
         sound = len(steps) if borne_out else sound
         watch.tell(0.5, f"looking beyond {best.model.choices[-1].effect.title.lower()}")
         evidence = weigh(study, chosen, effects, watch, STEP_PROMISE * least_fall(chosen))
-    steps, weights = _straight(steps[:sound], weights[:sound])
+    steps, weights = _straight(study, steps[:sound], weights[:sound], keep)
     if len(steps) > 2:
         every = effects if much_left(steps[-1]) else ()
         steps, weights = _exchanged(study, steps[-1], keep, rivals, every) or (steps, weights)
     return _borne_out(study, steps, weights)
 
 
-def _straight(steps: Sequence[Trial], weights: Sequence[Weights]) -> tuple[list[Trial], list[Weights]]:
-    """The way without steps to effects that the last model has made needless."""
-    last = {c.effect.id for c in steps[-1].model.choices}
+def _straight(
+    study: Study, steps: Sequence[Trial], weights: Sequence[Weights], keep: int
+) -> tuple[list[Trial], list[Weights]]:
+    """The way, one effect more at each step, without steps to effects that the end has made needless."""
+    choices = steps[-1].model.choices
+    last = {c.effect.id for c in choices}
     kept = [k for k, step in enumerate(steps) if last.issuperset(c.effect.id for c in step.model.choices)]
-    return [steps[k] for k in kept], [weights[k] for k in kept]
+    if len(kept) == len(choices) - keep + 1:
+        return [steps[k] for k in kept], [weights[k] for k in kept]
+    study.weights = weights[-1]
+    return _one_by_one(study, steps[-1], keep), [weights[-1]] * (len(choices) - keep + 1)
+
+
+def _one_by_one(study: Study, end: Trial, keep: int) -> list[Trial]:
+    """The way to a model with its effects in the order that they have in it."""
+    choices, sizes = end.model.choices, range(keep, len(end.model.choices) + 1)
+    return [study.hold_out(study.fit(choices[:k], end, FULL_ITERATIONS)) for k in sizes]
 
 
 def worth_adding(study: Study, base: Trial, best: Trial) -> bool:
@@ -178,10 +190,7 @@ def _exchanged(
         choices[place] = tried[int(np.argmax(odds))].model.choices[-1]
     if [c.effect.id for c in choices] == [c.effect.id for c in last.model.choices]:
         return None
-    end = study.settle(choices, last)
-    steps = [
-        study.hold_out(study.fit(choices[:k], end, FULL_ITERATIONS)) for k in range(keep, len(choices) + 1)
-    ]
+    steps = _one_by_one(study, study.settle(choices, last), keep)
     return steps, [study.weights] * len(steps)
 
 

@@ -30,14 +30,14 @@ ROUNDS = 2
 
 
 def settled(study: Study, effects: Sequence[Effect]) -> Trial:
-    """All effects in, one after the other, each at the point of its grid that fits best; own weights."""
+    """All effects in, each at the point of its grid that fits best beside the others; own weights."""
     trial = study.settle([])
     for one in effects:
         choices = list(trial.model.choices)
         shapes = [study.fit([*choices, Choice(one, i)], trial, 3) for i in range(len(one.shapes))]
         trial = refine(study, min(shapes, key=lambda t: t.fit.cost))
         trial = study.settle(trial.model.choices, trial)
-    return trial
+    return _at_best_shapes(study, trial, ROUNDS) if len(effects) > 1 else trial
 
 
 def closely(
@@ -81,11 +81,16 @@ def look_again(
     study = Study(reduce_sessions(sessions, closer, watch, recall=recall))
     places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(closer, found, strict=True)]
     trial = study.settle([Choice(e, i) for e, i in zip(closer, places, strict=True)])
-    several = [k for k, e in enumerate(closer) if len(e.shapes) > 1]
-    for _ in range(ROUNDS if len(several) > 1 else 1):
+    return study, _at_best_shapes(study, trial, ROUNDS)
+
+
+def _at_best_shapes(study: Study, trial: Trial, rounds: int) -> Trial:
+    """The trial with every effect at the shape that fits best beside the others."""
+    several = [k for k, c in enumerate(trial.model.choices) if len(c.effect.shapes) > 1]
+    for _ in range(rounds if len(several) > 1 else 1):
         for k in several:
             trial = _best_shape(study, trial, k)
-    return study, trial
+    return trial
 
 
 def look_again_along(

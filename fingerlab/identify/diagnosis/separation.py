@@ -22,7 +22,8 @@ from fingerlab.identify.diagnosis.model import CABLE_NAMES, Choice, Model, build
 from fingerlab.identify.diagnosis.narrowing import narrow_columns
 from fingerlab.identify.diagnosis.numerics import scaled_inverse
 from fingerlab.identify.diagnosis.repeatability import LEAST_TORQUE_SPREAD
-from fingerlab.identify.diagnosis.study import WANDER, Study
+from fingerlab.identify.diagnosis.run_to_run import own_to_a_run
+from fingerlab.identify.diagnosis.study import Study
 from fingerlab.identify.diagnosis.sums import Sums
 from fingerlab.identify.diagnosis.trial import Trial
 from fingerlab.identify.diagnosis.weighing import feature_weights
@@ -77,8 +78,9 @@ def apart(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) 
     """What ``rival`` would leave of one more run if ``truth`` were true, over the temperature."""
     right = build(run.layout, [run.group], _choices(truth, run), truth.model.tip_law)
     wrong = build(run.layout, [run.group], _choices(rival, run), rival.model.tip_law)
-    told, slopes = wrong.coefficients(values_in(wrong, rival), run.group)
-    wander = _wander(wrong, told)
+    values = values_in(wrong, rival)
+    told, slopes = wrong.coefficients(values, run.group)
+    wander = own_to_a_run(wrong, values, told, run.group)
     slopes = np.concatenate((slopes, wander), axis=1)
     every = np.union1d(right.active, wrong.active)
     gap, reach = np.zeros(len(every)), np.zeros((len(every), slopes.shape[1]))
@@ -92,7 +94,7 @@ def apart(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) 
     system = reach.T @ products @ reach
     old = len(wrong.unknowns)
     system[:old, :old] += known_of(wrong, rival, heat)
-    system[old:, old:] += np.eye(wander.shape[1]) / WANDER**2
+    system[old:, old:] += np.eye(wander.shape[1])
     scale = 1.0 / np.sqrt(np.maximum(np.diag(system), 1e-300))
     moved = scale * np.linalg.solve(system * np.outer(scale, scale) + 1e-9 * np.eye(len(scale)), pull * scale)
     zero = 0.0
@@ -100,14 +102,6 @@ def apart(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) 
         place = wrong.index[TORQUE_ZERO]
         zero = float(moved[place] / wrong.spread[place]) ** 2
     return Apart(max(float(gap @ products @ gap - pull @ moved) - zero, 0.0), zero)
-
-
-def _wander(model: Model, told: Array) -> Array:
-    """What a run's own friction may add to the features, (k, gains): as it differs from run to run."""
-    owners = [model.layout.features[i] for i in model.active]
-    gains = [(c.effect.id, name) for c in model.choices if c.effect.wanders for name in c.effect.gains]
-    parts = [np.where([(f.owner, f.parameter) == gain for f in owners], told, 0.0) for gain in gains]
-    return np.stack(parts, axis=1) if parts else np.zeros((len(told), 0))
 
 
 def held_by(trials: Sequence[Trial], motion: Motion) -> list[Effect]:

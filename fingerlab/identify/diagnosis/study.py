@@ -19,14 +19,13 @@ from fingerlab.identify.diagnosis.noise import limit_noise
 from fingerlab.identify.diagnosis.reach import reach
 from fingerlab.identify.diagnosis.repeatability import first_weights, noise_weights
 from fingerlab.identify.diagnosis.residuals import noise_covariance, row_covariance
+from fingerlab.identify.diagnosis.run_to_run import own_to_a_run
 from fingerlab.identify.diagnosis.starting_arms import starting_arms
 from fingerlab.identify.diagnosis.sums import BoolArray
 from fingerlab.identify.diagnosis.trial import Trial
 from fingerlab.identify.diagnosis.weighing import Data, FoldNumbers, Weighted, Weights, change
 from fingerlab.sessions.model import Array
 
-WANDER = 0.05
-"""Friction differs from run to run by this share, one standard deviation; assumed ("some per cent")."""
 FULL_ITERATIONS = 8
 """A fit of so many iterations is meant to end, not to look round."""
 SETTLED = 0.05
@@ -225,9 +224,11 @@ class Study:
     def _square(self, fitter: Fitter, values: Array, i: int, part: FoldNumbers) -> tuple[float, float]:
         """Reproducible chi-square of some folds of group i, and the independent values behind it."""
         fold, sums = self.data.raw(i, part), fitter.part(i, part)
-        h = fitter.model.features(values, self.reduced.groups[i])
-        square = float(h @ sums.matrix @ h) - self._wandering(fitter.model, h, sums)
-        return square, EFFECTIVE_SHARE * self.reduced.groups[i].equations * fold.samples
+        group = self.reduced.groups[i]
+        h = fitter.model.features(values, group)
+        own = own_to_a_run(fitter.model, values, h, group, group.dealt[part[0]].condition)
+        square = float(h @ sums.matrix @ h) - explained(own, h, sums)
+        return square, EFFECTIVE_SHARE * group.equations * fold.samples
 
     def _products(self, model: Model, values: Array, i: int, k: int) -> Array:
         """Sums of residual products over a fold, (5, 5); slack moments count where they are charged."""
@@ -238,12 +239,11 @@ class Study:
             products = products + slack
         return row_covariance(model, values, group, products, 1.0)
 
-    def _wandering(self, model: Model, h: Array, sums: Weighted) -> float:
-        """What the run's own friction explains when it may differ by WANDER from the common value."""
-        if not model.wandering:
-            return 0.0
-        parts = [np.where(mine, h, 0.0) for mine in model.wandering]
-        columns = np.stack([part for part in parts if part.any()] or [np.zeros_like(h)], axis=1)
-        pull = columns.T @ sums.matrix @ h
-        stiffness = columns.T @ sums.curvature @ columns + np.eye(columns.shape[1]) / WANDER**2
-        return float(pull @ np.linalg.solve(stiffness, pull))
+
+def explained(own: Array, h: Array, sums: Weighted) -> float:
+    """What of a misfit the run's own share of the features explains, less what that costs: as a Gaussian."""
+    if not own.shape[1]:
+        return 0.0
+    pull = own.T @ sums.matrix @ h
+    stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
+    return float(pull @ np.linalg.solve(stiffness, pull))

@@ -86,7 +86,8 @@ MOST_NAMED = 1.0
 
 def _amount(value: float, unit: str) -> str:
     factor, shown = SCREEN_UNITS.get(unit, (1.0, unit))
-    return f"{value * factor:.2g}" + ("" if shown == "1" else f" {shown}")
+    rounded = float(f"{value * factor:.2g}")
+    return f"{rounded:g}" + ("" if shown == "1" else f" {shown}")  # 1300, where .2g would write 1.3e+03
 
 
 def quantity(estimate: ParameterEstimate) -> str:

@@ -19,7 +19,7 @@ from types import ModuleType
 from typing import Literal
 
 from fingerlab.errors import UserError
-from fingerlab.own_settings import OwnSettings, read_settings, write_settings
+from fingerlab.own_settings import OwnSettings, forget_file, read_settings, write_settings
 from fingerlab.physics.effects.base import Effect
 from fingerlab.physics.effects.own_checks import checked, told
 
@@ -108,6 +108,23 @@ def set_folder(folder: Path) -> Path:
 def forget() -> None:
     """Forget the folder and every confirmation."""
     write_settings(OwnSettings())
+
+
+def distrust(name: Path) -> str:
+    """Forget that a file was confirmed, whether it is still in the folder or not; its name.
+
+    Args:
+        name: its path, or its name alone.
+
+    Raises:
+        UserError: no such file was confirmed, or the settings cannot be read or written.
+    """
+    names = dict.fromkeys(read_settings().trusted.values())
+    for file in names:
+        if name.resolve() == Path(file).resolve() or str(name) == Path(file).name:
+            forget_file(file, "effects")
+            return file
+    raise UserError(f"{name} was never confirmed as an effect of your own; there is nothing to forget.")
 
 
 def find(name: Path) -> OwnSource:

@@ -9,9 +9,14 @@ import pytest
 
 from fingerlab.identify.diagnosis import second_look
 from fingerlab.identify.diagnosis.model import Choice
-from fingerlab.identify.diagnosis.second_look import worth_a_look
+from fingerlab.identify.diagnosis.path import density
+from fingerlab.identify.diagnosis.reduction import reduce_sessions
+from fingerlab.identify.diagnosis.second_look import settled, worth_a_look
+from fingerlab.identify.diagnosis.study import Study
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.closer import either, every, plus, rubbing, times
+
+from . import closed_form as made
 
 
 @pytest.mark.parametrize(
@@ -42,6 +47,21 @@ def test_sharper_friction_is_tried_where_it_lacks_as_much_work() -> None:
         tried = rubbing(factors=(1.0,))(found)
         work = [s["travel_deg"] * lacking[s["sharpness"]] for s in tried]
         assert work == pytest.approx([0.3] * 3)
+
+
+def test_in_what_order_effects_are_given_does_not_matter() -> None:
+    """Two effects hide each other: the points of their grids are found beside each other."""
+    bench = made.Bench(missing=made.Missing(tilt=0.25, compliance=5e-4))
+    session = made.session(bench, 2)
+    densities, tilts = [], []
+    for names in (("gravity_tilt", "cable_stretch"), ("cable_stretch", "gravity_tilt")):
+        effects = [CATALOGUE[name] for name in names]
+        study = Study(reduce_sessions([session], effects))
+        found = settled(study, effects)
+        densities.append(density(study, found))
+        tilts.append(found.fit.values[found.model.index["gravity_tilt.tilt"]])
+    assert densities[0] == pytest.approx(densities[1], abs=1.0)
+    assert tilts == pytest.approx([0.25, 0.25], abs=0.03)
 
 
 def test_a_path_that_goes_on_begins_with_what_was_given(monkeypatch: pytest.MonkeyPatch) -> None:

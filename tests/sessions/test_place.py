@@ -1,0 +1,46 @@
+"""A file is written whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fingerlab.errors import UserError
+from fingerlab.sessions.place import put_in_place, whole_file
+
+
+def write_half(path: Path) -> None:
+    with whole_file(path) as part:
+        part.write_text("half a", encoding="utf-8")
+        raise KeyError
+
+
+def test_what_was_there_is_replaced_only_by_a_whole_file(tmp_path: Path) -> None:
+    path = tmp_path / "notes.json"
+    for content in ("first", "second"):
+        with whole_file(path) as part:
+            assert part.parent == path.parent
+            part.write_text(content, encoding="utf-8")
+        assert path.read_text(encoding="utf-8") == content
+    with pytest.raises(KeyError):
+        write_half(path)
+    assert path.read_text(encoding="utf-8") == "second"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_place_that_takes_no_file_is_told_in_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "missing" / "notes.json"
+    with pytest.raises(UserError) as told, whole_file(path, "buy a disk.") as part:
+        part.write_text("x", encoding="utf-8")
+    assert str(told.value).startswith(f"{path} cannot be written (")
+    assert str(told.value).endswith("); buy a disk.")
+
+
+def test_a_file_that_cannot_be_moved_is_removed(tmp_path: Path) -> None:
+    part, folder = tmp_path / "page.part", tmp_path / "page.html"
+    part.write_text("x", encoding="utf-8")
+    folder.mkdir()
+    with pytest.raises(UserError, match=r"page\.html cannot be replaced \(.+\); choose another name\.$"):
+        put_in_place(part, folder, "choose another name.", "replaced")
+    assert list(tmp_path.iterdir()) == [folder]
