@@ -8,6 +8,7 @@ from pathlib import Path
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
+from .widgets.focus import set_usable
 from .widgets.labels import heading, remark
 
 COLUMN_WIDTH = 520
@@ -42,6 +43,9 @@ class EmptyView(QWidget):
         buttons.addWidget(self.open)
         buttons.addWidget(self.practise)
         buttons.addStretch(1)
+        self.doing = remark()
+        self.doing.setObjectName("emptyDoing")
+        self.doing.hide()
         self._recent_title = remark("Recent")
         self._recent = QVBoxLayout()
         self._recent.setSpacing(0)
@@ -52,6 +56,7 @@ class EmptyView(QWidget):
         inner.addWidget(title)
         inner.addWidget(text)
         inner.addLayout(buttons)
+        inner.addWidget(self.doing)
         inner.addWidget(self._recent_title)
         inner.addLayout(self._recent)
         across = QHBoxLayout()
@@ -62,6 +67,17 @@ class EmptyView(QWidget):
         layout.addStretch(2)
         layout.addLayout(across)
         layout.addStretch(3)
+
+    def show_practice(self, on: bool) -> None:
+        """While a practice session is recorded say so where it was asked for, too."""
+        self.doing.setText("Recording a practice session")
+        self.doing.setVisible(on)
+        set_usable(self.practise, not on)
+
+    def tell_practice(self, what: str) -> None:
+        """How far that is."""
+        if not self.doing.isHidden():
+            self.doing.setText(f"Recording a practice session: {what}")
 
     def show_recent(self, paths: Sequence[Path]) -> None:
         """Offer recently opened files."""

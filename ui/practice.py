@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fingerlab.errors import Cancelled
 from fingerlab.identify.results import ParameterEstimate
@@ -16,7 +17,11 @@ from fingerlab.sessions.model import Session
 
 from .tasks import IsCancelled, Progress
 
+if TYPE_CHECKING:
+    from .desk import Desk
+
 PROTOCOL = "rich"
+TITLE = "Recording a practice session"
 
 
 def practice_folder() -> Path:
@@ -51,6 +56,13 @@ def simulate(progress: Progress, cancelled: IsCancelled) -> Path:
 
     write_session(path, preset, PROTOCOL, plans, {}, new_seed(), hidden=True, progress=report)
     return path
+
+
+def start(desk: Desk) -> None:
+    """Simulate a session with a sealed effect and open it in the Model lab, which is shown at once."""
+    desk.hush()
+    desk.show_tab("model_lab")
+    desk.tasks.start(TITLE, simulate, lambda path: desk.open_paths([path]))
 
 
 def is_sealed(session: Session) -> bool:

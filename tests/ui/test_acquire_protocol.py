@@ -7,14 +7,15 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QLineEdit
+from PySide6.QtWidgets import QLabel, QLineEdit
 from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.protocol import Change, Record
 from fingerlab.sessions import open_session
+from fingerlab.ui.settings import Settings
 
-from .bench_hands import PATIENCE, Rig
+from .bench_hands import PATIENCE, Rig, opener, tabs_with
 from .hands import LEFT, child, drop
 
 CONTROL = Qt.KeyboardModifier.ControlModifier
@@ -106,6 +107,30 @@ def test_a_protocol_handed_over_is_chosen(rig: Rig) -> None:
     assert rig.tab.panel.protocol.which.currentText() == "Tell friction from hysteresis"
     assert rig.tab.panel.protocol.steps({}) == steps
     assert rig.button("runProtocol").isVisible()
+
+
+def test_what_comes_before_a_rig_is_there_waits_for_it(
+    make_window,  # type: ignore[no-untyped-def]
+    qtbot: QtBot,
+    settings: Settings,
+    tmp_path: Path,
+) -> None:
+    settings.set_recordings(tmp_path / "recordings")
+    table = tmp_path / "profile.csv"
+    table.write_text("time_s,angle_deg\n0,0\n1,20\n2,0\n", encoding="utf-8")
+    rig = Rig(make_window(tab="acquire", tabs=tabs_with(opener(tmp_path / "rescue"))), qtbot, connect=False)
+    waits = child(rig.window, QLabel, "waitsForRig")
+    assert not waits.isVisible()
+    drop(rig.window, table)
+    assert waits.isVisible()
+    assert waits.text().startswith("profile.csv waits for a rig")
+    sine = {"kind": "sine", "amplitude_deg": 5.0, "frequency_hz": 1.0, "duration_s": 3.0}
+    rig.window.desk.hand_protocol((Record(1, 1, "on_air", "extension", sine),), "Wanted force, 1 N")
+    assert waits.text().startswith("Wanted force, 1 N waits for a rig")
+    rig.connect("connectSimulated")
+    assert waits.isHidden()
+    assert rig.tab.panel.protocol.which.currentText() == "Wanted force, 1 N"
+    assert rig.tab.panel.motion.settings()["file"] == str(table)
 
 
 def test_a_trajectory_handed_over_fills_the_fields(rig: Rig) -> None:

@@ -28,9 +28,12 @@ def test_practise_then_reveal(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(practice, "practice_folder", lambda: tmp_path / "practice")
-    window = make_window(diagnose=invented_diagnosis)
-    click(window, "practise")
+    window = make_window(tab="acquire", diagnose=invented_diagnosis)
+    click(window, "practiseFromHere")  # who opens the program for the first time stands there
+    assert window.current == "model_lab"
     assert child(window, QPushButton, "cancel").isVisible()
+    assert "Recording a practice session" in child(window, QLabel, "emptyDoing").text()
+    assert child(window, QLabel, "emptyDoing").isVisible()
     qtbot.waitUntil(lambda: lab_of(window).controller.history is not None, timeout=PATIENCE)
     wait_for_result(qtbot, window)
     (file,) = (tmp_path / "practice").glob("*.h5")
@@ -58,6 +61,8 @@ def test_cancelled_practice_leaves_nothing_behind(
     QTest.keyClick(window, Qt.Key.Key_Period, Qt.KeyboardModifier.ControlModifier)
     qtbot.waitUntil(lambda: not window.tasks.busy, timeout=PATIENCE)
     assert lab_of(window).empty.isVisible()
+    assert not child(window, QLabel, "emptyDoing").isVisible()
+    assert child(window, QPushButton, "practise").isEnabled()
     assert list((tmp_path / "practice").iterdir()) == []
 
 

@@ -12,6 +12,8 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QSpin
 
 from fingerlab.errors import UserError
 
+from .. import practice
+from ..desk import Desk
 from ..own_files import ask_to_run as ask
 from ..widgets.focus import set_usable
 from ..widgets.labels import heading, remark
@@ -43,10 +45,10 @@ class ConnectPage(QWidget):
     runs_asked = Signal(object)
     refused = Signal(str)
 
-    def __init__(self, folder: str, parent: QWidget | None = None) -> None:
+    def __init__(self, desk: Desk, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.rig_file: Path | None = None
-        self._folder = folder
+        self._folder = desk.settings.folder()
         self._card = ""
         self._session: Path | None = None
         self.title = heading("No rig connected", large=True)
@@ -54,6 +56,7 @@ class ConnectPage(QWidget):
         self._make_card()
         self._make_own()
         self._make_replay()
+        self._make_practice()
         self._build()
         self.card.clicked.connect(lambda: self.chosen.emit(Wanted(self._card, self.rig_file)))
         self.again.clicked.connect(self.look_asked)
@@ -65,6 +68,10 @@ class ConnectPage(QWidget):
         self.replay.clicked.connect(self._on_replay)
         self.replay_run.clicked.connect(self._on_replay_run)
         self.rig.clicked.connect(self._on_rig)
+        self.practise.clicked.connect(lambda: practice.start(desk))
+        desk.protocol_handed.connect(lambda _steps, title: self.show_waiting(title or "A protocol"))
+        desk.trajectory_handed.connect(lambda _one, title: self.show_waiting(title or "A trajectory"))
+        desk.bench_changed.connect(lambda: self.show_waiting(""))
         self._on_fault()
 
     def _make_simulated(self) -> None:
@@ -130,9 +137,22 @@ class ConnectPage(QWidget):
         for field in (self.runs, self.replay_run):
             field.hide()
 
+    def _make_practice(self) -> None:
+        self.practise = _button("&Practise", "practiseFromHere")
+        self.practise.setAccessibleName("Practise on a hidden effect")
+        self.practise_text = remark(
+            "On a hidden effect, without any rig: a session is simulated in seconds and opens in the Model "
+            "lab. A session that you have opens with Ctrl+O, or drop it here."
+        )
+        self.waiting = QLabel()
+        self.waiting.setObjectName("waitsForRig")
+        self.waiting.setWordWrap(True)
+        self.waiting.hide()
+
     def _build(self) -> None:
         inner = centred_column(self, COLUMN_WIDTH)
         inner.addWidget(self.title)
+        inner.addWidget(self.waiting)
         inner.addWidget(
             remark(
                 "Connect one to see it live, drive it and record it. The simulated rig works in the same way "
@@ -147,6 +167,7 @@ class ConnectPage(QWidget):
             (self.own, self.own_file, self.forget),
             (self.replay, self.replay_text, self.runs, self.replay_run),
             (self.rig, self.rig_text),
+            (self.practise, self.practise_text),
         ):
             entries[0].setMinimumWidth(BUTTON_WIDTH)
             inner.addLayout(across(*entries))
@@ -165,6 +186,11 @@ class ConnectPage(QWidget):
             self.own_file.setItemData(self.own_file.count() - 1, str(path), Qt.ItemDataRole.ToolTipRole)
         self.own_file.addItem("another Python file …" if files else "a Python file …", None)
         self._on_own_file()
+
+    def show_waiting(self, what: str) -> None:
+        """What was handed over or dropped before a rig was there; empty once it is."""
+        self.waiting.setText(f"{what} waits for a rig: connect one, and it stands ready in the panel there.")
+        self.waiting.setVisible(bool(what))
 
     def show_looking(self) -> None:
         """A card is looked for."""
@@ -224,6 +250,7 @@ class ConnectPage(QWidget):
             self.replay_run,
             self.rig,
             self.again,
+            self.practise,
         ):
             set_usable(button, not what)
         set_usable(self.card, not what and bool(self._card) and not self.card.toolTip())

@@ -63,7 +63,7 @@ class AcquireTab(Tab):
         self._finder = finder
         self.station = Station(desk, opener, self)
         self.recording = Recording(self.station, Details(desk.settings.recordings()), self)
-        self.connect_page = ConnectPage(desk.settings.folder())
+        self.connect_page = ConnectPage(desk)
         self.plots = LivePlots()
         self.toolbar = Toolbar(self.plots)
         self.prompt = PromptBar()
@@ -157,6 +157,7 @@ class AcquireTab(Tab):
         if len(paths) != 1 or paths[0].suffix.lower() not in TEXT_TABLES:
             return False
         self.panel.motion.show_file(paths[0])
+        self.connect_page.show_waiting(paths[0].name if self.desk.bench is None else "")
         return True
 
     def undo(self) -> None:

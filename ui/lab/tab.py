@@ -62,7 +62,9 @@ class ModelLabTab(Tab):
         self.waiting.compare_asked.connect(self.controller.compare)
         for signal in self._changes():
             signal.connect(self._refresh)
-        desk.tasks.progressed.connect(lambda _share, what: self.waiting.show_state(True, what))
+        desk.tasks.progressed.connect(self._on_progress)
+        desk.tasks.started.connect(lambda title: self.empty.show_practice(title == practice.TITLE))
+        desk.tasks.ended.connect(lambda _how: self.empty.show_practice(False))
 
     def _changes(self) -> tuple[SignalInstance, ...]:
         controller = self.controller
@@ -180,10 +182,7 @@ class ModelLabTab(Tab):
 
     def practise(self) -> None:
         """Simulate a session with a sealed effect and open it."""
-        self.desk.hush()
-        self.desk.tasks.start(
-            "Recording a practice session", practice.simulate, lambda path: self.desk.open_paths([path])
-        )
+        practice.start(self.desk)
 
     def reveal(self) -> None:
         """Say which effect the practice session holds."""
@@ -221,6 +220,10 @@ class ModelLabTab(Tab):
         if self._waits and self._shown:
             self._waits = False
             self.controller.compare()
+
+    def _on_progress(self, _share: float, what: str) -> None:
+        self.waiting.show_state(True, what)
+        self.empty.tell_practice(what)
 
     def _proposed(self) -> bool:
         return self._compared() and self.view.truth.hand.isEnabled()
