@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,17 @@ from PySide6.QtWidgets import QFileDialog, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
 from fingerlab.identify.model_file import load_model
+from fingerlab.identify.results import EquationError
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import single_run
 from fingerlab.twin.session import write_session
+from fingerlab.ui.lab.history import History, Step
+from fingerlab.ui.lab.truth_panel import TruthPanel
 from fingerlab.ui.predicting.tab import PredictTab
 from fingerlab.ui.window import MainWindow
 
+from . import invented
 from .hands import PATIENCE, child, click, invented_diagnosis, lab_of, lab_with, wait_for_result
 
 
@@ -42,6 +47,20 @@ def window(qtbot: QtBot, make_window: Any, pressed: Path) -> MainWindow:
     QTest.keyClick(made, Qt.Key.Key_F6)
     assert child(made, QPushButton, "handExperiment").isVisible()
     return made
+
+
+def test_what_became_of_the_force_is_said_where_the_model_is_judged(qtbot: QtBot) -> None:
+    with_force, added = (
+        replace(one, errors={**one.errors, "endpoint_force": EquationError("N", rmse, 0.99, 0.05)})
+        for one, rmse in ((invented.nominal_diagnosis("a"), 0.91), (invented.friction_diagnosis("a"), 0.06))
+    )
+    panel, history = TruthPanel(), History(with_force)
+    qtbot.addWidget(panel)
+    panel.show_history(history)
+    assert "The error of the endpoint force on them is 0.910 N (floor 0.050 N)." in panel.held_out.text()
+    history.push(Step(("coulomb_friction",), added))
+    panel.show_history(history)
+    assert "goes from 0.910 to 0.060 N (floor 0.050 N)." in panel.held_out.text()
 
 
 def test_the_proposed_recording_goes_to_acquire(window: MainWindow) -> None:

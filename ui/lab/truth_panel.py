@@ -10,7 +10,10 @@ from fingerlab.report.screen import score_text
 
 from ..widgets.labels import heading, remark
 from .history import History
-from .wording import NOTHING, UNKNOWN, next_experiment_words
+from .wording import NOTHING, UNKNOWN, error_texts, next_experiment_words
+
+FORCE = "endpoint_force"
+"""Key of ``Diagnosis.errors``."""
 
 
 class TruthPanel(QWidget):
@@ -82,7 +85,7 @@ class TruthPanel(QWidget):
             self.title.setText("Not true yet")
         misses = f"{model} misses runs held out of the fit by {score_text(diagnosis.score)} times the floor"
         before = f"; the nominal model missed them by {score_text(history.first.diagnosis.score)} times"
-        self.held_out.setText(f"{misses}{before if names else ''}.")
+        self.held_out.setText(f"{misses}{before if names else ''}.{_force_words(history)}")
         self.next.setText(next_experiment_words(diagnosis))
         proposed = diagnosis.next_experiment is not None
         self.hand.setEnabled(proposed)
@@ -95,6 +98,17 @@ class TruthPanel(QWidget):
             if pressed
             else "These sessions have no contact run, whose force could be predicted."
         )
+
+
+def _force_words(history: History) -> str:
+    """What became of the error of the force, which all of this is for; empty without contact runs."""
+    first, now = history.first.diagnosis.errors.get(FORCE), history.now.diagnosis.errors.get(FORCE)
+    if now is None:
+        return ""
+    before, after, floor, unit = error_texts(first or now, now)
+    change = f"{before} to {after}" if history.now.added else after
+    goes = "goes from" if history.now.added else "is"
+    return f" The error of the endpoint force on them {goes} {change} {unit} (floor {floor} {unit})."
 
 
 def _button(text: str, name: str, words: str) -> QPushButton:

@@ -169,7 +169,10 @@ class LabView(QWidget):
             found = [e for e in effects if e not in step.added and find_candidate(step.diagnosis, e)]
             if found:
                 self.evidence.show_choice(found[0], step.diagnosis)
-                self.evidence.title.setText(f"What gave it away: {self.evidence.title.text()}")
+                candidate = find_candidate(step.diagnosis, found[0])
+                seen = candidate is not None and candidate.detectable
+                told = "What gave it away" if seen else "Not to be seen in these data"
+                self.evidence.title.setText(f"{told}: {self.evidence.title.text()}")
                 self.right.setCurrentWidget(self.evidence)
                 self.steps.set_current("missing")
                 return
