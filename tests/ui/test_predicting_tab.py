@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from fingerlab.identify.results import ParameterEstimate
 from fingerlab.rig import Finger, Motor, Rig
 from fingerlab.sessions import SessionWriter, open_session
 from fingerlab.ui.predicting.tab import PredictTab
+from fingerlab.ui.predicting.wanted import outcome_words
 from fingerlab.ui.registry import Entry
 from fingerlab.ui.window import MainWindow
 
@@ -245,6 +247,19 @@ def test_a_wanted_force_becomes_a_torque(qtbot: QtBot, wanting: MainWindow) -> N
     qtbot.waitUntil(lambda: view.plan is not first and view.plan is not None, timeout=PATIENCE)
     assert view.plan.force.max() == pytest.approx(2.4)
     assert "mN m" in child(wanting, QLabel, "wantedResult").text()
+    assert (
+        child(wanting, QLabel, "wantedModelName").text()
+        == child(wanting, QComboBox, "wantedModel").currentText()
+    )
+
+
+def test_a_torque_has_the_digits_of_its_interval(wanting: MainWindow) -> None:
+    plan = predict_of(wanting).wanted.plan
+    assert plan is not None
+    ends, half = np.array([0.10634, 0.19683]), np.array([0.0022, 0.0022])
+    known = replace(plan, torque=ends, half_width=half, current=np.array([0.81, 1.5]))
+    assert outcome_words(known) == "106 to 197 ± 2 mN m, 0.81 to 1.5 A"
+    assert outcome_words(replace(known, half_width=half / 10)) == "106.3 to 196.8 ± 0.2 mN m, 0.81 to 1.5 A"
 
 
 def test_a_force_beyond_the_limits_says_so_and_cannot_be_handed_over(

@@ -44,8 +44,9 @@ NO_SESSION = (
     "here, raw and normalised, with peaks, delay, R² and error by phase, for any number of models."
 )
 NO_MODEL = (
-    "Add a model file: one that the Fit tab saved predicts by the thesis' equation; one that "
-    "'fingerlab diagnose --save' wrote predicts with its effects and a 90 % interval."
+    "Add a model file: one that the Fit tab saved predicts by the thesis' equation; one that the Model lab "
+    'saved predicts with its effects and a 90 % interval. "Predict the force" in the Model lab brings its '
+    "model here without a file."
 )
 WAITS = "A session with contact runs is needed to predict with {files}."
 

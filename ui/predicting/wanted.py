@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QFileDialog
 
 from fingerlab.errors import UserError
 from fingerlab.identify.model_file import Model
+from fingerlab.report.screen import decimals_for, fixed
 
 from ..desk import Desk
 from ..tasks import IsCancelled, Progress
@@ -153,8 +154,7 @@ class WantedView(QObject):
 def outcome_words(plan: TorquePlan) -> str:
     """Torque with interval, and current."""
     half = 1e3 * float(plan.half_width.mean())
-    spread = f" ± {half:.2g}" if half == half else ""
-    return (
-        f"{1e3 * plan.torque.min():.3g} to {1e3 * plan.torque.max():.3g}{spread} mN m, "
-        f"{plan.current.min():.2g} to {plan.current.max():.2g} A"
-    )
+    digits = min(decimals_for(half), 3) if half == half else 0
+    least, most = (fixed(1e3 * float(value), digits) for value in (plan.torque.min(), plan.torque.max()))
+    spread = f" ± {fixed(half, digits)}" if half == half else ""
+    return f"{least} to {most}{spread} mN m, {plan.current.min():.2g} to {plan.current.max():.2g} A"

@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from ..widgets.labels import heading
+from ..widgets.labels import heading, remark
 
 KINDS = {"sine": "Sine", "ramp_hold": "Ramp and hold", "steps": "Steps", "file": "From a file"}
 TABLES = "Text tables of time and force (*.csv *.txt *.tsv);;All files (*)"
@@ -46,6 +46,8 @@ class WantedPanel(QWidget):
         self.model = _choice("wantedModel", "Model that gives the torque")
         # A long name must not widen the panel.
         self.model.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.model_name = remark()  # what the list has no room for
+        self.model_name.setObjectName("wantedModelName")
         self.pose = _choice("wantedPose", "Contact run that says how the finger stands")
         self.kind = _choice("wantedKind", "Kind of the wanted force")
         for key, words in KINDS.items():
@@ -77,6 +79,7 @@ class WantedPanel(QWidget):
         form.setSpacing(4)
         form.setRowWrapPolicy(QFormLayout.RowWrapPolicy.DontWrapRows)
         form.addRow("Mo&del", self.model)
+        form.addRow(self.model_name)
         form.addRow("P&ose of run", self.pose)
         form.addRow("&Force", self.kind)
         for name, field in self.numbers.items():
@@ -95,7 +98,7 @@ class WantedPanel(QWidget):
 
     def _connect(self) -> None:
         for box in (self.model, self.pose):
-            box.currentIndexChanged.connect(lambda _row: self.changed.emit())
+            box.currentIndexChanged.connect(self._on_choice)
         self.kind.currentIndexChanged.connect(self._on_kind)
         for field in self.numbers.values():
             field.valueChanged.connect(lambda _value: self.changed.emit())
@@ -128,6 +131,7 @@ class WantedPanel(QWidget):
                 box.setItemData(row, name, Qt.ItemDataRole.ToolTipRole)  # the list may be too narrow
             box.setCurrentIndex(max(box.findText(before), 0))
             box.blockSignals(False)
+        self.model_name.setText(self.model.currentText())
 
     def show_file(self, path: Path) -> None:
         """Take the force from a file."""
@@ -156,6 +160,10 @@ class WantedPanel(QWidget):
         name, _ = QFileDialog.getOpenFileName(self, "Wanted force", str(Path.home()), TABLES)
         if name:
             self.show_file(Path(name))
+
+    def _on_choice(self) -> None:
+        self.model_name.setText(self.model.currentText())
+        self.changed.emit()
 
     def _on_kind(self) -> None:
         self._show_kind()
