@@ -207,7 +207,7 @@ def path_figure(path: Sequence[PathStep], given: Sequence[str]) -> Figure:
     """The error in floors: the model as given, then with each effect worth adding; 1 is the floor."""
     names = [_step_name(step, given) for step in path]
     scores = np.array([step.score for step in path])
-    figure, (axes,) = new_figure(size=(7.2, 1.0 + 0.42 * len(path)))
+    figure, (axes,) = new_figure(size=(5.6, 1.0 + 0.42 * len(path)))
     at = np.arange(len(path))[::-1]
     colours = [MODELLED] + [CANDIDATE] * (len(path) - 1)
     axes.axvspan(0.0, 1.0, color=FLOOR, alpha=0.6, lw=0, zorder=0, label="floor")
@@ -221,7 +221,7 @@ def path_figure(path: Sequence[PathStep], given: Sequence[str]) -> Figure:
     axes.tick_params(axis="y", length=0)
     axes.set_xlim(0.0, 1.12 * max(float(scores.max()), 1.0))
     axes.xaxis.set_major_locator(MaxNLocator(8, steps=ROUND_STEPS))
-    label(axes, "error on runs left out of the fit, in multiples of the floor", "")
+    label(axes, "held-out error, in multiples of the floor", "")
     legend_below(figure, _handles(axes))
     return figure
 

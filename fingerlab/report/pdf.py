@@ -81,12 +81,10 @@ class _Reader:
             if name == "p":
                 room += self._paper.text_height(words(child))
             elif name == "figure":
-                return room + self._paper.figures_height([self._place(child, 1)], 1)
+                return room + self._paper.least_height([self._place(child, 1)], 1)
             elif name == "div" and "pair" in _classes(child):
                 row = [e for e in child if e.tag == f"{XHTML}figure"][:2]
-                return room + (
-                    self._paper.figures_height([self._place(e, 2) for e in row], 2) if row else 60.0
-                )
+                return room + (self._paper.least_height([self._place(e, 2) for e in row], 2) if row else 60.0)
             else:
                 break
         return room

@@ -27,6 +27,10 @@ KEEP = {1: 40.0, 2: 45.0, 3: 30.0}
 """Room in mm that has to be left below a heading, else it begins a page."""
 HIGHEST = 150.0
 """What a heading announces counts up to here, mm; more would leave pages empty."""
+SMALLEST = 0.78
+"""A picture shrinks to this share of its size before it leaves the rest of a page empty."""
+SHRINKS_FROM = 40.0
+"""Lower figures, such as formulas, keep their size, mm."""
 MM_PER_POINT = 25.4 / 72.0
 
 
@@ -136,26 +140,40 @@ class Paper(FPDF):
         self.ln(1.5)
 
     def figures(self, wanted: Sequence[Wanted], columns: int) -> None:
-        """Figures beside each other, each with its caption below."""
-        width, tall = self._column(columns), self.figures_height(wanted, columns)
-        if tall > self.room():
+        """Figures beside each other, each with its caption below; smaller where they fit the page only so."""
+        if self.least_height(wanted, columns) > self.room():
             self.add_page()
+        scale = self._scale(wanted, columns, self.room())
+        width, tall = self._column(columns), self._row_height(wanted, columns, scale)
         top, x = self.get_y() + 1.0, self.l_margin
         for one in wanted:
-            self.placed.append(Placed(one.key, self.page_no(), x, top, one.share * width))
+            drawn = scale * one.share * width
+            self.placed.append(Placed(one.key, self.page_no(), x, top, drawn))
             if one.caption:
                 self._letters("small", MUTED)
-                self.set_xy(x, top + one.share * width * one.shape + 0.5)
+                self.set_xy(x, top + drawn * one.shape + 0.5)
                 self.multi_cell(width, _line("small"), one.caption, align="L")
             x += width + 2 * GAP
         self.set_xy(self.l_margin, top + tall)
 
-    def figures_height(self, wanted: Sequence[Wanted], columns: int) -> float:
-        """Height that a row of figures takes, mm."""
+    def least_height(self, wanted: Sequence[Wanted], columns: int) -> float:
+        """Height that a row of figures takes at least, mm."""
+        return self._row_height(wanted, columns, self._scale(wanted, columns, 0.0))
+
+    def _scale(self, wanted: Sequence[Wanted], columns: int, room: float) -> float:
+        """Share of their size, from ``SMALLEST`` to 1, at which figures fit into ``room`` mm."""
+        highest = max(one.share * self._column(columns) * one.shape for one in wanted)
+        if highest < SHRINKS_FROM:
+            return 1.0
+        over = self._row_height(wanted, columns, 1.0) - room
+        return min(max(1.0 - over / highest, SMALLEST), 1.0)
+
+    def _row_height(self, wanted: Sequence[Wanted], columns: int, scale: float) -> float:
         width = self._column(columns)
         self._letters("small", MUTED)
         below = [self._height(one.caption, width, "small") for one in wanted]
-        return 2.5 + max(one.share * width * one.shape + h for one, h in zip(wanted, below, strict=True))
+        drawn = [scale * one.share * width * one.shape for one in wanted]
+        return 2.5 + max(high + text for high, text in zip(drawn, below, strict=True))
 
     def text_height(self, text: str) -> float:
         """Height that a paragraph takes, mm."""

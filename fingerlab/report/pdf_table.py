@@ -16,6 +16,8 @@ PADDING = 1.4  # mm
 ROUNDING = 1e-3  # mm
 LONGEST_WORD = 40.0
 """A word longer than this may be broken where a table is too wide, mm."""
+NAMES = 0.25
+"""Share of the paper's width that a column of names keeps beside one that holds whole sentences."""
 
 
 @dataclass(frozen=True)
@@ -71,23 +73,38 @@ def set_table(paper: Paper, table: Table) -> None:
 
 
 def _widths(paper: Paper, table: Table) -> list[float]:
-    """What each column would like; where that is too much, words wrap and numbers stay whole."""
-    like, least = [], []
-    for i, right in enumerate(table.right):
-        lines = [line for row in table.rows for line in row[i].split("\n")]
-        body = max((paper.get_string_width(line) for line in lines), default=0.0)
-        word = max((paper.get_string_width(w) for line in lines for w in line.split()), default=0.0)
-        paper.set_font("text", "B", SIZES["small"])
-        title = table.head[i] if table.head else ""
-        head = paper.get_string_width(title)
-        head_word = max((paper.get_string_width(w) for w in title.split()), default=0.0)
-        paper.set_font("text", "", SIZES["small"])
-        room = 2 * PADDING + 1.0
-        like.append(max(body, head) + room)
-        least.append(max(body if right else min(word, LONGEST_WORD), head_word) + room)
-    while (over := sum(like) - paper.epw) > ROUNDING:
-        i = max(range(len(like)), key=lambda k: like[k] - least[k])
-        if like[i] <= least[i]:
-            return [w * paper.epw / sum(like) for w in like]
-        like[i] = max(least[i], like[i] - over)
-    return like
+    """What each column would like; where that is too much, heads wrap, then words; numbers stay whole."""
+    measured = [_needs(paper, table, i) for i in range(len(table.right))]
+    widths = [like for like, _, _ in measured]
+    _narrow(widths, [whole for _, whole, _ in measured], paper.epw)
+    if max(widths) > paper.epw:  # a column of whole sentences: names beside it give way before it does
+        names = NAMES * paper.epw
+        kept = [whole if whole > paper.epw else max(least, min(whole, names)) for _, whole, least in measured]
+        _narrow(widths, kept, paper.epw)
+    _narrow(widths, [least for _, _, least in measured], paper.epw)
+    over = sum(widths) / paper.epw
+    return [w / over for w in widths] if over > 1.0 + ROUNDING else widths
+
+
+def _needs(paper: Paper, table: Table, column: int) -> tuple[float, float, float]:
+    """Widths of a column: with nothing wrapped, with the head wrapped, with its words wrapped too, mm."""
+    lines = [line for row in table.rows for line in row[column].split("\n")]
+    body = max((paper.get_string_width(line) for line in lines), default=0.0)
+    word = max((paper.get_string_width(w) for line in lines for w in line.split()), default=0.0)
+    paper.set_font("text", "B", SIZES["small"])
+    title = table.head[column] if table.head else ""
+    head = paper.get_string_width(title)
+    head_word = max((paper.get_string_width(w) for w in title.split()), default=0.0)
+    paper.set_font("text", "", SIZES["small"])
+    room = 2 * PADDING + 1.0
+    least = body if table.right[column] else min(word, LONGEST_WORD)
+    return max(body, head) + room, max(body, head_word) + room, max(least, head_word) + room
+
+
+def _narrow(widths: list[float], floors: list[float], room: float) -> None:
+    """Take from the columns what is over ``room``, first where most can be spared, down to the floors."""
+    while (over := sum(widths) - room) > ROUNDING:
+        i = max(range(len(widths)), key=lambda k: widths[k] - floors[k])
+        if widths[i] <= floors[i]:
+            return
+        widths[i] = max(floors[i], widths[i] - over)

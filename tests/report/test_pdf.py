@@ -13,6 +13,8 @@ from pypdf import PdfReader
 from fingerlab.errors import UserError
 from fingerlab.report.page import Extras, write_report
 from fingerlab.report.pdf import pdf_of_page
+from fingerlab.report.pdf_paper import Paper, Wanted
+from fingerlab.report.pdf_table import Table, set_table
 from fingerlab.report.pictures import FORMATS, NamedFigure
 from fingerlab.sessions import open_session
 
@@ -102,3 +104,32 @@ def test_a_figure_lies_where_it_was_given_room() -> None:
     assert x == pytest.approx(18 * mm, abs=2)
     assert y == pytest.approx(841.89 - (18 + 1 + 87) * mm, abs=3)
     assert seen["Below"][1] < y
+
+
+def test_a_figure_shrinks_a_little_before_it_leaves_the_rest_of_a_page_empty() -> None:
+    """A4 has 297 - 18 - 20 = 259 mm of height: below one of 130 mm and its gap there is room for 123."""
+    paper = Paper("title")
+    for key in ("first", "second"):
+        paper.figures([Wanted(key, 130.0 / 174.0, "", 1.0)], 1)
+    first, second = paper.placed
+    assert (first.page, first.width) == (1, pytest.approx(174.0, rel=1e-4))
+    assert second.page == 1
+    assert second.width == pytest.approx(174.0 * 123.0 / 130.0, rel=1e-3)
+    paper = Paper("title")
+    for key in ("first", "too high to shrink so far"):
+        paper.figures([Wanted(key, 170.0 / 174.0, "", 1.0)], 1)
+    assert [(one.page, one.width) for one in paper.placed] == [
+        (n, pytest.approx(174.0, rel=1e-4)) for n in (1, 2)
+    ]
+
+
+def test_heads_wrap_before_names_do_and_names_before_sentences() -> None:
+    paper = Paper("title")
+    head = ["Model", *(["Peak of what was modelled (N)"] * 6)]
+    set_table(paper, Table("", head, [["With the effects", *["1.234 ± 0.001"] * 6]], [False] + [True] * 6))
+    tale = " ".join(["the missing torque follows the speed"] * 6)
+    set_table(paper, Table("", [], [["Other inertia of rotor, gearbox and pulley", tale]], [False, False]))
+    lines = PdfReader(io.BytesIO(bytes(paper.output()))).pages[0].extract_text().splitlines()
+    assert any("With the effects" in line for line in lines)
+    assert not any("gearbox and pulley" in line for line in lines)
+    assert sum("torque" in line for line in lines) <= 3
