@@ -221,6 +221,16 @@ def next_experiment_sentence(diagnosis: Diagnosis) -> str | None:
     return f"{text}. {told}{_gain_words(proposal.get('expected_separation'))}." if told else f"{text}."
 
 
+def next_experiment_words(diagnosis: Diagnosis) -> str:
+    """What to record next, or that nothing is known to be worth recording."""
+    sentence = next_experiment_sentence(diagnosis)
+    if sentence is not None:
+        return sentence
+    if diagnosis.verdict == "nothing_missing" and not not_shown(diagnosis):
+        return "No further recording is called for."
+    return "No recording is known that would tell more."
+
+
 def _told_words(diagnosis: Diagnosis) -> str:
     """What the proposed run would tell; one that looks for what was not seen separates it from nothing."""
     effects = would_show(diagnosis)

@@ -176,7 +176,7 @@ def render(content: Content, progress: Progress) -> Page:
         profile_picture=_profile_picture(diagnosis, pictures),
         equations=_equations(diagnosis, pictures, len(sessions) > 1),
         candidates=[_candidate(c, pictures) for c in _drawn_candidates(diagnosis)],
-        next_experiment=words.next_experiment_sentence(diagnosis),
+        next_experiment=words.next_experiment_words(diagnosis),
         model_rows=tables.model_rows(content.bench),
         prediction=content.prediction,
         prediction_picture=_prediction_picture(content.prediction, pictures),

@@ -128,7 +128,12 @@ def test_the_verdict_stands_at_the_top_in_one_sentence(found_page) -> None:
     [
         (
             "nothing",
-            ["Nothing is missing from the nominal model (> 99 % probable)", "1.03 times", "no effect"],
+            [
+                "Nothing is missing from the nominal model (> 99 % probable)",
+                "1.03 times",
+                "no effect",
+                "Next experiment No further recording is called for.",
+            ],
         ),
         (
             "unseen",
@@ -140,7 +145,15 @@ def test_the_verdict_stands_at_the_top_in_one_sentence(found_page) -> None:
                 "No effect is justified; these come closest.",
             ],
         ),
-        ("unknown", ["not in the catalogue (> 99 % probable)", "63.2 times", "none of the 3 effects tried"]),
+        (
+            "unknown",
+            [
+                "not in the catalogue (> 99 % probable)",
+                "63.2 times",
+                "none of the 3 effects tried",
+                "Next experiment No recording is known that would tell more.",
+            ],
+        ),
         (
             "alike",
             [

@@ -14,10 +14,10 @@ from fingerlab.report.diagnosis_words import (
     in_sentence,
     left_open,
     listed,
-    next_experiment_sentence,
     not_shown,
     would_show,
 )
+from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
 from fingerlab.report.screen import decimals_for, fixed, percent, score_text, screen_unit
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.words import trajectory_words
@@ -166,13 +166,3 @@ def sessions_text(sessions: tuple[Session, ...]) -> str:
     total = sum(counts.values())
     phases = ", ".join(f"{count} {PHASE_WORDS.get(phase, phase)}" for phase, count in counts.items())
     return f"{names} · {total} run{'s' if total != 1 else ''}: {phases}" if total else f"{names} · no runs"
-
-
-def next_experiment_words(diagnosis: Diagnosis) -> str:
-    """What to record next, and what that would tell apart."""
-    sentence = next_experiment_sentence(diagnosis)
-    if sentence is not None:
-        return sentence
-    if diagnosis.verdict == NOTHING and not not_shown(diagnosis):
-        return "No further recording is called for."
-    return "No recording is known that would tell more."
