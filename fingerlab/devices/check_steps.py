@@ -183,7 +183,7 @@ def limits(bench: Bench) -> Iterator[Outcome]:
     for name, unit in LIMIT_UNITS.items():
         value = getattr(held, name)
         in_degrees = unit.startswith("rad")
-        shown = f"{math.degrees(value) if in_degrees else value:g} {unit.replace('rad', '°')}"
+        shown = f"{math.degrees(value) if in_degrees else value:.4g} {unit.replace('rad', '°')}"
         source = held.sources.get(name, "FingerLab's default")
         question = f"The limit {name.replace('_', ' ')} is {shown} ({source}). Is it right for this bench?"
         yield _asked(bench, f"limits/{name}", f"Limit {name.replace('_', ' ')}", question, {"value": value})

@@ -75,7 +75,7 @@ def test_a_bench_wired_like_its_rig_file_is_confirmed() -> None:
     assert math.degrees(found["drive/direction"].measured["travel"]) == pytest.approx(60, abs=3)
     assert len([k for k in found if k.startswith("limits/")]) == 11
     assert "10 N (thesis, section 2.2" in operator.asked["limits/force"]
-    assert "1145.92 °/s" in operator.asked["limits/speed"]
+    assert " 1146 °/s " in operator.asked["limits/speed"]
     assert "0.475 V at ai0" in operator.asked["rest/load_cell"]
 
 
