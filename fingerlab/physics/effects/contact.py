@@ -43,7 +43,7 @@ EFFECTS = (
         id="contact_angle",
         title="Contact force that leans",
         acts_on=("endpoint_force",),
-        gains={"lean": Gain("tan", -1.7, 1.7, 0.3, title="tangent of the lean")},
+        gains={"lean": Gain("1", -1.7, 1.7, 0.3, title="tangent of the lean")},
         columns=_lean,
         coordinate="force",
         equation=Row.PIP,
