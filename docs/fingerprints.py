@@ -38,12 +38,22 @@ def picture(effect: Effect) -> str:
     if effect.id in OUTSIDE:
         y, y_label = OUTSIDE[effect.id](effect, motion)
     else:
-        shape = effect.shapes[len(effect.shapes) // 2]
-        terms = [t for t in effect.columns(motion, shape) if t.row == effect.equation]
+        terms = _shown(effect, motion)
         if not terms:
             return ""
         y, y_label = _missing(effect, terms)
     return _svg(x[SETTLING:], y[SETTLING:], x_label, y_label, f"{effect.title}: {y_label} against {x_label}")
+
+
+def _shown(effect: Effect, motion: Motion) -> list[Term]:
+    """Terms of the shape nearest to the middle that shows in this run; a stop beyond its travel does not."""
+    middle = len(effect.shapes) // 2
+    terms: list[Term] = []
+    for index in sorted(range(len(effect.shapes)), key=lambda i: abs(i - middle)):
+        terms = [t for t in effect.columns(motion, effect.shapes[index]) if t.row == effect.equation]
+        if any(np.ptp(t.values[SETTLING:]) > 0 for t in terms):
+            break
+    return terms
 
 
 def _motion(phase: str) -> Motion:
@@ -167,6 +177,9 @@ def _svg(x: Array, y: Array, x_label: str, y_label: str, description: str) -> st
         _text(16, middle, "middle", y_label, f' transform="rotate(-90 16 {middle:g})"'),
     ]
     frame = f'<path d="M{LEFT} {TOP}V{floor}H{WIDTH - RIGHT}" fill="none" stroke="currentColor"/>'
+    if low_y < 0.0 < high_y:
+        zero = floor + low_y / (high_y - low_y) * (floor - TOP)
+        frame += f'<path d="M{LEFT} {zero:.1f}H{WIDTH - RIGHT}" stroke="currentColor" stroke-opacity="0.3"/>'
     drawn = f'<path class="course" d="{course}" fill="none" stroke="#009E73" stroke-width="1.5"/>'
     return (
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" style="max-width:{WIDTH}px" role="img" '

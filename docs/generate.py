@@ -70,6 +70,8 @@ SPECIAL = {
     "delay": "This one is not a column of the equations: the motor's channels are shifted in the fit.",
     "slack": "This one is not a column of the equations: the cable equation counts one-sidedly in the fit.",
 }
+SUBSCRIPT = re.compile(r"(\w)_(\w+)")
+"""In the words on an equation's symbols: ``K_s``."""
 COMMENT = "<!-- Made by docs/generate.py from the program; do not edit. -->\n\n"
 
 
@@ -89,7 +91,7 @@ def pages() -> dict[str, str]:
 
 
 def equation_notes() -> dict[str, Mapping[str, Any]]:
-    """Equation, symbols and look-alikes of each effect, by id; the report prints the same equations."""
+    """Equation, symbols, source, look-alikes of each effect, by id; the report prints the same equations."""
     return dict(effect_equations())
 
 
@@ -98,8 +100,8 @@ def _index() -> str:
         "# Catalogue of effects",
         "",
         f"{len(CATALOGUE)} effects that the nominal model leaves out. Each page is made from the object that "
-        "the fit, the ranking, the plots and the report use; only the printed equation and the list of "
-        "look-alikes are written by hand. `fingerlab effects` prints the same list.",
+        "the fit, the ranking, the plots and the report use; only the printed equation, its source and "
+        "the list of look-alikes are written by hand. `fingerlab effects` prints the same list.",
         "",
         "An effect adds a torque τ₁, τ₂ to the joint equations, a length x to the cable equation, or a "
         "torque τₘ on the motor side; these equations are in [theory](../theory.md).",
@@ -114,13 +116,15 @@ def _index() -> str:
 
 def _effect_page(effect: Effect, note: Mapping[str, Any]) -> str:
     changes = ", ".join(ACTS_ON[name] for name in effect.acts_on)
+    symbols = SUBSCRIPT.sub(r"\1<sub>\2</sub>", note["symbols"])
     parts = [
         f"# {effect.title}",
         f"`{effect.id}` changes: {changes}.",
         effect.explanation,
         "## Equation",
         f"$$\n{note['equation']}\n$$",
-        f"{note['symbols']} The other symbols are those of [theory](../theory.md).",
+        f"{symbols} The other symbols are those of [theory](../theory.md).",
+        f"Source: {note['source']}",
     ]
     if effect.special:
         parts.append(SPECIAL[effect.special])

@@ -187,6 +187,7 @@ def test_every_page_of_the_catalogue_has_all_its_parts(pages: dict[str, str]) ->
             "## How it shows",
             "## How to tell",
             "What reveals it",
+            "Source: ",
         ):
             assert part in page, (name, part)
         assert "Easily taken for it" in page or "Nothing else in the catalogue" in page, name
@@ -196,22 +197,25 @@ def test_every_page_of_the_catalogue_has_all_its_parts(pages: dict[str, str]) ->
 def test_every_effect_has_an_equation_and_look_alikes_that_exist(generate: ModuleType) -> None:
     notes = generate.equation_notes()
     assert set(notes) == set(CATALOGUE)
+    theory = (DOCS / "theory.md").read_text(encoding="utf-8")
     for name, note in notes.items():
         assert note["equation"], name
         assert note["symbols"], name
+        for year in re.findall(r"\b1[5-9]\d\d\b|\b20[012]\d\b", f"{note['symbols']} {note['source']}"):
+            assert year in theory, (name, year)  # named in full among its sources
         assert name not in note["alike"]
         assert set(note["alike"]) <= set(CATALOGUE), name
 
 
 def test_fingerprints_show_the_course_of_the_effect(pages: dict[str, str]) -> None:
-    """Every effect is drawn; a stiffness is a straight line, Coulomb friction two levels."""
-    assert all("<svg" in pages[f"catalogue/{name}.md"] for name in CATALOGUE)
+    """Every effect is drawn and no flat line; a stiffness is a straight line, Coulomb friction two levels."""
 
     def course(name: str) -> np.ndarray:
         points = re.search(r'class="course" d="([^"]+)"', pages[f"catalogue/{name}.md"])
         assert points is not None
         return np.array([[float(v) for v in point[1:].split(",")] for point in points[1].split()])
 
+    assert all(np.ptp(course(name)[:, 1]) > 100.0 for name in CATALOGUE)
     x, y = course("stiffness_error").T
     assert np.ptp(y - np.polyval(np.polyfit(x, y, 1), x)) < 0.5  # points are rounded to a tenth
     x, y = course("cable_slack").T  # loose at no tension, and nothing missing where it is taut
