@@ -266,7 +266,10 @@ def fit_states(window: MainWindow, folder: Path) -> Iterator[str]:
 
 
 def predict_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """The contact runs of a session, by the parameters fitted on air and by a model with the effect."""
+    """The contact runs of a session, by the parameters fitted on air and by a model with the effect.
+
+    Then the other way round: the torque that a wanted force needs.
+    """
     yield "empty"
     session = record(folder / "in-contact.h5")
     models = [folder / "on-air.json", folder / "with-effect.json"]
@@ -282,6 +285,16 @@ def predict_states(window: MainWindow, folder: Path) -> Iterator[str]:
     pause(300)
     read_table(tab.widget, "predict", range(3))
     yield ""
+    wanted = tab.wanted
+    tab.views.choose("wanted")
+    wanted.panel.model.setCurrentText("with-effect.json: nominal model + Coulomb joint friction")
+    wanted.panel.numbers["mean_n"].setValue(0.8)
+    wanted.panel.numbers["amplitude_n"].setValue(0.3)
+    pause(500)  # the torque is asked for a moment after the last edit
+    wait_until(lambda: wanted.plan is not None and not window.tasks.busy)
+    FACTS["predict.wanted.model"] = wanted.panel.model.currentText()
+    FACTS["predict.wanted.torque"] = wanted.panel.result.text()
+    yield "wanted"
 
 
 TABS: dict[str, States] = {
