@@ -6,7 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
@@ -63,6 +63,18 @@ def without_ballast(entries: Iterable[Entry]) -> list[Entry]:
     """The entries of a list that the program needs."""
     pattern = re.compile("|".join(BALLAST))
     return [one for one in entries if not pattern.search(one[0].replace("\\", "/"))]
+
+
+def metadata_files(copy: Callable[[str], list[tuple[str, str]]]) -> list[tuple[str, str]]:
+    """What each package says of itself (``*.dist-info``): file and folder, for ``datas``.
+
+    Some, such as nidaqmx, ask for their own version while they are imported and fail without.
+
+    Args:
+        copy: PyInstaller's ``copy_metadata``.
+    """
+    present = {_canonical(one.name) for one in metadata.distributions()}
+    return [entry for name in licences.locked("app") if _canonical(name) in present for entry in copy(name)]
 
 
 def licence_files() -> list[tuple[str, str]]:

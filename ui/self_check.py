@@ -1,14 +1,15 @@
 """Does this installation work? ``python -m fingerlab.ui.self_check SESSION.h5`` opens the window and sees.
 
 The session is opened as a person opens it, the Model lab compares it with the nominal model, and every tab is
-shown once. Ends with 0 and a line of what was seen, or with 1 and the sentence that the window would show.
-A packaged program does the same with ``--self-check SESSION.h5``.
+shown once; what drives the card is loaded, too. Ends with 0 and a line of what was seen, or with 1 and the
+sentence that the window would show. A packaged program does the same with ``--self-check SESSION.h5``.
 """
 
 from __future__ import annotations
 
 import sys
 import tempfile
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from .window import MainWindow
 PATIENCE_S = 240
 """After this time a window that has neither compared nor complained counts as stuck."""
 LOOK_MS = 50
+CARD = "nidaqmx.system"
 
 
 class SelfCheck:
@@ -92,6 +94,11 @@ def main(arguments: list[str]) -> int:
     if len(arguments) != 1 or not Path(arguments[0]).is_file():
         print("fingerlab: The self-check needs one session file that exists.", file=sys.stderr)
         return 2
+    try:
+        import_module(CARD)  # needs no driver; a packaged program may lack a part of it
+    except ImportError as error:
+        print(f"fingerlab: {CARD}, which drives the card, cannot be loaded ({error}).", file=sys.stderr)
+        return 1
     instance = QApplication.instance() or QApplication([sys.argv[0]])
     assert isinstance(instance, QApplication)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:

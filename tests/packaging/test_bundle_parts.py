@@ -192,6 +192,17 @@ def test_the_self_check_ends_with_the_sentence_that_the_window_shows(tmp_path: P
     assert "Traceback" not in done.stderr
 
 
+def test_the_self_check_misses_what_drives_the_card(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from fingerlab.ui import self_check
+
+    monkeypatch.setitem(sys.modules, "nidaqmx.system", None)  # as if a part of it had not been packed
+    (tmp_path / "any.h5").touch()
+    assert self_check.main([str(tmp_path / "any.h5")]) == 1
+    assert "nidaqmx.system, which drives the card, cannot be loaded" in capsys.readouterr().err
+
+
 def test_a_packaged_program_that_fails_or_hangs_is_told(tmp_path: Path) -> None:
     import bundle
 

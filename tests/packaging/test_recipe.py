@@ -32,9 +32,9 @@ def recipe(system: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[s
     for name, found in (
         ("collect_submodules", ["fingerlab.cli.main"]),
         ("collect_data_files", [("default.toml", "fingerlab/resources/rigs")]),
-        ("copy_metadata", []),
     ):
         setattr(hooks, name, lambda _package, found=found: found)
+    hooks.copy_metadata = lambda package: [("METADATA", f"{package}.dist-info")]  # type: ignore[attr-defined]
     for name in ("PyInstaller", "PyInstaller.utils"):
         monkeypatch.setitem(sys.modules, name, ModuleType(name))
     monkeypatch.setitem(sys.modules, "PyInstaller.utils.hooks", hooks)
@@ -61,6 +61,9 @@ def test_the_recipe_makes_a_program_for_each_system(
     assert [name for name, _, _ in analysis.binaries] == ["hdf5.dll"]  # ballast is left out
     places = {inside for inside, _, _ in analysis.datas}
     assert {"fingerlab/resources/rigs", "licences"} <= places
+    # These ask for their own version while they are imported.
+    assert {"fingerlab.dist-info", "nidaqmx.dist-info", "nitypes.dist-info"} <= places
+    assert not {"pytest.dist-info", "nowhere.dist-info"} & places
     # A program that prints, without a terminal of its own where a double click would open one.
     assert (told["console"], told["hide_console"]) == (True, "hide-early" if system == "win32" else None)
     icon = {"linux": None, "win32": "fingerlab.ico", "darwin": "fingerlab.icns"}[system]
