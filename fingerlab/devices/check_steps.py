@@ -183,10 +183,12 @@ def limits(bench: Bench) -> Iterator[Outcome]:
     for name, unit in LIMIT_UNITS.items():
         value = getattr(held, name)
         in_degrees = unit.startswith("rad")
-        shown = f"{math.degrees(value) if in_degrees else value:.4g} {unit.replace('rad', '°')}"
+        number, degrees = math.degrees(value) if in_degrees else value, unit.replace("rad", "°")
+        shown = f"{number:.4g}{'' if degrees == '°' else ' '}{degrees}"
+        called = name.replace("_", " ").replace("mcp", "MCP angle").replace("pip", "PIP angle")
         source = held.sources.get(name, "FingerLab's default")
-        question = f"The limit {name.replace('_', ' ')} is {shown} ({source}). Is it right for this bench?"
-        yield _asked(bench, f"limits/{name}", f"Limit {name.replace('_', ' ')}", question, {"value": value})
+        question = f"The limit {called} is {shown} ({source}). Is it right for this bench?"
+        yield _asked(bench, f"limits/{name}", f"Limit {called}", question, {"value": value})
 
 
 def stop(bench: Bench) -> Iterator[Outcome]:

@@ -76,6 +76,7 @@ def test_a_bench_wired_like_its_rig_file_is_confirmed() -> None:
     assert len([k for k in found if k.startswith("limits/")]) == 11
     assert "10 N (thesis, section 2.2" in operator.asked["limits/force"]
     assert " 1146 °/s " in operator.asked["limits/speed"]
+    assert "MCP angle low is -60° (" in operator.asked["limits/mcp_low"]
     assert "0.475 V at ai0" in operator.asked["rest/load_cell"]
 
 
