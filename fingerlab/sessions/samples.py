@@ -40,7 +40,8 @@ def _open(path: Path) -> h5py.File:
         raise UserError(f"{path} does not exist; give the path of a session file (.h5).")
     if not h5py.is_hdf5(path):
         raise UserError(
-            f"{path} is not an HDF5 file; a session is one (text files become one by 'fingerlab import')."
+            f"{path} is not an HDF5 file; a session is one (text files become one by 'fingerlab import', "
+            "or by 'Import text' in Sessions)."
         )
     return h5py.File(path, "r", locking="best-effort")
 

@@ -42,9 +42,13 @@ AGAIN_HELP = "Look for new and changed files (F5)."
 
 
 class LibraryPage(QWidget):
-    """Signals: folder_asked, again_asked; review_asked(paths), lab_asked(paths); chosen(): other rows."""
+    """Signals: folder_asked, texts_asked, again_asked; review_asked(paths), lab_asked(paths); chosen().
+
+    The last one: other rows are marked.
+    """
 
     folder_asked = Signal()
+    texts_asked = Signal()
     again_asked = Signal()
     review_asked = Signal(object)
     lab_asked = Signal(object)
@@ -61,6 +65,11 @@ class LibraryPage(QWidget):
         self.folder.setObjectName("libraryFolder")
         self.choose = QPushButton("Choose &folder…")
         self.choose.setObjectName("chooseFolder")
+        self.texts = QPushButton("&Import text…")
+        self.texts.setObjectName("importText")
+        self.texts.setToolTip(
+            "Text files of the bench's earlier program become a session; or drop them here."
+        )
         self.again = QPushButton("Read a&gain")
         self.again.setObjectName("readAgain")
         self.again.setToolTip(AGAIN_HELP)
@@ -83,6 +92,7 @@ class LibraryPage(QWidget):
         top.setSpacing(8)
         top.addWidget(self.folder, 1)
         top.addWidget(self.choose)
+        top.addWidget(self.texts)
         top.addWidget(self.again)
         find = QHBoxLayout()
         find.setSpacing(8)
@@ -129,6 +139,7 @@ class LibraryPage(QWidget):
 
     def _connect(self) -> None:
         self.choose.clicked.connect(self.folder_asked)
+        self.texts.clicked.connect(self.texts_asked)
         self.again.clicked.connect(self.again_asked)
         self.search.textChanged.connect(self._on_search)
         self.table.doubleClicked.connect(self._on_double_click)
@@ -162,8 +173,8 @@ class LibraryPage(QWidget):
         text = ""
         if not reading and total == 0:
             text = (
-                "No session file below this folder. Choose the folder that holds the sessions, or record one "
-                "in Acquire."
+                "No session file below this folder. Choose the folder that holds the sessions, import text "
+                "files, or record one in Acquire."
             )
         elif not reading and shown == 0:
             text = "No session fits the search. Take words away, or clear it."

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,17 +12,16 @@ from PySide6.QtWidgets import QFileDialog, QStackedWidget
 
 from fingerlab.errors import UserError
 from fingerlab.library.facts import SessionFacts
-from fingerlab.library.index import scan
 from fingerlab.library.notes import Note, Notebook
-from fingerlab.library.verdicts import Verdict, find_verdicts
 from fingerlab.sessions.model import Session
 
 from ..desk import Desk, read_session
 from ..tab import SEPARATOR, Command, Tab
 from ..task_bar import time_left
 from ..widgets.labels import header_name
-from .background import Background, IsCancelled, Tell
+from .background import Background
 from .library_page import LibraryPage
+from .looking_through import Found, look_through
 from .review_data import ReviewData
 from .thumbnails import Thumbnails
 from .undoing import EditHistory, FileEdit, NoteEdit
@@ -34,32 +32,6 @@ if TYPE_CHECKING:
 
 SCAN = "scan"
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
-
-
-@dataclass(frozen=True)
-class Found:
-    """What a scan of a folder brought: facts, notes, verdicts, and what is wrong with the side file."""
-
-    folder: Path
-    facts: tuple[SessionFacts, ...]
-    notebook: Notebook
-    verdicts: dict[Path, Verdict]
-    trouble: str
-
-
-def look_through(folder: Path, known: Sequence[SessionFacts], tell: Tell, cancelled: IsCancelled) -> Found:
-    """Read a folder anew; in the background."""
-
-    def found(facts: SessionFacts, share: float) -> None:
-        tell((facts.name, share))
-
-    facts = scan(folder, known, found, cancelled)
-    notebook, trouble = Notebook(folder), ""
-    try:
-        notebook.read()
-    except UserError as error:
-        trouble = str(error)
-    return Found(folder, facts, notebook, find_verdicts(folder, facts), trouble)
 
 
 class SessionsTab(Tab):
@@ -91,6 +63,7 @@ class SessionsTab(Tab):
     def _connect(self) -> None:
         page = self.page
         page.folder_asked.connect(self.ask_folder)
+        page.texts_asked.connect(self.ask_texts)
         page.again_asked.connect(self._read_or_stop)
         page.lab_asked.connect(self.open_in_lab)
         page.review_asked.connect(self.review)
@@ -132,16 +105,12 @@ class SessionsTab(Tab):
         page = self.page
         return (
             Command("Choose &folder…", self.ask_folder, "Ctrl+Shift+O"),
+            Command("&Import text files…", self.ask_texts),
             Command("Read a&gain", self.read_again, "F5"),
             Command("&Search", page.search.setFocus, "Ctrl+F"),
             SEPARATOR,
             Command("&Review runs", page.ask_review, None, lambda: bool(page.paths())),
-            Command(
-                "Open in &Model lab",
-                lambda: self.open_in_lab(self.chosen()),
-                "Ctrl+Return",
-                lambda: bool(self.chosen()),
-            ),
+            Command("Open in &Model lab", self.open_chosen, "Ctrl+Return", lambda: bool(self.chosen())),
             SEPARATOR,
             Command("M&erge the chosen sessions…", self.merge, "Ctrl+M", lambda: len(page.paths()) > 1),
             *(
@@ -175,7 +144,10 @@ class SessionsTab(Tab):
             self.read_again(path)
 
     def accept_files(self, paths: Sequence[Path]) -> bool:
-        """A folder is browsed; files go to the Model lab as everywhere."""
+        """A folder is browsed, text files are imported; sessions go to the Model lab as everywhere."""
+        if all(path.suffix.lower() in (".txt", ".csv", ".tsv") and path.is_file() for path in paths):
+            self.writer.import_texts(paths, self.folder)
+            return True
         folders = [path for path in paths if path.is_dir()]
         if not folders:
             return False
@@ -339,10 +311,16 @@ class SessionsTab(Tab):
             self.desk.hush()
             self.desk.open_paths(list(paths), "model_lab")
 
+    def open_chosen(self) -> None:
+        self.open_in_lab(self.chosen())
+
     def _one(self) -> bool:
         return len(self.chosen()) == 1
 
     # new files
+
+    def ask_texts(self) -> None:
+        self.writer.ask_texts(self.folder)
 
     def cut(self) -> None:
         """Write what lies between the cursors as a session of its own."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFileDialog, QWidget
 
+from fingerlab.errors import UserError
 from fingerlab.library.cutting import Stretch, cut_session, merge_sessions
 from fingerlab.library.facts import SessionFacts
 from fingerlab.library.notes import Note
@@ -18,8 +19,12 @@ from fingerlab.sessions.model import Run, Session
 from ..desk import Desk, read_session
 from ..tasks import IsCancelled, Progress
 
+if TYPE_CHECKING:
+    from .import_dialog import ImportDialog
+
 OWNER = "library"
 SESSION_FILTER = "Session files (*.h5)"
+TEXTS = "Text files (*.txt *.csv *.tsv);;All files (*)"
 FORMATS = {"csv": "CSV", "mat": "MATLAB", "parquet": "Parquet", "txt": "tab-separated text"}
 
 
@@ -88,6 +93,43 @@ class Writer(QObject):
             return copy_session(facts.path, target, attributes)
 
         self._start(f"Copying {facts.path.name}", work)
+
+    def ask_texts(self, folder: Path) -> None:
+        """Choose text files of the bench, and go on as with dropped ones."""
+        names, _ = QFileDialog.getOpenFileNames(self._widget, "Import text files", str(folder), TEXTS)
+        if names:
+            self.import_texts([Path(name) for name in names], folder)
+
+    def import_texts(self, files: Sequence[Path], folder: Path) -> None:
+        """Ask what text files are, and write them as one session, proposed for ``folder``."""
+        from .import_dialog import ImportDialog
+
+        self._desk.hush()
+        try:
+            dialog = ImportDialog(sorted(files), self._widget)
+        except UserError as error:
+            self._desk.tell(str(error))
+            return
+        dialog.accepted.connect(lambda: self._write_texts(dialog, folder))
+        dialog.finished.connect(dialog.deleteLater)
+        dialog.open()
+
+    def _write_texts(self, dialog: ImportDialog, folder: Path) -> None:
+        plans, rig_file = dialog.plans, dialog.rig_file
+        names = [plan.table.path for plan in plans]
+        target = self._ask_file("Import: new session", folder / f"{names[0].stem}.h5")
+        if target is None:
+            return
+
+        def work(progress: Progress) -> Path:
+            from fingerlab.rig_file import default_rig, load_rig
+            from fingerlab.sessions.importing import import_files
+
+            rig = load_rig(rig_file) if rig_file is not None else default_rig()
+            title = f"imported from {', '.join(path.name for path in names)}"
+            return import_files(plans, target, rig, title, progress=progress)
+
+        self._start(f"Importing {len(plans)} text {'file' if len(plans) == 1 else 'files'}", work)
 
     def _ask_file(self, title: str, suggested: Path) -> Path | None:
         """Where to; a name that is taken is refused by whoever writes, so the dialog does not offer to."""
