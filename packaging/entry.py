@@ -1,7 +1,8 @@
 """Where the packaged program begins: as ``python -m fingerlab`` does, and two things that only it is asked.
 
-``FingerLab SESSION.h5 ...`` opens the window with these sessions: so a desktop hands over a file that was
-dropped on the program or opened with it. ``FingerLab --self-check SESSION.h5`` opens a session and ends.
+``FingerLab SESSION.h5 ...`` opens the window with these sessions: so Windows and Linux hand over a file that
+was dropped on the program or opened with it (macOS does not; drop it on the window there).
+``FingerLab --self-check SESSION.h5`` opens a session and ends.
 """
 
 from __future__ import annotations
