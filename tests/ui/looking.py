@@ -1,4 +1,5 @@
-"""What holds for every page of every tab: nothing cut off or over one another, every control with a name.
+"""What holds for every page of every tab: nothing cut off or over one another, every control with a name,
+every field and plot with its meaning.
 
 A page is looked at as 1280 x 800 and 1920 x 1080 screens show it, less a title bar, and as one of 1920 x 1080
 at 200 % does; only there may it scroll.
@@ -33,6 +34,7 @@ from PySide6.QtWidgets import (
 
 from fingerlab.ui.acquire.canvas import Canvas
 from fingerlab.ui.widgets.labels import ElidedLabel
+from fingerlab.ui.widgets.quiet_plot import QuietPlot
 from fingerlab.ui.window import MainWindow
 
 SIZES = ((1280, 760), (1920, 1040), (960, 540))
@@ -61,7 +63,7 @@ def look(window: MainWindow) -> None:
         for _ in range(3):  # words that wrap ask for their height when they know their width
             QApplication.processEvents()
         assert (window.width(), window.height()) == size
-        found = [*cut_off(window), *overlapping(window), *nameless(window)]
+        found = [*cut_off(window), *overlapping(window), *nameless(window), *unexplained(window)]
         if size != SCROLLING:
             found += scrolling(window)
         assert not found, f"{size}: {'; '.join(found)}"
@@ -101,6 +103,15 @@ def nameless(window: QWidget) -> list[str]:
         if not keys and widget.objectName() not in OTHER_KEYS and not isinstance(widget, pg.GraphicsView):
             found.append(f"not by the keyboard: {told(widget)}")
     return found
+
+
+def unexplained(window: QWidget) -> list[str]:
+    """Fields and plots that do not say which quantity they are about.
+
+    Live plots have a reading above that does; the curves of the Model lab have their equation's button.
+    """
+    asked = (QComboBox, QAbstractSpinBox, QuietPlot)
+    return [f"no help: {told(w)}" for w in shown(window) if isinstance(w, asked) and not w.toolTip()]
 
 
 def cut_off(window: QWidget) -> list[str]:

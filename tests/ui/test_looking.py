@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import pytest
-from PySide6.QtWidgets import QApplication, QHBoxLayout, QLabel, QLineEdit, QPushButton, QTableWidget, QWidget
+from PySide6.QtWidgets import (
+    QApplication,
+    QComboBox,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QTableWidget,
+    QWidget,
+)
 from pytestqt.qtbot import QtBot
 
-from .looking import cut_off, nameless, overlapping
+from .looking import cut_off, nameless, overlapping, unexplained
 
 pytestmark = pytest.mark.qt_log_ignore("This plugin does not support")
 
@@ -52,6 +61,14 @@ def test_a_table_whose_heading_is_squeezed(page: QWidget) -> None:
     assert cut_off(page) == []
     table.setColumnWidth(0, 40)
     assert len(cut_off(page)) == 1
+
+
+def test_a_choice_that_does_not_say_what_it_is(page: QWidget) -> None:
+    box = QComboBox()
+    put(page, box, 0, 0, 80, 30)
+    assert len(unexplained(page)) == 1
+    box.setToolTip("Run shown (Alt+Up, Alt+Down).")
+    assert unexplained(page) == []
 
 
 def test_two_buttons_over_one_another(page: QWidget) -> None:

@@ -43,6 +43,10 @@ PHASES = {
 }
 CABLES = {"extension": "Extension cable", "flexion": "Flexion cable", "none": "No cable"}
 LOAD_HELP = "Known load: torque of a weight on the pulley; above 0 where the motor lifts it turning forwards."
+MOTIONS = (
+    "A motion that you set, start, change and end yourself.",
+    "All runs of a series by itself, with a prompt at each change of the cable.",
+)
 WIDTH = 272
 
 
@@ -172,6 +176,7 @@ class Panel(QWidget):
         for number_, button in enumerate((self.by_hand, self.by_protocol)):
             button.setCheckable(True)
             button.setObjectName("byProtocol" if number_ else "byHand")
+            button.setToolTip(MOTIONS[number_])
             button.clicked.connect(lambda _checked=False, page=number_: self.pages.setCurrentIndex(page))
             group.addButton(button)
         self.by_hand.setChecked(True)

@@ -44,6 +44,7 @@ class FitPanel(QWidget):
             "Threshold",
             [(f"{t} % of the speed range", float(t)) for t in THRESHOLDS_PERCENT],
         )
+        self.method.setToolTip("Into which parts of the period the runs are cut; each has a line of its own.")
         self.threshold.setToolTip(
             "Joint speed that parts motion from standstill, thesis sections 4.1 and 4.2."
         )
@@ -54,6 +55,7 @@ class FitPanel(QWidget):
         self.save = QPushButton("&Save model file…")
         self.save.setObjectName("saveModel")
         self.run = _choice("fitRun", "Run shown", [])
+        self.run.setToolTip("Run that the plots show (Alt+Up, Alt+Down for the next); the table is of all.")
         self.remarks = remark()
         self.remarks.setObjectName("fitRemarks")
         layout = QVBoxLayout(self)

@@ -37,6 +37,11 @@ class SpeedPlot(QuietPlot):
         self.joint = joint
         self.view: RunView | None = None
         self.name_axes(f"{JOINT_TITLES[joint]} speed", ScreenUnit("°/s", DEGREES), "Time in the period (s)")
+        self.setToolTip(
+            f"dθ/dt of the {JOINT_TITLES[joint]} joint, °/s, flexion positive: mean over the run's periods.\n"
+            "Dashed: the thresholds, ± a share of its range. Above is flexion, below extension, between them "
+            "standstill: static 1 after flexion, static 2 after extension (thesis 4.1, 4.2)."
+        )
 
     def show_view(self, view: RunView | None) -> None:
         """Another run, or none."""
@@ -82,6 +87,13 @@ class PlanePlot(QuietPlot):
 
     def __init__(self) -> None:
         super().__init__("plane", "Joint torque against cable tension with the regression line")
+        self.setToolTip(
+            "LHS, mN m: inertia, Coriolis, gravity and spring at the joint, against T = τ/r, N: motor torque "
+            "over pulley radius.\n"
+            "Line: LHS = s·a·T + L1 at the MCP, s·b·T + L2 at the PIP, thesis (3.16) and (3.17); its slope "
+            "is the moment arm, its value at T = 0 the friction loss. Shaded: its 90 % interval; dashed: the "
+            "line of all runs."
+        )
         self.joint: Joint = "pip"
         self.region = ""
         self.plane: Plane | None = None

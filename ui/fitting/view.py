@@ -32,7 +32,15 @@ class FitView(QWidget):
         self.speeds = {joint: SpeedPlot(joint) for joint in JOINTS}
         self.plane = PlanePlot()
         self.r2 = RunBars("r2Bars", "R²", ScreenUnit("", 1.0), top=1.06)
+        self.r2.setToolTip(
+            "R² = 1 − Σ(LHS − line)² / Σ(LHS − mean)²: share of the joint torque's variance that the line of "
+            "the region explains, by run."
+        )
         self.delays = RunBars("delayBars", "Delay of torque after tension", ScreenUnit("ms", 1e3))
+        self.delays.setToolTip(
+            "Δt, ms: by how much the joint torque LHS comes after the cable tension T, by run and region; "
+            "positive where the tension is first."
+        )
         self.table = ParameterTable()
         self.plane_words, self.r2_words, self.delay_words = _words(), _words(), _words()
         self._build()

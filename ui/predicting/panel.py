@@ -54,6 +54,7 @@ class PredictPanel(QWidget):
         self.remove.setObjectName("removeModel")
         self.run = QComboBox()
         self.run.setObjectName("predictRun")
+        self.run.setToolTip("Contact run that is shown (Alt+Up, Alt+Down for the next).")
         self.run.setAccessibleName("Run shown")
         run_label = QLabel("R&un shown")
         run_label.setBuddy(self.run)

@@ -122,6 +122,10 @@ class PeriodPlot(ShownPlot):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("periodPlot", "Normalised force over the average period", parent)
         self.name_axes("Normalised force", ScreenUnit("", 1.0), "Share of the period")
+        self.setToolTip(
+            "(F − least F) / (greatest F − least F) of the average period, each force by itself: 0 to 1.\n"
+            "What differs here is shape and delay; the size is in the plot above."
+        )
 
     def redraw(self) -> None:
         plot, colours = self.getPlotItem(), colours_of(self)

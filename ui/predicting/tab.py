@@ -48,6 +48,10 @@ NO_MODEL = (
     'saved predicts with its effects and a 90 % interval. "Predict the force" in the Model lab brings its '
     "model here without a file."
 )
+VIEWS = (
+    ("measured", "&Measured force", "Forces by the models beside the load cell (Alt+1)."),
+    ("wanted", "&Wanted force", "The other way round: the torque that a wanted force needs (Alt+2)."),
+)
 WAITS = "A session with contact runs is needed to predict with {files}."
 
 
@@ -102,7 +106,7 @@ class PredictTab(Tab):
             panes.remember(self.desk.settings)
         for page in (self.empty, self.panes, self.wanted.widget):
             self.pages.addWidget(page)
-        self.views = ViewChoice((("measured", "&Measured force"), ("wanted", "&Wanted force")))
+        self.views = ViewChoice(VIEWS)
         self.views.chosen.connect(lambda _key: self._refresh())
         self.sides = QStackedWidget()
         self.sides.addWidget(self.panel)

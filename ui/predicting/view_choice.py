@@ -9,11 +9,15 @@ from PySide6.QtWidgets import QButtonGroup, QHBoxLayout, QPushButton, QWidget
 
 
 class ViewChoice(QWidget):
-    """Signal ``chosen(key)``."""
+    """Signal ``chosen(key)``.
+
+    Args:
+        views: key, words on the button and help of each.
+    """
 
     chosen = Signal(str)
 
-    def __init__(self, views: Sequence[tuple[str, str]], parent: QWidget | None = None) -> None:
+    def __init__(self, views: Sequence[tuple[str, str, str]], parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setAccessibleName("View")
         row = QHBoxLayout(self)
@@ -21,8 +25,9 @@ class ViewChoice(QWidget):
         row.setSpacing(4)
         self._group = QButtonGroup(self)
         self._buttons: dict[str, QPushButton] = {}
-        for key, words in views:
+        for key, words, explained in views:
             button = QPushButton(words)
+            button.setToolTip(explained)
             button.setObjectName(f"view_{key}")
             button.setCheckable(True)
             button.setProperty("view", "true")
