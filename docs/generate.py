@@ -8,6 +8,7 @@ that they cannot grow old. To look at them as files::
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 from collections.abc import Iterator, Mapping
@@ -221,17 +222,20 @@ def _commands() -> str:
 
 
 def _limits() -> str:
+    default = default_rig().limits.sources
     rows = [
-        f"| {row.name.replace('_', ' ')} | {row.value:g} | {row.unit} | {row.source} |"
+        f"| {_title(row.name)} | {row.value:.4g} | {_with_degrees(row.value, row.unit)} | "
+        f"{'rig file; default: ' if row.source == 'rig file' else ''}"
+        f"{default.get(row.name, row.source)} |"
         for row in limits_table(Limits())
     ]
     return "\n".join(
         [
             "# Limits of the control loop",
             "",
-            "The control loop stops the motor beyond these, window or no window. SI units. A rig file's "
-            'section `[limits]` sets those with the source "rig file" (here: the default rig); the others '
-            "belong to the loop.",
+            "The control loop stops the motor beyond these, window or no window. A rig file's section "
+            '`[limits]` sets those whose source begins with "rig file" (the values here are those of the '
+            "default rig); the others belong to the loop.",
             "",
             "| limit | value | unit | source |",
             "|---|---|---|---|",
@@ -239,6 +243,15 @@ def _limits() -> str:
             "",
         ]
     )
+
+
+def _title(name: str) -> str:
+    return name.replace("_", " ").replace("mcp", "MCP").replace("pip", "PIP")
+
+
+def _with_degrees(value: float, unit: str) -> str:
+    """A unit; of an angle and of its rate with the value in degrees."""
+    return f"{unit} ({math.degrees(value):.4g}{unit.replace('rad', '°')})" if "rad" in unit else unit
 
 
 def _nuisances() -> str:
@@ -266,9 +279,8 @@ def _constants() -> str:
                 tolerance = f"± {100 * rig.tolerance_of(spec.name):g} %"
                 source = sources.get(spec.name, "assumed")
                 unit = CONSTANT_UNITS[spec.name]
-                rows.append(
-                    f"| {spec.name.replace('_', ' ')} | {value:.6g} | {unit} | {tolerance} | {source} |"
-                )
+                title = _title(spec.name)
+                rows.append(f"| {title} | {value:.6g} | {unit} | {tolerance} | {source} |")
     return "\n".join(
         [
             "# Constants of the default rig",
