@@ -124,6 +124,7 @@ def test_what_comes_before_a_rig_is_there_waits_for_it(
     drop(rig.window, table)
     assert waits.isVisible()
     assert waits.text().startswith("profile.csv waits for a rig")
+    assert rig.tab.panel.by_hand.isChecked()
     sine = {"kind": "sine", "amplitude_deg": 5.0, "frequency_hz": 1.0, "duration_s": 3.0}
     rig.window.desk.hand_protocol((Record(1, 1, "on_air", "extension", sine),), "Wanted force, 1 N")
     assert waits.text().startswith("Wanted force, 1 N waits for a rig")

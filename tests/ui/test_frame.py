@@ -16,6 +16,7 @@ from fingerlab.errors import Cancelled
 from fingerlab.sessions.model import Session
 from fingerlab.ui.desk import Desk, RigLine
 from fingerlab.ui.registry import TABS, Entry
+from fingerlab.ui.settings import Settings
 from fingerlab.ui.tab import Command, Tab
 from fingerlab.ui.window import MainWindow
 
@@ -248,6 +249,34 @@ def test_dropped_files_go_to_the_tab_that_takes_them(
     drop(window, session_file)
     assert taken == [session_file]
     assert not window.tasks.busy
+
+
+def test_a_wrong_file_dropped_on_any_tab_is_one_sentence(
+    make_window,  # type: ignore[no-untyped-def]
+    tmp_path: Path,
+    qtbot: QtBot,
+    settings: Settings,
+) -> None:
+    """Nothing is taken, no other tab comes to the front."""
+    (tmp_path / "library").mkdir()
+    settings.set_library(tmp_path / "library")
+    window = make_window(tab="acquire")
+    message = child(window, QLabel, "message")
+    asks = {("notes.txt", "calibrate"), ("notes.txt", "sessions")}  # of which sensor, with which columns
+    for name in ("notes.txt", "photo.png", "cut.h5", "model.json", "gone.h5"):
+        wrong = tmp_path / name
+        if name != "gone.h5":
+            wrong.write_bytes(b"neither table nor recording")
+        for key in (entry.key for entry in TABS if (name, entry.key) not in asks):
+            window.show_tab(key)
+            window.desk.hush()
+            drop(window, wrong)
+            qtbot.waitUntil(lambda: message.isVisible() and not window.tasks.busy, timeout=PATIENCE)
+            assert name in message.text(), key
+            assert message.text().count(". ") == 0, message.text()
+            assert "Traceback" not in message.text()
+            assert window.current == key
+            assert window.desk.sessions == ()
 
 
 def test_tasks_of_different_owners_wait_for_one_another(qtbot: QtBot, window: MainWindow) -> None:

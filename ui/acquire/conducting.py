@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QObject
@@ -11,6 +12,7 @@ from PySide6.QtCore import QObject
 from fingerlab.acquisition.bench import Status
 from fingerlab.acquisition.commands import SetUp
 from fingerlab.acquisition.protocol import countdown
+from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.errors import UserError
 
 from ..desk import Desk
@@ -62,6 +64,19 @@ class Conducting(QObject):
             return
         if self.running.start(steps, panel.protocol.title(), panel.initial.command()):
             self._recording.station.doing = "protocol"
+
+    def take_file(self, path: Path) -> bool:
+        """A table that was dropped becomes the motion by hand; what is none is refused in a sentence."""
+        motion = self._panel.motion
+        try:
+            read_trajectory({"kind": motion.kind_by_points, "file": str(path)}, str(path))
+        except UserError as error:
+            self._desk.tell(str(error), traceback.format_exc())
+            return False
+        motion.show_file(path)
+        self._panel.by_hand.click()
+        self._desk.say(f"Motion set: {path.name}")
+        return True
 
     def tell_total(self) -> None:
         """How many runs, how long, as the forms are now."""

@@ -174,6 +174,12 @@ class MotionForm(QWidget):
             self.kind.setCurrentIndex(self.kind.findData("file"))
         self._on_edited()
 
+    @property
+    def kind_by_points(self) -> str:
+        """What a table is taken for: torque where that is chosen, else angles."""
+        kind = str(self.kind.currentData())
+        return kind if kind in BY_POINTS else BY_POINTS[0]
+
     def _name_file(self, path: Path | None) -> None:
         self._path = path
         nothing = HANDED if "time_s" in self._further else "Choose…"

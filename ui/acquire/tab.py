@@ -156,8 +156,8 @@ class AcquireTab(Tab):
     def accept_files(self, paths: Sequence[Path]) -> bool:
         if len(paths) != 1 or paths[0].suffix.lower() not in TEXT_TABLES:
             return False
-        self.panel.motion.show_file(paths[0])
-        self.connect_page.show_waiting(paths[0].name if self.desk.bench is None else "")
+        if self.conducting.take_file(paths[0]) and self.desk.bench is None:
+            self.connect_page.show_waiting(paths[0].name)
         return True
 
     def undo(self) -> None:
