@@ -10,6 +10,7 @@ from threading import Event
 from types import SimpleNamespace
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
@@ -21,8 +22,9 @@ from fingerlab.acquisition.columns import COLUMN, COLUMNS
 from fingerlab.acquisition.ring import Ring
 from fingerlab.calibration import StepTiming
 from fingerlab.calibration.wizard import Phase
+from fingerlab.rig_daq import plain_section
 from fingerlab.rig_file import default_rig
-from fingerlab.sessions import text_table
+from fingerlab.sessions import open_session, text_table
 from fingerlab.ui.acquire.opening import OpenBench, Wanted, open_bench
 from fingerlab.ui.calibrate import tab as calibrate_tab
 from fingerlab.ui.calibrate.source import AMPLIFIER_ON
@@ -238,7 +240,7 @@ def test_the_amplifier_must_be_off_and_the_rig_there(bench: Bench) -> None:
 
 
 def test_from_a_recording_without_a_rig(
-    window: MainWindow, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+    window: MainWindow, make_session: Any, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     time = np.arange(11 * 60) / RATE  # 3 s a step
     volts = (9.81 * np.minimum(np.floor(time / 3.0), 10) / 10 + 5.317) / 11.194
@@ -253,12 +255,40 @@ def test_from_a_recording_without_a_rig(
     QTest.mouseClick(child(window, QPushButton, "acceptCalibration"), LEFT)
     (stored,) = (tmp_path / "default-rig").glob("*.json")
     assert json.loads(stored.read_text(encoding="utf-8"))["source"] == str(path)
-    assert child(window, QPushButton, "applyAgain").isEnabled()
+    calibrate_old_session(window, make_session, tmp_path, qtbot, monkeypatch)
     monkeypatch.setattr(QFileDialog, "getOpenFileNames", staticmethod(lambda *_: ([str(stored)], "")))
     QTest.mouseClick(child(window, QPushButton, "file-load-cell"), LEFT)
     qtbot.waitUntil(lambda: not window.tasks.busy)
     assert tab.outcome is None
     assert str(stored) in told(window)  # a file that is no recording is a sentence
+
+
+def calibrate_old_session(
+    window: MainWindow, make_session: Any, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the button, from the volts as read: what was recorded with another line gets the one accepted."""
+    volts = np.linspace(0.5, 1.3, 4000)
+
+    def add(file: h5py.File) -> None:
+        run = file["runs/001"]
+        run["raw/force_volts"] = volts
+        run["raw/force_volts"].attrs["units"] = "V"
+        run["endpoint_force"][...] = 10.0 * volts - 4.0
+        rig = json.loads(file.attrs["rig"])
+        rig["daq"] = plain_section(default_rig().daq)
+        rig["daq"]["load_cell"] |= {"gain": 10.0, "offset": -4.0}
+        file.attrs["rig"] = json.dumps(rig)
+
+    source = make_session("old.h5", change=add, phases=(("contact", "flexion"),))
+    before, target = source.read_bytes(), tmp_path / "anew.h5"
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", staticmethod(lambda *_: (str(source), "")))
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", staticmethod(lambda *_: (str(target), "")))
+    QTest.mouseClick(child(window, QPushButton, "applyAgain"), LEFT)
+    qtbot.waitUntil(lambda: target.exists() and not window.tasks.busy)
+    assert "1 run by version 1" in told(window)
+    forces = open_session(target).runs[0].channel("endpoint_force")
+    np.testing.assert_allclose(forces, 11.194 * volts - 5.317, atol=0.01)
+    assert source.read_bytes() == before
 
 
 def test_reading_a_recording_tells_how_far_it_is_and_can_be_cancelled(
