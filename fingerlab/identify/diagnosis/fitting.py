@@ -10,6 +10,7 @@ import numpy as np
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
 from fingerlab.identify.diagnosis.model import Model
 from fingerlab.identify.diagnosis.numerics import bounded_step, scaled_inverse
+from fingerlab.identify.diagnosis.sums import BoolArray
 from fingerlab.identify.diagnosis.weighing import Data, FoldNumbers, Weighted, Weights, feature_weights
 from fingerlab.sessions.model import Array
 
@@ -41,6 +42,20 @@ class Fit:
     def deviations(self) -> Array:
         """Standard deviation of every unknown, given what else is unknown, (p,)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What the runs but those of one turn tell.
+
+    Attributes:
+        values: of the unknowns, (p,). information: how well they are known, (p, p).
+        free: those that no bound holds, (p,).
+    """
+
+    values: Array
+    information: Array
+    free: BoolArray
 
 
 class Fitter:
@@ -196,8 +211,8 @@ class Fitter:
                 break
         return values, gain
 
-    def without(self, values: Array, turn: int) -> Array:
-        """One step from the fit ``values`` to that of the runs without the folds of a turn, (p,).
+    def without(self, values: Array, turn: int) -> LeftOut:
+        """One step from the fit ``values`` to that of the runs without the folds of a turn.
 
         A group of which nothing would be left stays in.
         """
@@ -212,7 +227,8 @@ class Fitter:
                 gradient = gradient - (h @ fold.matrix) @ jacobian
                 information = information - jacobian.T @ (fold.curvature @ jacobian)
         step = bounded_step(values, gradient, information, self._low, self._high)
-        return np.clip(values + step, self._low, self._high)
+        values = np.clip(values + step, self._low, self._high)
+        return LeftOut(values, information, (values > self._low) & (values < self._high))
 
     def normal_equations(self, values: Array) -> tuple[Array, Array]:
         """Half the gradient of the cost, (p,), and its Gauss-Newton curvature with noise, (p, p)."""

@@ -10,12 +10,13 @@ import numpy as np
 
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
 from fingerlab.identify.diagnosis.features import TIP_LAWS, TORQUE_ZERO
-from fingerlab.identify.diagnosis.fitting import Fit, Fitter
+from fingerlab.identify.diagnosis.fitting import Fit, Fitter, LeftOut
 from fingerlab.identify.diagnosis.groups import Reduced
 from fingerlab.identify.diagnosis.losses import surprise
 from fingerlab.identify.diagnosis.missing_noise import fill_missing_noise
 from fingerlab.identify.diagnosis.model import Choice, Model, build
 from fingerlab.identify.diagnosis.noise import limit_noise
+from fingerlab.identify.diagnosis.predictive import allowance, explained
 from fingerlab.identify.diagnosis.reach import reach
 from fingerlab.identify.diagnosis.repeatability import first_weights, noise_weights
 from fingerlab.identify.diagnosis.residuals import noise_covariance, row_covariance
@@ -23,7 +24,7 @@ from fingerlab.identify.diagnosis.run_to_run import own_to_a_run
 from fingerlab.identify.diagnosis.starting_arms import starting_arms
 from fingerlab.identify.diagnosis.sums import BoolArray
 from fingerlab.identify.diagnosis.trial import Trial
-from fingerlab.identify.diagnosis.weighing import Data, FoldNumbers, Weighted, Weights, change
+from fingerlab.identify.diagnosis.weighing import Data, FoldNumbers, Weights, change
 from fingerlab.sessions.model import Array
 
 FULL_ITERATIONS = 8
@@ -141,14 +142,15 @@ class Study:
         products = {g.key: np.zeros((5, 5)) for g in groups}
         fitter = self._fitter(trial)
         for turn in sorted({fold.turn for g in groups for fold in g.dealt}):
-            values = fitter.without(trial.fit.values, turn)
+            left = fitter.without(trial.fit.values, turn)
             for i, group in enumerate(groups):
+                unseen = group.of_turn(turn)
                 for k, fold in enumerate(group.dealt):
                     if fold.turn == turn:
-                        one = self._square(fitter, values, i, (k,))
+                        one = self._square(fitter, left.values, i, (k,), left if k in unseen else None)
                         scored.setdefault((i, fold.condition), []).append(one)
                         if residuals:
-                            products[group.key] += self._products(trial.model, values, i, k)
+                            products[group.key] += self._products(trial.model, left.values, i, k)
         misfits = [np.sum(scored[i, c], axis=0) for i, g in enumerate(groups) for c in g.conditions]
         means = {g.key: products[g.key] / max(g.samples, 1) for g in groups}
         return replace(
@@ -221,13 +223,22 @@ class Study:
             result += EFFECTIVE_SHARE * group.samples * each
         return result
 
-    def _square(self, fitter: Fitter, values: Array, i: int, part: FoldNumbers) -> tuple[float, float]:
-        """Reproducible chi-square of some folds of group i, and the independent values behind it."""
+    def _square(
+        self, fitter: Fitter, values: Array, i: int, part: FoldNumbers, left: LeftOut | None = None
+    ) -> tuple[float, float]:
+        """Reproducible chi-square of some folds of group i, and the independent values behind it.
+
+        ``left``: what the other runs tell, where the fit has not seen these.
+        """
         fold, sums = self.data.raw(i, part), fitter.part(i, part)
         group = self.reduced.groups[i]
         h = fitter.model.features(values, group)
         own = own_to_a_run(fitter.model, values, h, group, group.dealt[part[0]].condition)
-        square = float(h @ sums.matrix @ h) - explained(own, h, sums)
+        square = float(h @ sums.matrix @ h)
+        if left is None:
+            square -= explained(own, h, sums)
+        else:
+            square -= allowance(own, h, sums, fitter.model.coefficients(values, group)[1], left)
         return square, EFFECTIVE_SHARE * group.equations * fold.samples
 
     def _products(self, model: Model, values: Array, i: int, k: int) -> Array:
@@ -238,12 +249,3 @@ class Study:
         if slack is not None and not model.slack_free:
             products = products + slack
         return row_covariance(model, values, group, products, 1.0)
-
-
-def explained(own: Array, h: Array, sums: Weighted) -> float:
-    """What of a misfit the run's own share of the features explains, less what that costs: as a Gaussian."""
-    if not own.shape[1]:
-        return 0.0
-    pull = own.T @ sums.matrix @ h
-    stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
-    return float(pull @ np.linalg.solve(stiffness, pull))

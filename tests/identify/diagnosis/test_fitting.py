@@ -171,8 +171,9 @@ def test_a_held_out_run_is_not_seen_by_its_fit(settled: list[Settled]) -> None:
     step = bounded_step(values, gradient, information, trial.model.low, trial.model.high)
     expected = np.clip(values + step, trial.model.low, trial.model.high)
     found = Fitter(trial.model, study.data, study.weights).without(values, 0)
-    assert not np.allclose(found, values, rtol=1e-6, atol=0)
-    assert found == pytest.approx(expected, rel=1e-6, abs=1e-12)
+    assert not np.allclose(found.values, values, rtol=1e-6, atol=0)
+    assert found.values == pytest.approx(expected, rel=1e-6, abs=1e-12)
+    assert found.information == pytest.approx(information, rel=1e-6, abs=1e-6)
 
 
 def test_all_bounds_at_once_give_the_same_step_as_one_after_the_other(

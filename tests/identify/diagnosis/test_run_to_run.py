@@ -7,9 +7,9 @@ import pytest
 
 from fingerlab.identify.diagnosis.groups import Reduced
 from fingerlab.identify.diagnosis.model import build
+from fingerlab.identify.diagnosis.predictive import explained
 from fingerlab.identify.diagnosis.reduction import reduce_sessions
 from fingerlab.identify.diagnosis.run_to_run import SET_DOWN_N, own_to_a_run
-from fingerlab.identify.diagnosis.study import explained
 from fingerlab.identify.diagnosis.weighing import Weighted
 
 from . import closed_form as made
