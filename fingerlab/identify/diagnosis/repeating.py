@@ -49,7 +49,7 @@ def remove_common_trend(group: Group) -> None:
     be explained. Its noise is what it differs by from run to run. Only in free motion: how a tip settles on
     the load cell comes again, too, and no law here tells it.
     """
-    for trends in group.trends.values():
+    for trends in _comparable(group):
         count = len(trends)
         if count < 2 or group.in_contact:
             continue
@@ -58,3 +58,13 @@ def remove_common_trend(group: Group) -> None:
         apart = (runs - mean).transpose(1, 0, 2).reshape(mean.shape[0], -1)
         group.noise += apart @ apart.T / (count - 1) - count * mean @ mean.T
     group.trends.clear()
+
+
+def _comparable(group: Group) -> list[list[Array]]:
+    """Trends of runs that can be compared: those of one condition, and of all conditions with one run."""
+    repeated = [trends for trends in group.trends.values() if len(trends) > 1]
+    alone: dict[int, list[Array]] = {}
+    for (_, stretch), trends in group.trends.items():
+        if len(trends) == 1:
+            alone.setdefault(stretch, []).extend(trends)
+    return [*repeated, *alone.values()]
