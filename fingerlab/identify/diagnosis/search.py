@@ -52,7 +52,9 @@ def screen(
             shapes = [_first_try(study, base, Choice(effect, i)) for i in range(len(effect.shapes))]
             start = min(shapes, key=_cost)
             promise = Promise(start.model.choices[-1].shape, np.inf)
-        trials.append(study.fit([*given, Choice(effect, promise.shape)], start, iterations))
+        trial = study.fit([*given, Choice(effect, promise.shape)], start, iterations)
+        # Without the effect the tip may have seemed to do what it does not.
+        trials.append(study.with_best_law(trial, SCREEN_ITERATIONS))
     return sorted(trials, key=_cost)
 
 
