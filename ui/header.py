@@ -20,7 +20,9 @@ class Header(QWidget):
         self.name = header_name("sessionName", "Open sessions", alone=False)
         self.reveal = QPushButton("Reveal the hidden effect")
         self.reveal.setObjectName("reveal")
-        self.reveal.setToolTip("Say which effect was put into this practice session.")
+        self.reveal.setToolTip(
+            "Say which effect was put into this practice session. Your guess is what you have added by then."
+        )
         self.report = QPushButton("Save report page…")
         self.report.setObjectName("report")
         self.open = QPushButton("Open…")

@@ -86,10 +86,12 @@ def reveal(session: Session, model: Sequence[str]) -> str:
     else:
         answer = "Hidden was: " + "; ".join(_told(name, values) for name, values in effects.items()) + "."
     if hidden == set(model):
-        return f"{answer} Your model has just that."
+        return f"{answer} Your guess was right: your model has just that."
     if not model:
-        return f"{answer} You have added nothing yet."
-    return f"{answer} Your model has {listed([in_sentence(effect_title(name)) for name in model])}."
+        return f"{answer} You have made no guess: nothing was added to the model."
+    right = "right in part" if hidden & set(model) else "another"
+    has = listed([in_sentence(effect_title(name)) for name in model])
+    return f"{answer} Your guess was {right}: your model has {has}."
 
 
 def hidden_effects(session: Session) -> tuple[str, ...]:

@@ -66,15 +66,24 @@ def test_cancelled_practice_leaves_nothing_behind(
     assert list((tmp_path / "practice").iterdir()) == []
 
 
+FRICTION = {"motor_coulomb_friction": {"torque": 0.012}}
+TOLD = "Hidden was: Coulomb friction in motor and gearbox (torque 12 mN m). "
+NOTHING = "Nothing was hidden: the bench has noise and tolerances and no missing effect. "
+
+
 @pytest.mark.parametrize(
     ("effects", "model", "answer"),
     [
-        ({}, (), "Nothing was hidden: the bench has noise and tolerances and no missing effect. Your model"),
+        ({}, (), f"{NOTHING}Your guess was right"),
         (
-            {"motor_coulomb_friction": {"torque": 0.012}},
+            {},
             ("coulomb_friction",),
-            "Hidden was: Coulomb friction in motor and gearbox (torque 12 mN m). Your model has",
+            f"{NOTHING}Your guess was another: your model has Coulomb joint friction.",
         ),
+        (FRICTION, (), f"{TOLD}You have made no guess"),
+        (FRICTION, ("motor_coulomb_friction",), f"{TOLD}Your guess was right"),
+        (FRICTION, ("coulomb_friction",), f"{TOLD}Your guess was another: your model has Coulomb joint"),
+        (FRICTION, ("torque_ripple", "motor_coulomb_friction"), f"{TOLD}Your guess was right in part"),
     ],
 )
 def test_what_reveal_says(
