@@ -35,7 +35,11 @@ def _coupling(motion: Motion, shape: Shape) -> list[Term]:
 
 
 def _creep(motion: Motion, shape: Shape) -> list[Term]:
-    """What a spring in series with a damper still holds: the angle less its lag."""
+    """What a spring in series with a damper still holds: the angle less its lag.
+
+    The lag begins as if the finger had hung there for long; what it had not relaxed of an earlier angle when
+    the run began dies away beside it.
+    """
     _, joints = motion.finger_and_joints
     constants = with_grid(shape["time_constant"], RELAXING_S)
 
@@ -44,7 +48,11 @@ def _creep(motion: Motion, shape: Shape) -> list[Term]:
         rate = motion.sample_rate_hz
         return angle - motion.remember_each(keys[0], keys, lambda: first_order_lags(angle, constants, rate))
 
-    return joint_terms("relaxing", relaxing("mcp", joints.mcp), relaxing("pip", joints.pip))
+    fading = np.exp(-motion.time / shape["time_constant"])
+    return [
+        *joint_terms("relaxing", relaxing("mcp", joints.mcp), relaxing("pip", joints.pip)),
+        *joint_terms("start", fading, fading),
+    ]
 
 
 def _stop(motion: Motion, shape: Shape) -> list[Term]:
@@ -113,7 +121,8 @@ EFFECTS = (
         id="viscoelastic_creep",
         title="Viscoelastic creep",
         acts_on=("joint_torque",),
-        gains=both("relaxing", Gain("N m/rad", 0.0, 0.06, 0.01, title="relaxing stiffness")),
+        gains=both("relaxing", Gain("N m/rad", 0.0, 0.06, 0.01, title="relaxing stiffness"))
+        | both("start", Gain("N m", -0.03, 0.03, 0.002, title="torque not yet relaxed at the start")),
         columns=_creep,
         coordinate="time",
         equation=Row.PIP,

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.integrate import solve_ivp
 
 from fingerlab.physics import nominal
 from fingerlab.physics.effects import CATALOGUE
@@ -31,13 +32,33 @@ FRICTION = ["viscous_friction", "coulomb_friction", "stribeck_friction", "presli
 def test_friction_takes_work_over_a_cycle(name: str, row: Row) -> None:
     motion = moving()
     speed = getattr(motion.joints, SPEEDS[row])
+    gain = f"relaxing_{row.name.lower()}" if name == "viscoelastic_creep" else None
     for shape in CATALOGUE[name].shapes:
-        torque = column(CATALOGUE[name].columns(motion, shape), row)
+        torque = column(CATALOGUE[name].columns(motion, shape), row, gain)
         # The torque that the cable must add does work on the joint: friction turns it into heat.
         assert np.sum((torque * speed)[LAST]) > 0
         if name == "coulomb_friction" and shape["travel_deg"] < 0.2:  # a longer travel is still building up
             fast = (np.abs(speed) > 0.5) & (motion.time > 0.1)  # it starts unloaded
             assert torque[fast] == pytest.approx(np.sign(speed[fast]), abs=0.02)
+
+
+@pytest.mark.parametrize("held_rad", [0.0, 0.6])
+def test_creep_of_a_joint_that_had_been_held_elsewhere(held_rad: float) -> None:
+    """T dz/dt = angle - z from the angle where it was held, by scipy; the spring holds K (angle - z)."""
+    motion = moving()
+    assert motion.joints is not None
+    angle, stiffness = motion.joints.mcp, 0.02
+    for shape in CATALOGUE["viscoelastic_creep"].shapes:
+        constant = shape["time_constant"]
+
+        def rate(t: float, z: np.ndarray, constant: float = constant) -> np.ndarray:
+            return (np.interp(t, motion.time, angle) - z) / constant
+
+        relaxed = solve_ivp(rate, (0.0, motion.time[-1]), [held_rad], t_eval=motion.time, max_step=2e-3).y[0]
+        terms = CATALOGUE["viscoelastic_creep"].columns(motion, shape)
+        torque = stiffness * column(terms, Row.MCP, "relaxing_mcp")
+        torque += stiffness * (angle[0] - held_rad) * column(terms, Row.MCP, "start_mcp")
+        assert torque == pytest.approx(stiffness * (angle - relaxed), abs=1e-4)
 
 
 def test_work_lost_to_viscous_and_coulomb_friction() -> None:
