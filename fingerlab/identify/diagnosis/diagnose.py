@@ -13,7 +13,14 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis.errors import equation_errors
-from fingerlab.identify.diagnosis.evidence import Evidence, alike, beside_others, borne_out, distrusted
+from fingerlab.identify.diagnosis.evidence import (
+    RUN_LOG_ODDS,
+    Evidence,
+    alike,
+    beside_others,
+    borne_out,
+    distrusted,
+)
 from fingerlab.identify.diagnosis.path import LONGEST_PATH, forward
 from fingerlab.identify.diagnosis.recall import Recall
 from fingerlab.identify.diagnosis.reduction import reduce_sessions
@@ -277,6 +284,8 @@ def _next_experiment(
 ) -> dict[str, Any] | None:
     """The run that would separate the effects of the set, or show those that could not be seen; or None."""
     verdict = _verdict(evidence)
+    if verdict == "missing_effect":
+        chosen = alike(evidence, -RUN_LOG_ODDS)
     if verdict == "not_in_catalogue" or len(chosen) < (2 if verdict == "missing_effect" else 1):
         return None
     from fingerlab.identify.diagnosis.next_experiment import propose, reveal

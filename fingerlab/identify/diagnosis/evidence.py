@@ -33,6 +33,9 @@ PRIOR_NOTHING, PRIOR_UNKNOWN, PRIOR_EFFECTS = 0.5, 0.05, 0.45
 SET_PROBABILITY = 0.95
 SET_LOG_ODDS = 3.0
 """An effect is in the set when its log odds against the best are above minus this (odds of about 1 to 20)."""
+RUN_LOG_ODDS = float(np.log(100.0))
+"""A run is proposed until the best is a hundred times likelier than the next: what a law lacks, or a tip does
+that no law here tells, moves odds by several."""
 
 
 @dataclass(frozen=True)
@@ -164,15 +167,15 @@ def beside_others(evidence: Evidence, beside: Evidence) -> Evidence:
     return replace(evidence, probabilities=shares, log_odds=log_odds)
 
 
-def alike(evidence: Evidence) -> list[int]:
-    """Indices of the trials that these data cannot tell apart, best first."""
+def alike(evidence: Evidence, least: float = -SET_LOG_ODDS) -> list[int]:
+    """Indices of the trials that these data cannot tell apart, best first: log odds not below ``least``."""
     order = np.argsort(-evidence.probabilities, kind="stable")
     total = evidence.probabilities.sum()
     chosen: list[int] = []
     covered = 0.0
     for i in order:
         enough = total > 0 and covered / total >= SET_PROBABILITY
-        if enough and evidence.log_odds[i] < -SET_LOG_ODDS:
+        if enough and evidence.log_odds[i] < least:
             continue
         chosen.append(int(i))
         covered += float(evidence.probabilities[i])

@@ -23,6 +23,7 @@ from fingerlab.rig import Finger, Rig
 from fingerlab.sessions.model import Array, Session
 
 DURATION_S = 20.0
+"""Length of a motion that is looked at, s."""
 BALANCE_STEPS = 12
 BALANCED_RAD = 1e-6
 LEAST_PULL_N, MOST_PULL_N = 0.1, 60.0

@@ -15,6 +15,7 @@ import numpy as np
 from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
 from fingerlab.identify.diagnosis.evidence import Evidence, against_nothing
 from fingerlab.identify.diagnosis.imagined import (
+    DURATION_S,
     Press,
     bench_motion,
     finger_motion,
@@ -25,6 +26,7 @@ from fingerlab.identify.diagnosis.odds import LEAST_EXCESS, by_what_is_left, lef
 from fingerlab.identify.diagnosis.reach import hidden_values
 from fingerlab.identify.diagnosis.separation import Imagined, apart, held_by, imagine, separation
 from fingerlab.identify.diagnosis.steps import DECIDING_LOG_ODDS, LEAST_FALL
+from fingerlab.identify.diagnosis.stretches import SETTLING_S
 from fingerlab.identify.diagnosis.study import Study
 from fingerlab.identify.diagnosis.trial import Trial, condition_weights
 from fingerlab.physics.effects.motion import Motion
@@ -42,19 +44,28 @@ DECISIVE = 10.0
 """A separation beyond this (nats) is worth no more: the effect is out of the set."""
 
 
+LENGTHS_S = (DURATION_S, 60.0)
+"""Lengths of a run, s; the longer one is proposed where the shorter would not decide. Assumed: an operator
+spends a minute on a question rather than come back with half an answer."""
+
+
 @dataclass(frozen=True)
 class Proposal:
-    """A run from the menu: what the rig would be told, and the motion that the model expects."""
+    """A run from the menu: what the rig would be told, and the motion that the model expects.
+
+    ``motion`` lasts ``DURATION_S``, the run ``seconds``.
+    """
 
     phase: str
     cable: str
     trajectory: Mapping[str, Any]
     motion: Motion
+    seconds: float = DURATION_S
 
     def told(self, separates: list[str], expected: float) -> dict[str, Any]:
         """The proposal as in ``cli.md``, with the two answers that it separates and by how much."""
         return {
-            "trajectory": dict(self.trajectory),
+            "trajectory": {**self.trajectory, "duration_s": self.seconds},
             "phase": self.phase,
             "cable": self.cable,
             "separates": separates,
@@ -73,14 +84,17 @@ def propose(
     if len(chosen) < 2:
         return None
     first, *rivals = [evidence.trials[i] for i in chosen[: 1 + RIVALS]]
+    menu = list(_runs(sessions, study, first, [first, *rivals]))
     best: tuple[tuple[float, float], Proposal, Trial, float] | None = None
-    for proposal in _menu(sessions, study, first):
-        run = _run(sessions[0], study, proposal, [first, *rivals])
-        gains = [_expected(study, run, evidence, chosen[0], i) for i in chosen[1 : 1 + RIVALS]]
-        worth = (sum(min(g, DECISIVE) for g in gains), min(gains))
-        if best is None or worth > best[0]:
-            worst = int(np.argmin(gains))
-            best = (worth, proposal, rivals[worst], gains[worst])
+    for seconds in LENGTHS_S:
+        for proposal, run in _lasting(menu, seconds):
+            gains = [_expected(study, run, evidence, chosen[0], i) for i in chosen[1 : 1 + RIVALS]]
+            worth = (sum(min(g, DECISIVE) for g in gains), min(gains))
+            if best is None or worth > best[0]:
+                worst = int(np.argmin(gains))
+                best = (worth, proposal, rivals[worst], gains[worst])
+        if best is not None and best[3] >= DECISIVE:
+            break
     if best is None or best[3] < LEAST_SEPARATION:
         return None
     _, proposal, rival, gain = best
@@ -98,13 +112,16 @@ def reveal(
     unseen = [i for i in unseen if evidence.trials[i].reach.strengths][:RIVALS]
     shares = [evidence.unseen[i] for i in unseen]
     pairs = [_present_and_absent(study, base, evidence.trials[i]) for i in unseen]
+    menu = list(_runs(sessions, study, base, [p for p, _ in pairs]))
     best: tuple[float, Proposal, list[Shown]] | None = None
-    for proposal in _menu(sessions, study, base):
-        run = _run(sessions[0], study, proposal, [p for p, _ in pairs])
-        gains = [_shown(study, run, evidence, i, *pair) for i, pair in zip(unseen, pairs, strict=True)]
-        worth = sum(s * min(g.decides, DECISIVE) for s, g in zip(shares, gains, strict=True))
-        if gains and (best is None or worth > best[0]):
-            best = worth, proposal, gains
+    for seconds in LENGTHS_S:
+        for proposal, run in _lasting(menu, seconds):
+            gains = [_shown(study, run, evidence, i, *pair) for i, pair in zip(unseen, pairs, strict=True)]
+            worth = sum(s * min(g.decides, DECISIVE) for s, g in zip(shares, gains, strict=True))
+            if gains and (best is None or worth > best[0]):
+                best = worth, proposal, gains
+        if best is not None and min(g.decides for g in best[2]) >= DECISIVE:
+            break
     if best is None:
         return None
     _, proposal, gains = best
@@ -218,9 +235,24 @@ def _with_offsets(trial: Trial) -> Trial:
     return replace(trial, fit=replace(trial.fit, values=values))
 
 
-def _run(session: Session, study: Study, proposal: Proposal, trials: Sequence[Trial]) -> Imagined:
-    motion = proposal.motion
-    return imagine(session, motion, held_by(trials, motion), not study.reduced.on_bench)
+def _runs(
+    sessions: Sequence[Session], study: Study, like: Trial, trials: Sequence[Trial]
+) -> Iterator[tuple[Proposal, Imagined]]:
+    """Every run of the menu, as the model ``like`` would move, with the columns of all ``trials``."""
+    for proposal in _menu(sessions, study, like):
+        motion = proposal.motion
+        yield (
+            proposal,
+            imagine(sessions[0], motion, held_by(trials, motion), not study.reduced.on_bench),
+        )
+
+
+def _lasting(
+    menu: Sequence[tuple[Proposal, Imagined]], seconds: float
+) -> Iterator[tuple[Proposal, Imagined]]:
+    times = (seconds - SETTLING_S) / (DURATION_S - SETTLING_S)
+    for proposal, run in menu:
+        yield replace(proposal, seconds=seconds), run.lasting(times)
 
 
 def _wave(kind: str, frequency: float, amplitude: float, **more: float) -> dict[str, Any]:

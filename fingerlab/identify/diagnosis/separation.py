@@ -9,7 +9,7 @@ between two rival models", 1965).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,6 +43,11 @@ class Imagined:
     layout: Layout
     sums: Sums
     group: Group
+
+    def lasting(self, times: float) -> Imagined:
+        """The same motion so many times as long, again and again: it tells so many times as much."""
+        longer = Sums(self.sums.products * times, taut_samples=round(self.sums.taut_samples * times))
+        return replace(self, sums=longer)
 
 
 def imagine(

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE
+from fingerlab.identify.diagnosis import next_experiment
+from fingerlab.identify.diagnosis.bandwidth import EFFECTIVE_SHARE, NARROW_RATE_HZ
 from fingerlab.identify.diagnosis.evidence import Evidence
 from fingerlab.identify.diagnosis.imagined import (
     bench_motion,
@@ -254,3 +255,38 @@ def test_the_motor_alone_tells_what_the_motor_does_from_what_the_joints_do(
     assert [e.id for e in run.layout.effects] == ["motor_viscous_friction"]
     assert separation(study, run, motor, joint, HEAT) > 1.0
     assert separation(study, run, joint, joint, HEAT) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("nats_a_second", "seconds"), [(0.3, 60.0), (0.6, 20.0), (1e-4, None)])
+def test_a_run_that_would_not_decide_in_twenty_seconds_lasts_a_minute(
+    judged: tuple[Session, Study, Evidence],
+    nats_a_second: float,
+    seconds: float | None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A separation of 10 nats decides; one below 0.2 is not worth a run."""
+    session, study, evidence = judged
+
+    def expected(_: Study, run: Imagined, *__: object) -> float:
+        return nats_a_second * run.sums.samples / NARROW_RATE_HZ
+
+    monkeypatch.setattr(next_experiment, "_expected", expected)
+    pair = [index(evidence, name) for name in ("viscous_friction", "motor_viscous_friction")]
+    proposal = propose([session], study, evidence, pair)
+    if seconds is None:
+        assert proposal is None
+    else:
+        assert proposal is not None
+        assert proposal["trajectory"]["duration_s"] == seconds
+
+
+def test_three_times_the_time_separates_three_times_as_well(judged: tuple[Session, Study, Evidence]) -> None:
+    """Where the old runs leave the rival nothing to take up, the separation grows with the run's length."""
+    session, study, evidence = judged
+    first, second = (evidence.trials[index(evidence, n)] for n in ("viscous_friction", "coulomb_friction"))
+    motion = finger_motion(made.RIG, -1, SINE, VALUES)
+    assert motion is not None
+    run = imagine(session, motion, held_by([first, second], motion))
+    once, thrice = (separation(study, r, first, second, 1.0) for r in (run, run.lasting(3.0)))
+    assert 1.0 < thrice / once <= 3.0 + 1e-9
+    assert run.lasting(3.0).sums.samples == pytest.approx(3 * run.sums.samples, abs=1)
