@@ -14,6 +14,7 @@ from pytestqt.qtbot import QtBot
 from fingerlab.acquisition.machine import Mode
 from fingerlab.sessions import open_session
 from fingerlab.ui.acquire import tab as acquire_tab
+from fingerlab.ui.acquire.channels import QUANTITIES
 
 from .bench_hands import PATIENCE, Rig
 from .hands import child
@@ -52,6 +53,11 @@ def test_from_connecting_to_a_file_that_opens(rig: Rig, qtbot: QtBot) -> None:
     assert rig.window.settings.recent()[0] == rig.files()[0].resolve()
     assert "Written and verified" in rig.label("message")
     assert rig.button("openRecording").isVisible()
+
+
+def test_a_reading_of_nothing_has_no_sign() -> None:
+    assert QUANTITIES["endpoint_force"].text(-0.003) == "0.00 N"
+    assert QUANTITIES["endpoint_force"].text(-0.006) == "−0.01 N"
 
 
 def test_readings_are_what_the_bench_measures(rig: Rig) -> None:

@@ -45,6 +45,7 @@ def test_protocol_asks_for_the_cable_and_writes_the_file(rig: Rig, qtbot: QtBot)
     runs = open_session(rig.files()[0]).runs
     assert [(run.phase, run.cable) for run in runs] == [("on_air", "extension"), ("contact", "flexion")]
     assert [run.length for run in runs] == [2000, 2000]
+    assert rig.tab.panel.progress.isVisible()
     assert rig.tab.panel.progress.value() == 1000
 
 

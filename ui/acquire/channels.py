@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fingerlab.report.screen import DEGREES, ScreenUnit
+from fingerlab.report.screen import DEGREES, ScreenUnit, fixed
 
 DEGREE = ScreenUnit("°", DEGREES)
 DEGREE_A_SECOND = ScreenUnit("°/s", DEGREES)
@@ -38,8 +38,7 @@ class Quantity:
         """A value (SI) with its unit, in a width that does not change from one value to the next."""
         if value != value:
             return self.unit.after("–")
-        number = f"{value * self.unit.factor:.{self.digits}f}".replace("-", "−")
-        return self.unit.after("0" if float(number.replace("−", "-")) == 0 and self.digits == 0 else number)
+        return self.unit.after(fixed(value * self.unit.factor, self.digits))  # never "−0.00"
 
 
 BALANCE = "by the PIP balance LHS₂ = s b T + L₂ − lever F, thesis (3.17), (3.18)"

@@ -88,6 +88,7 @@ class Conducting(QObject):
 
     def _on_progress(self, share: float, words: str, step_left_s: float, left_s: float) -> None:
         panel = self._panel
+        panel.progress.show()
         panel.progress.setValue(round(1000 * share))
         step = f": {countdown(step_left_s)}" if step_left_s > 0 else ""
         panel.left.setText(f"{words[:1].upper()}{words[1:]}{step} · in all {countdown(left_s)} left")

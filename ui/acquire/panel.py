@@ -194,6 +194,10 @@ class Panel(QWidget):
             actions.protocol,
         )
         self.progress = progress_bar("protocolProgress", "Progress of the protocol")
+        keeps = self.progress.sizePolicy()
+        keeps.setRetainSizeWhenHidden(True)  # nothing below moves when it appears
+        self.progress.setSizePolicy(keeps)
+        self.progress.hide()
         self.hand_left = ElidedLabel()
         self.hand_left.setObjectName("motionLeft")
         self.hand_left.setAccessibleName("Time left of the motion")
