@@ -35,6 +35,7 @@ from fingerlab.physics.effects import (
     sensing,
 )
 from fingerlab.report.equation import effect_equations
+from fingerlab.report.equation_text import markdown_words
 from fingerlab.rig_file import CONSTANT_UNITS, default_rig, sources_of
 
 DOCS = Path(__file__).resolve().parent
@@ -71,8 +72,6 @@ SPECIAL = {
     "delay": "This one is not a column of the equations: the motor's channels are shifted in the fit.",
     "slack": "This one is not a column of the equations: the cable equation counts one-sidedly in the fit.",
 }
-SUBSCRIPT = re.compile(r"(\w)_(\w+)")
-"""In the words on an equation's symbols: ``K_s``."""
 COMMENT = "<!-- Made by docs/generate.py from the program; do not edit. -->\n\n"
 
 
@@ -117,14 +116,13 @@ def _index() -> str:
 
 def _effect_page(effect: Effect, note: Mapping[str, Any]) -> str:
     changes = ", ".join(ACTS_ON[name] for name in effect.acts_on)
-    symbols = SUBSCRIPT.sub(r"\1<sub>\2</sub>", note["symbols"])
     parts = [
         f"# {effect.title}",
         f"`{effect.id}` changes: {changes}.",
         effect.explanation,
         "## Equation",
         f"$$\n{note['equation']}\n$$",
-        f"{symbols} The other symbols are those of [theory](../theory.md).",
+        f"{markdown_words(note['symbols'])} The other symbols are those of [theory](../theory.md).",
         f"Source: {note['source']}",
     ]
     if effect.special:

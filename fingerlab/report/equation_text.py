@@ -29,7 +29,7 @@ def to_markdown(equation: FinalEquation, title: str, model: str) -> str:
         if part.lines:
             parts.append(f"$$\n{_aligned(part, 'aligned')}\n$$")
         if part.note:
-            parts.append(part.note)
+            parts.append(markdown_words(part.note))
     rows = [
         f"| {f'${v.symbol}$' if v.symbol else ''} | {v.title} | ${value_latex(v)}$ | {_unit(v)} |"
         for v in equation.values
@@ -169,19 +169,27 @@ LATEX_OF = {chr(ord("α") + k): rf"\{name} " for k, name in enumerate(GREEK)} | 
 
 
 def latex_words(text: str) -> str:
-    r"""A sentence whose symbols stand in mathematics: ``δ, C_j`` as ``$\delta $, $C_{j}$``."""
+    r"""A sentence whose symbols stand in mathematics: ``δ, C_j`` as ``$\delta$, $C_{j}$``."""
+    return "".join(f"${part}$" if k % 2 else _escaped(part) for k, part in enumerate(_symbols_apart(text)))
+
+
+def markdown_words(text: str) -> str:
+    r"""The same in Markdown, where nothing else of the sentence is changed."""
+    return "".join(f"${part}$" if k % 2 else part for k, part in enumerate(_symbols_apart(text)))
+
+
+def _symbols_apart(text: str) -> list[str]:
+    """A sentence in parts: words and symbols (as LaTeX) in turns, so that words alone can be escaped."""
 
     def letters(found: str) -> str:
-        return "".join(LATEX_OF.get(letter, letter) for letter in found)
+        return "".join(LATEX_OF.get(letter, letter) for letter in found).strip()
 
     def symbol(found: re.Match[str]) -> str:
         below = found["below"] or {"₁": "1", "₂": "2"}.get(found["digit"] or "", "")
         index = f"_{{{letters(below)}}}" if below else ""
         return f"\0{letters(found['base'] or found['greek'] or found['lone'])}{index}\0"
 
-    # Symbols are set apart first, so that what is escaped in the rest does not reach them.
-    parts = SYMBOL.sub(symbol, text.replace("−", "\0-\0")).split("\0")
-    return "".join(f"${part}$" if k % 2 else _escaped(part) for k, part in enumerate(parts))
+    return SYMBOL.sub(symbol, text.replace("−", "\0-\0")).split("\0")
 
 
 def _escaped(text: str) -> str:

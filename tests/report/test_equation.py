@@ -21,6 +21,7 @@ from fingerlab.report.equation_text import (
     check_ending,
     equation_figures,
     latex_words,
+    markdown_words,
     to_latex,
     to_markdown,
 )
@@ -190,7 +191,9 @@ def test_symbols_in_a_sentence_become_mathematics() -> None:
     assert latex_words("C_j: torque, −1 to 1 & 50 % of f_H.") == (
         r"$C_{j}$: torque, $-$1 to 1 \& 50 \% of $f_{H}$."
     )
-    assert latex_words("ΔK_j over l₁; 1/a(θ₁)") == r"$\Delta K_{j}$ over $l_{1}$; 1/a($\theta _{1}$)"
+    assert latex_words("ΔK_j over l₁; 1/a(θ₁)") == r"$\Delta K_{j}$ over $l_{1}$; 1/a($\theta_{1}$)"
+    # In Markdown a space before the last mark would be no mathematics; what LaTeX escapes stays.
+    assert markdown_words("δ: 50 % of f_H, [T_c](a.md).") == r"$\delta$: 50 % of $f_{H}$, [$T_{c}$](a.md)."
 
 
 def test_a_shape_has_the_interval_that_the_diagnosis_gave_it() -> None:
