@@ -100,7 +100,9 @@ class Paper(FPDF):
         self.ln(0.8)
 
     def paragraph(self, text: str, quiet: bool = False) -> None:
-        """Running text."""
+        """Running text; what is short stays on one page."""
+        if self.room() < self.text_height(text) < KEEP[3]:
+            self.add_page()
         self._letters("text", MUTED if quiet else TEXT)
         self._lines(text, SIZES["text"])
         self.ln(1.2)

@@ -12,7 +12,9 @@ from fpdf.fonts import FontFace
 from fingerlab.report.pdf_paper import KEEP, LINE, LINES, MM_PER_POINT, MUTED, SIZES, TEXT, Paper
 
 XHTML = "{http://www.w3.org/1999/xhtml}"
-PADDING = 1.4  # mm
+PADDING, ABOVE = 1.4, 0.6  # mm
+FEWEST_ROWS = 3
+"""Rows that the last page of a table has at least."""
 ROUNDING = 1e-3  # mm
 LONGEST_WORD = 40.0
 """A word longer than this may be broken where a table is too wide, mm."""
@@ -55,6 +57,24 @@ def set_table(paper: Paper, table: Table) -> None:
         paper.add_page()
     if table.caption:
         paper.paragraph(table.caption, quiet=True)
+    for rows in _pages(paper, table):
+        if rows[0] is not table.rows[0]:
+            paper.add_page()
+        _set_rows(paper, table, rows)
+    paper.ln(2.5)
+
+
+def _pages(paper: Paper, table: Table) -> list[list[list[str]]]:
+    """The rows in one piece; in two where a page would else begin with one or two rows alone."""
+    high = SIZES["small"] * MM_PER_POINT * LINE + 2 * ABOVE
+    here = int(paper.room() // high) - bool(table.head)
+    count = len(table.rows)
+    if not 0 < count - here < FEWEST_ROWS or count < 2 * FEWEST_ROWS:
+        return [table.rows]
+    return [table.rows[:-FEWEST_ROWS], table.rows[-FEWEST_ROWS:]]
+
+
+def _set_rows(paper: Paper, table: Table, rows: list[list[str]]) -> None:
     paper.set_font("text", "", SIZES["small"])
     paper.set_text_color(*TEXT)
     paper.set_draw_color(*LINES)
@@ -65,11 +85,11 @@ def set_table(paper: Paper, table: Table) -> None:
         width=min(sum(widths), paper.epw), col_widths=tuple(widths), align="LEFT", headings_style=head,
         first_row_as_headings=bool(table.head), borders_layout=TableBordersLayout.HORIZONTAL_LINES,
         text_align=tuple("RIGHT" if right else "LEFT" for right in table.right),
-        v_align=VAlign.T, line_height=SIZES["small"] * MM_PER_POINT * LINE, padding=(0.6, PADDING, 0.6, 0.0),
+        v_align=VAlign.T, line_height=SIZES["small"] * MM_PER_POINT * LINE,
+        padding=(ABOVE, PADDING, ABOVE, 0.0),
     ) as grid:  # fmt: skip
-        for row in ([table.head] if table.head else []) + table.rows:
+        for row in ([table.head] if table.head else []) + rows:
             grid.row(row)
-    paper.ln(2.5)
 
 
 def _widths(paper: Paper, table: Table) -> list[float]:

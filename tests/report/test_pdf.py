@@ -133,3 +133,20 @@ def test_heads_wrap_before_names_do_and_names_before_sentences() -> None:
     assert any("With the effects" in line for line in lines)
     assert not any("gearbox and pulley" in line for line in lines)
     assert sum("torque" in line for line in lines) <= 3
+
+
+def test_no_page_begins_with_a_single_row_or_the_end_of_a_short_paragraph() -> None:
+    """A row of one line is 7.5 points times 1.42 and 1.2 mm high: 4.96 mm."""
+    rows = [[f"row {k}", str(k)] for k in range(1, 11)]
+    for left, last in ((10.5, 0), (9.5, 3), (8.5, 3), (6.5, 4)):
+        paper = Paper("title")
+        paper.set_y(paper.h - paper.b_margin - left * 4.96)
+        set_table(paper, Table("", [], rows, [False, True]))
+        pages = [page.extract_text() for page in PdfReader(io.BytesIO(bytes(paper.output()))).pages]
+        assert sum(page.count("row ") for page in pages) == 10
+        assert [page.count("row ") for page in pages[1:]] == [last] * (last > 0), left
+    paper = Paper("title")
+    paper.set_y(paper.h - paper.b_margin - 6.0)
+    paper.paragraph("These words are so many that they need two lines and more of a page. " * 2)
+    pages = PdfReader(io.BytesIO(bytes(paper.output()))).pages
+    assert ["words" in page.extract_text() for page in pages] == [False, True]
