@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
@@ -17,10 +17,11 @@ from typing import Any
 
 from fingerlab.identify.prediction.extended import ChosenEffect, ExtendedModel
 from fingerlab.identify.results import ParameterEstimate
-from fingerlab.report.diagnosis_words import parameter_titles
+from fingerlab.report.diagnosis_words import in_sentence, parameter_titles
 from fingerlab.rig import Finger, Motor, Rig
 
 SIGNS = {"extension": -1, "flexion": +1}
+ADDED_UP = "What the effects below give for one symbol is added up."
 
 
 @dataclass(frozen=True)
@@ -83,11 +84,21 @@ def final_equation(
             *_contact_part(finger, found),
             _cable_part(rig.motor, found, "x" in adds),
         ]
-    values = [
-        *_model_values(found),
-        *(v for one in chosen for v in _effect_values(one, found, (found_with or {}).get(one.effect.id, {}))),
-    ]
+    of_effects = [list(_effect_values(o, found, (found_with or {}).get(o.effect.id, {}))) for o in chosen]
+    values = [*_model_values(found), *_told_apart(chosen, of_effects)]
+    if len(chosen) > 1:
+        last = parts[-1]
+        parts[-1] = replace(last, note=f"{last.note} {ADDED_UP}".strip())
     return FinalEquation((*parts, *(_effect_part(one) for one in chosen)), tuple(values))
+
+
+def _told_apart(chosen: Sequence[ChosenEffect], of_effects: Sequence[Sequence[Value]]) -> Iterator[Value]:
+    """The effects' values; where two effects call a value the same, each says whose it is."""
+    titles = [value.title for values in of_effects for value in values]
+    for one, values in zip(chosen, of_effects, strict=True):
+        for value in values:
+            whose = f" ({in_sentence(one.effect.title)})" if titles.count(value.title) > 1 else ""
+            yield replace(value, title=value.title + whose)
 
 
 def _added_symbols(one: ChosenEffect) -> Iterator[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -132,6 +133,21 @@ def test_values_carry_symbol_unit_and_interval() -> None:
     assert r"| $C_1$ | MCP friction torque | $0.0037 \pm 1\times 10^{-4}$ | N m |" in text
     assert r"| $a$ | Moment arm at the MCP, extension cable | $0.0116 \pm 2\times 10^{-5}$ | m |" in text
     assert text.count("$$") == 2 * len(final_equation(model(coulomb()), default_rig()).parts)
+
+
+def test_two_effects_of_one_symbol_are_told_apart() -> None:
+    motor = ("motor_coulomb_friction", "motor_presliding")
+    own = {
+        f"{motor[0]}.coulomb": estimate(0.03, "N m"),
+        f"{motor[1]}.dahl": estimate(0.01, "N m"),
+    }
+    effects = [ChosenEffect(CATALOGUE[name], {"travel_deg": 8.0}) for name in motor]
+    made = final_equation(replace(model(*effects), parameters=PARAMETERS | own), default_rig())
+    titles = [value.title for value in made.values]
+    assert len(set(titles)) == len(titles)
+    assert "Friction torque at the gearbox output (presliding on the motor side)" in titles
+    assert sum("is added up" in part.note for part in made.parts) == 1
+    assert "Friction torque at the gearbox output" not in titles
 
 
 def test_latex_is_balanced_and_every_line_can_be_drawn() -> None:
