@@ -228,6 +228,8 @@ def next_experiment_words(diagnosis: Diagnosis) -> str:
         return sentence
     if diagnosis.verdict == "nothing_missing" and not not_shown(diagnosis):
         return "No further recording is called for."
+    if diagnosis.verdict == "missing_effect" and len(diagnosis.set) < 2:
+        return "No further recording is needed to tell what is missing."
     return "No recording is known that would tell more."
 
 

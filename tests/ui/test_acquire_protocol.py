@@ -108,6 +108,8 @@ def test_a_protocol_handed_over_is_chosen(rig: Rig) -> None:
     assert rig.tab.panel.protocol.which.currentText() == "Tell friction from hysteresis"
     assert rig.tab.panel.protocol.steps({}) == steps
     assert rig.button("runProtocol").isVisible()
+    assert rig.label("protocolTotal").startswith("1 run, about 6 s, and the changes of cable.")
+    assert rig.label("protocolTotal").endswith("On air, extension cable: sine, 5°, 1 Hz.")
 
 
 def test_what_comes_before_a_rig_is_there_waits_for_it(

@@ -10,6 +10,8 @@ from PySide6.QtWidgets import QDoubleSpinBox, QFormLayout, QSpinBox, QWidget
 
 from fingerlab.acquisition.own_runs import own_runs
 from fingerlab.acquisition.protocol import Record, RunPlan, Step, plan_seconds, plan_steps
+from fingerlab.report.diagnosis_words import PHASE_WORDS
+from fingerlab.sessions.words import trajectory_words
 
 from ..widgets.labels import remark
 from .fields import choice, number
@@ -142,9 +144,13 @@ class ProtocolForm(QWidget):
         return plan_steps(plans, self.force.value(), self.rest.value())
 
     def tell_total(self, steps: Sequence[Step]) -> None:
-        """How many runs, how long."""
-        runs = sum(isinstance(step, Record) for step in steps)
-        self.total.setText(f"{runs} runs, about {clock(plan_seconds(steps))}, and the changes of cable.")
+        """How many runs, how long; of one that was handed over also what it is."""
+        runs = [step for step in steps if isinstance(step, Record)]
+        many = "1 run" if len(runs) == 1 else f"{len(runs)} runs"
+        words = f"{many}, about {clock(plan_seconds(steps))}, and the changes of cable."
+        if len(runs) == 1 and self.which.currentData() == HANDED:
+            words += f" {run_words(runs[0])}"
+        self.total.setText(words)
 
     def _on_which(self) -> None:
         key = str(self.which.currentData())
@@ -157,6 +163,16 @@ class ProtocolForm(QWidget):
         ):
             self._form.setRowVisible(field, shown)
         self.edited.emit()
+
+
+def run_words(run: Record) -> str:
+    """``In contact, flexion cable: sine, 1.6°, 2.5 Hz.``; how long it takes is told anyway."""
+    phase = PHASE_WORDS.get(run.phase, run.phase)
+    cable = f", {run.cable} cable" if run.cable != "none" else ""
+    told = {
+        key: value for key, value in run.trajectory.items() if key not in ("duration_s", "sha256", "file")
+    }
+    return f"{phase[:1].upper()}{phase[1:]}{cable}: {trajectory_words(told)}."
 
 
 def clock(seconds: float) -> str:
