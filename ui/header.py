@@ -43,7 +43,8 @@ class Header(QWidget):
 
     def show_session(self, text: str, practice: bool, ready: bool) -> None:
         """Say what is open; ``ready`` when there is a diagnosis to report on."""
-        self.name.setText(text)
+        # Of the runs as much as there is room for.
+        self.name.set_texts((text, text.rpartition(": ")[0] or text, text.rpartition(" · ")[0] or text))
         self.reveal.setVisible(practice)
         self.report.setVisible(ready)
         self.report.setToolTip("The whole comparison as one self-contained page (Ctrl+S).")

@@ -19,6 +19,7 @@ from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QTextBrowser
 from pytestqt.qtbot import QtBot
 
 from fingerlab.identify.results import Diagnosis
+from fingerlab.ui.widgets.labels import ElidedLabel
 from fingerlab.ui.window import MainWindow
 
 from . import invented
@@ -49,6 +50,17 @@ def test_opening_through_the_dialog_shows_model_and_measurement(opened: MainWind
     assert lab_of(opened).view.plot.stretches[0].getRegion() == pytest.approx((4.7, 5.3))
     low, high = lab_of(opened).view.plot.floor_band.getRegion()
     assert (low, high) == pytest.approx((-0.4, 0.4))
+
+
+def test_a_narrow_head_says_less_and_not_half(opened: MainWindow) -> None:
+    name = child(opened, ElidedLabel, "sessionName")
+    whole = "invented.h5 · 3 runs: 3 on air"
+    assert name.text() == whole == name.toolTip()
+    for wording in (whole, "invented.h5 · 3 runs", "invented.h5"):
+        name.resize(name.fontMetrics().horizontalAdvance(wording) + 1, name.height())
+        assert name.seen == wording
+    name.resize(40, name.height())
+    assert name.seen.endswith("…")
 
 
 def test_both_plots_share_the_time_axis(opened: MainWindow) -> None:

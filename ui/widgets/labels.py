@@ -12,27 +12,40 @@ from ..theme import large_font, small_font
 
 
 class ElidedLabel(QLabel):
-    """One line that ends in … where room is short; the whole text is then in the tooltip."""
+    """One line that says less where room is short, and at last ends in …; all of it is in the tooltip."""
 
     def __init__(self, text: str = "", parent: QWidget | None = None) -> None:
         super().__init__(text, parent)
+        self._shorter: tuple[str, ...] = ()
         self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.setTextFormat(Qt.TextFormat.PlainText)
         self.setToolTip(text)
 
     def setText(self, text: str) -> None:
+        self._shorter = ()
         super().setText(text)
         self.setToolTip(text)
+
+    def set_texts(self, texts: Sequence[str]) -> None:
+        """Wordings, the longest first: the first that has room is drawn."""
+        self.setText(texts[0])
+        self._shorter = tuple(texts[1:])
+
+    @property
+    def seen(self) -> str:
+        """What is drawn."""
+        room, metrics = self.contentsRect().width(), self.fontMetrics()
+        wordings = (self.text(), *self._shorter)
+        fitting = (text for text in wordings if metrics.horizontalAdvance(text) <= room)
+        return metrics.elidedText(next(fitting, wordings[-1]), Qt.TextElideMode.ElideRight, room)
 
     def minimumSizeHint(self) -> QSize:
         return QSize(0, super().minimumSizeHint().height())
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
-        room = self.contentsRect()
-        text = self.fontMetrics().elidedText(self.text(), Qt.TextElideMode.ElideRight, room.width())
         painter.setPen(self.palette().color(self.foregroundRole()))
-        painter.drawText(room, self.alignment() | Qt.TextFlag.TextSingleLine, text)
+        painter.drawText(self.contentsRect(), self.alignment() | Qt.TextFlag.TextSingleLine, self.seen)
 
 
 class FittingLabel(QLabel):
