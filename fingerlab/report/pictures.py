@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 from markupsafe import Markup
@@ -61,11 +62,14 @@ def save_figures(figures: Mapping[str, NamedFigure], folder: Path, outputs: Outp
     """
     outputs.make_folder(folder)
     for one in figures.values():
+        one.figure.patch.set_alpha(1.0)  # the page's drawing has no ground of its own
+        # A formula stands at the left of a wide sheet, of which a file needs nothing.
+        cut: dict[str, Any] = {} if one.figure.axes else {"bbox_inches": "tight", "pad_inches": 0.05}
         for kind in FORMATS:
             part = outputs.claim(folder / f"{one.name}.{kind}")
             # Dates would make two reports of one diagnosis differ.
             with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": one.name}):
-                one.figure.savefig(part, format=kind, facecolor="white", metadata=_undated(kind))
+                one.figure.savefig(part, format=kind, facecolor="white", metadata=_undated(kind), **cut)
 
 
 def _undated(kind: str) -> dict[str, None]:
