@@ -20,6 +20,7 @@ from fingerlab.identify.thesis.predicting import SessionPrediction, predict_sess
 from fingerlab.identify.thesis.prediction import FORCE_PHASES, ParameterSet
 from fingerlab.identify.thesis.specs import JOINT_TITLES
 from fingerlab.report.estimates import mean_and_deviation, number
+from fingerlab.report.screen import r2_text
 from fingerlab.sessions import Session, content_hash, open_session
 from fingerlab.signals.regions import REGION_TITLES
 
@@ -100,7 +101,7 @@ def _print(session: Session, model: Model, result: SessionPrediction) -> None:
     console.print(_phase_table(result))
     if result.sweep and result.sweep_set is not None:
         steps = "; ".join(
-            f"{step.angle_deg:g}°: {number(step.peak, 2)} N, R2 {number(step.r2, 2)}" for step in result.sweep
+            f"{step.angle_deg:g}°: {number(step.peak, 2)} N, R2 {r2_text(step.r2)}" for step in result.sweep
         )
         console.print(
             "Contact force leaning towards the base, PIP equation, "

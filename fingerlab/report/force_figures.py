@@ -24,7 +24,7 @@ from fingerlab.report.figure_style import (
     new_figure,
 )
 from fingerlab.report.onair_figures import region_patches, run_ticks, shade
-from fingerlab.report.screen import fixed, r2_text
+from fingerlab.report.screen import r2_text
 from fingerlab.sessions.model import Array
 from fingerlab.signals.delays import normalise
 from fingerlab.signals.regions import Labels
@@ -125,7 +125,7 @@ def angle_figure(prediction: Prediction, sweep: Sequence[AngleStep], title: str)
     axes.plot(time, prediction.measured, color=MEASURED, lw=1.8, label="measured")
     for step, (colour, style) in zip(sweep, _series(len(sweep)), strict=True):
         words = (
-            f"{step.angle_deg:g}°, R2 {fixed(step.r2, 2)}"
+            f"{step.angle_deg:g}°, R2 {r2_text(step.r2)}"
             if np.isfinite(step.r2)
             else f"{step.angle_deg:g}°, no lever"
         )
