@@ -108,6 +108,22 @@ class PathStep:
 
 
 @dataclass(frozen=True)
+class HeldOutRuns:
+    """The model as given on runs that were told one motion, each left out of the fit that is scored on it.
+
+    Attributes:
+        runs: their names. phase, cable, trajectory: as in the session format.
+        score: error over all equations in units of the floor; 1.0 is the floor.
+    """
+
+    runs: tuple[str, ...]
+    phase: str
+    cable: str
+    trajectory: Mapping[str, Any]
+    score: float
+
+
+@dataclass(frozen=True)
 class Failure:
     """Where the model fails worst, in words, with the stretch that shows it (seconds into a run).
 
@@ -148,6 +164,7 @@ class Diagnosis:
     final_parameters: Mapping[str, ParameterEstimate] = field(default_factory=dict)
     comparisons: tuple[Comparison, ...] = ()
     failure: Failure | None = None
+    held_out: tuple[HeldOutRuns, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The object of ``cli.md``, "diagnose --json", ready for ``json.dumps``."""

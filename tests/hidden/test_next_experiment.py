@@ -29,8 +29,8 @@ OPEN = {
 }
 """Effects that one sine of 1 Hz leaves open: as ``simulate`` takes them, and the seed of the bench.
 
-Beside joint coupling that is not in the model the tip seems to stick; with it, it slides. The last one is told by
-the motor alone, where no finger's losses can hide a constant torque.
+Beside joint coupling that is not in the model the tip seems to stick; with it, it slides. The last one is
+told by the motor alone, where no finger's losses can hide a constant torque.
 """
 
 

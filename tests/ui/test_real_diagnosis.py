@@ -9,10 +9,12 @@ import pytest
 from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 
+from fingerlab.identify.results import Diagnosis
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS
 from fingerlab.twin.session import write_session
+from fingerlab.ui.lab.held_out_table import HeldOutTable
 
 from .hands import child, click, drop, lab_of
 
@@ -54,8 +56,23 @@ def work_through(qtbot: QtBot, window, path: Path, effect: str) -> None:  # type
     assert after.score < 0.6 * before.score
     assert after.errors["joint_torque"].rmse < before.errors["joint_torque"].rmse
     assert [bar.score for bar in lab.path.path.bars[:2]] == [before.score, after.score]
+    told_by_motion(child(window, HeldOutTable, "heldOutRuns"), before, after)
     click(window, "undo")
     assert lab.controller.diagnosis is before
+
+
+def told_by_motion(table: HeldOutTable, before: Diagnosis, after: Diagnosis) -> None:
+    """A row for each motion that was recorded, where the error has fallen in every one."""
+    runs = sum(len(one.runs) for one in after.held_out)
+    assert runs == len({(c.session, c.run) for c in after.comparisons})
+    assert table.rowCount() == len(after.held_out) > 5
+    for row, (first, now) in enumerate(zip(before.held_out, after.held_out, strict=True)):
+        what, nominal, error = (table.item(row, column).text() for column in range(3))
+        assert now.runs[0] in what
+        assert now.cable in what
+        assert float(nominal) == pytest.approx(first.score, rel=0.02)
+        assert float(error) == pytest.approx(now.score, rel=0.02)
+        assert now.score < first.score
 
 
 def test_simulated_friction_is_found_and_added(qtbot: QtBot, make_window, simulated: Path) -> None:  # type: ignore[no-untyped-def]

@@ -9,6 +9,7 @@ from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 from fingerlab.report.screen import score_text
 
 from ..widgets.labels import heading, remark
+from .held_out_table import HeldOutTable
 from .history import History
 from .wording import NOTHING, UNKNOWN, error_texts, next_experiment_words
 
@@ -35,6 +36,7 @@ class TruthPanel(QWidget):
         self.held_out = QLabel()
         self.held_out.setWordWrap(True)
         self.next = remark()
+        self.runs = HeldOutTable()
         self.hand = _button("&Hand it to Acquire", "handExperiment", "The proposed recording as a protocol.")
         self.predict = _button(
             "&Predict the force",
@@ -66,13 +68,14 @@ class TruthPanel(QWidget):
                 row.addWidget(button)
             row.addStretch(1)
             layout.addLayout(row)
-        layout.addStretch(1)
+        layout.addWidget(self.runs, 1)
 
     def show_history(self, history: History | None, pressed: bool = False) -> None:
         """Say how the present model does on runs that the fit has not seen; ``pressed``: some in contact."""
         if history is None:
             for label in (self.title, self.held_out, self.next):
                 label.setText("")
+            self.runs.show_runs((), ())
             return
         diagnosis = history.now.diagnosis
         names = [in_sentence(effect_title(effect)) for effect in history.now.added]
@@ -87,6 +90,7 @@ class TruthPanel(QWidget):
         before = f"; the nominal model missed them by {score_text(history.first.diagnosis.score)} times"
         self.held_out.setText(f"{misses}{before if names else ''}.{_force_words(history)}")
         self.next.setText(next_experiment_words(diagnosis))
+        self.runs.show_runs(history.first.diagnosis.held_out, diagnosis.held_out)
         proposed = diagnosis.next_experiment is not None
         self.hand.setEnabled(proposed)
         self.hand.setToolTip(

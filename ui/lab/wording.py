@@ -147,12 +147,13 @@ def run_text(comparison: Comparison, session: Session | None, many: bool) -> str
     if run is not None:
         if run.cable != "none":
             parts.append(run.cable)
-        parts.append(_what_the_motor_did(run.trajectory))
+        parts.append(motor_words(run.trajectory))
     text = f"Run {comparison.run} · {', '.join(parts)}"
     return f"{session.path.stem}: {text}" if many and session is not None else text
 
 
-def _what_the_motor_did(trajectory: Mapping[str, Any]) -> str:
+def motor_words(trajectory: Mapping[str, Any]) -> str:
+    """What the motor was told: kind, amplitude, frequency."""
     return trajectory_words({key: trajectory[key] for key in RUN_KEYS if key in trajectory})
 
 

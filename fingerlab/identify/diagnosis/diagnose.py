@@ -12,6 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fingerlab.errors import UserError
+from fingerlab.identify.diagnosis.by_condition import held_out_runs
 from fingerlab.identify.diagnosis.errors import equation_errors
 from fingerlab.identify.diagnosis.evidence import (
     RUN_LOG_ODDS,
@@ -269,6 +270,7 @@ def _told(question: _Question, found: _Found, display: Display | None, started: 
         final_parameters=every_parameter(path[-1], evidence.temperature),
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
+        held_out=held_out_runs(question.sessions, study.reduced, evidence.base),
     )
 
 

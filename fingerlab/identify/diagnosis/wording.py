@@ -98,8 +98,9 @@ def quantity(estimate: ParameterEstimate) -> str:
     shown = "" if unit == "1" else f" {unit}"
     if half <= 0 or not np.isfinite(half):
         return f"{value:.3g}{shown}"
-    digits = int(np.clip(1 - np.floor(np.log10(half)), 0, 6))
-    return f"{value:.{digits}f} ± {half:.{digits}f}{shown}"
+    digits = min(int(1 - np.floor(np.log10(half))), 6)
+    places = max(digits, 0)
+    return f"{round(value, digits):.{places}f} ± {round(half, digits):.{places}f}{shown}"
 
 
 def explanation(evidence: Evidence, trial: Trial, effect: Effect, shown: bool, least: float) -> str:

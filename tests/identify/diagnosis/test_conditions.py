@@ -8,8 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fingerlab.identify.diagnosis.by_condition import held_out_runs
 from fingerlab.identify.diagnosis.conditions import MOST_FOLDS, deal
+from fingerlab.identify.diagnosis.reduction import reduce_sessions
+from fingerlab.identify.diagnosis.study import Study
 from fingerlab.identify.diagnosis.trial import condition_weights
+
+from . import closed_form as made
 
 
 def run(kind: str = "sine", **told: float) -> Any:
@@ -68,3 +73,23 @@ def test_a_condition_counts_with_the_root_of_its_length_and_a_value_one_on_avera
     counts = np.array([1000.0, 1000.0, 250.0])
     weights = condition_weights(counts)
     assert weights * counts == pytest.approx(np.array([0.4, 0.4, 0.2]) * counts.sum())
+
+
+def test_the_score_is_told_for_every_motion_and_they_make_up_the_whole() -> None:
+    """Every run stands in one row; a row's square counts with its runs' samples."""
+    session = made.session(made.Bench(missing=made.Missing(viscous=(3e-3, 2e-3))))
+    study = Study(reduce_sessions([session], []))
+    trial = study.fit([])
+    assert held_out_runs([session], study.reduced, trial) == ()  # not scored yet
+    trial = study.hold_out(trial)
+    rows = held_out_runs([session], study.reduced, trial)
+    assert sorted(name for row in rows for name in row.runs) == sorted(run.name for run in session.runs)
+    known = {run.name: run for run in session.runs}
+    for row in rows:
+        for name in row.runs:
+            assert (known[name].phase, known[name].cable) == (row.phase, row.cable)
+            assert known[name].trajectory["frequency_hz"] == row.trajectory["frequency_hz"]
+    counts = trial.misfits[:, 1]
+    squares = np.array([row.score**2 - 1.0 for row in rows])
+    assert counts @ squares / counts.sum() == pytest.approx(trial.score**2 - 1.0, rel=1e-6)
+    assert len(rows) > 2
