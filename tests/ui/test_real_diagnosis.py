@@ -69,7 +69,7 @@ def told_by_motion(table: HeldOutTable, before: Diagnosis, after: Diagnosis) -> 
     for row, (first, now) in enumerate(zip(before.held_out, after.held_out, strict=True)):
         what, nominal, error = (table.item(row, column).text() for column in range(3))
         assert now.runs[0] in what
-        assert now.cable in what
+        assert f"{'contact' if now.phase == 'contact' else 'on air'}, {now.cable}, " in what
         assert float(nominal) == pytest.approx(first.score, rel=0.02)
         assert float(error) == pytest.approx(now.score, rel=0.02)
         assert now.score < first.score

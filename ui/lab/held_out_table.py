@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QHeaderView, QTableWidgetItem, QWidget
 
-from fingerlab.acquisition.protocol import PHASE_WORDS
 from fingerlab.identify.results import HeldOutRuns
+from fingerlab.report.diagnosis_words import PHASE_WORDS
 from fingerlab.report.screen import score_text
 
 from ..widgets.number_table import NumberTable
