@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QFileDialog, QLabel, QPushButton
+from PySide6.QtWidgets import QApplication, QFileDialog, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
 from fingerlab.identify.model_file import load_model
-from fingerlab.identify.results import EquationError
+from fingerlab.identify.results import EquationError, HeldOutRuns
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import single_run
@@ -25,6 +25,7 @@ from fingerlab.ui.window import MainWindow
 
 from . import invented
 from .hands import PATIENCE, child, click, invented_diagnosis, lab_of, lab_with, wait_for_result
+from .looking import cut_off, overlapping
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +62,31 @@ def test_what_became_of_the_force_is_said_where_the_model_is_judged(qtbot: QtBot
     history.push(Step(("coulomb_friction",), added))
     panel.show_history(history)
     assert "goes from 0.910 to 0.060 N (floor 0.050 N)." in panel.held_out.text()
+
+
+@pytest.mark.qt_log_ignore("This plugin does not support")
+def test_where_the_panel_is_narrow_buttons_go_on_below_and_a_row_stays_one_line(qtbot: QtBot) -> None:
+    sine = {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0}
+    told = HeldOutRuns(("007", "008", "009"), "contact", "flexion", sine, 1.0)
+    now = replace(invented.nominal_diagnosis("a"), held_out=(told, replace(told, runs=("010",), score=2.0)))
+    panel = TruthPanel()
+    qtbot.addWidget(panel)
+    panel.show_history(History(now))
+    panel.show()
+    buttons = (panel.hand, panel.predict, panel.save, panel.report)
+    heights = []
+    for width, rows in ((900, 1), (330, 2)):
+        panel.resize(width, 500)
+        QApplication.processEvents()
+        assert len({button.y() for button in buttons}) == rows
+        assert [*cut_off(panel), *overlapping(panel)] == []
+        heights += [panel.runs.rowHeight(row) for row in range(2)]
+    assert len(set(heights)) == 1
+    cell = panel.runs.item(0, 0)
+    assert cell.text() == "007 and 2 more · in contact, flexion, sine, 15°, 1 Hz"
+    assert cell.toolTip() == "Runs 007, 008 and 009 · in contact, flexion, sine, 15°, 1 Hz"
+    panel.show_history(None)
+    assert not panel.runs.isVisible()
 
 
 def test_the_proposed_recording_goes_to_acquire(window: MainWindow) -> None:

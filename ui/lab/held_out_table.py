@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QFontMetrics
 from PySide6.QtWidgets import QHeaderView, QTableWidgetItem, QWidget
 
 from fingerlab.identify.results import HeldOutRuns
-from fingerlab.report.diagnosis_words import PHASE_WORDS
+from fingerlab.report.diagnosis_words import PHASE_WORDS, listed
 from fingerlab.report.screen import score_text
 
+from ..theme import small_font
 from ..widgets.number_table import NumberTable
 from .wording import motor_words
 
@@ -26,7 +28,9 @@ COLUMNS = (
     ("Nominal", f"{FLOORS} With the nominal model."),
     ("Now", f"{FLOORS} With the present model."),
 )
-LEAST_ROWS = 2
+LEAST_ROWS = 3
+ROOM = 4
+"""About the words of a row, px."""
 
 
 class HeldOutTable(NumberTable):
@@ -36,12 +40,16 @@ class HeldOutTable(NumberTable):
         super().__init__("heldOutRuns", "Error on held-out runs by motion", COLUMNS, parent=parent)
         self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         self.horizontalHeader().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
-        self.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        line = self.fontMetrics().lineSpacing()
-        self.setMinimumHeight((LEAST_ROWS + 2) * line)
+        self.setWordWrap(False)  # a row is a line; one that is too long ends in … and is whole in its tooltip
+        line = QFontMetrics(small_font()).height() + ROOM
+        self.verticalHeader().setMinimumSectionSize(line)
+        self.verticalHeader().setDefaultSectionSize(line)
+        self.horizontalHeader().setFixedHeight(line + ROOM)
+        self.setMinimumHeight((LEAST_ROWS + 1) * line + ROOM + 2 * self.frameWidth())
 
     def show_runs(self, nominal: Sequence[HeldOutRuns], now: Sequence[HeldOutRuns]) -> None:
-        """Scores by the nominal and by the present model."""
+        """Scores by the nominal and by the present model; without any the table is not seen."""
+        self.setVisible(bool(now))
         before = {one.runs: one.score for one in nominal}
         self.setRowCount(len(now))
         for row, one in enumerate(now):
@@ -51,12 +59,23 @@ class HeldOutTable(NumberTable):
                 item = QTableWidgetItem(text)
                 side = Qt.AlignmentFlag.AlignRight if column else Qt.AlignmentFlag.AlignLeft
                 item.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
-                item.setToolTip(COLUMNS[column][1] if column else text)
+                item.setToolTip(COLUMNS[column][1] if column else whole_text(one))
                 self.setItem(row, column, item)
 
 
 def runs_text(one: HeldOutRuns) -> str:
-    """``4 runs, contact, flexion, sine, 3°, 1 Hz``; a single one by its number."""
-    what = f"Run {one.runs[0]}" if len(one.runs) == 1 else f"{len(one.runs)} runs from {one.runs[0]} on"
+    """``001 · on air, extension, sine, 15°, 1 Hz``; of several the first is named."""
+    first, *others = one.runs
+    named = f"{first} and {len(others)} more" if others else first
+    return f"{named} · {motion_text(one)}"
+
+
+def motion_text(one: HeldOutRuns) -> str:
+    """What these runs have in common: phase, cable, what the motor was told."""
     cable = f", {one.cable}" if one.cable != "none" else ""
-    return f"{what} · {PHASE_WORDS.get(one.phase, one.phase)}{cable}, {motor_words(one.trajectory)}"
+    return f"{PHASE_WORDS.get(one.phase, one.phase)}{cable}, {motor_words(one.trajectory)}"
+
+
+def whole_text(one: HeldOutRuns) -> str:
+    """All that a row says, with every run."""
+    return f"Run{'s' if len(one.runs) > 1 else ''} {listed(one.runs)} · {motion_text(one)}"

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QPushButton, QVBoxLayout, QWidget
 
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 from fingerlab.report.screen import score_text
 
-from ..widgets.labels import heading, remark
+from ..theme import large_font, small_font
+from ..widgets.button_rows import ButtonRows
+from ..widgets.labels import WholeLabel
 from .held_out_table import HeldOutTable
 from .history import History
 from .wording import NOTHING, UNKNOWN, error_texts, next_experiment_words
@@ -31,11 +33,13 @@ class TruthPanel(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.title = heading(large=True)
-        self.title.setWordWrap(True)
-        self.held_out = QLabel()
-        self.held_out.setWordWrap(True)
-        self.next = remark()
+        self.title = WholeLabel()
+        self.title.setProperty("role", "heading")
+        self.title.setFont(large_font())
+        self.held_out = WholeLabel()
+        self.next = WholeLabel()
+        self.next.setProperty("role", "muted")
+        self.next.setFont(small_font())
         self.runs = HeldOutTable()
         self.hand = _button("&Hand it to Acquire", "handExperiment", "The proposed recording as a protocol.")
         self.predict = _button(
@@ -61,14 +65,9 @@ class TruthPanel(QWidget):
         layout.setSpacing(8)
         for widget in (self.title, self.held_out, self.next):
             layout.addWidget(widget)
-        for pair in ((self.hand, self.predict), (self.save, self.report)):
-            row = QHBoxLayout()
-            row.setSpacing(8)
-            for button in pair:
-                row.addWidget(button)
-            row.addStretch(1)
-            layout.addLayout(row)
+        layout.addWidget(ButtonRows((self.hand, self.predict, self.save, self.report)))
         layout.addWidget(self.runs, 1)
+        layout.addStretch()
 
     def show_history(self, history: History | None, pressed: bool = False) -> None:
         """Say how the present model does on runs that the fit has not seen; ``pressed``: some in contact."""
