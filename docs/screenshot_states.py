@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -35,7 +36,7 @@ from fingerlab.ui.predicting.tab import PredictTab
 from fingerlab.ui.window import MainWindow
 
 EFFECT = "coulomb_friction"
-SEED, LAB_SEED = 11, 1
+SEED = 11
 HIDDEN_SEED = 7
 FACTS: dict[str, str] = {}
 """What the window said, by ``tab.name``, filled while the pictures are taken."""
@@ -152,7 +153,7 @@ def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
 def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
     """Nothing open; a session with one effect: what is missing, where it shows, and after it is added."""
     yield "empty"
-    tab = opened_in_lab(window, record(folder / "finger-rig.h5", LAB_SEED))
+    tab = opened_in_lab(window, record(folder / "finger-rig.h5"))
     tell_diagnosis("model_lab", tab)
     yield ""
     tab.view.go_to("where")
@@ -163,6 +164,7 @@ def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tab.view.go_to("add")
     add_best(window, tab)
     tell_diagnosis("model_lab.added", tab)
+    tell_truth("model_lab.added", tab)
     yield "added"
 
 
@@ -205,14 +207,26 @@ def tell_diagnosis(name: str, tab: ModelLabTab) -> None:
     """The numbers of the present comparison, as the tab words them."""
     diagnosis = tab.controller.diagnosis
     assert diagnosis is not None
-    best = words.shown_best_first(diagnosis)[0]
+    best, second, *_ = words.shown_best_first(diagnosis)
     FACTS[f"{name}.score"] = score_text(diagnosis.score)
     FACTS[f"{name}.best"] = best.title
     FACTS[f"{name}.best_score"] = score_text(best.score)
+    FACTS[f"{name}.second"], FACTS[f"{name}.second_score"] = second.title, score_text(second.score)
     if diagnosis.failure is not None:
         FACTS[f"{name}.where"] = diagnosis.failure.moment
     for key, value in best.parameters.items():
         FACTS[f"{name}.best.{key}"] = estimate_text(value)
+
+
+def tell_truth(name: str, tab: ModelLabTab) -> None:
+    """What "True?" says of the runs in contact: nominal error and the present one."""
+    table = tab.view.truth.runs
+    rows = [[table.item(row, column).text() for column in range(3)] for row in range(table.rowCount())]
+    _, nominal, now = next(row for row in rows if "in contact" in row[0])
+    FACTS[f"{name}.contact_nominal"], FACTS[f"{name}.contact_now"] = nominal, now
+    found = re.search(r"endpoint force on them goes from (.+?) \(", tab.view.truth.held_out.text())
+    assert found is not None
+    FACTS[f"{name}.force"] = found[1]
 
 
 def sessions_states(window: MainWindow, folder: Path) -> Iterator[str]:

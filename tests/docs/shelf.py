@@ -115,7 +115,7 @@ def run(line: list[str]) -> str:
 
 def fill(shelf: Path) -> None:
     """Sessions, text files, a rig file and calibration recordings, as a user would have them."""
-    run(["simulate", "--protocol", "rich", "--effect", "coulomb_friction", "--seed", "1",
+    run(["simulate", "--protocol", "rich", "--effect", "coulomb_friction", "--seed", "11",
          "--out", str(shelf / "session.h5")])  # fmt: skip
     run(["export", str(shelf / "session.h5"), "--to", "txt", "--out", str(shelf / "txt")])
     for number, path in enumerate(sorted((shelf / "txt").glob("*.txt"))[:2], start=1):
