@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -176,6 +177,17 @@ def latex_words(text: str) -> str:
 def markdown_words(text: str) -> str:
     r"""The same in Markdown, where nothing else of the sentence is changed."""
     return "".join(f"${part}$" if k % 2 else part for k, part in enumerate(_symbols_apart(text)))
+
+
+def html_words(text: str) -> str:
+    """The same as HTML: ``f_H`` as a slanted f with an index; all else is escaped."""
+
+    def symbol(found: re.Match[str]) -> str:
+        below = found["below"] or {"₁": "1", "₂": "2"}.get(found["digit"] or "", "")
+        index = f"<sub>{below}</sub>" if below else ""
+        return f"<var>{found['base'] or found['greek'] or found['lone']}{index}</var>"
+
+    return SYMBOL.sub(symbol, html.escape(text, quote=False))
 
 
 def _symbols_apart(text: str) -> list[str]:

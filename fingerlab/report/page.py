@@ -29,7 +29,14 @@ from fingerlab.report.diagnosis_figures import (
     fingerprint_figure,
     path_figure,
 )
-from fingerlab.report.equation_text import VALUES_TITLE, WRITERS, equation_figures, equation_text, to_latex
+from fingerlab.report.equation_text import (
+    VALUES_TITLE,
+    WRITERS,
+    equation_figures,
+    equation_text,
+    html_words,
+    to_latex,
+)
 from fingerlab.report.pdf import pdf_of_page
 from fingerlab.report.pictures import NamedFigure, Pictures, save_figures
 from fingerlab.report.prediction_section import Prediction
@@ -205,7 +212,7 @@ def _equation(content: Content, pictures: Pictures, title: str) -> dict[str, Any
         "parts": [
             {
                 "title": part.title,
-                "note": part.note,
+                "note": html_words(part.note),
                 "picture": pictures.draw(drawn[part.title], f"Equations, {part.title}", outlines=True)
                 if part.title in drawn
                 else None,

@@ -94,7 +94,11 @@ class _Reader:
         if "verdict" in kinds:
             self._paper.boxed(words(element))
         else:
-            self._paper.paragraph(words(element), quiet=bool({"muted", "kicker"} & kinds))
+            quiet = bool({"muted", "kicker"} & kinds)
+            if element.find(f".//{XHTML}sub") is None:
+                self._paper.paragraph(words(element), quiet=quiet)
+            else:
+                self._paper.paragraph(words(element), quiet=quiet, pieces=pieces(element))
 
     def _pairs(self, element: Element) -> None:
         cells = list(element)
@@ -133,6 +137,18 @@ def words(element: Element) -> str:
     return "\n".join(
         re.sub(r"[ \t\r\n]+", " ", line).strip() for line in lines
     ).strip()  # no-break spaces stay
+
+
+def pieces(element: Element) -> list[tuple[str, bool]]:
+    """The text of an element in parts, and whether each is an index below the line."""
+    parts = [(element.text or "", False)]
+    for child in element:
+        if child.tag == f"{XHTML}sub":
+            parts.append((words_raw(child), True))
+        else:
+            parts += pieces(child)
+        parts.append((child.tail or "", False))
+    return [(re.sub(r"[ \t\r\n]+", " ", text), below) for text, below in parts if text]
 
 
 def words_raw(element: Element) -> str:

@@ -99,13 +99,30 @@ class Paper(FPDF):
         self._lines(text, SIZES[level])
         self.ln(0.8)
 
-    def paragraph(self, text: str, quiet: bool = False) -> None:
-        """Running text; what is short stays on one page."""
+    def paragraph(
+        self, text: str, quiet: bool = False, pieces: Sequence[tuple[str, bool]] | None = None
+    ) -> None:
+        """Running text; what is short stays on one page.
+
+        Args:
+            pieces: the same text in parts, and whether each is an index below the line.
+        """
         if self.room() < self.text_height(text) < KEEP[3]:
             self.add_page()
         self._letters("text", MUTED if quiet else TEXT)
-        self._lines(text, SIZES["text"])
+        if pieces is None:
+            self._lines(text, SIZES["text"])
+        else:
+            self._with_indices(pieces)
         self.ln(1.2)
+
+    def _with_indices(self, pieces: Sequence[tuple[str, bool]]) -> None:
+        high = _line("text")
+        for text, below in pieces:
+            self.char_vpos = "SUB" if below else "LINE"
+            self.write(high, text)
+        self.char_vpos = "LINE"
+        self.ln(high)
 
     def boxed(self, text: str) -> None:
         """The one sentence that answers the question."""

@@ -93,32 +93,52 @@ def _set_rows(paper: Paper, table: Table, rows: list[list[str]]) -> None:
 
 
 def _widths(paper: Paper, table: Table) -> list[float]:
-    """What each column would like; where that is too much, heads wrap, then words; numbers stay whole."""
+    """What each column would like; where that is too much, heads wrap, then words; numbers stay whole.
+
+    A head takes more than two lines only where no column of sentences can give way before it.
+    """
     measured = [_needs(paper, table, i) for i in range(len(table.right))]
-    widths = [like for like, _, _ in measured]
-    _narrow(widths, [whole for _, whole, _ in measured], paper.epw)
+    likes, in_two, whole, least = (list(needs) for needs in zip(*measured, strict=True))
+    widths = likes
+    _narrow(widths, in_two, paper.epw)
     if max(widths) > paper.epw:  # a column of whole sentences: names beside it give way before it does
         names = NAMES * paper.epw
-        kept = [whole if whole > paper.epw else max(least, min(whole, names)) for _, whole, least in measured]
+        kept = [
+            two if two > paper.epw else max(low, min(two, names))
+            for two, low in zip(in_two, least, strict=True)
+        ]
         _narrow(widths, kept, paper.epw)
-    _narrow(widths, [least for _, _, least in measured], paper.epw)
+    else:
+        _narrow(widths, whole, paper.epw)
+    _narrow(widths, least, paper.epw)
     over = sum(widths) / paper.epw
     return [w / over for w in widths] if over > 1.0 + ROUNDING else widths
 
 
-def _needs(paper: Paper, table: Table, column: int) -> tuple[float, float, float]:
-    """Widths of a column: with nothing wrapped, with the head wrapped, with its words wrapped too, mm."""
+def _needs(paper: Paper, table: Table, column: int) -> list[float]:
+    """Widths of a column: nothing wrapped, the head in two lines, in more, its words wrapped too, mm."""
     lines = [line for row in table.rows for line in row[column].split("\n")]
     body = max((paper.get_string_width(line) for line in lines), default=0.0)
     word = max((paper.get_string_width(w) for line in lines for w in line.split()), default=0.0)
     paper.set_font("text", "B", SIZES["small"])
     title = table.head[column] if table.head else ""
     head = paper.get_string_width(title)
+    head_two = _in_two_lines(paper, title)
     head_word = max((paper.get_string_width(w) for w in title.split()), default=0.0)
     paper.set_font("text", "", SIZES["small"])
     room = 2 * PADDING + 1.0
     least = body if table.right[column] else min(word, LONGEST_WORD)
-    return max(body, head) + room, max(body, head_word) + room, max(least, head_word) + room
+    pairs = ((body, head), (body, head_two), (body, head_word), (least, head_word))
+    return [max(pair) + room for pair in pairs]
+
+
+def _in_two_lines(paper: Paper, title: str) -> float:
+    """Width from which a head takes no more than two lines, mm."""
+    apart = title.split()
+    if len(apart) < 2:
+        return float(paper.get_string_width(title))
+    splits = ((" ".join(apart[:k]), " ".join(apart[k:])) for k in range(1, len(apart)))
+    return min(max(float(paper.get_string_width(line)) for line in split) for split in splits)
 
 
 def _narrow(widths: list[float], floors: list[float], room: float) -> None:

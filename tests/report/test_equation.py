@@ -21,6 +21,7 @@ from fingerlab.report.equation import effect_equations, final_equation, fitted_f
 from fingerlab.report.equation_text import (
     check_ending,
     equation_figures,
+    html_words,
     latex_words,
     markdown_words,
     to_latex,
@@ -208,6 +209,9 @@ def test_symbols_in_a_sentence_become_mathematics() -> None:
         r"$C_{j}$: torque, $-$1 to 1 \& 50 \% of $f_{H}$."
     )
     assert latex_words("ΔK_j over l₁; 1/a(θ₁)") == r"$\Delta K_{j}$ over $l_{1}$; 1/a($\theta_{1}$)"
+    assert html_words("θ₁, f_H < 3 & C_j: torque") == (
+        "<var>θ<sub>1</sub></var>, <var>f<sub>H</sub></var> &lt; 3 &amp; <var>C<sub>j</sub></var>: torque"
+    )
     # In Markdown a space before the last mark would be no mathematics; what LaTeX escapes stays.
     assert markdown_words("δ: 50 % of f_H, [T_c](a.md).") == r"$\delta$: 50 % of $f_{H}$, [$T_{c}$](a.md)."
 

@@ -13,7 +13,7 @@ from pypdf import PdfReader
 
 from fingerlab.errors import UserError
 from fingerlab.report.page import Extras, write_report
-from fingerlab.report.pdf import pdf_of_page
+from fingerlab.report.pdf import pdf_of_page, pieces, words
 from fingerlab.report.pdf_paper import Paper, Wanted
 from fingerlab.report.pdf_table import Table, set_table
 from fingerlab.report.pictures import FORMATS, NamedFigure
@@ -131,10 +131,28 @@ def test_heads_wrap_before_names_do_and_names_before_sentences() -> None:
     set_table(paper, Table("", head, [["With the effects", *["1.234 ± 0.001"] * 6]], [False] + [True] * 6))
     tale = " ".join(["the missing torque follows the speed"] * 6)
     set_table(paper, Table("", [], [["Other inertia of rotor, gearbox and pulley", tale]], [False, False]))
+    told = [["Stribeck friction in motor and gearbox", "1.23", tale]]
+    set_table(paper, Table("", ["Effect", "Error with it", "What was seen"], told, [False, True, False]))
     lines = PdfReader(io.BytesIO(bytes(paper.output()))).pages[0].extract_text().splitlines()
+    assert any(line.startswith("with it") for line in lines)  # two lines, not three
     assert any("With the effects" in line for line in lines)
     assert not any("gearbox and pulley" in line for line in lines)
-    assert sum("torque" in line for line in lines) <= 3
+    assert sum("torque" in line for line in lines) <= 3 + 4
+
+
+def test_an_index_stands_smaller_and_below_the_line() -> None:
+    note = ElementTree.fromstring(
+        '<p xmlns="http://www.w3.org/1999/xhtml">so <var>f<sub>H</sub></var>: friction</p>'
+    )
+    paper = Paper("title")
+    paper.paragraph(words(note), pieces=pieces(note))
+    paper.paragraph("next")
+    sizes: dict[str, float] = {}
+    page = PdfReader(io.BytesIO(bytes(paper.output()))).pages[0]
+    page.extract_text(visitor_text=lambda text, cm, tm, font, size: sizes.update({text.strip(): size}))
+    assert sizes["H"] < sizes["f"] == sizes[": friction"] == sizes["next"]
+    rises = re.findall(rb"(\S+) Ts", page.get_contents().get_data())
+    assert [float(rise) < 0.0 for rise in rises] == [True]
 
 
 def test_no_page_begins_with_a_single_row_or_the_end_of_a_short_paragraph() -> None:
