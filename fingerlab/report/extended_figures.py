@@ -66,7 +66,7 @@ def force_figure(runs: Mapping[str, RunPrediction], banded: str) -> Figure:
                     )  # fmt: skip
         style = "--" if name == banded else ":"
         above.plot(curve.time, curve.modelled, color=colour, ls=style, lw=1.3, label=f"{name} model")
-        below.plot(curve.time, 1e3 * (curve.measured - curve.modelled), color=colour, lw=1.2)
+        below.plot(curve.time, 1e3 * (curve.measured - curve.modelled), color=colour, ls=style, lw=1.2)
     label(above, "", "endpoint force (N)", f"Run {runs[banded].run}")
     label(below, "time in the run (s)", "measured less\nmodelled (mN)")
     for axes in (above, below):
