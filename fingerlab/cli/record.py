@@ -140,7 +140,7 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
         path, samples, runs = take(bench, rig, steps, told, events, bar, report)
         result = _result(path, name, samples)
         events.tell("written", result)
-    click.echo(f"{runs} runs, {samples} samples, written to {path}.", err=True)
+    click.echo(f"{runs} run{'s' * (runs != 1)}, {samples} samples, written to {path}.", err=True)
     if json_target is not None:
         write_json(result, json_target)
 

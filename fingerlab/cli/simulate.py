@@ -77,7 +77,9 @@ def simulate(
         written = write_session(
             out, bench, name, plans, chosen, new_seed() if seed is None else seed, hidden, report
         )
-    click.echo(f"{written.runs} runs, {written.seconds:g} s, written to {out}.", err=True)
+    click.echo(
+        f"{written.runs} run{'s' * (written.runs != 1)}, {written.seconds:g} s, written to {out}.", err=True
+    )
     if json_target is not None:
         write_json(written.to_json(), json_target)
 
