@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
     QListWidget,
     QListWidgetItem,
     QMenu,
+    QPlainTextEdit,
     QPushButton,
     QRadioButton,
     QScrollArea,
@@ -126,7 +127,9 @@ def test_a_field_or_box_has_an_edge_that_is_seen(qtbot: QtBot, qapp: QApplicatio
     """Not ticked, without the keyboard, on the window's own colour: the style alone leaves none on black."""
     page = QWidget()
     qtbot.addWidget(page)
-    fields = [kind(page) for kind in (QCheckBox, QRadioButton, QLineEdit, QDoubleSpinBox, QSpinBox)]
+    fields = [
+        kind(page) for kind in (QCheckBox, QRadioButton, QLineEdit, QPlainTextEdit, QDoubleSpinBox, QSpinBox)
+    ]
     for number, field in enumerate(fields):
         field.setGeometry(8, 8 + 32 * number, 80, 24)
     apply_appearance(qapp, look)
