@@ -22,7 +22,7 @@ from fingerlab.identify.diagnosis.evidence import (
     borne_out,
     distrusted,
 )
-from fingerlab.identify.diagnosis.path import LONGEST_PATH, forward
+from fingerlab.identify.diagnosis.path import LONGEST_PATH, density, forward
 from fingerlab.identify.diagnosis.recall import Recall
 from fingerlab.identify.diagnosis.reduction import reduce_sessions
 from fingerlab.identify.diagnosis.rivals import looked_at_closely
@@ -36,7 +36,7 @@ from fingerlab.identify.diagnosis.second_look import (
     shaped_like,
     worth_a_look,
 )
-from fingerlab.identify.diagnosis.steps import justified, much_left
+from fingerlab.identify.diagnosis.steps import NEARLY_RIGHT, justified, much_left
 from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study
 from fingerlab.identify.diagnosis.trial import Trial
 from fingerlab.identify.diagnosis.unseen import hidden, least_strength, needed, unseen
@@ -166,6 +166,8 @@ def _searched(question: _Question, study: Study) -> _Found:
         evidence = distrusted(evidence)
     closer, path = _looked_at_again(question, path)
     if closer is not None:
+        closer, path = _walked_again(question, _best(evidence), closer, path)
+    if closer is not None:
         study.weights = closer.weights
     if closer is not None or len(path) > 2:
         # Every score of an answer is told in the floors of the same, last model.
@@ -239,6 +241,24 @@ def _looked_at_again(question: _Question, path: list[Trial]) -> tuple[Study | No
             break
         closer, path = longer
     return closer, path
+
+
+def _walked_again(
+    question: _Question, best: Trial, closer: Study, path: list[Trial]
+) -> tuple[Study, list[Trial]]:
+    """The path, or one that is likelier and begins with the ``best`` effect between the points of its grid.
+
+    Beside an effect that stands beside its best shape, a later one may have mended the shape.
+    """
+    found = {c.effect.id for c in path[-1].model.choices}
+    if len(path) < 3 or _last(best) not in found or not much_left(path[-1], NEARLY_RIGHT):
+        return closer, path
+    sessions, recall, watch = question.sessions, question.recall, question.scale.part(0.97, 0.99)
+    first = look_again_along(sessions, [path[0], best], watch, recall)[1]
+    again = look_beyond(sessions, question.catalogue, first, watch, recall)
+    if again is None or density(again[0], again[1][-1]) >= density(closer, path[-1]):
+        return closer, path
+    return again
 
 
 def _told(question: _Question, found: _Found, display: Display | None, started: float) -> Diagnosis:

@@ -33,6 +33,8 @@ DECIDING_LOG_ODDS = 5.0
 """Log odds that decide (about 150 to 1)."""
 MUCH = 1.0
 """Squared score above one that no bench leaves (``USUAL_LEFT``) and no nearly right law (about 0.5)."""
+NEARLY_RIGHT = 0.3
+"""Squared score above one up to which several effects together are taken for right; assumed."""
 
 
 def justified(base: Trial, trial: Trial, level: float = 0.0) -> bool:
@@ -96,6 +98,6 @@ def temperature(misfit: float, count: float) -> float:
     return 1.0 + CORRELATED_VALUES * max(misfit, 0.0) / max(count, 1.0)
 
 
-def much_left(trial: Trial) -> bool:
+def much_left(trial: Trial, much: float = MUCH) -> bool:
     """Whether a model leaves so much that something is missing for certain."""
-    return trial.misfit > MUCH * trial.count
+    return trial.misfit > much * trial.count
