@@ -36,7 +36,7 @@ from fingerlab.identify.diagnosis.second_look import (
     shaped_like,
     worth_a_look,
 )
-from fingerlab.identify.diagnosis.steps import NEARLY_RIGHT, justified, much_left
+from fingerlab.identify.diagnosis.steps import LEAST_FALL_BEYOND, NEARLY_RIGHT, justified, much_left
 from fingerlab.identify.diagnosis.study import FULL_ITERATIONS, Study
 from fingerlab.identify.diagnosis.trial import Trial
 from fingerlab.identify.diagnosis.unseen import hidden, least_strength, needed, unseen
@@ -160,11 +160,11 @@ def _searched(question: _Question, study: Study) -> _Found:
     base = settled(study, question.given)
     evidence = weigh(study, base, effects, question.scale.part(0.4, 0.7))
     first_weights = study.weights
-    evidence, path = _way(question, study, evidence)
+    evidence, path, look = _way(question, study, evidence)
     evidence = _judged_beside(study, evidence, path, effects)
     if len(path) == 1 and _verdict(evidence) == "missing_effect":
         evidence = distrusted(evidence)
-    closer, path = _looked_at_again(question, path)
+    closer, path = _looked_at_again(question, path, look)
     if closer is not None:
         closer, path = _walked_again(question, _best(evidence), closer, path)
     if closer is not None:
@@ -207,34 +207,66 @@ def _judged_beside(
     return beside_others(evidence, weigh(study, base, effects, SILENT))
 
 
-def _way(question: _Question, study: Study, evidence: Evidence) -> tuple[Evidence, list[Trial]]:
+@dataclass(frozen=True)
+class _Look:
+    """A second look at a path: which effects, at which points of their grids, and what it found."""
+
+    choices: tuple[tuple[str, int], ...]
+    study: Study
+    path: list[Trial]
+
+
+def _look(question: _Question, path: list[Trial], watch: Watch) -> _Look:
+    return _Look(_choices(path), *look_again_along(question.sessions, path, watch, question.recall))
+
+
+def _choices(path: Sequence[Trial]) -> tuple[tuple[str, int], ...]:
+    return tuple((c.effect.id, c.shape) for c in path[-1].model.choices)
+
+
+def _way(question: _Question, study: Study, evidence: Evidence) -> tuple[Evidence, list[Trial], _Look | None]:
     """The way from the evidence for one effect to all; and the evidence, where rivals of it were looked at.
 
-    They are where the way ends at once: among rivals it may have taken the wrong one.
+    They are where the way ends at once: among rivals it may have taken the wrong one. The best effect is
+    looked at between the points of its grid before others are tried beside it: what only its shape lacks, no
+    other effect is asked for.
     """
     first_weights, keep = study.weights, len(question.given)
     effects, watch = study.reduced.layout.effects, question.scale.part(0.7, 0.88)
-    path = forward(study, evidence, effects, keep, watch)
+    path = forward(study, evidence, effects, keep, watch, most=1)
+    look = None
+    if len(path) == 2 and worth_a_look(path[-1].model.choices):
+        look = _look(question, path, question.scale.part(0.7, 0.75))
+    if len(path) == 2 and (look is None or much_left(look.path[-1], LEAST_FALL_BEYOND)):
+        study.weights = first_weights
+        path = forward(study, evidence, effects, keep, watch)
     if _verdict(evidence) != "missing_effect" or len(path) != 2:
-        return evidence, path
+        return evidence, path, look
     watch = question.scale.part(0.88, 0.9)
     closer = looked_at_closely(question.sessions, study, evidence, watch, question.recall)
     if _best(closer) is _best(evidence):
-        return closer, path
+        return closer, path, look
     study.weights = first_weights
-    return closer, [closer.base, _best(closer)]
+    return closer, [closer.base, _best(closer)], look
 
 
 def _best(evidence: Evidence) -> Trial:
     return evidence.trials[int(np.argmax(evidence.log_odds))]
 
 
-def _looked_at_again(question: _Question, path: list[Trial]) -> tuple[Study | None, list[Trial]]:
-    """The path between the points of the grids, and beyond its end; no study where that changes nothing."""
+def _looked_at_again(
+    question: _Question, path: list[Trial], look: _Look | None
+) -> tuple[Study | None, list[Trial]]:
+    """The path between the points of the grids, and beyond its end; no study where that changes nothing.
+
+    ``look``: what was looked at already, maybe at the same path.
+    """
     if len(path) == 1 or not worth_a_look(path[-1].model.choices):
         return None, path
     sessions, scale, recall = question.sessions, question.scale, question.recall
-    closer, path = look_again_along(sessions, path, scale.part(0.9, 0.93), recall)
+    if look is None or look.choices != _choices(path):
+        look = _look(question, path, scale.part(0.9, 0.93))
+    closer, path = look.study, look.path
     while much_left(path[-1]) and len(path) <= LONGEST_PATH:
         longer = look_beyond(sessions, question.catalogue, path, scale.part(0.93, 0.97), recall)
         if longer is None or len(longer[1]) <= len(path):  # found, but not borne out when looked at again

@@ -101,6 +101,8 @@ def _walked(
         weights.append(study.weights)
         rivals[best.model.choices[-1].effect.id] = _rivals(evidence)
         sound = len(steps) if borne_out else sound
+        if len(steps) > most:
+            break
         watch.tell(0.5, f"looking beyond {best.model.choices[-1].effect.title.lower()}")
         evidence = weigh(study, chosen, effects, watch, STEP_PROMISE * least_fall(chosen))
     steps, weights = _straight(study, steps[:sound], weights[:sound], keep)

@@ -33,7 +33,7 @@ DECIDING_LOG_ODDS = 5.0
 """Log odds that decide (about 150 to 1)."""
 MUCH = 1.0
 """Squared score above one that no bench leaves (``USUAL_LEFT``) and no nearly right law (about 0.5)."""
-NEARLY_RIGHT = 0.3
+NEARLY_RIGHT = 0.4
 """Squared score above one up to which several effects together are taken for right; assumed."""
 
 
