@@ -237,7 +237,7 @@ def _way(question: _Question, study: Study, evidence: Evidence) -> tuple[Evidenc
     look = None
     if len(path) == 2 and worth_a_look(path[-1].model.choices):
         look = _look(question, path, question.scale.part(0.7, 0.75))
-    if len(path) == 2 and (look is None or much_left(look.path[-1], LEAST_FALL_BEYOND)):
+    if look is None or much_left(look.path[-1], LEAST_FALL_BEYOND):
         study.weights = first_weights
         path = forward(study, evidence, effects, keep, watch)
     if _verdict(evidence) != "missing_effect" or len(path) != 2:

@@ -97,3 +97,16 @@ def test_no_further_effect_is_sought_where_the_first_leaves_little_at_a_second_l
     assert look.path is seen  # kept: it is not looked at twice
     monkeypatch.setattr(asked, "look_again_along", lambda *_: pytest.fail("looked at again"))
     assert asked._looked_at_again(question, path, look) == ("closer study", seen)
+
+
+def test_a_first_step_that_only_a_later_one_bears_out_is_sought_with_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    both = path_of("motor_inertia", "stribeck_friction")
+    monkeypatch.setattr(asked, "forward", lambda *_, most=4: [trial()] if most == 1 else both)
+    monkeypatch.setattr(asked, "worth_a_look", lambda _: True)
+    monkeypatch.setattr(asked, "_verdict", lambda _: "missing_effect")
+    layout = SimpleNamespace(layout=SimpleNamespace(effects=()))
+    study: Any = SimpleNamespace(weights="first", reduced=layout)
+    question: Any = SimpleNamespace(**vars(QUESTION), given=())
+    assert asked._way(question, study, SimpleNamespace())[1:] == (both, None)  # type: ignore[arg-type]
