@@ -260,10 +260,12 @@ def _wave(kind: str, frequency: float, amplitude: float, **more: float) -> dict[
 
 
 FREE = (
-    ("sine", 0.2, 1.0), ("sine", 0.5, 0.3), ("sine", 1.0, 0.25), ("sine", 2.0, 0.9), ("sine", 3.0, 0.5),
-    ("chirp", 0.3, 0.8), ("steps", 0.4, 1.0), ("ramp_hold", 0.2, 1.0), ("multisine", 1.0, 1.0),
+    ("sine", 0.2, 1.0, 0.0), ("sine", 0.5, 0.3, 0.0), ("sine", 1.0, 0.25, 0.0), ("sine", 2.0, 0.9, 0.0),
+    ("sine", 3.0, 0.5, 0.0), ("chirp", 0.3, 0.8, 0.0), ("steps", 0.4, 1.0, 0.0), ("ramp_hold", 0.2, 1.0, 0.0),
+    ("multisine", 1.0, 1.0, 0.0), ("sine", 0.5, 0.5, -0.5), ("sine", 0.5, 0.5, 0.5),
 )  # fmt: skip
-"""Kind, frequency (Hz) and share of the amplitude of the free runs on the menu."""
+"""Kind, frequency (Hz), share of the amplitude and shift of the offset (in amplitudes) of the free runs on the
+menu. All stay within the angles that were recorded: what the rig did once it can do again."""
 FREE_ROOM = {-1: (14.0, 22.0), 1: (9.0, 15.0)}
 """Amplitude and offset of free runs, degrees at the pulley, by cable, where none were recorded: those of the
 rich protocol."""
@@ -294,8 +296,9 @@ def _menu(sessions: Sequence[Session], study: Study, trial: Trial) -> Iterator[P
     signs = sorted({g.cable_sign for g in study.reduced.groups if g.cable_sign})
     for sign in signs:
         amplitude, offset = _room(sessions, sign)
-        for kind, frequency, share in FREE:
-            trajectory = _wave(kind, frequency, round(amplitude * share, 2), offset_deg=offset)
+        for kind, frequency, share, shift in FREE:
+            about = round(offset + amplitude * shift, 2)
+            trajectory = _wave(kind, frequency, round(amplitude * share, 2), offset_deg=about)
             motion = finger_motion(rig, sign, trajectory, values)
             if motion is not None:
                 yield Proposal("on_air", {1: "flexion", -1: "extension"}[sign], trajectory, motion)
