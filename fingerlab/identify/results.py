@@ -144,7 +144,8 @@ class Diagnosis:
     """The answer to: which effect, if any, explains the reproducible part of what the model misses?
 
     ``parameters`` are those of the model as given, ``final_parameters`` those of ``final_model``: all
-    unknowns, an effect's own as ``effect.gain``, those of a cable routing as ``name@routing``.
+    unknowns, an effect's own as ``effect.gain``, those of a cable routing as ``name@routing``. ``repeats``:
+    some motion came again, which tells the floor; else it is what the last model of the path leaves.
     """
 
     sessions: tuple[str, ...]
@@ -165,6 +166,7 @@ class Diagnosis:
     comparisons: tuple[Comparison, ...] = ()
     failure: Failure | None = None
     held_out: tuple[HeldOutRuns, ...] = ()
+    repeats: bool = True
 
     def to_json(self) -> dict[str, Any]:
         """The object of ``cli.md``, "diagnose --json", ready for ``json.dumps``."""
@@ -195,4 +197,5 @@ class Diagnosis:
             "final_model": list(self.final_model),
             "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
             "seconds": self.seconds,
+            "floor_from_repetition": self.repeats,
         }

@@ -113,10 +113,29 @@ def suspected(diagnosis: Diagnosis) -> tuple[Candidate, ...]:
     return tuple(c for c in shown_best_first(diagnosis) if c.effect in suspects(diagnosis))
 
 
+def _floor(diagnosis: Diagnosis) -> str:
+    """What errors are told in multiples of."""
+    return "the bench's own repeatability" if diagnosis.repeats else "what the best model leaves"
+
+
+def floor_sentence(diagnosis: Diagnosis) -> str:
+    """What the floor stands on where no repetition tells it; empty where one does."""
+    if diagnosis.repeats:
+        return ""
+    return (
+        "No motion in these runs comes again, so noise and what a model misses look alike: what no effect of "
+        "the catalogue explains would not show. A sine of a few cycles would tell."
+    )
+
+
 def verdict_sentence(diagnosis: Diagnosis) -> str:
-    """The answer in one plain sentence with its numbers."""
+    """The answer in one plain sentence with its numbers; another where they stand on little."""
+    return " ".join(filter(None, (_verdict_sentence(diagnosis), floor_sentence(diagnosis))))
+
+
+def _verdict_sentence(diagnosis: Diagnosis) -> str:
     model, score = model_words(diagnosis.model), score_text(diagnosis.score)
-    error = f"its error on runs left out of the fit is {score} times the bench's own repeatability"
+    error = f"its error on runs left out of the fit is {score} times {_floor(diagnosis)}"
     if diagnosis.verdict == "nothing_missing":
         more = "Nothing more" if diagnosis.model else "Nothing"
         chance = percent(diagnosis.probability_nothing)
@@ -137,7 +156,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     several = len(diagnosis.set) > 1
     fall = (
         f"with {'the first of them' if several else 'it'} the error on runs left out of the fit falls "
-        f"from {score} to {score_text(best.score)} times the bench's own repeatability"
+        f"from {score} to {score_text(best.score)} times {_floor(diagnosis)}"
     )
     fall += _as_well(diagnosis, best)
     if several:

@@ -65,7 +65,15 @@ def verdict_headline(diagnosis: Diagnosis) -> str:
 
 
 def set_words(diagnosis: Diagnosis) -> str:
-    """Which effects these data cannot tell apart, or could not have shown where nothing is missing."""
+    """Which effects these data cannot tell apart, or could not have shown where nothing is missing.
+
+    And that the floor is no bench's own, where it is none.
+    """
+    floor = "" if diagnosis.repeats else " No motion repeats: the floor is what the best model leaves."
+    return _set_words(diagnosis) + floor
+
+
+def _set_words(diagnosis: Diagnosis) -> str:
     if not_shown(diagnosis):
         hidden, weak = left_open(diagnosis)
         text = f"They could not have shown: {_named(hidden)}." if hidden else ""

@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from fingerlab.identify.diagnosis.cycles import any_told
 from fingerlab.identify.diagnosis.features import (
     Feature,
     Layout,
@@ -110,11 +111,13 @@ class Asked:
     """What is asked of a run: its kind's features as signals, of which the first ``common`` every model has.
 
     ``signals`` (features,) count from ``start``, the kind's first signal among those of all runs.
+    ``seek_cycle``: no run says how often its motion repeats.
     """
 
     signals: IntArray
     common: int
     start: int
+    seek_cycle: bool = False
 
 
 def layout_of_all(
@@ -130,9 +133,9 @@ def layout_of_all(
         motion = known.motion if known is not None else next(stretches(run, session.rig))
         beside = len(set(kinds)) == 2
         layouts[on_bench] = layout_of(motion.glimpse(), session, effects, beside_finger=beside)
-    asked, start = {}, 0
+    asked, start, seek_cycle = {}, 0, not any_told(run for _, run in pairs)
     for on_bench, layout in layouts.items():
-        asked[on_bench] = Asked(layout.signals, len(layout.base), start)
+        asked[on_bench] = Asked(layout.signals, len(layout.base), start, seek_cycle)
         start += layout.signal_count
     finger, *bench = layouts.values()
     if bench:

@@ -323,6 +323,7 @@ def _told(question: _Question, found: _Found, display: Display | None, started: 
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
         held_out=held_out_runs(question.sessions, study.reduced, evidence.base),
+        repeats=all(group.repeats for group in study.reduced.groups),
     )
 
 

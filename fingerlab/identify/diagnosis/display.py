@@ -13,7 +13,7 @@ from fingerlab.identify.diagnosis.features import FORCE
 from fingerlab.identify.diagnosis.groups import Group, GroupKey, group_key
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
 from fingerlab.identify.diagnosis.narrowing import Narrow, counted
-from fingerlab.identify.diagnosis.residuals import noise_covariance
+from fingerlab.identify.diagnosis.residuals import floor_covariance
 from fingerlab.identify.diagnosis.study import Study
 from fingerlab.identify.diagnosis.sums import BoolArray
 from fingerlab.identify.diagnosis.trial import Trial
@@ -174,7 +174,7 @@ def _measured(trial: Trial, group: Group, kept: Kept, row: Row) -> Array:
 
 def _comparisons(study: Study, trial: Trial, group: Group, kept: Kept) -> list[Comparison]:
     residuals = _residuals(trial, group, kept)
-    noise = noise_covariance(trial.model, trial.fit.values, group)
+    noise = floor_covariance(trial.model, trial.fit.values, group, study.weights[group.key])
 
     def one(equation: str, measured: Array, modelled: Array, unit: str, variance: float) -> Comparison:
         return Comparison(

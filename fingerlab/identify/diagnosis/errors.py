@@ -7,7 +7,7 @@ import numpy as np
 from fingerlab.identify.diagnosis.features import FORCE
 from fingerlab.identify.diagnosis.groups import Group
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
-from fingerlab.identify.diagnosis.residuals import noise_covariance
+from fingerlab.identify.diagnosis.residuals import floor_covariance
 from fingerlab.identify.diagnosis.shifts import SHIFTS_S
 from fingerlab.identify.diagnosis.study import Study
 from fingerlab.identify.diagnosis.trial import Trial
@@ -27,7 +27,7 @@ def equation_errors(study: Study, trial: Trial) -> dict[str, EquationError]:
     sums: dict[str, Array] = {}
     for group in study.reduced.groups:
         residual = trial.residuals[group.key]
-        noise = noise_covariance(trial.model, trial.fit.values, group)
+        noise = floor_covariance(trial.model, trial.fit.values, group, study.weights[group.key])
         for family, values in _families(study, trial, group, residual, noise).items():
             sums[family] = sums.get(family, np.zeros(4)) + group.samples * np.array([*values, 1.0])
     result = {}

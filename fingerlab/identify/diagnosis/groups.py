@@ -71,6 +71,11 @@ class Group:
         return [k for k, fold in enumerate(self.dealt) if fold.condition == condition]
 
     @property
+    def repeats(self) -> bool:
+        """Whether anything comes again in these runs or others, so that noise is told from what is missed."""
+        return self.noise_samples > 0
+
+    @property
     def on_bench(self) -> bool:
         """Whether these are runs of the motor alone, which have the motor's equation and no other."""
         return self.cable_sign == 0

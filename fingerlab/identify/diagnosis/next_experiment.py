@@ -264,8 +264,8 @@ FREE = (
     ("sine", 3.0, 0.5, 0.0), ("chirp", 0.3, 0.8, 0.0), ("steps", 0.4, 1.0, 0.0), ("ramp_hold", 0.2, 1.0, 0.0),
     ("multisine", 1.0, 1.0, 0.0), ("sine", 0.5, 0.5, -0.5), ("sine", 0.5, 0.5, 0.5),
 )  # fmt: skip
-"""Kind, frequency (Hz), share of the amplitude and shift of the offset (in amplitudes) of the free runs on the
-menu. All stay within the angles that were recorded: what the rig did once it can do again."""
+"""Kind, frequency (Hz), share of the amplitude and shift of the offset (in amplitudes) of the free runs on
+the menu. All stay within the angles that were recorded: what the rig did once it can do again."""
 FREE_ROOM = {-1: (14.0, 22.0), 1: (9.0, 15.0)}
 """Amplitude and offset of free runs, degrees at the pulley, by cable, where none were recorded: those of the
 rich protocol."""

@@ -31,7 +31,7 @@ def run_sums(
         motion = low.wide
         live = np.ascontiguousarray(low.columns.T[low.live])
         part = _products(low, live)
-        repeating = repeating_bases(low, run)
+        repeating = repeating_bases(low, run, asked.seek_cycle)
         if repeating is None:
             result.add(Part(low.live + asked.start, part))
         else:

@@ -7,27 +7,48 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from fingerlab.identify.diagnosis.bandwidth import NARROW_RATE_HZ
+from fingerlab.identify.diagnosis.cycles import found_frequency, harmonics_below_nyquist, told_frequency
 from fingerlab.identify.diagnosis.groups import Group
-from fingerlab.identify.diagnosis.narrowing import Narrow
+from fingerlab.identify.diagnosis.narrowing import Narrow, counted
 from fingerlab.sessions.model import Array, Run
 
 TREND_DEGREE = 3
 """Of the polynomial over a stretch that counts as its slow trend."""
 
 
-def repeating_bases(low: Narrow, run: Run) -> tuple[Array, Array] | None:
+def repeating_bases(low: Narrow, run: Run, seek: bool = False) -> tuple[Array, Array] | None:
     """What a stretch may repeat: bases of its cycle, (n, harmonics), and of a slow trend, (n, degrees).
 
-    None where there is no cycle that repeats often enough.
+    ``seek`` a cycle in the motion itself where the run does not tell it. None where there is no cycle that
+    repeats often enough.
     """
-    frequency = run.trajectory.get("frequency_hz")
-    if run.trajectory.get("kind") != "sine" or not frequency or not bool(low.taut.all()):
+    if not bool(low.taut.all()):
         return None
-    count = int(np.ceil(0.5 * NARROW_RATE_HZ / frequency)) - 1
+    frequency = told_frequency(run)
+    if frequency is None and seek:
+        frequency = _sought(low, run)
+    if frequency is None:
+        return None
+    count = harmonics_below_nyquist(frequency)
     if 2 * count + 1 > 0.6 * len(low.time):
         return None
-    return _harmonics(float(frequency), count, float(low.time[0]), float(low.time[-1]), len(low.time))
+    return _harmonics(frequency, count, float(low.time[0]), float(low.time[-1]), len(low.time))
+
+
+def _sought(low: Narrow, run: Run) -> float | None:
+    """Cycles a second of a stretch, Hz, by its command, or else by its motion; None: neither comes again.
+
+    A finger that presses settles for a while, and hardly moves: its command is the better witness.
+    """
+    motion = low.wide
+    if run.has("motor_command"):
+        step = max(round(run.sample_rate_hz / motion.sample_rate_hz), 1)
+        first, last = (round(float(t) * run.sample_rate_hz) for t in low.time[[0, -1]])
+        command = run.channel("motor_command", first, last + 1)[::step]
+        found = found_frequency(command, run.sample_rate_hz / step) if np.isfinite(command).all() else None
+        if found is not None:
+            return found
+    return found_frequency(motion.position[counted(motion)], motion.sample_rate_hz)
 
 
 @lru_cache(maxsize=4)

@@ -1,4 +1,8 @@
-"""Covariance of what a fitted model leaves of its equations, all of it or what does not repeat."""
+"""Covariance of what a fitted model leaves of its equations, all of it or what does not repeat.
+
+Where nothing repeats, noise and misfit look alike. All that a model leaves is its noise then: its weights are
+those of greatest likelihood, and a model that leaves less is rewarded by its density alone.
+"""
 
 from __future__ import annotations
 
@@ -30,4 +34,19 @@ def row_covariance(
 
 def noise_covariance(model: Model, values: Array, group: Group) -> Array:
     """Covariance (5, 5) of what does not repeat in the equations' residuals, of one sample."""
+    if not group.repeats:
+        return row_covariance(model, values, group, group.whole.of(model.pick), group.samples)
     return row_covariance(model, values, group, group.noise[model.pick.square], group.noise_samples)
+
+
+def floor_covariance(model: Model, values: Array, group: Group, weights: Array) -> Array:
+    """The same for the floor that an answer tells, (5, 5): where nothing repeats, that of the ``weights``.
+
+    They are the last model's, whose misfit counts as noise for all others.
+    """
+    if group.repeats:
+        return noise_covariance(model, values, group)
+    exist = np.flatnonzero(np.diag(weights) > 0)
+    floor = np.zeros_like(weights)
+    floor[np.ix_(exist, exist)] = np.linalg.inv(weights[np.ix_(exist, exist)])
+    return floor
