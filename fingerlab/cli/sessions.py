@@ -75,7 +75,11 @@ def info(session_file: Path, json_target: str | None) -> None:
     type=click.Choice(CABLES),
     help="Cable of the files: once for all or once for each.  [default: extension]",
 )
-@click.option("--trajectory", metavar="JSON", help='What the motor was told, such as {"kind": "sine"}.')
+@click.option(
+    "--trajectory",
+    metavar="JSON",
+    help='What the motor was told, such as {"kind": "sine"}.  [default: a sine is read from the command]',
+)
 @click.option(
     "--rate",
     type=click.FloatRange(min=0, min_open=True),
@@ -219,9 +223,9 @@ def _each(given: tuple[str, ...], default: str, files: tuple[Path, ...], name: s
     return given
 
 
-def _trajectory(text: str | None) -> dict[str, Any]:
+def _trajectory(text: str | None) -> dict[str, Any] | None:
     if text is None:
-        return {"kind": "unknown"}
+        return None
     try:
         data = json.loads(text)
     except ValueError as error:

@@ -12,11 +12,13 @@ import numpy as np
 
 from fingerlab.errors import UserError
 from fingerlab.rig import Rig
+from fingerlab.sessions.cycle import recognised
 from fingerlab.sessions.format import RATE_TOLERANCE, REQUIRED_CHANNELS
 from fingerlab.sessions.mapping import Column, map_columns
 from fingerlab.sessions.model import Array
 from fingerlab.sessions.samples import sample_fault
 from fingerlab.sessions.text_table import SEPARATOR_WORDS, TextTable, inspect_table, read_blocks
+from fingerlab.sessions.words import trajectory_words
 from fingerlab.sessions.writing import SessionWriter
 
 WHOLE_RATE = 1e-4
@@ -36,12 +38,12 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class TextRun:
-    """A text file and what it cannot say of itself."""
+    """A text file and what it cannot say of itself; without a ``trajectory`` its command is asked."""
 
     path: Path
     phase: str
     cable: str
-    trajectory: Mapping[str, Any]
+    trajectory: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,8 @@ class RunPlan:
         derived: channels that are calculated, by name, with the formula in words.
         sample_rate_hz: Hz.
         counted_time: whether time is counted from the rate because no column holds it.
+        trajectory: what the motor was told, as in the session format.
+        read_from_command: whether that was read from the command, for nobody had said it.
     """
 
     source: TextRun
@@ -63,6 +67,8 @@ class RunPlan:
     derived: Mapping[str, str]
     sample_rate_hz: float
     counted_time: bool
+    trajectory: Mapping[str, Any]
+    read_from_command: bool
 
 
 def plan_import(
@@ -125,6 +131,8 @@ def describe(plan: RunPlan) -> list[str]:
         change = "" if column.factor == 1.0 else f", times {column.factor:.6g} to {column.target_unit}"
         lines.append(f"  {column.channel} <- column {column.index + 1} [{column.unit or '-'}]{change}"
                      f" ({column.source})")  # fmt: skip
+    if plan.read_from_command:
+        lines.append(f"  trajectory <- {trajectory_words(plan.trajectory)} (read from motor_command)")
     if plan.counted_time:
         lines.append(f"  time <- counted at {plan.sample_rate_hz:g} samples a second")
     lines += [f"  {channel} <- {formula} (derived)" for channel, formula in plan.derived.items()]
@@ -155,14 +163,23 @@ def _plan(source: TextRun, mapping: str | None, rate: float | None) -> RunPlan:
                 f"{table.path} gives no '{channel}', which a run of phase '{source.phase}' needs; map its "
                 "column with --map, or choose another --phase."
             )
-    found = float(rate or 0.0) if counted else _rate(table, columns, rate)
-    return RunPlan(source, table, columns, derived, found, counted)
+    first = next(iter(read_blocks(table)))
+    found = float(rate or 0.0) if counted else _rate(table, _values(first, columns, "time"), rate)
+    if source.trajectory is not None:
+        return RunPlan(source, table, columns, derived, found, counted, source.trajectory, False)
+    read = recognised(_values(first, columns, "motor_command"), found) if "motor_command" in present else None
+    told = read or {"kind": "unknown"}
+    return RunPlan(source, table, columns, derived, found, counted, told, read is not None)
 
 
-def _rate(table: TextTable, columns: Sequence[Column], given: float | None) -> float:
-    """Sampling rate from the first block of the time column, Hz."""
-    column = next(column for column in columns if column.channel == "time")
-    time = next(iter(read_blocks(table)))[:, column.index] * column.factor
+def _values(block: Array, columns: Sequence[Column], channel: str) -> Array:
+    """A mapped channel of a block of rows, SI, (rows,)."""
+    column = next(column for column in columns if column.channel == channel)
+    return np.asarray(block[:, column.index] * column.factor)
+
+
+def _rate(table: TextTable, time: Array, given: float | None) -> float:
+    """Sampling rate, Hz, from the ``time`` (s) of the first rows."""
     fault = sample_fault("time", time)
     if fault:
         raise UserError(f"{table.path}: {fault}")
@@ -195,7 +212,7 @@ def _write_run(writer: SessionWriter, plan: RunPlan, rig: Rig) -> None:
         source.phase,
         source.cable,
         plan.sample_rate_hz,
-        source.trajectory,
+        plan.trajectory,
         attributes,
         units=units,
         derived=plan.derived,

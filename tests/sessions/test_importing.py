@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -117,6 +118,22 @@ def test_the_rate_comes_from_time_or_from_the_user(tmp_path):
     run = import_one(tmp_path, text_file(tmp_path, lines), mapping, rate=250.0)
     assert run.channel("time")[-1] == 2999 / 250
     assert not run.has("endpoint_force")
+
+
+@pytest.mark.parametrize("name", ["text-header.txt", "text-decimal-comma.txt"])
+def test_what_the_motor_was_told_is_read_from_its_command(shared_data: Path, name: str) -> None:
+    """By eye: the command goes from 7 to 37 degrees and back once a second."""
+    (plan,) = plan_import([TextRun(shared_data / name, "on_air", "extension")])
+    told = dict(plan.trajectory)
+    assert told.pop("kind") == "sine"
+    assert told == pytest.approx({"frequency_hz": 1.0, "amplitude_deg": 15.0, "offset_deg": 22.0}, rel=1e-3)
+    assert "  trajectory <- sine, 15°, 1 Hz, about 22° (read from motor_command)" in describe(plan)
+
+
+def test_a_command_that_says_nothing_leaves_the_trajectory_unknown(tmp_path: Path) -> None:
+    (plan,) = plan_import([TextRun(text_file(tmp_path, [HEADER, *ROWS]), "on_air", "extension")])
+    assert plan.trajectory == {"kind": "unknown"}
+    assert "trajectory" not in "\n".join(describe(plan))
 
 
 def test_long_files_are_read_in_blocks(tmp_path, monkeypatch):

@@ -144,7 +144,7 @@ class ImportDialog(QDialog):
         from fingerlab.sessions.importing import TextRun, describe, plan_import
 
         sources = [
-            TextRun(path, str(phase.currentData()), str(cable.currentData()), {"kind": "unknown"})
+            TextRun(path, str(phase.currentData()), str(cable.currentData()))
             for path, (phase, cable) in zip(self._files, self._each, strict=True)
         ]
         try:

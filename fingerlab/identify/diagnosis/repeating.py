@@ -7,9 +7,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from fingerlab.identify.diagnosis.cycles import found_frequency, harmonics_below_nyquist, told_frequency
+from fingerlab.identify.diagnosis.cycles import harmonics_below_nyquist, told_frequency
 from fingerlab.identify.diagnosis.groups import Group
 from fingerlab.identify.diagnosis.narrowing import Narrow, counted
+from fingerlab.sessions.cycle import found_frequency
 from fingerlab.sessions.model import Array, Run
 
 TREND_DEGREE = 3

@@ -6,11 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from fingerlab.identify.diagnosis import diagnose
-from fingerlab.identify.diagnosis.cycles import found_frequency
 from fingerlab.identify.results import Diagnosis
 from fingerlab.report.diagnosis_words import verdict_sentence
 from fingerlab.sessions import open_session
@@ -20,39 +18,6 @@ from fingerlab.twin.session import write_session
 from fingerlab.ui.lab.wording import set_words
 
 from .test_no_alarm import shortened
-
-RATE = 100.0
-TIME = np.arange(0.0, 18.0, 1.0 / RATE)
-RNG = np.random.default_rng(11)
-
-
-@pytest.mark.parametrize("frequency", [0.2, 0.4, 1.0 / 3.0, 1.0, 1.7321, 3.0])
-def test_the_cycle_of_a_sine_and_its_overtone_is_found_to_a_millionth_of_a_cycle(frequency: float) -> None:
-    """Noise of an encoder: 1e-3 of the amplitude. The Cramer-Rao bound of the frequency is about 2e-7 Hz."""
-    phase = 2 * np.pi * frequency * TIME
-    motion = np.sin(phase) + 0.5 * np.sin(2 * phase + 0.4) + 1e-3 * RNG.standard_normal(len(TIME))
-    found = found_frequency(motion, RATE)
-    assert found == pytest.approx(frequency, abs=5e-6)
-
-
-def test_a_cycle_on_a_slow_drift_is_found() -> None:
-    motion = np.sin(2 * np.pi * TIME) + 0.05 * (TIME / 18.0) ** 2
-    assert found_frequency(motion, RATE) == pytest.approx(1.0, abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    "motion",
-    [
-        np.sin(2 * np.pi * (0.3 * TIME + 0.05 * TIME**2)),  # a chirp from 0.3 to 2.1 Hz
-        np.sin(2 * np.pi * 0.05 * TIME),  # not even one cycle
-        np.sin(2 * np.pi * TIME) + np.sin(2 * np.pi * np.sqrt(2.0) * TIME),  # never the same again
-        RNG.standard_normal(len(TIME)),
-        np.cumsum(RNG.standard_normal(len(TIME))),
-        np.zeros(len(TIME)),
-    ],
-)
-def test_what_does_not_come_again_has_no_cycle(motion: np.ndarray) -> None:
-    assert found_frequency(motion, RATE) is None
 
 
 def without_trajectory(run: Run) -> Run:
