@@ -21,6 +21,9 @@ SHORTEST_STRETCH_S = 2.0
 CLEARLY_HELPING = 0.4
 """Correlation of torque with speed beyond which a bench's torque is read as a reaction; assumed."""
 
+USUAL_INERTIA = 2e-4
+"""Inertia of a rotor, gearbox and pulley of which nothing is known, kg m^2; assumed: the bench's order."""
+
 FINGER_CHANNELS = ("motor_position", "motor_torque", "mcp_angle", "pip_angle")
 BENCH_CHANNELS = ("motor_position", "motor_torque")
 
@@ -96,8 +99,14 @@ def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int
         load=load,
         lead=lead // step,
         position_step=_smallest_step(samples["motor_position"][lead:]),
-        inertia_spread=(rig.motor.inertia or 0.0) * rig.tolerance_of("inertia"),
+        inertia_spread=_inertia_spread(rig),
     )
+
+
+def _inertia_spread(rig: Rig) -> float:
+    """One standard deviation of the rotor's inertia, kg m^2; where the rig gives none, it may be any."""
+    inertia = rig.motor.inertia
+    return USUAL_INERTIA if inertia is None else inertia * rig.tolerance_of("inertia")
 
 
 def _check_numbers(run: Run, name: str, values: Array, first: int) -> None:
