@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from fingerlab.identify.diagnosis.bandwidth import wide_kernels, widen
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig import Rig
+from fingerlab.sessions.format import RATE_TOLERANCE
 from fingerlab.sessions.model import Array, Run
 
 LONGEST_STRETCH_S = 60.0
@@ -29,7 +32,7 @@ BENCH_CHANNELS = ("motor_position", "motor_torque")
 
 
 def stretches(run: Run, rig: Rig) -> Iterator[Motion]:
-    """The run's motion after its start-up ramp, in stretches of at most a minute.
+    """The run's motion after its start-up ramp, in stretches of at most a minute without a gap.
 
     Raises:
         UserError: a channel is missing, holds NaN, or the run is too short to analyse.
@@ -49,28 +52,64 @@ def stretches(run: Run, rig: Rig) -> Iterator[Motion]:
             f"a diagnosis needs at least {SETTLING_S + SHORTEST_STRETCH_S:g} s."
         )
     length = int(LONGEST_STRETCH_S * rate)
+    none = True
     for start in range(first, run.length, length):
         stop = min(start + length, run.length)
         if stop - start >= SHORTEST_STRETCH_S * rate:
-            yield _motion(run, rig, start, stop, on_bench, first)
+            for motion in _without_gaps(run, rig, start, stop, on_bench, first):
+                none = False
+                yield motion
+    if none:
+        raise UserError(
+            f"Run {run.name} has so many gaps that no {SETTLING_S + SHORTEST_STRETCH_S:g} s of it are whole; "
+            "record it again, or leave it out."
+        )
 
 
-def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int) -> Motion:
-    """Samples ``start:stop``, and the ``lead`` before them.
-
-    What rubs, creeps or has play remembers how it came here: its state is followed through the lead, where
-    no equation is counted.
-    """
-    kernels, step = wide_kernels(run.sample_rate_hz)
-    lead -= lead % step
+def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int) -> Iterator[Motion]:
+    """Samples ``start:stop`` and the ``lead`` before them, in pieces between gaps of the recording."""
+    lead -= lead % wide_kernels(run.sample_rate_hz)[1]
     names = [*(BENCH_CHANNELS if on_bench else FINGER_CHANNELS)]
     extra = "load_torque" if on_bench else "endpoint_force" if run.phase == "contact" else ""
     names += [extra] if run.has(extra) else []
-    # The file is opened once; time is read only to hear that it stands still or runs backwards.
-    samples = run.load(["time", *names], start - lead, stop)
+    samples = run.load(["time", *names], start - lead, stop)  # the file is opened once
+    for piece, its_lead in _whole(samples["time"], run.sample_rate_hz, lead):
+        mine = {name: values[piece] for name, values in samples.items()}
+        motion = _motion(run, rig, start - lead + piece.start, mine, on_bench, its_lead)
+        lost = float(mine["time"][0] - samples["time"][0]) - piece.start / run.sample_rate_hz
+        yield replace(motion, time=motion.time + lost) if piece.start else motion
+
+
+def _whole(time: Array, rate: float, lead: int) -> Iterator[tuple[slice, int]]:
+    """Pieces of a block without a gap, and how many samples at the start of each only set its state.
+
+    Behind a gap nobody knows what rubs or creeps: it finds its state as it does at the start of a run.
+    """
+    gaps = np.flatnonzero(np.diff(time) > (1.0 + RATE_TOLERANCE) / rate) + 1
+    if not len(gaps):
+        yield slice(0, len(time)), lead
+        return
+    edges = [0, *gaps.tolist(), len(time)]
+    step = wide_kernels(rate)[1]
+    for first, last in pairwise(edges):
+        its_lead = max(lead - first, int(SETTLING_S * rate)) if first else lead
+        its_lead -= its_lead % step
+        if last - first - its_lead >= SHORTEST_STRETCH_S * rate:
+            yield slice(first, last), its_lead
+
+
+def _motion(
+    run: Run, rig: Rig, first: int, samples: Mapping[str, Array], on_bench: bool, lead: int
+) -> Motion:
+    """What ``samples`` hold, of which ``first`` is the number of the first one in the run.
+
+    What rubs, creeps or has play remembers how it came here: its state is followed through the ``lead``,
+    where no equation is counted.
+    """
+    kernels, step = wide_kernels(run.sample_rate_hz)
 
     def read(name: str) -> Array:
-        _check_numbers(run, name, samples[name], start - lead)
+        _check_numbers(run, name, samples[name], first)
         return widen(samples[name], kernels, step)
 
     position, torque = read("motor_position"), read("motor_torque")
@@ -87,7 +126,7 @@ def _motion(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int
         phase=run.phase,
         cable_sign=run.cable_sign,
         sample_rate_hz=run.sample_rate_hz / step,
-        time=(start - lead + half + step * np.arange(position.shape[1])) / run.sample_rate_hz,
+        time=(first + half + step * np.arange(position.shape[1])) / run.sample_rate_hz,
         position=position[0],
         velocity=position[1],
         acceleration=position[2],
