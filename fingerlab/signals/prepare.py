@@ -9,6 +9,7 @@ import numpy as np
 
 from fingerlab.errors import UserError
 from fingerlab.rig import Rig
+from fingerlab.sessions.gaps import longest_piece
 from fingerlab.sessions.model import Array, Run
 from fingerlab.signals.filters import derivative, low_pass, low_pass_stretches
 
@@ -58,11 +59,15 @@ class Signals:
 def prepare(run: Run, rig: Rig, cutoff_hz: float = THESIS_CUTOFF_HZ) -> Signals:
     """Read a run's channels, low-pass them at ``cutoff_hz`` (Hz) and differentiate.
 
+    Where samples were lost, of the longest piece without a gap.
+
     Raises:
         UserError: a channel is missing or unreadable, or the cut-off does not fit the sampling rate.
     """
     rate = run.sample_rate_hz
     channels = run.load(["time", *(name for name in FILTERED if name in NEEDED or run.has(name))])
+    piece = longest_piece(channels["time"], rate)
+    channels = {name: values[piece] for name, values in channels.items()}
     filtered = _low_passed(run, channels, cutoff_hz)
 
     def twice(values: Array | None) -> tuple[Array | None, Array | None]:

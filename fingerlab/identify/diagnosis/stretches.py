@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from fingerlab.identify.diagnosis.bandwidth import wide_kernels, widen
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig import Rig
-from fingerlab.sessions.format import RATE_TOLERANCE
+from fingerlab.sessions.gaps import whole_pieces
 from fingerlab.sessions.model import Array, Run
 
 LONGEST_STRETCH_S = 60.0
@@ -85,17 +84,19 @@ def _whole(time: Array, rate: float, lead: int) -> Iterator[tuple[slice, int]]:
 
     Behind a gap nobody knows what rubs or creeps: it finds its state as it does at the start of a run.
     """
-    gaps = np.flatnonzero(np.diff(time) > (1.0 + RATE_TOLERANCE) / rate) + 1
-    if not len(gaps):
-        yield slice(0, len(time)), lead
-        return
-    edges = [0, *gaps.tolist(), len(time)]
     step = wide_kernels(rate)[1]
-    for first, last in pairwise(edges):
-        its_lead = max(lead - first, int(SETTLING_S * rate)) if first else lead
-        its_lead -= its_lead % step
-        if last - first - its_lead >= SHORTEST_STRETCH_S * rate:
-            yield slice(first, last), its_lead
+    for piece in whole_pieces(time, rate):
+        its_lead = lead
+        if piece.start:
+            its_lead = max(lead - piece.start, int(SETTLING_S * rate))
+            its_lead -= its_lead % step
+        if piece == slice(0, len(time)) or _counts(piece, its_lead, rate):
+            yield piece, its_lead
+
+
+def _counts(piece: slice, lead: int, rate: float) -> bool:
+    """Whether enough of a piece is left behind its lead."""
+    return bool(piece.stop - piece.start - lead >= SHORTEST_STRETCH_S * rate)
 
 
 def _motion(

@@ -11,6 +11,7 @@ import pytest
 from fingerlab.errors import UserError
 from fingerlab.identify.diagnosis import diagnose
 from fingerlab.identify.diagnosis.stretches import stretches
+from fingerlab.identify.thesis.traces import trace
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
 
@@ -64,3 +65,17 @@ def test_a_run_that_is_all_gaps_is_refused_in_a_sentence(shared_data: Path) -> N
     holes = tuple(float(t) for t in range(1, 20))
     with pytest.raises(UserError, match=r"Run 001 has so many gaps that no 4 s of it are whole"):
         diagnose([lossy(session, holes, 0.05)], with_curves=False)
+
+
+def test_the_thesis_analysis_takes_the_longest_whole_piece(shared_data: Path) -> None:
+    """Its periods are as long as ever, and lie where nothing is lost: the same mean tension in a period."""
+    session = open_session(shared_data / "bench-plain.h5")
+    whole = trace(session.runs[0], session.rig)
+    broken = trace(with_gaps(session.runs[0], (7.0,), 0.35), session.rig)
+    assert whole.grid is not None
+    assert broken.grid is not None
+    assert broken.signals.time[0] == pytest.approx(7.35, abs=2e-3)
+    assert len(broken.signals) == pytest.approx(12_650, abs=2)
+    assert broken.grid.period == whole.grid.period
+    means = [t.grid.mean(t.tension).mean() for t in (whole, broken) if t.grid is not None]
+    assert means[1] == pytest.approx(means[0], rel=5e-3)
