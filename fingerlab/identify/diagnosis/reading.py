@@ -10,6 +10,7 @@ from fingerlab.identify.diagnosis.columns import Asked
 from fingerlab.identify.diagnosis.narrowing import Keep, Narrow, narrow_again, narrow_columns, to_recall
 from fingerlab.identify.diagnosis.recall import Recall, Seen
 from fingerlab.identify.diagnosis.repeating import repeating_bases
+from fingerlab.identify.diagnosis.senses import senses
 from fingerlab.identify.diagnosis.stretches import stretches
 from fingerlab.identify.diagnosis.sums import Part, RunSums, Sums
 from fingerlab.physics.effects.base import Effect
@@ -29,6 +30,8 @@ def run_sums(
     result = RunSums(run.name)
     for low in _narrowed(number, session, run, effects, asked, recall):
         motion = low.wide
+        sense = senses(run, motion)
+        result.senses += [] if sense is None else [sense]
         live = np.ascontiguousarray(low.columns.T[low.live])
         part = _products(low, live)
         repeating = repeating_bases(low, run, asked.seek_cycle)

@@ -25,6 +25,7 @@ from fingerlab.identify.diagnosis.groups import (
 from fingerlab.identify.diagnosis.narrowing import Keep
 from fingerlab.identify.diagnosis.recall import Recall
 from fingerlab.identify.diagnosis.repeating import remove_common_trend
+from fingerlab.identify.diagnosis.senses import Senses, check_senses
 from fingerlab.identify.diagnosis.sharing import sums_in_turn
 from fingerlab.identify.diagnosis.sums import RunSums, empty
 from fingerlab.identify.diagnosis.watch import SILENT, Watch
@@ -45,7 +46,7 @@ def reduce_sessions(
     holds what earlier passes over the same sessions left.
 
     Raises:
-        UserError: nothing to analyse, or a run that cannot be read.
+        UserError: nothing to analyse, a run that cannot be read, or channels whose sense is turned.
         Cancelled: the user asked for it.
     """
     pairs, on_bench = runs_to_analyse(sessions)
@@ -55,6 +56,7 @@ def reduce_sessions(
     dealt, places = deal_runs([run for _, run in pairs])
     groups: dict[GroupKey, Group] = {}
     layout: Layout | None = None
+    seen: list[Senses] = []
     parts = sums_in_turn(pairs, effects, recall or Recall(), keep)
     for number, (_, run) in enumerate(pairs):
         watch.tell(number / len(pairs), f"reading run {run.name}")
@@ -63,7 +65,9 @@ def reduce_sessions(
         if key not in groups:
             groups[key] = _empty_group(run, layout, dealt[key])
         _add(groups[key], places[number], sums)
+        seen += sums.senses
     assert layout is not None
+    check_senses(seen)
     for group in groups.values():
         remove_common_trend(group)
     radius = 1.0 if on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0

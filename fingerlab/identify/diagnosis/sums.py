@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from fingerlab.identify.diagnosis.senses import Senses
 from fingerlab.physics.effects.base import Row
 from fingerlab.sessions.model import Array
 
@@ -180,12 +181,14 @@ class Part:
 class RunSums:
     """Sums of signal products over one run.
 
-    ``trends`` holds for each stretch that repeats its live signals and their slow trends, (live, degrees).
+    ``trends`` holds for each stretch that repeats its live signals and their slow trends, (live, degrees);
+    ``senses`` what its free stretches say of the channels' signs.
     """
 
     run: str
     parts: list[Part] = field(default_factory=list)
     trends: list[tuple[IntArray, Array]] = field(default_factory=list)
+    senses: list[Senses] = field(default_factory=list)
     encoder_variance: float = 0.0
 
     def add(self, part: Part) -> None:
