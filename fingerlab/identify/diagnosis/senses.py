@@ -15,6 +15,8 @@ from fingerlab.errors import UserError
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.sessions.model import Array, Run
 
+NO_TORQUE = 1e-9
+"""A torque that changes by less is a constant, N m: rounding."""
 MOVED_DEG = 3.0
 """A joint that moves by less says little of its sense, degrees; assumed."""
 AGAINST = -0.7
@@ -43,7 +45,7 @@ def senses(run: Run, motion: Motion) -> Senses | None:
     """Of a stretch of a run; None where the finger is not free.
 
     Raises:
-        UserError: a joint turns further than any does.
+        UserError: a joint turns further than any does, or the torque is one number.
     """
     if motion.joints is None:
         return None
@@ -51,9 +53,13 @@ def senses(run: Run, motion: Motion) -> Senses | None:
         most = float(np.max(np.abs(angle)))
         if most > np.pi:
             raise UserError(
-                f"Run {run.name}, channel '{name}' goes to {most:.3g} rad, more than half a turn; write it in "
-                "rad, not in degrees."
+                f"Run {run.name}, channel '{name}' goes to {most:.3g} rad, more than half a turn; write "
+                "it in rad, not in degrees."
             )
+    if float(np.ptp(motion.torque)) < NO_TORQUE:
+        raise UserError(
+            f"Run {run.name}, channel 'motor_torque' never changes; a current that is not connected reads so."
+        )
     if motion.force is not None or motion.cable_sign == 0:
         return None
     follows = tuple(_follows(motion, angle) for angle in (motion.joints.mcp, motion.joints.pip))

@@ -44,6 +44,7 @@ def changed(session: Session, factors: Mapping[str, float], other_cable: bool = 
         ),
         ({}, True, "Both joints turn against the cable .* name the other cable"),
         ({"motor_torque": -1.0}, False, r"would push the cable .* \(run 001: -2\.\d+ N on average\)"),
+        ({"motor_torque": 0.0}, False, "'motor_torque' never changes"),
         ({"pip_angle": 57.3}, False, "channel 'pip_angle' goes to .* write it in rad, not in degrees"),
     ],
 )
