@@ -10,6 +10,7 @@ import pytest
 from fingerlab.identify.diagnosis import diagnose
 from fingerlab.identify.results import Diagnosis
 from fingerlab.physics.effects import CATALOGUE
+from fingerlab.report.diagnosis_words import UNEXPLAINED, path_sentence
 from fingerlab.sessions import open_session
 
 TRUTH = {
@@ -39,7 +40,7 @@ def test_the_named_effect_comes_first(name: str, shared_data: Path) -> None:
     assert result.path[1].added == TRUTH[name]
     # Half of what lies above the floor is gone at least, and next to nothing is left.
     assert result.path[-1].score ** 2 - 1 < 0.5 * (result.path[0].score ** 2 - 1)
-    assert result.path[1].score < (1.35 if name == "bench-viscous" else 1.2)
+    assert result.path[1].score < (1.3 if name == "bench-viscous" else 1.2)
 
 
 def test_the_plain_bench_lacks_nothing(shared_data: Path) -> None:
@@ -64,15 +65,26 @@ def test_sheath_friction_is_in_the_set_under_the_thesis_protocol(shared_data: Pa
 
 
 def test_the_surgical_tool_rubs(shared_data: Path) -> None:
-    """A real machine on the motor bench: friction that flips with the direction of travel."""
-    result = diagnosed(shared_data / "cable-tool.h5")
+    """A real machine on the motor bench: friction that flips with the direction of travel, not with speed.
+
+    A plain least-squares fit of Coulomb friction lowers the error on speeds left out by 2.7, with all that
+    the recordings justify by 3.7. What repeats and is still not explained is told.
+    """
+    path = shared_data / "cable-tool.h5"
+    result = diagnosed(path)
     assert result.verdict == "missing_effect"
-    dry = {"motor_coulomb_friction", "motor_stribeck_friction", "motor_presliding", "asymmetric_friction",
-           "load_dependent_friction"}  # fmt: skip
-    assert result.candidates[0].effect in dry
-    assert {c.effect for c in result.candidates} == {n for n, e in CATALOGUE.items() if e.bench}
+    assert result.candidates[0].effect == "motor_coulomb_friction"
+    scores = {c.effect: c.score for c in result.candidates}
+    assert set(scores) == {n for n, e in CATALOGUE.items() if e.bench}
+    assert scores["motor_viscous_friction"] > 2.0 * scores["motor_coulomb_friction"]
+    assert "motor_viscous_friction" not in result.set
     assert set(result.errors) == {"motor_torque"}
-    assert result.path[-1].score < 0.3 * result.path[0].score
+    steps = [str(step.added) for step in result.path[1:]]
+    for added, fall in ((steps[:1], 2.5), (steps, 3.5)):
+        extended = diagnose([open_session(path)], added, with_curves=False)
+        assert extended.errors["motor_torque"].rmse < result.errors["motor_torque"].rmse / fall
+    assert result.path[-1].score > UNEXPLAINED
+    assert "What then remains above the floor is not explained." in path_sentence(result)
 
 
 def test_the_effect_that_is_added_is_no_longer_missing(shared_data: Path) -> None:
