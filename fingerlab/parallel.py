@@ -10,7 +10,7 @@ import importlib
 import multiprocessing
 import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -23,10 +23,6 @@ def _prepare(module: str) -> None:
     importlib.import_module(module)
     # Kept for the life of the process: small matrices, and the other core is busy already.
     limits.threadpool_limits(limits=1, user_api="blas")
-
-
-def _nothing() -> None:
-    """A task that makes the executor start its process now."""
 
 
 @contextmanager
@@ -42,8 +38,18 @@ def second_process(paths: Sequence[Path], module: str) -> Iterator[Executor | No
         return
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(1, mp_context=context, initializer=_prepare, initargs=(module,))
+    number = pool.submit(os.getpid)  # a task, so that the process starts now
     try:
-        pool.submit(_nothing)
         yield pool
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
+        _end(number)
+
+
+def _end(number: Future[int]) -> None:
+    """End the process of that number at once: giving back what it holds takes a while, for nothing."""
+    if not number.done() or number.cancelled() or number.exception() is not None:
+        return  # it has hardly begun, or is gone already
+    for child in multiprocessing.active_children():
+        if child.pid == number.result():
+            child.terminate()

@@ -10,8 +10,8 @@ from fingerlab.identify.diagnosis.features import Layout
 from fingerlab.identify.diagnosis.groups import Group
 from fingerlab.identify.diagnosis.model import CABLE_NAMES
 from fingerlab.identify.diagnosis.shifts import NO_SHIFT
+from fingerlab.identify.diagnosis.sums import Sums
 from fingerlab.physics.effects.base import Row
-from fingerlab.sessions.model import Array
 
 
 def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
@@ -21,32 +21,33 @@ def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
         routing = CABLE_NAMES[group.cable_sign]
         if group.on_bench or f"arm_mcp@{routing}" in arms:
             continue
-        gram = group.whole.of(layout.every)
         for row, name in ((Row.MCP, "arm_mcp"), (Row.PIP, "arm_pip")):
-            slope = _tension_over_torque(layout, gram, row, group.cable_sign)
+            slope = _tension_over_torque(layout, group.whole, row, group.cable_sign)
             arms[f"{name}@{routing}"] = float(np.clip(1.0 / slope if slope > 1e-9 else 0.01, 0.003, 0.035))
     return arms
 
 
-def _tension_over_torque(layout: Layout, gram: Array, row: Row, cable_sign: int) -> float:
-    """How the cable's tension goes with a joint's torque, 1/m; ``gram`` of all features, (k, k)."""
+def _tension_over_torque(layout: Layout, sums: Sums, row: Row, cable_sign: int) -> float:
+    """How the cable's tension goes with a joint's torque, 1/m."""
 
     def pick(wanted: set[str], shift: int | None = None) -> list[int]:
         return [
             i
-            for i, f in enumerate(layout.features)
-            if f.owner is None and f.row == row and f.parameter in wanted and f.shift == shift
+            for i in layout.base
+            if (f := layout.features[i]).row == row and f.parameter in wanted and f.shift == shift
         ]
 
     torque = pick({"proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness", "force_gain"})
     loss = pick({"loss_mcp", "loss_pip"})
     pull = pick({"torque_gain"}, shift=NO_SHIFT)
     inertia = pick({"rotor_inertia"}, shift=NO_SHIFT)
-    size = len(layout.features)
-    left = np.zeros((size, 2))
-    left[torque, 0] = cable_sign
-    left[loss, 1] = 1.0
-    right = np.zeros(size)
-    right[pull] = 1.0
-    right[inertia] = -layout.features[inertia[0]].constant
-    return float(np.linalg.lstsq(left.T @ gram @ left, left.T @ gram @ right, rcond=None)[0][0])
+    # One line for each feature that takes part: what it adds to torque, loss and tension.
+    parts = [
+        *((i, (cable_sign, 0.0, 0.0)) for i in torque),
+        *((i, (0.0, 1.0, 0.0)) for i in loss),
+        *((i, (0.0, 0.0, 1.0)) for i in pull),
+        *((i, (0.0, 0.0, -layout.features[i].constant)) for i in inertia),
+    ]
+    share = np.array([line for _, line in parts], dtype=float)
+    products = share.T @ sums.of(layout.every[np.array([i for i, _ in parts])]) @ share
+    return float(np.linalg.lstsq(products[:2, :2], products[:2, 2], rcond=None)[0][0])
