@@ -55,11 +55,21 @@ def mcp_torque(finger: Finger, motion: JointMotion) -> JointTorque:
         + (m2 * l2**2 + coupling * cos2) * motion.pip_acceleration
         - coupling * sin2 * motion.pip_velocity * (2.0 * motion.mcp_velocity + motion.pip_velocity)
     )
-    gravity = -finger.gravity * (
-        (m1 + 2.0 * m2) * l1 * np.cos(finger.wrist_angle - motion.mcp)
-        + m2 * l2 * np.cos(motion.mcp + motion.pip - finger.wrist_angle)
-    )
+    gravity = mcp_gravity(finger, motion.mcp, motion.pip)
     return JointTorque(inertial, gravity, finger.mcp_stiffness * motion.mcp)
+
+
+def mcp_gravity(finger: Finger, mcp: Array, pip: Array) -> Array:
+    """What gravity adds to the left-hand side of the MCP equation (3.16), N m, shape (n,)."""
+    m1, m2 = finger.proximal_mass, finger.distal_mass
+    l1, l2 = finger.proximal_half_length, finger.distal_half_length
+    return np.asarray(
+        -finger.gravity
+        * (
+            (m1 + 2.0 * m2) * l1 * np.cos(finger.wrist_angle - mcp)
+            + m2 * l2 * np.cos(mcp + pip - finger.wrist_angle)
+        )
+    )
 
 
 def pip_torque(finger: Finger, motion: JointMotion) -> JointTorque:
@@ -72,8 +82,14 @@ def pip_torque(finger: Finger, motion: JointMotion) -> JointTorque:
         + (m2 * l2**2 + finger.distal_inertia) * motion.pip_acceleration
         + coupling * np.sin(motion.pip) * motion.mcp_velocity**2
     )
-    gravity = -m2 * finger.gravity * l2 * np.cos(motion.mcp + motion.pip - finger.wrist_angle)
+    gravity = pip_gravity(finger, motion.mcp, motion.pip)
     return JointTorque(inertial, gravity, finger.pip_stiffness * motion.pip)
+
+
+def pip_gravity(finger: Finger, mcp: Array, pip: Array) -> Array:
+    """What gravity adds to the left-hand side of the PIP equation (3.17), N m, shape (n,)."""
+    weight = finger.distal_mass * finger.gravity
+    return np.asarray(-weight * finger.distal_half_length * np.cos(mcp + pip - finger.wrist_angle))
 
 
 def contact_lever_pip(finger: Finger, mcp: Array, pip: Array, contact_angle: float = 0.0) -> Array:

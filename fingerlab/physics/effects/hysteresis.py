@@ -21,8 +21,10 @@ FORGOTTEN = 1e-15
 
 def _blocked(rows: Array) -> Array:
     """Rows (m, n) as (samples of a block, m, blocks), contiguous; the last block repeats the last sample."""
-    count = -(-rows.shape[1] // BLOCK)
-    padded = np.pad(rows, ((0, 0), (0, count * BLOCK - rows.shape[1])), mode="edge")
+    length = rows.shape[1]
+    count = -(-length // BLOCK)
+    padded = np.empty((len(rows), count * BLOCK))
+    padded[:, :length], padded[:, length:] = rows, rows[:, -1:]
     return np.ascontiguousarray(padded.reshape(len(rows), count, BLOCK).transpose(2, 0, 1))
 
 

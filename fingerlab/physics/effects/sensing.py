@@ -31,12 +31,13 @@ def _slope(motion: Motion, joint: int, angle: int) -> Array:
     f, q = motion.finger_and_joints
 
     def asked(mcp: Array, pip: Array) -> tuple[Array, Array]:
-        here = replace(q, mcp=mcp, pip=pip)
-        one, other = nominal.mcp_torque(f, here), nominal.pip_torque(f, here)
-        force = 0.0 if motion.force is None else motion.force
+        one = nominal.mcp_gravity(f, mcp, pip) + f.mcp_stiffness * mcp
+        other = nominal.pip_gravity(f, mcp, pip) + f.pip_stiffness * pip
+        if motion.force is None:
+            return one, other
         return (
-            np.asarray(one.gravity + one.spring + force * nominal.contact_lever_mcp(f, mcp, pip)),
-            np.asarray(other.gravity + other.spring + force * nominal.contact_lever_pip(f, mcp, pip)),
+            one + motion.force * nominal.contact_lever_mcp(f, mcp, pip),
+            other + motion.force * nominal.contact_lever_pip(f, mcp, pip),
         )
 
     def slopes() -> Iterator[Array]:
