@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from fingerlab.physics import nominal
 from fingerlab.physics.effects.base import Effect, Gain, Row, Shape, Term
 from fingerlab.physics.effects.cable import _no_columns
-from fingerlab.physics.effects.closer import either
+from fingerlab.physics.effects.closer import FINE_OCTAVE, either, times
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.tip import misread_tip
 from fingerlab.sessions.model import Array
@@ -99,6 +99,11 @@ STEADY_S = 1e4
 """A sensor that warms up so slowly drifts steadily, s."""
 
 
+def _warming_closer(shape: Shape) -> Sequence[Shape]:
+    """Finer time constants; of a steady drift there are none."""
+    return [shape] if shape["time_constant"] == STEADY_S else times("time_constant", FINE_OCTAVE)(shape)
+
+
 def _force_gain(motion: Motion, shape: Shape) -> list[Term]:
     mcp, pip = motion.contact_torques
     return [Term(Row.MCP, "gain", mcp, "joint"), Term(Row.PIP, "gain", pip, "joint")]
@@ -171,6 +176,7 @@ EFFECTS = (
         reveal="a run of several minutes at rest",
         shapes=tuple({"time_constant": value} for value in (5.0, 10.0, 20.0, 40.0, STEADY_S)),
         shape_units={"time_constant": "s"},
+        closer=_warming_closer,
     ),
     Effect(
         id="load_cell_gain",
