@@ -29,7 +29,7 @@ class Driven(MainWindow):
         super().__init__(settings)
         self.steps = self.use(self.tab("sessions"))
         self.timer = QTimer(self)
-        self.timer.timeout.connect(lambda: next(self.steps))
+        self.timer.timeout.connect(lambda: next(self.steps, None))  # ticks once more while it closes
         self.timer.start(20)
 
     def use(self, tab):
