@@ -79,6 +79,11 @@ def tell_own_effects() -> None:
         click.echo(sentence, err=True)
 
 
+def counted(number: int, noun: str) -> str:
+    """``1 run``, ``2 runs``."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
 def progress_bar(title: str) -> tuple[Any, Callable[[float, str], None]]:
     """A progress bar on standard error.
 

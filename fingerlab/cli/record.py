@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
+from fingerlab.cli.common import counted, json_option, progress_bar, refuse_existing, write_json
 from fingerlab.cli.proposals import TRAJECTORY_HELP, single_plan
 from fingerlab.cli.record_events import Events
 from fingerlab.cli.simulate import PROTOCOL_NAMES
@@ -140,7 +140,7 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
         path, samples, runs = take(bench, rig, steps, told, events, bar, report)
         result = _result(path, name, samples)
         events.tell("written", result)
-    click.echo(f"{runs} run{'s' * (runs != 1)}, {samples} samples, written to {path}.", err=True)
+    click.echo(f"{counted(runs, 'run')}, {samples} samples, written to {path}.", err=True)
     if json_target is not None:
         write_json(result, json_target)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import json_option, progress_bar, write_json
+from fingerlab.cli.common import counted, json_option, progress_bar, write_json
 from fingerlab.errors import UserError
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
 from fingerlab.sessions.format import CABLES, PHASES
@@ -146,7 +146,7 @@ def import_text(
         session = open_session(target)
         write_json(_info_json(session, check_session(session)), json_target)
     if json_target != "-":
-        click.echo(f"Wrote {target}: {len(plans)} runs.")
+        click.echo(f"Wrote {target}: {counted(len(plans), 'run')}.")
 
 
 @click.command()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from fingerlab.cli.common import json_option, progress_bar, refuse_existing, write_json
+from fingerlab.cli.common import counted, json_option, progress_bar, refuse_existing, write_json
 from fingerlab.cli.proposals import TRAJECTORY_HELP, single_plan
 from fingerlab.errors import UserError
 
@@ -77,9 +77,7 @@ def simulate(
         written = write_session(
             out, bench, name, plans, chosen, new_seed() if seed is None else seed, hidden, report
         )
-    click.echo(
-        f"{written.runs} run{'s' * (written.runs != 1)}, {written.seconds:g} s, written to {out}.", err=True
-    )
+    click.echo(f"{counted(written.runs, 'run')}, {written.seconds:g} s, written to {out}.", err=True)
     if json_target is not None:
         write_json(written.to_json(), json_target)
 

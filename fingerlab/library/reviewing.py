@@ -11,6 +11,7 @@ import numpy as np
 
 from fingerlab.errors import UserError
 from fingerlab.library.pyramid import BASE, MOST_SAMPLES, Pyramid
+from fingerlab.sessions.cycle import told_frequency
 from fingerlab.sessions.format import CHANNEL_UNITS, RATE_TOLERANCE
 from fingerlab.sessions.model import Array, Run
 
@@ -104,10 +105,8 @@ class Cycles:
 
 def period_of(run: Run) -> float | None:
     """Length of one stroke, s, as the trajectory tells it; None where the motion does not repeat so."""
-    frequency = run.trajectory.get("frequency_hz")
-    if run.trajectory.get("kind") != "sine" or not isinstance(frequency, (int, float)) or frequency <= 0:
-        return None
-    return 1.0 / float(frequency)
+    frequency = told_frequency(run)
+    return None if frequency is None else 1.0 / frequency
 
 
 def fold(run: Run, pyramid: Pyramid, channels: Sequence[str]) -> Cycles:

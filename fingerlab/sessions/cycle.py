@@ -1,6 +1,6 @@
-"""What a motor was told, read from its recording where nobody wrote it down.
+"""How often a motion comes again: as its run says it, or read from the recording where nobody wrote it down.
 
-Files of other programs say nothing of it; fits, reviews and the diagnosis need to know what comes again.
+Files of other programs say nothing of it; fits, reviews and the diagnosis need to know.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, Run
 
 LOOK_RATE_HZ = 100.0
 """Samples a second that are looked at."""
@@ -22,14 +22,26 @@ HARMONICS, DRIFT_DEGREE = 8, 3
 """What is fitted to find the cycle's length exactly: that many harmonics, and a polynomial for a drift."""
 UNLIKE = 0.25
 """Two moments are another part of the motion once they differ by this share; assumed."""
-
-
 SETTLE_S = 2.0
 """A command begins with a ramp, 1.5 s on the bench, s; the rest is for others."""
 SINE = 1e-3
 """A command that leaves a sine by no larger share of its variance is one; assumed."""
 FIGURES = 4
 """Digits that are kept of what was read."""
+
+
+def named_frequency(run: Run) -> float:
+    """Frequency that the trajectory names, Hz; 0 where it names none. A chirp names one, too."""
+    value = run.trajectory.get("frequency_hz")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        return 0.0
+    return float(value)
+
+
+def told_frequency(run: Run) -> float | None:
+    """Cycles a second of a run that was told a sine, Hz; None: it was not, or does not say."""
+    named = named_frequency(run)
+    return named if run.trajectory.get("kind") == "sine" and named > 0 else None
 
 
 def recognised(command: Array, rate: float) -> dict[str, Any] | None:

@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 
-from fingerlab.identify.diagnosis.cycles import any_told
 from fingerlab.identify.diagnosis.features import (
     Feature,
     Layout,
@@ -30,6 +29,7 @@ from fingerlab.identify.diagnosis.sums import IntArray
 from fingerlab.physics.effects import CATALOGUE
 from fingerlab.physics.effects.base import Effect, Term
 from fingerlab.physics.effects.motion import Motion
+from fingerlab.sessions.cycle import told_frequency
 from fingerlab.sessions.model import Array, Run, Session
 
 Column = tuple[Array, int | None, bool, Callable[[], Feature]]
@@ -133,7 +133,7 @@ def layout_of_all(
         motion = known.motion if known is not None else next(stretches(run, session.rig))
         beside = len(set(kinds)) == 2
         layouts[on_bench] = layout_of(motion.glimpse(), session, effects, beside_finger=beside)
-    asked, start, seek_cycle = {}, 0, not any_told(run for _, run in pairs)
+    asked, start, seek_cycle = {}, 0, all(told_frequency(run) is None for _, run in pairs)
     for on_bench, layout in layouts.items():
         asked[on_bench] = Asked(layout.signals, len(layout.base), start, seek_cycle)
         start += layout.signal_count

@@ -7,10 +7,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from fingerlab.identify.diagnosis.cycles import harmonics_below_nyquist, told_frequency
+from fingerlab.identify.diagnosis.bandwidth import NARROW_RATE_HZ
 from fingerlab.identify.diagnosis.groups import Group
 from fingerlab.identify.diagnosis.narrowing import Narrow, counted
-from fingerlab.sessions.cycle import found_frequency
+from fingerlab.sessions.cycle import found_frequency, told_frequency
 from fingerlab.sessions.model import Array, Run
 
 TREND_DEGREE = 3
@@ -30,7 +30,7 @@ def repeating_bases(low: Narrow, run: Run, seek: bool = False) -> tuple[Array, A
         frequency = _sought(low, run)
     if frequency is None:
         return None
-    count = harmonics_below_nyquist(frequency)
+    count = int(np.ceil(0.5 * NARROW_RATE_HZ / frequency)) - 1
     if 2 * count + 1 > 0.6 * len(low.time):
         return None
     return _harmonics(frequency, count, float(low.time[0]), float(low.time[-1]), len(low.time))

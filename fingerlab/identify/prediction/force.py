@@ -29,6 +29,7 @@ from fingerlab.identify.diagnosis.stretches import stretches
 from fingerlab.physics.effects.base import Effect, Row
 from fingerlab.physics.effects.motion import Motion
 from fingerlab.physics.effects.tip import TOUCHING_FORCE_N
+from fingerlab.sessions.cycle import named_frequency
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, settles
 
@@ -84,9 +85,7 @@ def contact_stretches(session: Session, run: Run) -> Iterator[Stretch]:
 
 def _cycle_hz(run: Run, motion: Motion) -> float:
     """Frequency that the trajectory names, if the motor truly repeats at it; else 0."""
-    frequency = run.trajectory.get("frequency_hz")
-    if isinstance(frequency, bool) or not isinstance(frequency, (int, float)):
-        return 0.0
+    frequency = named_frequency(run)
     if not 0 < frequency < motion.sample_rate_hz / 4:
         return 0.0
     period = motion.sample_rate_hz / frequency
@@ -94,7 +93,7 @@ def _cycle_hz(run: Run, motion: Motion) -> float:
     grid = PeriodGrid(0.0, period, int((len(position) - 1) // period))
     if grid.count < MINIMUM_PERIODS:
         return 0.0
-    return float(frequency) if settles(position, grid) else 0.0
+    return frequency if settles(position, grid) else 0.0
 
 
 def _narrowed(motion: Motion, values: Array) -> Array:

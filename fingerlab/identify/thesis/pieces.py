@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from fingerlab.identify.thesis.traces import trajectory_frequency
+from fingerlab.sessions.cycle import named_frequency
 from fingerlab.sessions.model import Array, Run
 
 LARGEST_PIECE = 300_000
@@ -27,7 +27,7 @@ def _pieces(run: Run) -> tuple[Run, ...]:
     count = math.ceil(run.length / LARGEST_PIECE)
     if count <= 1:
         return (run,)
-    frequency = trajectory_frequency(run)
+    frequency = named_frequency(run)
     period = run.sample_rate_hz / frequency if frequency > 0 else 1.0
     cuts = [round(round(k * run.length / count / period) * period) for k in range(count)]
     cuts = [*dict.fromkeys(cuts), run.length]

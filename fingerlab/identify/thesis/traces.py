@@ -18,6 +18,7 @@ from fingerlab.physics.nominal import (
     tension,
 )
 from fingerlab.rig import Finger, Rig
+from fingerlab.sessions.cycle import named_frequency
 from fingerlab.sessions.model import Array, Run
 from fingerlab.signals.periods import PeriodGrid, period_grid, repeats, settles
 from fingerlab.signals.prepare import Signals, prepare
@@ -71,7 +72,7 @@ def trace(run: Run, rig: Rig) -> Traces:
         {"mcp": mcp_torque(rig.finger, motion).total, "pip": pip_torque(rig.finger, motion).total},
         {"mcp": motion.mcp_velocity, "pip": motion.pip_velocity},
         run_grid(run, signals),
-        trajectory_frequency(run),
+        named_frequency(run),
     )
 
 
@@ -95,17 +96,9 @@ def joint_motion(signals: Signals) -> JointMotion:
     return JointMotion(mcp, pip, mcp_v, pip_v, mcp_a, pip_a)
 
 
-def trajectory_frequency(run: Run) -> float:
-    """Frequency that the trajectory names, Hz; 0 where it names none."""
-    value = run.trajectory.get("frequency_hz")
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
-        return 0.0
-    return float(value)
-
-
 def run_grid(run: Run, signals: Signals) -> PeriodGrid | None:
     """The run's whole periods where its motor truly repeats at the trajectory's frequency, else None."""
-    grid = period_grid(len(signals), run.sample_rate_hz, trajectory_frequency(run))
+    grid = period_grid(len(signals), run.sample_rate_hz, named_frequency(run))
     return grid if grid is not None and repeats(signals.motor_position, grid) else None
 
 
@@ -123,4 +116,4 @@ def settled(traces: Traces) -> Traces:
     return replace(traces, grid=grid) if known else traces
 
 
-__all__ = ["JOINTS", "Traces", "joint_motion", "run_grid", "settled", "trace", "trajectory_frequency"]
+__all__ = ["JOINTS", "Traces", "joint_motion", "run_grid", "settled", "trace"]
