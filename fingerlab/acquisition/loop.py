@@ -15,11 +15,13 @@ from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.checks import Reading
 from fingerlab.acquisition.commands import (
     Approach,
+    AtRest,
     Command,
     Disable,
     Enable,
     Finish,
     Initialise,
+    MoveByHand,
     Quit,
     Release,
     Reset,
@@ -39,6 +41,7 @@ from fingerlab.acquisition.requests import (
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.safety import Safety, safety_checks
 from fingerlab.acquisition.steering import Steering
+from fingerlab.acquisition.trying import move_by_hand, try_output
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost, cycles_per_command
 from fingerlab.errors import UserError
 
@@ -46,6 +49,8 @@ FAREWELL_S = 0.5
 """The loop goes on reading for this long after its window is lost, so that the stop is recorded (assumed)."""
 
 STOOD_STILL = "The control loop stood still; the motor was stopped in its place, connect the device again."
+
+NO_GUARDIAN = "The process that stops the motor when this one dies is not ready; open the bench again."
 
 SAFE_TRIES = 50
 """How often zero output is tried before the device is given up."""
@@ -90,6 +95,10 @@ class ControlLoop:
     def open(self) -> None:
         """Open and start the device. Raises DeviceLost, DeviceFault."""
         self.device.open()
+        # A card tells only now whether it is read in blocks.
+        hold = cycles_per_command(self.device)
+        self._steering = Steering(self.settings, self._period, hold, self._board)
+        self._board[Slot.HOLD] = hold
         self.device.start()
         self._board.set_text(Text.DEVICE, self.device.name)
         self._board[Slot.LOOP_READY] = 1
@@ -119,10 +128,9 @@ class ControlLoop:
     def close(self) -> None:
         """Zero output, enable low, device given back."""
         self.ended = True
-        confirmed = self._make_safe()
+        self._make_safe()
         self.device.close()
         self._become(Event.DISABLE)
-        self._board[Slot.SAFE] = int(confirmed)
         self._board[Slot.LOOP_ENDED] = 1
 
     def cycle(self) -> None:
@@ -209,6 +217,8 @@ class ControlLoop:
                 sentence = self._set_up(command)
             elif isinstance(command, ReadyStart | Approach):
                 sentence = self._start(command, reading)
+            elif isinstance(command, AtRest):
+                sentence = self._at_rest(command)
             elif isinstance(command, Quit):
                 self.ended = True
             else:
@@ -228,12 +238,14 @@ class ControlLoop:
         refusal = self.machine.refusal(event)
         if refusal:
             return refusal
-        if event is Event.ENABLE:
+        if isinstance(command, Enable):
+            if self.settings.watch_guardian and self._board[Slot.GUARDIAN] != 1:
+                return self._board.text(Text.GUARDIAN) or NO_GUARDIAN
             self._safety.reset()
             for _, dog in self._dogs:
                 dog.reset()
-            self.device.set_enable(True)
-            self._board[Slot.ENABLE_LINE] = 1
+            self.device.set_enable(command.line)
+            self._board[Slot.ENABLE_LINE] = int(command.line)
         elif event is Event.DISABLE:
             self._steering.off()
             self.device.set_enable(False)
@@ -304,6 +316,7 @@ class ControlLoop:
                 break
             confirmed = self.device.make_safe()
         self._board[Slot.ENABLE_LINE] = 0
+        self._board[Slot.SAFE] = int(confirmed)
         self._restart = True
         return confirmed
 
@@ -355,6 +368,14 @@ class ControlLoop:
             force=command.phase == "contact",
         )
         return ""
+
+    def _at_rest(self, command: AtRest) -> str:
+        if self.machine.enable_allowed:
+            return "The amplifier is enabled; disable it before anything is tried at the bench."
+        if isinstance(command, MoveByHand):
+            return move_by_hand(self.device, command)
+        self._restart = True
+        return try_output(self.device, command, self._board)
 
     def _become(self, event: Event) -> None:
         self.machine = self.machine.after(event)

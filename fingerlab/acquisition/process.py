@@ -3,8 +3,8 @@
 Who holds which end tells who lives: every process holds the writing end of a pipe to each that has to know,
 and the system closes it with the process, whatever killed it; where the system tells sooner, loop and
 guardian look there (``lives.py``). Silence without death is told by heartbeats in the board. The recorder's
-process also keeps a guardian: when the loop dies without having said goodbye, or stands still with the
-amplifier on, it writes zero output and drops the enable line through a device of its own.
+process also keeps the guardian (``guardian.py``): when the loop dies without having said goodbye, or stands
+still with the amplifier on, it writes zero output and drops the enable line through a device of its own.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ from pathlib import Path
 from typing import NoReturn, Protocol
 
 from fingerlab.acquisition.board import Board, Slot, Text
-from fingerlab.acquisition.lives import Lives, Pulse, Standstill
-from fingerlab.acquisition.loop import SAFE_TRIES, ControlLoop
+from fingerlab.acquisition.guardian import await_trial, guard, try_stop
+from fingerlab.acquisition.lives import Lives, Standstill
+from fingerlab.acquisition.loop import ControlLoop
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
@@ -34,9 +35,6 @@ from fingerlab.errors import Cancelled, UserError
 
 POLL_S = 0.02
 """How often the recorder takes what the ring has."""
-
-GUARD_S = 0.005
-"""How often the guardian looks whether the loop lives, where it is not told at once."""
 
 NICE, HIGH_PRIORITY_CLASS = -10, 0x80
 """Priority that loop and recorder ask for (setpriority(2); SetPriorityClass of the Windows API)."""
@@ -91,6 +89,7 @@ def loop_main(plan: Plan, commands: Connection, recorder_lives: Connection, aliv
     board[Slot.LOOP_PID] = os.getpid()
     try:
         loop = ControlLoop(plan.device.build(), plan.settings, ring, board, time.perf_counter)
+        await_trial(board, recorder_lives)
         loop.open()
     except Exception as error:
         board.set_text(Text.FAULT, _why(error))
@@ -137,9 +136,13 @@ def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, aliv
     except Exception as error:
         board.set_text(Text.RECORDER, _why(error))
         _leave()
+    try_stop(own, board)
     board[Slot.RECORDER_PID] = os.getpid()
     recorder = Recorder(ring, board, plan.rescue)
-    threading.Thread(target=_guard, args=(plan, own, board, loop_lives), daemon=True).start()
+    # A simulated motor stands still with its loop; without a clock nothing moves while the loop does not.
+    watched = own is not None and plan.device.real_time
+    standstill = Standstill(board, plan.settings.limits.late_time) if watched else None
+    threading.Thread(target=guard, args=(own, board, loop_lives, standstill), daemon=True).start()
     come_first()
     cut = False
     while True:
@@ -186,48 +189,6 @@ def _write_whole(recorder: Recorder, note: str) -> None:
     with suppress(UserError, OSError, RuntimeError):
         recorder.cut(note)
         recorder.close()
-
-
-def _guard(plan: Plan, device: Device | None, board: Board, loop_lives: Connection) -> None:
-    """Wait for the loop's end; where it was no proper one, make the bench safe in its place."""
-    # A simulated motor stands still with its loop; without a clock nothing moves while the loop does not.
-    watched = device is not None and plan.device.real_time
-    standstill = Standstill(board, plan.settings.limits.late_time) if watched else None
-    _wait_until_lost(board, loop_lives, standstill)
-    if board[Slot.LOOP_ENDED]:
-        return
-    confirmed = device is None or _make_safe(device)
-    board[Slot.SAFE] = int(confirmed)
-    board[Slot.ENABLE_LINE] = 0
-    board[Slot.KEEPER] = 1
-    if device is None:
-        return
-    with suppress(EOFError, OSError):
-        loop_lives.recv()
-    # What the loop had handed to the driver may have come after the zero: write it once more.
-    confirmed = any(_make_safe(device) for _ in range(SAFE_TRIES))
-    board[Slot.SAFE] = int(confirmed)
-
-
-def _make_safe(device: Device) -> bool:
-    """Whether zero output and a low enable line were confirmed. A user's own device may break its word."""
-    try:
-        return device.make_safe()
-    except Exception:
-        return False
-
-
-def _wait_until_lost(board: Board, loop_lives: Connection, standstill: Standstill | None) -> None:
-    """Until the loop's process is gone, or the system says that it is going, or it stands still."""
-    pulse: Pulse | None = None
-    with suppress(EOFError, OSError):
-        while not loop_lives.poll(GUARD_S):
-            if pulse is None and board[Slot.LOOP_PID]:
-                pulse = Pulse(board[Slot.LOOP_PID])
-            if pulse is not None and pulse.dying():
-                return
-            if standstill is not None and standstill.seen():
-                return
 
 
 def _why(error: Exception) -> str:

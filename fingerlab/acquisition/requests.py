@@ -23,13 +23,18 @@ CURRENT_MARGIN = 0.95
 
 @dataclass(frozen=True)
 class LoopSettings:
-    """What the loop has to know of the bench; plain values, so that they travel to its process."""
+    """What the loop has to know of the bench; plain values, so that they travel to its process.
+
+    ``watch_...``: whose silence stops the motor. ``watch_guardian``: none is driven before the guardian has
+    tried that it can stop it.
+    """
 
     units: BenchUnits
     limits: Limits
     gains: Gains = field(default_factory=Gains)
     watch_window: bool = True
     watch_recorder: bool = True
+    watch_guardian: bool = True
 
 
 @dataclass(frozen=True)

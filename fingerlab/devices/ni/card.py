@@ -64,10 +64,7 @@ class NiCard:
         if self._tasks is not None:
             raise DeviceFault(f"{self.name} is open already; close it before it is opened again.")
         self._refused = True
-        self._check_presence()
-        refused = write_safe(self._connection, self._daq, reset=False)
-        if refused:
-            raise refused[0]
+        self.try_stop()
         self._tasks = self._build()
         self._refused = False
 
@@ -117,6 +114,16 @@ class NiCard:
             return not write_safe(self._connection, self._daq, reset=not self._refused)
         except Exception:  # whatever it was, the caller has to be told "not confirmed" and no more
             return False
+
+    def try_stop(self) -> None:
+        """What ``make_safe`` does, tried beforehand by a guardian, while nobody drives.
+
+        The card is not taken from a program that has it. Raises DeviceLost, DeviceFault.
+        """
+        self._check_presence()
+        refused = write_safe(self._connection, self._daq, reset=False)
+        if refused:
+            raise refused[0]
 
     def close(self) -> None:
         self.make_safe()
