@@ -36,6 +36,7 @@ from fingerlab.acquisition.requests import (
     ReadyStart,
     Refused,
     prepare,
+    unguarded,
     watchdogs,
 )
 from fingerlab.acquisition.ring import Ring
@@ -49,8 +50,6 @@ FAREWELL_S = 0.5
 """The loop goes on reading for this long after its window is lost, so that the stop is recorded (assumed)."""
 
 STOOD_STILL = "The control loop stood still; the motor was stopped in its place, connect the device again."
-
-NO_GUARDIAN = "The process that stops the motor when this one dies is not ready; open the bench again."
 
 SAFE_TRIES = 50
 """How often zero output is tried before the device is given up."""
@@ -82,6 +81,7 @@ class ControlLoop:
         self._commands: deque[tuple[int, Command | ReadyStart | Refused]] = deque()
         self._averaging: Averaging | None = None
         self._lost_process = ""
+        self._look: Callable[[], None] = lambda: None
         self._quit_at = math.inf
         self._restart = False
         self._stops = board[Slot.STOP_REQUESTS]
@@ -96,9 +96,7 @@ class ControlLoop:
         """Open and start the device. Raises DeviceLost, DeviceFault."""
         self.device.open()
         # A card tells only now whether it is read in blocks.
-        hold = cycles_per_command(self.device)
-        self._steering = Steering(self.settings, self._period, hold, self._board)
-        self._board[Slot.HOLD] = hold
+        self._steering = Steering(self.settings, self._period, cycles_per_command(self.device), self._board)
         self.device.start()
         self._board.set_text(Text.DEVICE, self.device.name)
         self._board[Slot.LOOP_READY] = 1
@@ -115,6 +113,7 @@ class ControlLoop:
 
     def run(self, look: Callable[[], None] = lambda: None) -> None:
         """Cycle until told to quit, ``look`` before each; the motor has no current afterwards."""
+        self._look = look
         try:
             while not self.ended:
                 look()
@@ -239,8 +238,9 @@ class ControlLoop:
         if refusal:
             return refusal
         if isinstance(command, Enable):
-            if self.settings.watch_guardian and self._board[Slot.GUARDIAN] != 1:
-                return self._board.text(Text.GUARDIAN) or NO_GUARDIAN
+            refusal = unguarded(self.settings, self._board)
+            if refusal:
+                return refusal
             self._safety.reset()
             for _, dog in self._dogs:
                 dog.reset()
@@ -375,7 +375,11 @@ class ControlLoop:
         if isinstance(command, MoveByHand):
             return move_by_hand(self.device, command)
         self._restart = True
-        return try_output(self.device, command, self._board)
+        return try_output(self.device, command, self._board, self._wanted_at_rest)
+
+    def _wanted_at_rest(self) -> bool:
+        self._look()
+        return bool(self._lost_process) or self._board[Slot.STOP_REQUESTS] != self._stops
 
     def _become(self, event: Event) -> None:
         self.machine = self.machine.after(event)

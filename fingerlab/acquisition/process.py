@@ -47,6 +47,9 @@ waits for a running one to use up its slice, some 3 ms."""
 GRACE_S = 2.0
 """How long the recorder waits for the loop to end when the window is lost."""
 
+GUARDIAN_S = 5.0
+"""How long the recorder's process waits at its end for the guardian to have stopped the motor (assumed)."""
+
 WINDOW_LOST = "The window has ended unexpectedly; the motor was stopped."
 RECORDER_LOST = "The recorder has ended unexpectedly; the motor was stopped."
 CLOSED = "The bench was closed while it recorded."
@@ -128,6 +131,7 @@ def _listen(loop: ControlLoop, lives: Lives, commands: Connection, recorder_live
 def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, alive: Connection) -> None:
     """The recorder's process. ``alive`` is only held, so that the loop sees it close."""
     _be_undisturbed()
+    come_first()  # before the driver starts threads of its own
     ring, board = Ring.attach(plan.ring), Board.attach(plan.board)
     try:
         # Built before it is needed: importing a driver takes longer than the motor may run. And before the
@@ -142,8 +146,10 @@ def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, aliv
     # A simulated motor stands still with its loop; without a clock nothing moves while the loop does not.
     watched = own is not None and plan.device.real_time
     standstill = Standstill(board, plan.settings.limits.late_time) if watched else None
-    threading.Thread(target=guard, args=(own, board, loop_lives, standstill), daemon=True).start()
-    come_first()
+    guardian = threading.Thread(
+        target=_guard, args=(own, board, loop_lives, standstill, plan.device.real_time), daemon=True
+    )
+    guardian.start()
     cut = False
     while True:
         recorder.poll()
@@ -156,11 +162,21 @@ def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, aliv
             name, arguments = requests.recv()
         except (EOFError, OSError):
             _end_alone(recorder, board)
-            _leave()
+            break
         if name == "quit":
             _write_whole(recorder, CLOSED if board[Slot.LOOP_ENDED] else LOOP_LOST)
-            _leave()
+            break
         _serve(recorder, requests, name, arguments)
+    guardian.join(GUARDIAN_S)  # what it has begun to stop is stopped, whoever wants this process to end
+    _leave()
+
+
+def _guard(
+    device: Device | None, board: Board, loop_lives: Connection, standstill: Standstill | None, paced: bool
+) -> None:
+    """The guardian's thread, which mostly waits, as the loop does."""
+    come_first(paced)
+    guard(device, board, loop_lives, standstill)
 
 
 def _serve(recorder: Recorder, requests: Connection, name: str, arguments: tuple[object, ...]) -> None:

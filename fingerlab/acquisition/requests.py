@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fingerlab.acquisition.board import Slot
+from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.checks import Watchdog
 from fingerlab.acquisition.commands import Command, Start
 from fingerlab.acquisition.control import Gains, slowed
@@ -93,6 +93,15 @@ def gains_within(settings: LoopSettings, hold: int) -> Gains:
     gains = settings.gains if hold == 1 else slowed(settings.gains, hold)
     most = min(gains.current_limit, CURRENT_MARGIN * settings.limits.current)
     return replace(gains, current_limit=most)
+
+
+def unguarded(settings: LoopSettings, board: Board) -> str:
+    """Why no motor may be enabled: nobody could stop it in the loop's place. Empty where somebody can."""
+    if not settings.watch_guardian or board[Slot.GUARDIAN] == 1:
+        return ""
+    return board.text(Text.GUARDIAN) or (
+        "The process that stops the motor when the control loop dies is not ready; open the bench again."
+    )
 
 
 def watchdogs(settings: LoopSettings, period: float) -> list[tuple[Slot, Watchdog]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from fingerlab.acquisition.board import Board, Number, Slot
@@ -11,6 +12,8 @@ from fingerlab.devices.protocol import Device, cycles_per_command
 
 STAND_COMMANDS = 20
 """Set values written before the clock is stopped: the last has then long reached the output (assumed)."""
+
+MEANWHILE = "The bench was stopped meanwhile; try again."
 
 
 def move_by_hand(device: Device, command: MoveByHand) -> str:
@@ -21,10 +24,13 @@ def move_by_hand(device: Device, command: MoveByHand) -> str:
     return ""
 
 
-def try_output(device: Device, command: TryOutput, board: Board) -> str:
+def try_output(device: Device, command: TryOutput, board: Board, stopped: Callable[[], bool]) -> str:
     """Leave volts standing, stop the clock, write too late, look; then stop as ever, and look again.
 
     What was seen is in the board's ``LEFT``, ``CLEARED`` and ``SAFE``. The device's clock stands afterwards.
+
+    Args:
+        stopped: whether the operator or a process that died wants the bench at rest, asked once a cycle.
 
     Returns:
         Why not, as one sentence; empty where it was done.
@@ -38,6 +44,9 @@ def try_output(device: Device, command: TryOutput, board: Board) -> str:
     block = cycles_per_command(device)
     for _ in range(STAND_COMMANDS * block):
         device.exchange(command.volts)
+        if stopped():
+            device.make_safe()
+            return MEANWHILE
     card.abandon(late_write=0.0 if block == 1 else None)
     left = card.read_back_output()
     board[Slot.SAFE] = int(device.make_safe())

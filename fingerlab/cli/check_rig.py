@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,8 @@ from fingerlab.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
+    from fingerlab.acquisition.check_rig.outcomes import CheckProtocol, Operator
+    from fingerlab.acquisition.check_rig.walk import Step
     from fingerlab.devices.choosing import DeviceChoice
     from fingerlab.rig import Rig
 
@@ -55,8 +58,7 @@ def check_rig(
     """
     from fingerlab.acquisition.check_rig.outcomes import write_protocol
     from fingerlab.acquisition.check_rig.walk import check_answers
-    from fingerlab.acquisition.check_rig.walk import check_rig as check
-    from fingerlab.devices.choosing import CARD, REPLAY, choose_device
+    from fingerlab.devices.choosing import REPLAY, choose_device
     from fingerlab.rig_file import default_rig, load_rig
 
     refuse_existing(out)
@@ -66,16 +68,7 @@ def check_rig(
     if choice.kind == REPLAY:
         raise UserError("A replay has no bench to check; give a card such as Dev1, or 'simulated'.")
     check_answers(given, all_yes, choice.simulated)
-    bench = _open(choice, rig)
-    try:
-        click.echo(f"Checking {bench.status().device}.", err=True)
-        with Interrupts(bench.stop) as interrupts:
-            source = str(rig_file or "the default rig")
-            protocol = check(bench, rig, _Operator(given, all_yes), source, choice.kind == CARD)
-        if interrupts.asked:
-            raise KeyboardInterrupt
-    finally:
-        bench.close()
+    protocol = checked(choice, _Operator(given, all_yes), str(rig_file or "the default rig"))
     write_protocol(protocol, out)
     states = [outcome.state for outcome in protocol.outcomes]
     counted = ", ".join(f"{states.count(state)} {state}" for state in dict.fromkeys(states))
@@ -84,6 +77,33 @@ def check_rig(
         write_json(_json(protocol), json_target)
     if not protocol.all_confirmed:
         raise UserError(_complaint(protocol, out))
+
+
+def checked(
+    choice: DeviceChoice, operator: Operator, rig_source: str, steps: Sequence[Step] | None = None
+) -> CheckProtocol:
+    """Open the bench, walk through all steps or those given, and close it whatever happens.
+
+    Raises:
+        UserError: the bench cannot be opened, or nobody answers. KeyboardInterrupt: it was stopped.
+    """
+    from fingerlab.acquisition.check_rig.walk import STEPS
+    from fingerlab.acquisition.check_rig.walk import check_rig as check
+    from fingerlab.devices.choosing import CARD
+    from fingerlab.rig_file import default_rig
+
+    rig = choice.rig or default_rig()
+    bench = _open(choice, rig)
+    try:
+        operator.tell(f"Checking {bench.status().device}.")
+        with Interrupts(bench.stop) as interrupts:
+            walked = STEPS if steps is None else steps
+            protocol = check(bench, rig, operator, rig_source, choice.kind == CARD, walked)
+        if interrupts.asked:
+            raise KeyboardInterrupt
+    finally:
+        bench.close()
+    return protocol
 
 
 def _asked_device(rig: Rig) -> str:

@@ -14,6 +14,7 @@ import platform
 import random
 import sys
 import tempfile
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,8 @@ import numpy as np
 
 from tests.faults.injected import table
 from tests.faults.killing import VICTIMS, kill_once
+from tests.faults.killing_checks import STEPS, kill_check
+from tests.faults.live_card import served
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 LIMIT_MS, LIMIT_S = 50.0, 0.25
@@ -33,15 +36,16 @@ def main() -> None:
     parser.add_argument("seed", nargs="?", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="JSON lines of outcomes: added to, and counted as a whole")
     parser.add_argument("--victim", choices=VICTIMS, help="only this one; each in its turn without it")
+    parser.add_argument(
+        "--card", action="store_true", help="at the virtual card, and check-rig in each step, too"
+    )
     options = parser.parse_args()
     chance = random.Random(options.seed)
     outcomes: list[dict[str, Any]] = []
     if options.keep and options.keep.exists():
         outcomes = [json.loads(line) for line in options.keep.read_text(encoding="utf-8").splitlines()]
-    for number in range(options.kills):
-        with tempfile.TemporaryDirectory() as folder:
-            victim = options.victim or VICTIMS[number % len(VICTIMS)]
-            outcome = asdict(kill_once(Path(folder), victim, chance.uniform(0.05, 2.0)))
+    kills = kills_at_the_card if options.card else kills_at_the_fake_bench
+    for number, outcome in enumerate(kills(options, chance)):
         outcomes.append(outcome)
         if options.keep:
             with options.keep.open("a", encoding="utf-8") as file:
@@ -50,6 +54,28 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         injected = list(table(Path(folder)))
     PAGE.write_text(page(outcomes, injected), encoding="utf-8")
+
+
+def kills_at_the_fake_bench(options: argparse.Namespace, chance: random.Random) -> Iterator[dict[str, Any]]:
+    """Window, recorder and loop in turn, each at a random moment."""
+    for number in range(options.kills):
+        with tempfile.TemporaryDirectory() as folder:
+            victim = options.victim or VICTIMS[number % len(VICTIMS)]
+            yield asdict(kill_once(Path(folder), victim, chance.uniform(0.05, 2.0)))
+
+
+def kills_at_the_card(options: argparse.Namespace, chance: random.Random) -> Iterator[dict[str, Any]]:
+    """Every process of a recording, then check-rig in each of its steps; each by SIGTERM and by SIGKILL."""
+    turns = [(who, how) for how in ("SIGTERM", "SIGKILL") for who in (*VICTIMS, *STEPS)]
+    chance.shuffle(turns)
+    with tempfile.TemporaryDirectory() as own, served(Path(own) / "output") as card:
+        for number in range(options.kills):
+            who, how = turns[number % len(turns)]
+            with tempfile.TemporaryDirectory() as folder:
+                if who in VICTIMS:
+                    yield asdict(kill_once(Path(folder), who, chance.uniform(0.05, 2.0), how, card))
+                else:
+                    yield asdict(kill_check(card, who, how, chance.random()))
 
 
 HEAD = (

@@ -102,14 +102,18 @@ def _judge_disabled(look: Look, driven: Driven, question: str) -> Outcome:
     current = _mean_under_current(driven, "motor_current")
     travel = float(np.ptp(driven.column("motor_position"))) if len(driven.rows) else math.nan
     measured = {"current": current, "commanded": asked_for, "travel": travel}
-    if driven.fault or not (abs(current) <= 0.25 * TEST_CURRENT and travel <= LEAST_TRAVEL):
+    if abs(current) > 0.25 * TEST_CURRENT or travel > LEAST_TRAVEL:
+        state = FAILED
         sentence = (
             f"With the enable line low {current:.2f} A flowed and the motor turned by "
             f"{math.degrees(travel):.1f}°; check the enable line's terminal and active_high in the rig "
-            f"file's [daq]. {driven.fault}".rstrip()
+            "file's [daq]."
         )
-        return Outcome(DISABLED, title, FAILED, sentence, question, YES, measured)
-    return Outcome(DISABLED, title, CONFIRMED, "Nothing moved.", question, YES, measured)
+    elif driven.fault or math.isnan(current + travel):
+        state, sentence = FAILED, f"The loop broke the test off: {driven.fault}"
+    else:
+        state, sentence = CONFIRMED, "Nothing moved."
+    return Outcome(DISABLED, title, state, sentence, question, YES, measured)
 
 
 def _judge_drive(driven: Driven, question: str) -> Iterator[Outcome]:

@@ -173,7 +173,7 @@ class Look:
                 if not (status.loop_ended or status.latched):
                     self.ask(Disable())
                 raise BenchFailed(str(error)) from error
-            fault = str(error)
+            fault = status.fault or str(error)
         return Driven(reader.read().rows, fault)
 
 
