@@ -25,6 +25,8 @@ from fingerlab.rig_file import default_rig, parse_rig
 
 from .virtual_card import Card, InProcessChannel, Servicer
 
+OWN = Path(__file__).resolve().parents[2] / "docs" / "own_device_example.py"
+
 
 class Willing:
     """Says yes to everything but what the test says otherwise; remembers what was asked."""
@@ -258,6 +260,10 @@ def test_a_failed_step_shows_in_the_exit_code(tmp_path: Path) -> None:
     ("more", "words"),
     [
         ([], "Nobody is there to answer"),
+        (["--device", "Dev1", "--yes"], "--yes is for the simulated rig"),
+        (["--device", "bench-pc:31763/Dev1", "--yes"], "--yes is for the simulated rig"),
+        (["--device", "Dev1", "--answer", "drive=yes"], "--answer drive=yes is for the simulated rig"),
+        (["--device", f"own:{OWN}", "--yes"], "--yes is for the simulated rig"),
         (["--yes", "--answer", "limits/force"], "should look like"),
         (["--yes", "--device", "replay:x.h5"], "no bench to check"),
         (["--yes", "--rig", "none.toml"], "cannot be read"),
@@ -269,3 +275,66 @@ def test_bad_requests_are_one_sentence_and_write_nothing(tmp_path: Path, more: l
     assert isinstance(result.exception, UserError)
     assert words in str(result.exception)
     assert not out.exists()
+
+
+def test_without_a_device_nobody_is_asked_and_nothing_is_taken(tmp_path: Path) -> None:
+    result = CliRunner().invoke(command, ["--out", str(tmp_path / "p.json")])
+    assert isinstance(result.exception, UserError)
+    assert "--device is missing; name the bench to check: simulated" in str(result.exception)
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"), [("no", "limits/force failed"), ("skip", "limits/force was left out")]
+)
+def test_what_failed_or_was_left_out_blocks_what_drives_later(answer: str, words: str) -> None:
+    operator = Willing(limits__force=answer)
+    card, device = card_with_bench()
+    clock = card.clock.now
+    found = outcomes(check(device, device.rig, operator, clock=clock, card=True))
+    for step in ("assumption/fresh-task-reaches-the-output", "drive/disabled", "drive/direction"):
+        assert found[step].state == "skipped"
+        assert found[step].sentence == f"Left out, for {words}; mend that and run check-rig again."
+    assert not {"assumptions", "drive"} & set(operator.asked)
+    assert not any(volts or line for volts, line in card.history)
+    assert found["stop"].state == "confirmed"
+
+
+def test_an_encoder_that_failed_blocks_the_drive() -> None:
+    found = check_simulated("[daq.encoder]\nsign = -1\n")
+    assert "Left out, for encoder failed" in found["drive/direction"].sentence
+
+
+def test_a_rig_without_a_finger_s_sensor_can_be_driven_and_one_without_a_monitor_cannot() -> None:
+    rig = parse_rig("[daq.pip]\nterminal = ''\n", "x")
+    found = outcomes(check(SimulatedRig(rig), rig, Willing()))
+    assert {found[k].state for k in ("rest/pip", "moved/pip", "scale/pip")} == {"not applicable"}
+    assert found["drive/direction"].state == "confirmed"
+    rig = parse_rig("[daq.current_monitor]\nterminal = ''\n", "x")
+    found = outcomes(check(SimulatedRig(rig), rig, Willing()))
+    assert found["drive/direction"].state == "skipped"
+    assert "no current monitor" in found["drive/direction"].sentence
+
+
+def test_no_more_than_the_test_current_ever_flows_and_the_motor_goes_no_farther_than_it_may() -> None:
+    for wired in ("", "[daq.command]\nsign = -1\n", "[daq.current_monitor]\ngain = 2.5\n"):
+        card, device = card_with_bench()
+        card.plant = SimulatedBench(Simulation(seed=2), parse_rig(wired, "wired").daq)
+        device.move_by_hand = card.plant.move_by_hand  # type: ignore[attr-defined]
+        outcomes(check(device, device.rig, Willing(), clock=card.clock.now, card=True))
+        assert max(abs(volts) for volts, line in card.history if line) <= 0.3 + 1e-9
+
+
+def test_a_stop_ends_the_check() -> None:
+    rig = default_rig()
+    bench = InlineBench(SimulatedRig(rig), check_settings(rig), Path("not used"))
+
+    class Pressing(Willing):
+        def ask(self, step: str, question: str) -> str:
+            if step == "drive":
+                bench.stop()
+            return super().ask(step, question)
+
+    found = outcomes(check_rig(bench, rig, Pressing(), "test"))
+    bench.close()
+    assert list(found)[-1] == "stopped"
+    assert "stop is latched" in found["stopped"].sentence

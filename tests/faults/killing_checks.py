@@ -54,8 +54,16 @@ class Kill:
     ended: bool
 
 
+class NotSoFar(Exception):
+    """The check ended before: on a busy machine its loop comes late, stops the motor, and says so."""
+
+
 def kill_check(card: Served, step: str, how: str, share: float) -> Kill:
-    """Kill a check in ``step``, at this share (0 to 1) of its time."""
+    """Kill a check in ``step``, at this share (0 to 1) of its time.
+
+    Raises:
+        NotSoFar: it did not come so far.
+    """
     output, name = card.output, step.partition(",")[0]
     card.do("set_up", *(("motor_bench", "none") if name == "drive" else ("on_air", "extension")))
     before_it = ["rest"] if name in ("moved", "scale", "pacing") else []
@@ -64,7 +72,7 @@ def kill_check(card: Served, step: str, how: str, share: float) -> Kill:
         lines = _Lines(check)
         children = lines.wait_for("told")["children"]
         _await_step(lines, name)
-        _wait(_begun(step, output), 1e-4)
+        _wait(_begun(step, output), 1e-4, check)
         time.sleep(STEPS[step] * share)
         before = read_output(output)
         os.kill(check.pid, signal_of(how))
@@ -83,6 +91,7 @@ class _Lines:
     def __init__(self, check: subprocess.Popen[str]) -> None:
         self._said: list[dict] = []
         self._taken = 0
+        self._check = check
         threading.Thread(target=self._read, args=(check,), daemon=True).start()
 
     def wait_for(self, key: str) -> dict:
@@ -96,7 +105,7 @@ class _Lines:
                 found.extend([line] if key in line else [])
             return bool(found)
 
-        _wait(there, 1e-3)
+        _wait(there, 1e-3, self._check)
         return found[0]
 
     def _read(self, check: subprocess.Popen[str]) -> None:
@@ -125,10 +134,13 @@ def _begun(step: str, output: Path) -> Callable[[], bool]:
     return lambda: stands(read_output(output))
 
 
-def _wait(condition: Callable[[], bool], pause: float) -> None:
+def _wait(condition: Callable[[], bool], pause: float, check: subprocess.Popen[str] | None = None) -> None:
+    """Until it is so, or the check, which has to bring it about, has ended."""
     end = time.monotonic() + PATIENCE_S
     while not condition():
-        assert time.monotonic() < end, "the check did not come so far"
+        if check is not None and check.poll() is not None:
+            raise NotSoFar
+        assert time.monotonic() < end, "the bench was not at rest in time"
         time.sleep(pause)
 
 
