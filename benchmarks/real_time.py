@@ -39,8 +39,8 @@ from fingerlab.acquisition.process_bench import ProcessBench
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import Ring
+from fingerlab.core.errors import UserError
 from fingerlab.devices.simulated import SimulatedRig
-from fingerlab.errors import UserError
 from fingerlab.sessions import open_session
 
 ROOT = Path(__file__).resolve().parent.parent

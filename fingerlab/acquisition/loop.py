@@ -39,8 +39,8 @@ from fingerlab.acquisition.requests import (
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.safety import Safety, safety_checks
 from fingerlab.acquisition.steering import Steering
+from fingerlab.core.errors import UserError
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost, cycles_per_command
-from fingerlab.errors import UserError
 
 FAREWELL_S = 0.5
 """The loop goes on reading for this long after its window is lost, so that the stop is recorded (assumed)."""

@@ -13,14 +13,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fingerlab.core.errors import UserError
 from fingerlab.devices.clock import Clock, VirtualClock
 from fingerlab.devices.faults import Faults, FaultySensors
 from fingerlab.devices.lateness import STEP
 from fingerlab.devices.protocol import DeviceFault, DeviceLost, Sample
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
-from fingerlab.rig_daq import AnalogInput, Daq
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.daq import AnalogInput, Daq
+from fingerlab.rig.file import default_rig
 from fingerlab.twin.effects import CONTACT, ON_AIR, check_effects
 from fingerlab.twin.layout import OUTPUTS
 from fingerlab.twin.preset import PRACTICE, Preset, load_preset
