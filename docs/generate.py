@@ -20,8 +20,7 @@ import click
 
 from fingerlab.acquisition.safety import Limits, limits_table
 from fingerlab.cli.main import COMMANDS, cli
-from fingerlab.diagnosis.features import nuisance_ranges
-from fingerlab.diagnosis.routing import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
+from fingerlab.diagnosis.equations.parameters import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD, nuisance_ranges
 from fingerlab.effects import (
     CATALOGUE,
     Effect,

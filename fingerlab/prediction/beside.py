@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.bandwidth import NARROW_RATE_HZ
+from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model
 from fingerlab.prediction.extended import ExtendedModel
 from fingerlab.prediction.judging import ForceNumbers, fine_grid, judge_stretches

@@ -17,7 +17,7 @@ import numpy as np
 from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.torque import most_torque
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.bandwidth import WIDE_RATE_HZ
+from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ
 from fingerlab.effects.motion import Motion
 from fingerlab.physics import nominal
 from fingerlab.prediction.extended import Variant

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from fingerlab.diagnosis.bandwidth import NARROW_RATE_HZ
+from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
 from fingerlab.sessions.model import Array
 from fingerlab.signals.delays import cross_correlation_delay
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid

@@ -1,7 +1,8 @@
 """What a fit is shown of the recordings: products of its model's features, without noise, weighted.
 
 The weights are the inverse covariance of the equations' noise, other ones where the motor stands, and what a
-slack cable costs.
+slack cable costs. Friction differs from run to run by a share of itself, a tip that sticks by how it was set
+down.
 """
 
 from __future__ import annotations
@@ -12,12 +13,19 @@ from functools import cached_property
 
 import numpy as np
 
-from fingerlab.diagnosis.bandwidth import EFFECTIVE_SHARE
-from fingerlab.diagnosis.groups import Group, GroupKey
-from fingerlab.diagnosis.model import Model
-from fingerlab.diagnosis.noise import noise_of_a_sample
-from fingerlab.diagnosis.standing import HELD_SHARE, change_of_weight, encoder_spread, log_widening
-from fingerlab.diagnosis.sums import IntArray, Sums, total
+from fingerlab.diagnosis.equations.features import IntArray
+from fingerlab.diagnosis.equations.model import Model
+from fingerlab.diagnosis.equations.parameters import SET_DOWN
+from fingerlab.diagnosis.fit.noise import (
+    HELD_SHARE,
+    change_of_weight,
+    encoder_spread,
+    log_widening,
+    noise_of_a_sample,
+)
+from fingerlab.diagnosis.gram.sums import Group, Sums, total
+from fingerlab.diagnosis.signals.conditions import GroupKey
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.sessions.model import Array
 
 SLACK_SPREAD_M = 1e-4
@@ -185,3 +193,33 @@ class Data:
 def feature_weights(weights: Array, rows: IntArray) -> Array:
     """Weight of each product of features, (k, k)."""
     return weights.take(rows, axis=0).take(rows, axis=1)
+
+
+WANDER = 0.05
+"""Friction differs from run to run by this share, one standard deviation; assumed ("some per cent")."""
+SET_DOWN_N = 0.02
+"""Force along the load cell's face that a tip which sticks is set down with, from run to run, one standard
+deviation; assumed: a tenth of what friction of 0.2 holds at 1 N."""
+
+
+LEAST_REPEATS = 3
+"""Runs of one condition from which on their differences are known to be the runs', not the condition's."""
+
+
+def own_to_a_run(model: Model, values: Array, told: Array, group: Group, condition: int = 0) -> Array:
+    """What one standard deviation of all that a run has of its own adds to the features, (k, parts).
+
+    Args:
+        values: of the model's unknowns, (p,).
+        told: the features' coefficients at these values, (k,).
+        group, condition: to which the run belongs.
+    """
+    parts = [np.where(mine, WANDER * told, 0.0) for mine in model.wandering]
+    place = model.index.get(SET_DOWN)
+    repeated = len(group.of_condition(condition)) >= LEAST_REPEATS
+    if group.in_contact and repeated and place is not None:
+        once = values.copy()
+        once[place] = SET_DOWN_N  # the column is linear in it
+        parts.append(np.where(model.set_down, model.features(once, group), 0.0))
+    parts = [part for part in parts if part.any()]
+    return np.stack(parts, axis=1) if parts else np.zeros((len(told), 0))

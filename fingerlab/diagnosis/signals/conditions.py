@@ -1,7 +1,9 @@
-"""Conditions: runs of one routing and phase that were told the same motion.
+"""Which runs are analysed, which belong together, and which are left out of a fit together.
 
-What no model explains of a bench repeats from run to run of one condition, so more of them are not new
-evidence about physics; another frequency or amplitude is.
+Runs of one routing and phase are a group: they share moment arms, losses and noise. Within a group, runs that
+were told the same motion are one condition. What no model explains of a bench repeats from run to run of one
+condition, so more of them are not new evidence about physics; another frequency or amplitude is. A group's
+runs are dealt to folds, which are held out of a fit one turn at a time.
 """
 
 from __future__ import annotations
@@ -11,7 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fingerlab.sessions.model import Run
+from fingerlab.core.errors import UserError
+from fingerlab.sessions.model import Run, Session
 
 TOLD = ("frequency_hz", "amplitude_deg", "offset_deg", "load_torque")
 """What tells one motion from another of its kind."""
@@ -79,3 +82,54 @@ def _close(one: object, other: object, difference: float) -> bool:
     if not isinstance(one, int | float) or not isinstance(other, int | float):
         return one == other
     return abs(one - other) <= max(difference, SAME_SHARE * max(abs(one), abs(other)))
+
+
+FOLDS = 10
+"""Runs of a condition are dealt to at most this many folds; ten runs or fewer are held out one by one."""
+
+GroupKey = tuple[str, str]
+
+
+def runs_to_analyse(sessions: Sequence[Session]) -> tuple[list[tuple[Session, Run]], bool]:
+    """Finger runs of all sessions and the motor-bench runs beside them; whether there are only the latter.
+
+    Raises:
+        UserError: there is no run at all, or finger runs without the finger's constants.
+    """
+    every = [(s, r) for s in sessions for r in s.runs]
+    bench = [(s, r) for s, r in every if r.phase == "motor_bench"]
+    finger = [(s, r) for s, r in every if r.phase != "motor_bench" and r.cable_sign != 0]
+    if finger:
+        for session, _ in finger:
+            if session.rig.finger is None:
+                raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
+        return finger + bench, False
+    if not bench:
+        names = ", ".join(str(s.path) for s in sessions)
+        raise UserError(
+            f"{names} holds no run with a cable and no motor-bench run; there is nothing to compare."
+        )
+    return bench, True
+
+
+def group_key(run: Run) -> GroupKey:
+    """Runs of one cable and phase belong together."""
+    return (run.cable, kind_of(run.phase))
+
+
+def kind_of(phase: str) -> str:
+    """Second part of a group's key: whether its runs press on something."""
+    return "contact" if phase == "contact" else "free"
+
+
+def deal_runs(runs: Sequence[Run]) -> tuple[dict[GroupKey, list[Fold]], list[int]]:
+    """The folds of every group of runs, and for each run which of its group's folds holds it."""
+    members: dict[GroupKey, list[int]] = {}
+    for number, run in enumerate(runs):
+        members.setdefault(group_key(run), []).append(number)
+    folds, places = {}, [0] * len(runs)
+    for key, mine in members.items():
+        folds[key], found = deal([runs[i] for i in mine], FOLDS)
+        for i, place in zip(mine, found, strict=True):
+            places[i] = place
+    return folds, places

@@ -8,17 +8,20 @@ from functools import cached_property
 
 import numpy as np
 
-from fingerlab.diagnosis.features import (
+from fingerlab.diagnosis.equations.features import (
     FORCE,
-    SET_DOWN,
-    TIP_LAWS,
+    NO_SHIFT,
+    SLOPE,
+    BoolArray,
     Feature,
+    IntArray,
     Layout,
+    Pick,
+    shift_weights,
+    slope_weights,
 )
-from fingerlab.diagnosis.groups import Group
-from fingerlab.diagnosis.routing import Tie, tie
-from fingerlab.diagnosis.shifts import NO_SHIFT, SLOPE, shift_weights, slope_weights
-from fingerlab.diagnosis.sums import BoolArray, IntArray, Pick
+from fingerlab.diagnosis.equations.parameters import SET_DOWN, TIP_LAWS, Tie, tie
+from fingerlab.diagnosis.gram.sums import Group
 from fingerlab.effects.base import Effect, Gain, Row
 from fingerlab.sessions.model import Array
 

@@ -1,4 +1,4 @@
-"""Products of signals, summed over samples: all that a fit needs of the recordings.
+"""Products of signals, summed over samples, by groups of runs: all that a fit needs of the recordings.
 
 A signal may stand in several equations (the tension in all three), so that far fewer signals than features
 need to be filtered and multiplied. What an equation sees of them depends on the cable: the cable equation
@@ -14,43 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.senses import Senses
+from fingerlab.diagnosis.equations.features import IntArray, Layout, Pick
+from fingerlab.diagnosis.signals.conditions import Fold, GroupKey
+from fingerlab.diagnosis.signals.segments import Senses
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
-
-IntArray = np.ndarray[Any, np.dtype[np.int64]]
-BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
-
-
-@dataclass(frozen=True)
-class Pick:
-    """Some features in order: the signal that each is, and the equation it stands in; shapes (k,)."""
-
-    signals: IntArray
-    rows: IntArray
-
-    @cached_property
-    def cable(self) -> BoolArray:
-        """Which of them stand in the cable equation, (k,)."""
-        return np.asarray(self.rows == Row.CABLE)
-
-    @cached_property
-    def square(self) -> tuple[IntArray, IntArray]:
-        """Index of their square matrix among the signals."""
-        return self.signals[:, None], self.signals[None, :]
-
-    @cached_property
-    def in_cable(self) -> Array:
-        """1 where one of two features stands in the cable equation, (k, k)."""
-        return np.logical_or.outer(self.cable, self.cable).astype(float)
-
-    @cached_property
-    def both_cable(self) -> Array:
-        """1 where both do, (k, k)."""
-        return np.logical_and.outer(self.cable, self.cable).astype(float)
-
-    def __getitem__(self, chosen: Any) -> Pick:
-        return Pick(self.signals[chosen], self.rows[chosen])
 
 
 @dataclass
@@ -201,3 +169,87 @@ class RunSums:
                 mine.noise_samples += part.noise_samples
                 return
         self.parts.append(part)
+
+
+@dataclass
+class Group:
+    """Runs of one routing and phase: they share moment arms, losses and noise.
+
+    ``noise`` (signals, signals) holds products of what does not repeat from cycle to cycle. ``dealt`` says of
+    every fold which runs it holds; empty: every fold has its turn, all runs are of one condition.
+    """
+
+    key: GroupKey
+    cable_sign: int
+    folds: list[Sums]
+    noise: Array
+    noise_samples: float = 0.0
+    taut_noise: Array | None = None
+    """What noise adds to the products at one taut moment, (signals, signals); None: as at any other."""
+    encoder_variance: float = 0.0  # m^2 of cable: what a standing encoder's step leaves open
+    dealt: list[Fold] = field(default_factory=list)
+    trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)
+    """While runs are read: slow trends by condition and stretch, (signals, degrees) for each run."""
+
+    def __post_init__(self) -> None:
+        self.dealt = self.dealt or [Fold(0, k) for k in range(len(self.folds))]
+
+    @cached_property
+    def whole(self) -> Sums:
+        """Sums over all folds; asked for when all runs are in."""
+        return total(self.folds)
+
+    @property
+    def conditions(self) -> list[int]:
+        """The conditions that its runs were recorded under."""
+        return sorted({fold.condition for fold in self.dealt})
+
+    def of_turn(self, turn: int) -> list[int]:
+        """Indices of the folds that are left out in this turn; none where nothing else would be left."""
+        found = [k for k, fold in enumerate(self.dealt) if fold.turn == turn]
+        return found if len(found) < len(self.folds) else []
+
+    def without(self, k: int) -> Group:
+        """The group less one of its folds."""
+        folds, dealt = list(self.folds), list(self.dealt)
+        del folds[k], dealt[k]
+        return replace(self, folds=folds, dealt=dealt)
+
+    def of_condition(self, condition: int) -> list[int]:
+        """Indices of a condition's folds."""
+        return [k for k, fold in enumerate(self.dealt) if fold.condition == condition]
+
+    @property
+    def repeats(self) -> bool:
+        """Whether anything comes again in these runs or others, so that noise is told from what is missed."""
+        return self.noise_samples > 0
+
+    @property
+    def on_bench(self) -> bool:
+        """Whether these are runs of the motor alone, which have the motor's equation and no other."""
+        return self.cable_sign == 0
+
+    @property
+    def in_contact(self) -> bool:
+        """Whether these are runs that press on the load cell."""
+        return self.key[1] == "contact"
+
+    @property
+    def equations(self) -> int:
+        """How many equations its runs have."""
+        return 1 if self.on_bench else 3
+
+    @property
+    def samples(self) -> int:
+        """Decimated samples in the group."""
+        return sum(f.samples for f in self.folds)
+
+
+@dataclass
+class Reduced:
+    """All that the diagnosis needs of the sessions; ``on_bench``: all runs are of the motor alone."""
+
+    layout: Layout
+    groups: list[Group]
+    on_bench: bool
+    radius: float  # of the pulley, m; 1 on a bench without one

@@ -1,18 +1,112 @@
-"""Fitting a model to Gram matrices: Gauss-Newton within bounds, priors as extra observations."""
+"""Fitting a model to Gram matrices: Gauss-Newton within bounds, priors as extra observations.
+
+A fit starts with moment arms from a straight regression, as no rig file gives them. What the constants in the
+joints' equations cost: every joint has a constant loss of its own for each routing, so a constant torque of
+the motor could be four losses just as well, and no misfit tells. But it would be a strange chance if four
+losses had the sizes and the signs that one torque through four moment arms gives them. How strange follows
+from the losses' own scatter. The motor alone has no joint to hide behind: there a constant torque is the
+friction's or the current's zero, and how far that may be off is known.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
 
-from fingerlab.diagnosis.bandwidth import EFFECTIVE_SHARE
-from fingerlab.diagnosis.model import Model
-from fingerlab.diagnosis.numerics import bounded_step, scaled_inverse
-from fingerlab.diagnosis.sums import BoolArray
-from fingerlab.diagnosis.weighing import Data, FoldNumbers, Weighted, Weights, feature_weights
+from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, Layout
+from fingerlab.diagnosis.equations.model import CABLE_NAMES, Model
+from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
+from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, feature_weights
+from fingerlab.diagnosis.gram.sums import Group, Sums
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
+from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
+
+
+def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
+    """Moment arms (m) of each routing from a straight regression of tension on joint torque."""
+    arms: dict[str, float] = {}
+    for group in sorted(groups, key=lambda g: g.in_contact):
+        routing = CABLE_NAMES[group.cable_sign]
+        if group.on_bench or f"arm_mcp@{routing}" in arms:
+            continue
+        for row, name in ((Row.MCP, "arm_mcp"), (Row.PIP, "arm_pip")):
+            slope = _tension_over_torque(layout, group.whole, row, group.cable_sign)
+            arms[f"{name}@{routing}"] = float(np.clip(1.0 / slope if slope > 1e-9 else 0.01, 0.003, 0.035))
+    return arms
+
+
+def _tension_over_torque(layout: Layout, sums: Sums, row: Row, cable_sign: int) -> float:
+    """How the cable's tension goes with a joint's torque, 1/m."""
+
+    def pick(wanted: set[str], shift: int | None = None) -> list[int]:
+        return [
+            i
+            for i in layout.base
+            if (f := layout.features[i]).row == row and f.parameter in wanted and f.shift == shift
+        ]
+
+    torque = pick({"proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness", "force_gain"})
+    loss = pick({"loss_mcp", "loss_pip"})
+    pull = pick({"torque_gain"}, shift=NO_SHIFT)
+    inertia = pick({"rotor_inertia"}, shift=NO_SHIFT)
+    # One line for each feature that takes part: what it adds to torque, loss and tension.
+    parts = [
+        *((i, (cable_sign, 0.0, 0.0)) for i in torque),
+        *((i, (0.0, 1.0, 0.0)) for i in loss),
+        *((i, (0.0, 0.0, 1.0)) for i in pull),
+        *((i, (0.0, 0.0, -layout.features[i].constant)) for i in inertia),
+    ]
+    share = np.array([line for _, line in parts], dtype=float)
+    products = share.T @ sums.of(layout.every[np.array([i for i, _ in parts])]) @ share
+    return float(np.linalg.lstsq(products[:2, :2], products[:2, 2], rcond=None)[0][0])
+
+
+USUAL_LOSS_NM = 2e-4
+"""Scatter of losses that count as none, N m; assumed: 0.2 degrees of a joint's zero on 60 mN m/rad."""
+SIMPLER_FIRST = 2.0
+"""What a gain costs of which the data tell nothing: the simpler effect comes first, both are in the set."""
+
+
+def surprise(
+    model: Model, values: Array, radius: float, routings: Collection[str], zero_spread: float | None = None
+) -> float:
+    """Minus twice the log density of a model's losses, their unknown scatter integrated out.
+
+    A gain in ``offsets`` of an effect pays for its freedom: the share of its range that the losses leave it.
+
+    Args:
+        values: of the model's unknowns, (p,). radius: of the pulley, m. routings: those with free motion; in
+            contact, what a loss seems to be may be the tip's friction as well.
+        zero_spread: of the current's zero, N m, where a run of the motor alone is to be counted on.
+    """
+    known = {u.key: float(v) for u, v in zip(model.unknowns, values, strict=True)}
+
+    def free(name: str) -> Array:
+        return np.array(
+            [v for key, v in known.items() if key.startswith(name) and key.split("@")[-1] in routings]
+        )
+
+    zeros = {u.key: u.gain.typical for u in model.unknowns if u.key == TORQUE_ZERO}
+    spreads = [*zeros.values(), *([] if zero_spread is None or zeros else [zero_spread])]
+    losses = free("loss_")
+    if len(losses) == 0:  # a bench, whose own offset could be the difference with no chance involved
+        return sum(SIMPLER_FIRST * len(c.effect.offsets) for c in model.choices)
+    variance = np.mean(losses**2) + USUAL_LOSS_NM**2
+    result = len(losses) * np.log(variance / USUAL_LOSS_NM**2)
+    result += sum((known[key] / spread) ** 2 for key, spread in zeros.items())
+    levers = free("arm_") / radius
+    told = levers @ levers / variance + sum(1.0 / spread**2 for spread in spreads)
+    for choice in model.choices:
+        for _ in choice.effect.offsets:
+            # Friction opposes the motion in either direction, so that the difference stays within the mean.
+            width = max(2.0 * known[f"{choice.effect.id}.coulomb"], 1e-12)
+            result += max(2.0 * np.log(width * np.sqrt(told / (2 * np.pi))), SIMPLER_FIRST)
+    return float(result)
+
 
 SETTLING_ITERATIONS = 4
 """With fewer, a fit only looks round, and friction at rest is taken as it was at the start."""
@@ -248,3 +342,85 @@ class Fitter:
         slopes = (sums.matrix @ jacobian).reshape(-1, len(values))
         bent = (sums.curvature @ jacobian).reshape(-1, len(values))
         return gradient + h.reshape(-1) @ slopes, information + across @ bent, information + across @ slopes
+
+
+def bounded_step(values: Array, gradient: Array, information: Array, low: Array, high: Array) -> Array:
+    """Minimiser of the quadratic model inside the bounds (active set with release, as in BVLS)."""
+    scale = 1.0 / np.sqrt(np.diag(information))
+    matrix = information * np.outer(scale, scale) + 1e-9 * np.eye(len(values))
+    slope = gradient * scale
+    floor, ceiling = (low - values) / scale, (high - values) / scale
+    quick = _pivoted(matrix, slope, floor, ceiling)
+    if quick is not None:
+        return quick * scale
+    step = np.zeros(len(values))
+    # What stands at a bound and is pushed outwards starts fixed; it is let go below if that was wrong.
+    fixed = ((floor > -1e-12) & (slope > 0)) | ((ceiling < 1e-12) & (slope < 0))
+    for _ in range(6 * len(values)):
+        free = np.flatnonzero(~fixed)
+        target = step.copy()
+        if len(free):
+            rest = slope[free] + matrix[free][:, fixed] @ step[fixed]
+            target[free] = np.linalg.solve(matrix[free][:, free], -rest)
+        out = ~fixed & ((target < floor - 1e-12) | (target > ceiling + 1e-12))
+        if out.any():
+            # Go as far as the first bound on the way, and stay there.
+            change = target - step
+            with np.errstate(divide="ignore", invalid="ignore"):
+                room = np.where(change > 0, (ceiling - step) / change, (floor - step) / change)
+            room[~out] = np.inf
+            first = int(np.argmin(room))
+            step = step + max(0.0, float(room[first])) * change
+            step[first] = ceiling[first] if change[first] > 0 else floor[first]
+            fixed[first] = True
+            continue
+        step = target
+        pull = slope + matrix @ step
+        wrong = fixed & (((step <= floor) & (pull < -1e-6)) | ((step >= ceiling) & (pull > 1e-6)))
+        if not wrong.any():
+            break
+        fixed[int(np.argmax(np.where(wrong, np.abs(pull), -1.0)))] = False
+    return step * scale
+
+
+PIVOTING_ROUNDS = 40
+
+
+def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array) -> Array | None:
+    """The same minimiser by exchanging all wrong bounds at once; None where that does not settle.
+
+    Block principal pivoting (Judice and Pires 1994): nearly always two or three solves. Where their number
+    does not fall, only the last of the wrong bounds is exchanged, which cannot go in circles. What stands at
+    a bound starts there: between two steps of a fit, or two models that are alike, that hardly changes.
+    """
+    at_floor = floor > -1e-12
+    at_ceiling = (ceiling < 1e-12) & ~at_floor
+    fewest = len(slope) + 1
+    for _ in range(PIVOTING_ROUNDS):
+        step = np.where(at_floor, floor, 0.0)
+        step[at_ceiling] = ceiling[at_ceiling]
+        held = at_floor | at_ceiling
+        free = (~held).nonzero()[0]
+        if len(free):
+            rest = slope + matrix @ step
+            step[free] = np.linalg.solve(matrix[free[:, None], free], -rest[free])
+        pull = slope + matrix @ step
+        now_floor = (at_floor & (pull > -1e-6)) | (~held & (step < floor - 1e-12))
+        now_ceiling = (at_ceiling & (pull < 1e-6)) | (~held & (step > ceiling + 1e-12))
+        wrong = ((now_floor != at_floor) | (now_ceiling != at_ceiling)).nonzero()[0]
+        if len(wrong) == 0:
+            return np.asarray(step)
+        if len(wrong) < fewest:
+            fewest = len(wrong)
+            at_floor, at_ceiling = now_floor, now_ceiling
+        else:
+            last = wrong[-1]
+            at_floor[last], at_ceiling[last] = now_floor[last], now_ceiling[last]
+    return None
+
+
+def scaled_inverse(matrix: Array) -> Array:
+    """Pseudo-inverse of a symmetric matrix, (p, p), whose rows have units of their own."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = np.linalg.pinv(matrix * np.outer(scale, scale), hermitian=True)
+    return np.asarray(scaled * np.outer(scale, scale))

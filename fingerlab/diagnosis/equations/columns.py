@@ -1,7 +1,8 @@
 """Which columns a run is asked for, in which order, and which of them are one signal.
 
 The order is decided here and nowhere else: a layout is made from the first run of a kind, and every later
-reading of any run meets the same columns in the same order.
+reading of any run meets the same columns in the same order. A delay keeps the motor's channels at several
+shifts; what lies between them is interpolated.
 """
 
 from __future__ import annotations
@@ -12,25 +13,22 @@ from functools import partial
 
 import numpy as np
 
-from fingerlab.diagnosis.features import (
+from fingerlab.diagnosis.equations.features import (
+    NO_SHIFT,
+    SLOPE,
     Feature,
+    IntArray,
     Layout,
     base_columns,
     beside_a_finger,
-    nuisance_ranges,
     shifted_columns,
     turned_columns,
 )
-from fingerlab.diagnosis.recall import Recall
-from fingerlab.diagnosis.routing import spread_of
-from fingerlab.diagnosis.shifts import NO_SHIFT, SLOPE
-from fingerlab.diagnosis.stretches import stretches
-from fingerlab.diagnosis.sums import IntArray
+from fingerlab.diagnosis.equations.parameters import nuisance_ranges, spread_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Term
 from fingerlab.effects.motion import Motion
-from fingerlab.sessions.cycle import told_frequency
-from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.model import Array, Session
 
 Column = tuple[Array, int | None, bool, Callable[[], Feature]]
 """Values at the wide rate, shift, whether a user's own effect brings them, and what makes their feature."""
@@ -118,31 +116,3 @@ class Asked:
     common: int
     start: int
     seek_cycle: bool = False
-
-
-def layout_of_all(
-    pairs: Sequence[tuple[Session, Run]], effects: Sequence[Effect], recall: Recall
-) -> tuple[Layout, list[Asked]]:
-    """The features of all runs, those of the motor alone last; and what is asked of each run."""
-    kinds = [run.phase == "motor_bench" for _, run in pairs]
-    layouts = {}
-    for on_bench in sorted(set(kinds)):
-        number = kinds.index(on_bench)
-        session, run = pairs[number]
-        known = next(recall.stretches(number), None)
-        motion = known.motion if known is not None else next(stretches(run, session.rig))
-        beside = len(set(kinds)) == 2
-        layouts[on_bench] = layout_of(motion.glimpse(), session, effects, beside_finger=beside)
-    asked, start, seek_cycle = {}, 0, all(told_frequency(run) is None for _, run in pairs)
-    for on_bench, layout in layouts.items():
-        asked[on_bench] = Asked(layout.signals, len(layout.base), start, seek_cycle)
-        start += layout.signal_count
-    finger, *bench = layouts.values()
-    if bench:
-        finger = replace(
-            finger,
-            features=(*finger.features, *bench[0].features),
-            base=np.concatenate((finger.base, len(finger.features) + bench[0].base)),
-            signals=np.concatenate((finger.signals, finger.signal_count + bench[0].signals)),
-        )
-    return finger, [asked[on_bench] for on_bench in kinds]
