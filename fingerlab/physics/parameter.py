@@ -41,8 +41,8 @@ class Parameter:
         holds_at_rest: whether what it multiplies may have any value between its extremes while nothing moves.
         excess_of: name of the parameter on top of which it comes; nobody would speak of an excess that is a
             small share of it.
-        degenerate_with: the nuisance that it could be as well ("loss"): no misfit tells them apart, but losses
-            that one such parameter makes small at all joints and routings do.
+        degenerate_with: the nuisance that it could be as well ("loss"): no misfit tells them apart, but
+            losses that one such parameter makes small at all joints and routings do.
         limits: narrower limits at a point of the grid of shapes, where the law holds only near that point.
     """
 
