@@ -29,8 +29,8 @@ from fingerlab.diagnosis.sums import IntArray
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Term
 from fingerlab.effects.motion import Motion
-from fingerlab.sessions.cycle import told_frequency
 from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.trajectory import told_frequency
 
 Column = tuple[Array, int | None, bool, Callable[[], Feature]]
 """Values at the wide rate, shift, whether a user's own effect brings them, and what makes their feature."""

@@ -10,8 +10,8 @@ from numpy.polynomial.legendre import legvander
 from fingerlab.diagnosis.bandwidth import NARROW_RATE_HZ
 from fingerlab.diagnosis.groups import Group
 from fingerlab.diagnosis.narrowing import Narrow, counted
-from fingerlab.sessions.cycle import found_frequency, told_frequency
 from fingerlab.sessions.model import Array, Run
+from fingerlab.sessions.trajectory import found_frequency, told_frequency
 
 TREND_DEGREE = 3
 """Of the polynomial over a stretch that counts as its slow trend."""

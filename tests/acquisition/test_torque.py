@@ -18,7 +18,7 @@ from fingerlab.acquisition.torque import FREE_SPEED
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
 from fingerlab.rig.daq import Limits
-from fingerlab.sessions.words import trajectory_words
+from fingerlab.sessions.trajectory import trajectory_words
 from fingerlab.twin.protocols import single_run
 from tests.acquisition import fake_device
 from tests.acquisition.driving import SINE, Driven

@@ -30,8 +30,7 @@ from fingerlab.devices.simulated import SimulatedRig
 from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
-from fingerlab.sessions.part_file import RESERVE_BYTES, PartWriter
-from fingerlab.sessions.recording_place import PART_SUFFIX
+from fingerlab.sessions.recording_files import PART_SUFFIX, RESERVE_BYTES, PartWriter
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
 

@@ -194,7 +194,7 @@ def run_choices(path: Path) -> tuple[tuple[str, str], ...]:
         UserError: it is no session.
     """
     from fingerlab.sessions import open_session
-    from fingerlab.sessions.words import trajectory_words
+    from fingerlab.sessions.trajectory import trajectory_words
 
     return tuple(
         (run.name, f"Run {run.name}: {run.phase.replace('_', ' ')}, {trajectory_words(run.trajectory)}")

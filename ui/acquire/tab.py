@@ -24,7 +24,7 @@ from fingerlab.acquisition.initial import initial_of
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.protocol import countdown, prompt_of
 from fingerlab.core.errors import UserError
-from fingerlab.sessions.recording_place import recording_folder
+from fingerlab.sessions.recording_files import recording_folder
 
 from ..desk import Desk
 from ..tab import Tab
