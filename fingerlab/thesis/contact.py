@@ -1,4 +1,4 @@
-"""Contact runs predicted from parameters fitted on air: the thesis' predictions, and those of a model file."""
+"""Contact runs predicted from parameters fitted on air: the thesis' predictions, and a model file's."""
 
 from __future__ import annotations
 
