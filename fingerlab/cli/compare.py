@@ -17,7 +17,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.models.file import load_model, without_nan
 from fingerlab.prediction import ExtendedModel, extended_model
 from fingerlab.prediction.comparing import ComparedModel, ModelComparison, compare_models
-from fingerlab.prediction.interval import LEVEL
+from fingerlab.prediction.judging import LEVEL
 from fingerlab.report.estimates import number
 from fingerlab.report.screen import score_text
 from fingerlab.sessions import open_session

@@ -15,7 +15,7 @@ from fingerlab.cli.output import table_console, write_results
 from fingerlab.models.file import Model, without_nan
 from fingerlab.prediction import EQUATIONS, extended_model, predict_extended
 from fingerlab.prediction.extended import EQUATION_WORDS, Equation, ExtendedModel
-from fingerlab.prediction.interval import LEVEL
+from fingerlab.prediction.judging import LEVEL
 from fingerlab.prediction.predict import ExtendedPrediction, RunPrediction
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.report.estimates import mean_and_deviation, number
