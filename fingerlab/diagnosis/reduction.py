@@ -51,7 +51,9 @@ def reduce_sessions(
     """
     pairs, on_bench = runs_to_analyse(sessions)
     phases, cables = {run.phase for _, run in pairs}, {run.cable for _, run in pairs}
-    effects = [e for e in effects if (e.bench or not on_bench) and (not e.phases or phases & set(e.phases))]
+    effects = [
+        e for e in effects if (e.bench is True or not on_bench) and (not e.phases or phases & set(e.phases))
+    ]
     effects = [e for e in effects if cables >= set(e.cables)]
     dealt, places = deal_runs([run for _, run in pairs])
     groups: dict[GroupKey, Group] = {}

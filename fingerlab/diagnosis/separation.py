@@ -112,7 +112,7 @@ def apart(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) 
 def held_by(trials: Sequence[Trial], motion: Motion) -> list[Effect]:
     """Effects of all the models, each once, that act in such a run."""
     every = {c.effect.id: c.effect for t in trials for c in t.model.choices}
-    return [e for e in every.values() if e.bench or e.bench_beside_finger or motion.finger is not None]
+    return [e for e in every.values() if e.bench or motion.finger is not None]
 
 
 def _choices(trial: Trial, run: Imagined) -> list[Choice]:

@@ -23,7 +23,7 @@ SI_UNITS = {
     "N m/rad^2", "N m/rad^3", "1/rad^2", "N m s/rad", "N m s/rad^2",
 }  # fmt: skip
 OF_FINGER = sorted(CATALOGUE)
-OF_BENCH = sorted(name for name, e in CATALOGUE.items() if e.bench)
+OF_BENCH = sorted(name for name, e in CATALOGUE.items() if e.bench is True)
 
 
 def test_ids_are_those_of_the_contract() -> None:
