@@ -14,10 +14,10 @@ MODULES = {
     "evidence": "When an effect is missing",
     "odds": "Which effect, if one is",
     "steps": "When a step of the path is justified",
-    "losses": "Constants that go together",
+    "fit.solver": "How a fit ends, and constants that go together",
     "unseen": "What could not show",
-    "conditions": "Runs of one condition",
-    "standing": "Moments at which the motor stands",
+    "signals.conditions": "Runs of one condition",
+    "fit.noise": "How far an equation is trusted, in motion and at rest",
     "next_experiment": "The next experiment",
 }
 """Modules of the diagnosis whose numbers decide, and what they decide."""
@@ -69,6 +69,6 @@ def page() -> str:
     for name, title in MODULES.items():
         rows = [f"| `{key}` | {shown(value)} | {said} |" for key, value, said in stated(name)]
         if rows:
-            parts.append(f"## {title}\n\n`diagnosis/{name}.py`")
+            parts.append(f"## {title}\n\n`diagnosis/{name.replace('.', '/')}.py`")
             parts.append("\n".join(["| name | value | what it is |", "|---|---|---|", *rows]))
     return "\n\n".join(parts) + "\n"

@@ -54,7 +54,7 @@ def diagnose(
     ('fingerlab compare').
     """
     # Curves are kept by one process only, so that a second one would have nothing to do.
-    with second_process(() if figures else sessions, "fingerlab.diagnosis.reduction") as executor:
+    with second_process(() if figures else sessions, "fingerlab.diagnosis.gram.reduction") as executor:
         from fingerlab.cli.output import refuse_taken_early, write_results
 
         refuse_taken_early(model_file, figures)

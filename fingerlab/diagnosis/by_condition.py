@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerlab.diagnosis.groups import GroupKey, Reduced, deal_runs, group_key, runs_to_analyse
+from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.results import HeldOutRuns
+from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
 from fingerlab.diagnosis.trial import Trial
 from fingerlab.sessions.model import Run, Session
 

@@ -22,9 +22,9 @@ from fingerlab.diagnosis.evidence import (
     borne_out,
     distrusted,
 )
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.runs import Recall
 from fingerlab.diagnosis.path import LONGEST_PATH, density, forward
-from fingerlab.diagnosis.recall import Recall
-from fingerlab.diagnosis.reduction import reduce_sessions
 from fingerlab.diagnosis.results import Candidate, Diagnosis, Fingerprint, PathStep, Verdict
 from fingerlab.diagnosis.rivals import looked_at_closely
 from fingerlab.diagnosis.search import rescore, weigh

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerlab.diagnosis.features import FORCE
-from fingerlab.diagnosis.groups import Group
-from fingerlab.diagnosis.model import CABLE_NAMES
-from fingerlab.diagnosis.residuals import floor_covariance
+from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
+from fingerlab.diagnosis.equations.model import CABLE_NAMES
+from fingerlab.diagnosis.fit.noise import floor_covariance
+from fingerlab.diagnosis.gram.sums import Group
 from fingerlab.diagnosis.results import EquationError
-from fingerlab.diagnosis.shifts import SHIFTS_S
 from fingerlab.diagnosis.study import Study
 from fingerlab.diagnosis.trial import Trial
 from fingerlab.effects.base import Row

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.diagnosis.bandwidth import WIDE_RATE_HZ, narrow
-from fingerlab.diagnosis.model import CABLE_NAMES
-from fingerlab.diagnosis.stretches import SETTLING_S, stretches
+from fingerlab.diagnosis.equations.model import CABLE_NAMES
+from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ, narrow
+from fingerlab.diagnosis.signals.segments import SETTLING_S, stretches
 from fingerlab.effects.motion import Motion
 from fingerlab.physics import nominal
 from fingerlab.physics.nominal import JointMotion

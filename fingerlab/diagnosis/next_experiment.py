@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.bandwidth import EFFECTIVE_SHARE
 from fingerlab.diagnosis.evidence import Evidence, against_nothing
 from fingerlab.diagnosis.imagined import (
     DURATION_S,
@@ -25,8 +24,9 @@ from fingerlab.diagnosis.imagined import (
 from fingerlab.diagnosis.odds import LEAST_EXCESS, by_what_is_left, left_for, small_excess
 from fingerlab.diagnosis.reach import hidden_values
 from fingerlab.diagnosis.separation import Imagined, apart, held_by, imagine, separation
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
+from fingerlab.diagnosis.signals.segments import SETTLING_S
 from fingerlab.diagnosis.steps import DECIDING_LOG_ODDS, LEAST_FALL
-from fingerlab.diagnosis.stretches import SETTLING_S
 from fingerlab.diagnosis.study import Study
 from fingerlab.diagnosis.trial import Trial, condition_weights
 from fingerlab.effects.motion import Motion

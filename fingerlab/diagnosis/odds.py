@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fingerlab.diagnosis.equations.features import BoolArray
 from fingerlab.diagnosis.steps import DECIDING_LOG_ODDS, charge, freedom, least_fall
-from fingerlab.diagnosis.sums import BoolArray
 from fingerlab.diagnosis.trial import Trial
 from fingerlab.sessions.model import Array
 

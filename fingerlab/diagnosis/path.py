@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.evidence import Evidence, alike
-from fingerlab.diagnosis.model import Choice
+from fingerlab.diagnosis.fit.weights import Weights
 from fingerlab.diagnosis.odds import among
 from fingerlab.diagnosis.search import FRONT, SCREEN_ITERATIONS, refine, reshape, weigh
 from fingerlab.diagnosis.sketch import Sketch
@@ -15,7 +16,6 @@ from fingerlab.diagnosis.steps import NEXT_SHARE, idle_steps, justified, least_f
 from fingerlab.diagnosis.study import FULL_ITERATIONS, Study
 from fingerlab.diagnosis.trial import Trial
 from fingerlab.diagnosis.watch import Watch
-from fingerlab.diagnosis.weighing import Weights
 from fingerlab.effects.base import Effect
 
 LONGEST_PATH = 4

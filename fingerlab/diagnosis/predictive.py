@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerlab.diagnosis.fitting import LeftOut
-from fingerlab.diagnosis.weighing import Weighted
+from fingerlab.diagnosis.fit.solver import LeftOut
+from fingerlab.diagnosis.fit.weights import Weighted
 from fingerlab.sessions.model import Array
 
 

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerlab.diagnosis.fitting import Fitter
-from fingerlab.diagnosis.numerics import bounded_step
+from fingerlab.diagnosis.fit.solver import Fitter, bounded_step
 from fingerlab.diagnosis.trial import NO_REACH, Reach, Trial
 from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Array

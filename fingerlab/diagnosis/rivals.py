@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from fingerlab.diagnosis.evidence import Evidence, alike, shares_of
+from fingerlab.diagnosis.fit.weights import Weights
+from fingerlab.diagnosis.gram.runs import Recall
 from fingerlab.diagnosis.odds import USUAL_LEFT, among
 from fingerlab.diagnosis.path import density
-from fingerlab.diagnosis.recall import Recall
 from fingerlab.diagnosis.second_look import look_again, worth_a_look
 from fingerlab.diagnosis.study import FULL_ITERATIONS, Study
 from fingerlab.diagnosis.trial import Trial
 from fingerlab.diagnosis.watch import Watch
-from fingerlab.diagnosis.weighing import Weights
 from fingerlab.sessions.model import Session
 
 MOST_RIVALS = 3

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.evidence import Evidence, judge
-from fingerlab.diagnosis.model import Choice
 from fingerlab.diagnosis.sketch import Promise, Sketch
 from fingerlab.diagnosis.steps import much_left
 from fingerlab.diagnosis.study import FULL_ITERATIONS, Study

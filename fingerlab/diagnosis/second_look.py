@@ -1,9 +1,9 @@
 """A second look at the recordings, for the effects that were found alone: between the points of their grids.
 
 The catalogue is searched on coarse grids, for every point costs columns in every pass over the data. What is
-found is then looked at once more (see ``recall``), with few columns of other effects in the way: finer shapes
-around the best one, and other laws of the same physics. A law that is only nearly right leaves a remainder
-that passes for more physics, so every step of the path is judged again.
+found is then looked at once more (see ``gram.runs``), with few columns of other effects in the way: finer
+shapes around the best one, and other laws of the same physics. A law that is only nearly right leaves a
+remainder that passes for more physics, so every step of the path is judged again.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.model import Choice
+from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.runs import Recall
 from fingerlab.diagnosis.path import LONGEST_PATH, STEP_PROMISE, forward, worth_adding
-from fingerlab.diagnosis.recall import Recall
-from fingerlab.diagnosis.reduction import reduce_sessions
 from fingerlab.diagnosis.search import refine, weigh
 from fingerlab.diagnosis.steps import idle_steps, justified, least_fall
 from fingerlab.diagnosis.study import FULL_ITERATIONS, Study

@@ -13,20 +13,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fingerlab.diagnosis.bandwidth import EFFECTIVE_SHARE
-from fingerlab.diagnosis.columns import layout_of
-from fingerlab.diagnosis.features import TORQUE_ZERO, Layout
-from fingerlab.diagnosis.groups import Group, Reduced, kind_of
-from fingerlab.diagnosis.missing_noise import torque_noise
-from fingerlab.diagnosis.model import CABLE_NAMES, Choice, Model, build
-from fingerlab.diagnosis.narrowing import narrow_columns
-from fingerlab.diagnosis.numerics import scaled_inverse
-from fingerlab.diagnosis.repeatability import LEAST_TORQUE_SPREAD
-from fingerlab.diagnosis.run_to_run import own_to_a_run
+from fingerlab.diagnosis.equations.columns import layout_of
+from fingerlab.diagnosis.equations.features import Layout
+from fingerlab.diagnosis.equations.model import CABLE_NAMES, Choice, Model, build
+from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
+from fingerlab.diagnosis.fit.noise import LEAST_TORQUE_SPREAD, torque_noise
+from fingerlab.diagnosis.fit.solver import scaled_inverse
+from fingerlab.diagnosis.fit.weights import feature_weights, own_to_a_run
+from fingerlab.diagnosis.gram.decimation import narrow_columns
+from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums
+from fingerlab.diagnosis.signals.conditions import kind_of
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.study import Study
-from fingerlab.diagnosis.sums import Sums
 from fingerlab.diagnosis.trial import Trial
-from fingerlab.diagnosis.weighing import feature_weights
 from fingerlab.effects.base import Effect, Row
 from fingerlab.effects.motion import Motion
 from fingerlab.sessions.model import Array, Session

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerlab.diagnosis.bandwidth import EFFECTIVE_SHARE
-from fingerlab.diagnosis.features import Feature
-from fingerlab.diagnosis.fitting import WEAK_PRIOR, Fitter
-from fingerlab.diagnosis.numerics import bounded_step
+from fingerlab.diagnosis.equations.features import Feature
+from fingerlab.diagnosis.fit.solver import WEAK_PRIOR, Fitter, bounded_step
+from fingerlab.diagnosis.fit.weights import feature_weights
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.study import Study
 from fingerlab.diagnosis.trial import Trial
-from fingerlab.diagnosis.weighing import feature_weights
 from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Array
 

@@ -8,23 +8,24 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fingerlab.diagnosis.bandwidth import EFFECTIVE_SHARE
-from fingerlab.diagnosis.features import TIP_LAWS, TORQUE_ZERO
-from fingerlab.diagnosis.fitting import Fit, Fitter, LeftOut
-from fingerlab.diagnosis.groups import Reduced
-from fingerlab.diagnosis.losses import surprise
-from fingerlab.diagnosis.missing_noise import fill_missing_noise
-from fingerlab.diagnosis.model import Choice, Model, build
-from fingerlab.diagnosis.noise import limit_noise
+from fingerlab.diagnosis.equations.features import BoolArray
+from fingerlab.diagnosis.equations.model import Choice, Model, build
+from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
+from fingerlab.diagnosis.fit.noise import (
+    fill_missing_noise,
+    first_weights,
+    limit_noise,
+    noise_covariance,
+    noise_weights,
+    row_covariance,
+)
+from fingerlab.diagnosis.fit.solver import Fit, Fitter, LeftOut, starting_arms, surprise
+from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weights, change, own_to_a_run
+from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.predictive import allowance, explained
 from fingerlab.diagnosis.reach import reach
-from fingerlab.diagnosis.repeatability import first_weights, noise_weights
-from fingerlab.diagnosis.residuals import noise_covariance, row_covariance
-from fingerlab.diagnosis.run_to_run import own_to_a_run
-from fingerlab.diagnosis.starting_arms import starting_arms
-from fingerlab.diagnosis.sums import BoolArray
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.trial import Trial
-from fingerlab.diagnosis.weighing import Data, FoldNumbers, Weights, change
 from fingerlab.sessions.model import Array
 
 FULL_ITERATIONS = 8

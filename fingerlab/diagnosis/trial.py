@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fingerlab.diagnosis.fitting import Fit
-from fingerlab.diagnosis.groups import GroupKey
-from fingerlab.diagnosis.model import Model
-from fingerlab.diagnosis.sums import BoolArray
+from fingerlab.diagnosis.equations.features import BoolArray
+from fingerlab.diagnosis.equations.model import Model
+from fingerlab.diagnosis.fit.solver import Fit
+from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.sessions.model import Array
 
 
@@ -56,7 +56,7 @@ class Trial:
     widening: float = 0.0
     """What it costs in twice the log density that sticking friction may hold any value at rest."""
     surprise: float = 0.0
-    """What the constants of the joints' equations cost in twice the log density (see ``losses``)."""
+    """What the constants of the joints' equations cost in twice the log density (see ``solver.surprise``)."""
     reach: Reach = NO_REACH
     """What the last effect would do at its typical strength (see ``Study.told``)."""
 

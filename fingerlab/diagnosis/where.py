@@ -99,7 +99,7 @@ def profile(comparisons: Sequence[Comparison], equation: str, coordinate: str) -
     Returns:
         None where the runs do not tell the coordinate (a bench has no joint) or never vary it.
     """
-    from fingerlab.diagnosis.bandwidth import EFFECTIVE_SHARE
+    from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
     from fingerlab.diagnosis.wording import Z90
 
     chosen = COORDINATES[coordinate]

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
-from fingerlab.diagnosis.bandwidth import NARROW_RATE_HZ
-from fingerlab.diagnosis.groups import GroupKey, deal_runs, group_key, runs_to_analyse
 from fingerlab.diagnosis.second_look import closely
+from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
+from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
 from fingerlab.diagnosis.steps import temperature
 from fingerlab.diagnosis.study import FULL_ITERATIONS, Study
 from fingerlab.diagnosis.trial import Trial

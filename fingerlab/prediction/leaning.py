@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fingerlab.diagnosis.bandwidth import NARROW_RATE_HZ
+from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
 from fingerlab.prediction.extended import Variant
 from fingerlab.prediction.force import contact_runs, contact_stretches, solved_forces
 from fingerlab.prediction.judging import judge_stretches

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.bandwidth import WIDE_RATE_HZ
-from fingerlab.diagnosis.stretches import SETTLING_S
+from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ
+from fingerlab.diagnosis.signals.segments import SETTLING_S
 from fingerlab.effects.motion import Motion
 from fingerlab.effects.tip import TOUCHING_FORCE_N
 from fingerlab.physics.nominal import JointMotion

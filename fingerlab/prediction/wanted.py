@@ -30,7 +30,7 @@ import numpy as np
 from fingerlab.acquisition.trajectories import WAVES
 from fingerlab.acquisition.trajectory_points import FORCE, with_points
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.bandwidth import WIDE_RATE_HZ
+from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ
 from fingerlab.sessions.model import Array
 
 KINDS = ("sine", "ramp_hold", "steps", "file")

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.by_condition import held_out_runs
-from fingerlab.diagnosis.conditions import MOST_FOLDS, deal
-from fingerlab.diagnosis.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.signals.conditions import MOST_FOLDS, deal
 from fingerlab.diagnosis.study import Study
 from fingerlab.diagnosis.trial import condition_weights
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import firwin, freqz
 
 from fingerlab.diagnosis.errors import equation_errors
-from fingerlab.diagnosis.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.results import EquationError
 from fingerlab.diagnosis.study import Study
 

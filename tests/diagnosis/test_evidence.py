@@ -9,9 +9,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.evidence import alike, beside_others, borne_out, judge
-from fingerlab.diagnosis.fitting import Fit
-from fingerlab.diagnosis.model import Choice
+from fingerlab.diagnosis.fit.solver import Fit
 from fingerlab.diagnosis.odds import small_excess
 from fingerlab.diagnosis.steps import justified
 from fingerlab.diagnosis.trial import Trial

@@ -10,8 +10,10 @@ import pytest
 
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.diagnosis import next_experiment
-from fingerlab.diagnosis.bandwidth import EFFECTIVE_SHARE, NARROW_RATE_HZ
+from fingerlab.diagnosis.equations.model import build
 from fingerlab.diagnosis.evidence import Evidence
+from fingerlab.diagnosis.gram.decimation import narrow_columns
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.imagined import (
     bench_motion,
     commanded,
@@ -19,10 +21,7 @@ from fingerlab.diagnosis.imagined import (
     pressing_motion,
     seen_press,
 )
-from fingerlab.diagnosis.model import build
-from fingerlab.diagnosis.narrowing import narrow_columns
 from fingerlab.diagnosis.next_experiment import propose
-from fingerlab.diagnosis.reduction import reduce_sessions
 from fingerlab.diagnosis.search import weigh
 from fingerlab.diagnosis.separation import (
     Imagined,
@@ -32,6 +31,7 @@ from fingerlab.diagnosis.separation import (
     separation,
     values_in,
 )
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, NARROW_RATE_HZ
 from fingerlab.diagnosis.study import Study
 from fingerlab.diagnosis.trial import Trial
 from fingerlab.diagnosis.watch import Watch

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis import path, rivals
+from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.evidence import Evidence
-from fingerlab.diagnosis.model import Choice
 from fingerlab.diagnosis.odds import USUAL_LEFT, by_what_is_left
 from fingerlab.diagnosis.watch import SILENT
 from fingerlab.effects import CATALOGUE

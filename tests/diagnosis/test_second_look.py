@@ -8,9 +8,9 @@ from typing import Any, cast
 import pytest
 
 from fingerlab.diagnosis import second_look
-from fingerlab.diagnosis.model import Choice
+from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.path import density
-from fingerlab.diagnosis.reduction import reduce_sessions
 from fingerlab.diagnosis.second_look import settled, worth_a_look
 from fingerlab.diagnosis.study import Study
 from fingerlab.effects import CATALOGUE

@@ -233,7 +233,8 @@ def test_the_page_of_commands_has_all_of_them(pages: dict[str, str]) -> None:
 
 
 def test_the_numbers_of_the_diagnosis_are_read_from_its_modules(pages: dict[str, str]) -> None:
-    from fingerlab.diagnosis import conditions, steps
+    from fingerlab.diagnosis import steps
+    from fingerlab.diagnosis.signals import conditions
 
     made = sys.modules["stated"]
     rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", pages["decisions.md"], re.MULTILINE))
