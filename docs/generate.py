@@ -18,7 +18,6 @@ from typing import Any
 
 import click
 
-from fingerlab.acquisition.safety import Limits, limits_table
 from fingerlab.cli.main import COMMANDS, cli
 from fingerlab.diagnosis.equations.parameters import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD, nuisance_ranges
 from fingerlab.effects import (
@@ -35,6 +34,7 @@ from fingerlab.effects import (
 )
 from fingerlab.report.equation import effect_equations
 from fingerlab.report.equation_text import markdown_words
+from fingerlab.rig.daq import Limits, limits_table
 from fingerlab.rig.file import CONSTANT_UNITS, default_rig, sources_of
 
 DOCS = Path(__file__).resolve().parent
@@ -231,8 +231,9 @@ def _limits() -> str:
             "# Limits of the control loop",
             "",
             "The control loop stops the motor beyond these, window or no window. A rig file's section "
-            '`[limits]` sets those whose source begins with "rig file" (the values here are those of the '
-            "default rig); the others belong to the loop.",
+            '`[limits]` sets each by its name, such as `late_time = { value = 0.03, unit = "s" }`. Those '
+            'whose source begins with "rig file" are the bench\'s (the values here are those of the default '
+            "rig); the others are the loop's and are seldom set.",
             "",
             "| limit | value | unit | source |",
             "|---|---|---|---|",

@@ -13,7 +13,6 @@ from PySide6.QtWidgets import QLabel, QTableView, QWidget
 
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.calibration import StepTiming
 from fingerlab.cli.main import cli
@@ -344,7 +343,7 @@ def on_virtual_clock(wanted: Wanted, folder: Path) -> OpenBench:
     """The simulated rig, turned by hand."""
     effects = parse_effects((wanted.effect,) if wanted.effect else ())
     device = SimulatedRig(simulation=Simulation(seed=wanted.seed, effects=effects))
-    settings = LoopSettings(BenchUnits.from_rig(device.rig), Limits.from_rig(device.rig))
+    settings = LoopSettings(BenchUnits.from_rig(device.rig), device.rig.limits)
     bench = InlineBench(device, settings, folder / "rescued")
     return OpenBench(bench, device.rig, dict(device.session_attributes))
 

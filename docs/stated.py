@@ -13,9 +13,9 @@ from typing import Any
 MODULES = {
     "score.evidence": "When an effect is missing, and what could not show",
     "score.selection": "When a step of the path is justified, and which effect it is",
-    "fit.solver": "Constants that go together",
+    "fit.solver": "How a fit ends, and constants that go together",
     "signals.conditions": "Runs of one condition",
-    "fit.noise": "Moments at which the motor stands",
+    "fit.noise": "How far an equation is trusted, in motion and at rest",
     "experiment.proposal": "The next experiment",
 }
 """Modules of the diagnosis whose numbers decide, and what they decide."""

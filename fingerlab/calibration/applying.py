@@ -12,16 +12,15 @@ from typing import Any
 import h5py
 import numpy as np
 
-from fingerlab.calibration.recording import Progress
+from fingerlab.calibration.offline import Progress
 from fingerlab.calibration.store import CalibrationStore, Record
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import claim, move_into_place
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import AnalogInput, plain_section
+from fingerlab.sessions.hdf5 import TargetFile, write_attributes, writing_to
 from fingerlab.sessions.model import Array, Run
-from fingerlab.sessions.place import claim, move_into_place
 from fingerlab.sessions.reading import open_session
-from fingerlab.sessions.run_writing import write_attributes, writing_to
-from fingerlab.sessions.target_file import TargetFile
 
 CHANNELS = {
     "load-cell": ("load_cell", "endpoint_force", ("raw/force_volts", "raw/load_cell", "raw/load_cell_volts")),

@@ -7,9 +7,8 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from fingerlab.batch.ageing import LEAST_TIMES, Trend, ageing_rows
 from fingerlab.batch.rows import Row, recorded_at
-from fingerlab.batch.table import Contents
+from fingerlab.batch.table import LEAST_TIMES, Contents, Trend, ageing_rows
 from fingerlab.report.diagnosis_words import (
     NOTHING_WORDS,
     UNKNOWN_WORDS,

@@ -21,7 +21,7 @@ from fingerlab.prediction.interval import LEVEL
 from fingerlab.report.estimates import number
 from fingerlab.report.screen import score_text
 from fingerlab.sessions import open_session
-from fingerlab.thesis.pooling import Spread
+from fingerlab.thesis.onair import Spread
 
 PATH = click.Path(path_type=Path)
 

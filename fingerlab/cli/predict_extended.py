@@ -20,7 +20,7 @@ from fingerlab.prediction.predict import ExtendedPrediction, RunPrediction
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.report.estimates import mean_and_deviation, number
 from fingerlab.sessions import Session, content_hash
-from fingerlab.thesis.pooling import Spread
+from fingerlab.thesis.onair import Spread
 from fingerlab.thesis.prediction import FORCE_PHASES
 
 NUMBERS = ("r2", "normalised_r2", "peak_measured", "peak_modelled", "share", "rmse", "delay")

@@ -25,6 +25,7 @@ from typing import Literal
 import numpy as np
 
 from fingerlab.effects.motion import Motion
+from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
 
 
@@ -60,25 +61,8 @@ class Term:
     constant: float = 0.0
 
 
-@dataclass(frozen=True)
-class Gain:
-    """An unknown strength.
-
-    Attributes:
-        unit: SI unit.
-        low, high: plausible range; the fit never leaves it.
-        typical: a strength that would matter, in ``unit``; scales the fit and the prior.
-        source: where range and typical strength come from, or "assumed".
-        title: what it is called in a sentence.
-    """
-
-    unit: str
-    low: float
-    high: float
-    typical: float
-    source: str = "assumed"
-    title: str = ""
-
+Gain = Parameter
+"""An unknown strength, as files of users name it."""
 
 Shape = Mapping[str, float]
 Columns = Callable[[Motion, Shape], list[Term]]

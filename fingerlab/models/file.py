@@ -24,8 +24,8 @@ from typing import Any
 
 import fingerlab
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import claim, move_into_place
 from fingerlab.sessions.model import Session
-from fingerlab.sessions.place import claim, move_into_place
 from fingerlab.sessions.reading import content_hash
 
 FORMAT = "fingerlab-model"

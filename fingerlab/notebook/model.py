@@ -119,7 +119,7 @@ class PredictionView(Shown):
 
     def coverage(self, variant: str | None = None) -> float:
         """Mean share of the load cell's samples inside the 90 % interval; models as for ``r2``."""
-        from fingerlab.thesis.pooling import Spread
+        from fingerlab.thesis.onair import Spread
 
         return Spread(tuple(run.coverage for run in self._runs(variant))).mean
 
@@ -131,7 +131,7 @@ class PredictionView(Shown):
         return runs[name]
 
     def _spread(self, variant: str | None, number: str) -> tuple[float, float]:
-        from fingerlab.thesis.pooling import Spread
+        from fingerlab.thesis.onair import Spread
 
         spread = Spread(tuple(run.numbers["both"].value(number) for run in self._runs(variant)))
         return spread.mean, spread.deviation

@@ -24,8 +24,8 @@ from fingerlab.diagnosis.signals.segments import stretches
 from fingerlab.effects.base import Effect, Row
 from fingerlab.effects.motion import Motion
 from fingerlab.effects.tip import TOUCHING_FORCE_N
-from fingerlab.sessions.cycle import named_frequency
 from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.trajectory import named_frequency
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, settles
 
 LEVELS_N = (-1.0, 0.0, TOUCHING_FORCE_N, 1.0)

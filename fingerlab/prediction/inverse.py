@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.torque import most_torque
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ
@@ -26,6 +25,7 @@ from fingerlab.prediction.interval import force_rate
 from fingerlab.prediction.pose import ContactPose, words_of
 from fingerlab.prediction.wanted import WantedForce
 from fingerlab.rig.constants import Rig
+from fingerlab.rig.daq import Limits
 from fingerlab.sessions.model import Array
 from fingerlab.thesis.prediction import ParameterSet
 
@@ -206,7 +206,7 @@ def _earlier(values: Array, time: Array, delay: float) -> Array:
 def _judged(
     wanted: WantedForce, pose: ContactPose, rig: Rig, torque: Array, half_width: Array, motion: Motion
 ) -> TorquePlan:
-    limits = Limits.from_rig(rig)
+    limits = rig.limits
     per_amp = rig.motor.torque_constant * rig.motor.gear_ratio
     most = most_torque(limits, per_amp)
     position = None if pose.position is None else motion.position

@@ -10,8 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
 from fingerlab.sessions.model import Array
-from fingerlab.signals.delays import cross_correlation_delay
-from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid
+from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, cross_correlation_delay
 from fingerlab.thesis.prediction import Prediction, judge_forces
 
 FINE = 20

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model
 from fingerlab.prediction.inverse import Predictor
 from fingerlab.prediction.storing import extended_model
-from fingerlab.signals.regions import REGION_TITLES
-from fingerlab.thesis.models import parameter_sets
-from fingerlab.thesis.specs import JOINT_TITLES
+from fingerlab.signals.periods import REGION_TITLES
+from fingerlab.thesis.contact import parameter_sets
+from fingerlab.thesis.traces import JOINT_TITLES
 
 FIRST = ("extension", "whole", "flexion")
 """Regions in the order of trust: the thesis ended with those of extension."""

@@ -24,10 +24,9 @@ from fingerlab.report.figure_style import (
 from fingerlab.report.onair_figures import region_patches, run_ticks, shade
 from fingerlab.report.screen import r2_text
 from fingerlab.sessions.model import Array
-from fingerlab.signals.delays import normalise
-from fingerlab.signals.regions import Labels
-from fingerlab.thesis.examples import Example
+from fingerlab.signals.periods import Labels, normalise
 from fingerlab.thesis.prediction import AngleStep, Prediction
+from fingerlab.thesis.traces import Example
 
 SERIES = ((MODELLED, "-"), (CANDIDATE, "--"), (RESIDUAL, "-."), (SECOND, ":"), (THIRD, "-"), (FLOOR, "--"))
 """Colour and line style of modelled forces, in order."""

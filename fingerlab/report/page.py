@@ -14,6 +14,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.files import OutputSet
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
 from fingerlab.report import diagnosis_words as words
@@ -44,7 +45,6 @@ from fingerlab.report.provenance import calibration_rows, calibration_sentence, 
 from fingerlab.report.screen import estimate_text, score_text
 from fingerlab.report.where_figures import where_figure
 from fingerlab.sessions.model import Session
-from fingerlab.sessions.place import OutputSet
 
 FEWEST_CANDIDATES = 2
 """Effects whose evidence is drawn: every one of the set, and at least so many, best first."""

@@ -31,7 +31,7 @@ from fingerlab.rig.constants import Finger, Motor
 from fingerlab.rig.file import CONSTANT_UNITS, sources_of
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Run, Session
-from fingerlab.sessions.words import trajectory_words
+from fingerlab.sessions.trajectory import trajectory_words
 
 SHOWN_OUTCOMES = 6
 """Candidates in the short ranking; the whole catalogue stands at the end of the page."""

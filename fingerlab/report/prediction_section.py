@@ -17,7 +17,7 @@ from fingerlab.report.estimates import mean_and_deviation, plus_minus
 from fingerlab.report.extended_figures import force_figure
 from fingerlab.report.screen import r2_text, with_minus
 from fingerlab.sessions.model import Session
-from fingerlab.thesis.pooling import Spread
+from fingerlab.thesis.onair import Spread
 
 Progress = Callable[[float, str], None]
 VARIANT_TITLES = {"nominal": "Nominal model", "extended": "With the effects"}

@@ -25,9 +25,8 @@ from fingerlab.sessions.format import (
     REQUIRED_RUN_ATTRIBUTES,
     same_unit,
 )
+from fingerlab.sessions.hdf5 import DatasetFacts, FileReader, attributes_of, datasets_of, open_hdf5
 from fingerlab.sessions.model import Run, Session
-from fingerlab.sessions.samples import FileReader, open_hdf5
-from fingerlab.sessions.structure import DatasetFacts, attributes_of, datasets_of
 
 
 def open_session(path: str | Path) -> Session:

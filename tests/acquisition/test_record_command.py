@@ -19,7 +19,6 @@ from fingerlab.acquisition.commands import Start
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.protocol import Record, plan_steps
 from fingerlab.acquisition.requests import LoopSettings, ReadyStart, prepare
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.cli.proposals import single_plan
@@ -112,7 +111,7 @@ def test_a_proposed_run_against_a_known_load_carries_it_from_its_first_sample(tm
 
 def test_every_run_that_is_proposed_for_the_motor_bench_is_within_its_limits() -> None:
     rig = default_rig()
-    settings = LoopSettings(BenchUnits.from_rig(rig), Limits.from_rig(rig))
+    settings = LoopSettings(BenchUnits.from_rig(rig), rig.limits)
     proposals = list(bench_menu(rig, BENCH_LOADS_NM))
     assert len(proposals) >= 6
     for one in proposals:

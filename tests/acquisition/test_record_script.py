@@ -20,7 +20,6 @@ from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.protocol import plan_steps
 from fingerlab.acquisition.protocol_driver import Beginning
 from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.script import Order, read_order
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.acquisition.trigger import Level, crossings, read_level
@@ -30,6 +29,7 @@ from fingerlab.cli.record import record
 from fingerlab.cli.record_events import Events
 from fingerlab.cli.record_session import Told, _Writing, take
 from fingerlab.core.errors import UserError
+from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 from fingerlab.twin.protocols import RunPlan

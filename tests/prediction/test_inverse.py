@@ -25,7 +25,7 @@ from fingerlab.prediction.wanted import wanted_force
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
-from fingerlab.thesis.pooling import Parameters
+from fingerlab.thesis.onair import Parameters
 from fingerlab.thesis.prediction import ParameterSet
 
 FINGER = Finger(

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.library.facts import started_at
+from fingerlab.library.index import started_at
 from fingerlab.library.reviewing import Cycles, markers_of, period_of
 from fingerlab.report.screen import with_minus
 from fingerlab.sessions.model import Run, Session

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 
 from fingerlab.calibration import Calibration, Estimate
-from fingerlab.calibration.result import Outcome, amount_text, compare
+from fingerlab.calibration.outcome import Outcome, amount_text, compare
 from fingerlab.calibration.sensors import Sensor
 from fingerlab.calibration.store import Record
 from fingerlab.report.screen import decimals_for, fixed, printed, r2_text

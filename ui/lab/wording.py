@@ -20,7 +20,7 @@ from fingerlab.report.diagnosis_words import (
 from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
 from fingerlab.report.screen import decimals_for, fixed, percent, score_text, screen_unit
 from fingerlab.sessions.model import Session
-from fingerlab.sessions.words import trajectory_words
+from fingerlab.sessions.trajectory import trajectory_words
 
 from .history import History
 

@@ -26,8 +26,8 @@ from fingerlab.diagnosis.signals.filters import (
 )
 from fingerlab.effects.base import Effect
 from fingerlab.effects.motion import Motion
-from fingerlab.sessions.cycle import found_frequency, told_frequency
 from fingerlab.sessions.model import Array, Run
+from fingerlab.sessions.trajectory import found_frequency, told_frequency
 
 SLACK_TENSION_N = 0.12
 """Below this tension the cable may be slack, N; assumed: a few times the noise of the current at 8 Hz."""

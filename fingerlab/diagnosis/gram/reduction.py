@@ -26,8 +26,8 @@ from fingerlab.diagnosis.signals.conditions import Fold, GroupKey, deal_runs, gr
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, stretches
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
-from fingerlab.sessions.cycle import told_frequency
 from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.trajectory import told_frequency
 
 
 def layout_of_all(

@@ -17,8 +17,7 @@ from fingerlab.diagnosis.signals.filters import wide_kernels, widen
 from fingerlab.effects.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Rig
-from fingerlab.sessions.gaps import whole_pieces
-from fingerlab.sessions.model import Array, Run
+from fingerlab.sessions.model import Array, Run, whole_pieces
 
 LONGEST_STRETCH_S = 60.0
 """A longer run is cut, so that memory does not grow with its length, s."""
