@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.display import COORDINATE_UNITS
 from fingerlab.effects import CATALOGUE, effect
 from fingerlab.effects.base import Row
+from fingerlab.effects.coordinates import COORDINATE_UNITS
 from fingerlab.twin.effect_table import EFFECTS as PLANT_EFFECTS
 
 from .moving import bench, moving

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.effects import CATALOGUE
 from fingerlab.report.diagnosis_words import UNEXPLAINED, path_sentence
 from fingerlab.sessions import open_session
