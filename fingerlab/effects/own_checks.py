@@ -196,13 +196,15 @@ def _check_role(effect: Effect, name: str, gain: Parameter, here: str) -> None:
     _one_of(gain.degenerate_with, ("", LOSS), f"{here}, degenerate_with")
     if gain.degenerate_with and not gain.excess_of:
         raise UserError(f"{here} could be a loss as well; it should say which gain it is the excess_of.")
-    for shape in effect.shapes if callable(gain.limits) else ():
+    if gain.limits is None:
+        return
+    if not callable(gain.limits):
+        raise UserError(f"{here} has limits that cannot be called; give a function of the shape.")
+    for shape in effect.shapes:
         within = gain.limits(shape)
         good = isinstance(within, (tuple, list)) and len(within) == 2 and all(_is_number(v) for v in within)
         if not good or not gain.low <= within[0] < within[1] <= gain.high:
             raise UserError(f"{here} has the limits {within!r} at {dict(shape)}; it should lie in the range.")
-    if gain.limits is not None and not callable(gain.limits):
-        raise UserError(f"{here} has limits that cannot be called; give a function of the shape.")
 
 
 def _check_grid(effect: Effect, where: str) -> None:
