@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
-from fingerlab.diagnosis.watch import Progress
 from fingerlab.prediction.extended import EQUATIONS, Equation, ExtendedModel, Variant
 from fingerlab.prediction.force import contact_runs, contact_stretches, solved_forces
 from fingerlab.prediction.judging import (

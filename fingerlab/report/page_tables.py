@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
-from fingerlab.diagnosis.results import Candidate, Diagnosis, EquationError
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, EquationError
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
