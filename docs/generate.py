@@ -194,11 +194,11 @@ def _behaviour(effect: Effect) -> list[str]:
     said = []
     if effect.phases:
         said.append(f"It acts in {' and '.join(effect.phases)} runs only.")
-    if effect.bench:
+    if effect.bench is True:
         said.append("It can act on the motor bench too, without a finger.")
-    if effect.wanders:
+    if any(gain.varies_between_runs for gain in effect.gains.values()):
         said.append("Its strength may differ by some per cent from run to run.")
-    if effect.sticks:
+    if any(gain.holds_at_rest for gain in effect.gains.values()):
         said.append("While nothing moves it may hold any value between its extremes.")
     return ["## In the fit", " ".join(said)] if said else []
 

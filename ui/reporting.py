@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fingerlab.core.files import put_in_place
-from fingerlab.diagnosis.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.sessions.model import Session
 
 from .tasks import IsCancelled, Progress

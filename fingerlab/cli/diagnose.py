@@ -14,7 +14,7 @@ from fingerlab.core.parallel import second_process
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from fingerlab.diagnosis.results import Diagnosis
+    from fingerlab.diagnosis.answer.results import Diagnosis
     from fingerlab.models.file import Model
     from fingerlab.sessions import Session
 

@@ -145,7 +145,7 @@ def _effect_json(effect: Effect, file: str | None) -> dict[str, Any]:
         "file": file,
         "equations": list(effect.acts_on),
         "phases": list(effect.phases),
-        "motor_bench": effect.bench,
+        "motor_bench": effect.bench is True,
         "coordinate": effect.coordinate,
         "explanation": effect.explanation,
         "reveal": effect.reveal,

@@ -7,12 +7,12 @@ rooms, each of which imports those before it alone:
     equations   features, the order of their columns, unknowns and their ranges, coefficients
     gram        decimation, sums of one run, groups, the reduction of all sessions
     fit         noise, weights, the solver
+    score       models fitted and scored held out, what an effect must explain, probabilities
+    search      the next effect, the path to all that is missing, shapes between the points of a grid
+    experiment  the runs that the rig can do, their predicted motion, and the one to propose
+    answer      results, errors, curves and words
 
-and beside them, file by file:
-
-    trial, reach -> study                                      fitted, and scored held out
-    trial -> steps -> odds -> evidence -> unseen               what the scores say
-    study, evidence -> search -> path -> second_look -> diagnose   which effect next, how many
+``diagnose`` leads through them.
 """
 
 from fingerlab.diagnosis.diagnose import diagnose

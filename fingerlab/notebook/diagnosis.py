@@ -7,7 +7,7 @@ from typing import Any
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.text import printed, score_text
-from fingerlab.diagnosis.results import Candidate, Diagnosis
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.notebook.figures import Figures
 from fingerlab.notebook.layout import Part, Shown, Table
 from fingerlab.notebook.model import ModelView

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 Limits = tuple[float, float]
+
+
+LOSS = "loss"
+"""The constant torque that every joint has of its own for each routing: the first letters of its names."""
 
 
 class Role(Enum):
@@ -61,3 +65,10 @@ class Parameter:
     excess_of: str = ""
     degenerate_with: str = ""
     limits: Callable[[Mapping[str, float]], Limits] | None = None
+
+    def at(self, shape: Mapping[str, float]) -> Parameter:
+        """The parameter with the limits that it has at a point of the grid of shapes."""
+        if self.limits is None:
+            return self
+        low, high = self.limits(shape)
+        return replace(self, low=low, high=high)

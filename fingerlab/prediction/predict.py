@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
-from fingerlab.diagnosis.watch import Progress
 from fingerlab.prediction.extended import EQUATIONS, Equation, ExtendedModel, Variant
 from fingerlab.prediction.force import contact_runs
 from fingerlab.prediction.held_out import StretchForces, by_run, contact_forces

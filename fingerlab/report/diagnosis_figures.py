@@ -11,7 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from fingerlab.core.text import ScreenUnit, score_text, screen_unit, with_minus
-from fingerlab.diagnosis.results import EQUATION_TITLES, Comparison, Diagnosis, Failure, Fingerprint, PathStep
+from fingerlab.diagnosis.answer.results import (
+    EQUATION_TITLES,
+    Comparison,
+    Diagnosis,
+    Failure,
+    Fingerprint,
+    PathStep,
+)
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, suspects
 from fingerlab.report.figure_style import (
     CANDIDATE,

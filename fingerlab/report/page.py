@@ -17,7 +17,7 @@ from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.core.files import OutputSet
 from fingerlab.core.text import estimate_text, score_text
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
+from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report import page_tables as tables
 from fingerlab.report.analysis_section import Analysis

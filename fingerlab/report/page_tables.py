@@ -17,7 +17,7 @@ from fingerlab.core.text import (
     score_text,
     screen_unit,
 )
-from fingerlab.diagnosis.results import Candidate, Diagnosis, EquationError
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, EquationError
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fingerlab.core.text import ScreenUnit, decimals_for, fixed, largest_of, score_text, screen_unit
-from fingerlab.diagnosis.where import JOINTS, Profile
+from fingerlab.diagnosis.answer.where import JOINTS, Profile
 from fingerlab.report.diagnosis_words import PHASE_WORDS
 
 CLEARLY = 1.2

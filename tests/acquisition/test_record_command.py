@@ -24,7 +24,7 @@ from fingerlab.acquisition.units import BenchUnits
 from fingerlab.cli.proposals import single_plan
 from fingerlab.cli.record import record
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.next_experiment import BENCH_LOADS_NM, _bench_menu
+from fingerlab.diagnosis.experiment.predicted_runs import BENCH_LOADS_NM, bench_menu
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 
@@ -112,7 +112,7 @@ def test_a_proposed_run_against_a_known_load_carries_it_from_its_first_sample(tm
 def test_every_run_that_is_proposed_for_the_motor_bench_is_within_its_limits() -> None:
     rig = default_rig()
     settings = LoopSettings(BenchUnits.from_rig(rig), rig.limits)
-    proposals = list(_bench_menu(rig, BENCH_LOADS_NM))
+    proposals = list(bench_menu(rig, BENCH_LOADS_NM))
     assert len(proposals) >= 6
     for one in proposals:
         plan = single_plan(json.dumps({"trajectory": one.trajectory, "phase": one.phase}), None, None)

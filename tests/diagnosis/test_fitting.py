@@ -10,13 +10,13 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.signal import firwin, freqz
 
+from fingerlab.diagnosis.answer.wording import Z90, deviations
 from fingerlab.diagnosis.fit import solver
 from fingerlab.diagnosis.fit.solver import Fitter, bounded_step
 from fingerlab.diagnosis.fit.weights import Data
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
-from fingerlab.diagnosis.study import Study
-from fingerlab.diagnosis.trial import Trial
-from fingerlab.diagnosis.wording import Z90, deviations
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import Study
 from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions.model import Run, Session
 

@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 
 from fingerlab.diagnosis.fit.solver import LeftOut
 from fingerlab.diagnosis.fit.weights import Weighted
-from fingerlab.diagnosis.predictive import allowance
+from fingerlab.diagnosis.score.scorer import allowance
 from fingerlab.sessions.model import Array
 
 FEATURES, UNKNOWNS = 6, 4

@@ -5,7 +5,7 @@ from __future__ import annotations
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from fingerlab.core.text import estimate_text, printed
-from fingerlab.diagnosis.results import EQUATION_TITLES, Candidate, Diagnosis, Fingerprint
+from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Candidate, Diagnosis, Fingerprint
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed, parameter_titles, suspects
 
 from ..theme import small_font

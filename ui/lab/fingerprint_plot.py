@@ -11,7 +11,7 @@ from PySide6.QtGui import QPen
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.core.text import ScreenUnit, screen_unit
-from fingerlab.diagnosis.results import Fingerprint
+from fingerlab.diagnosis.answer.results import Fingerprint
 from fingerlab.sessions.model import Array
 
 from ..theme import colours_of, small_font

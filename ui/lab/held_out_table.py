@@ -9,7 +9,7 @@ from PySide6.QtGui import QFontMetrics
 from PySide6.QtWidgets import QHeaderView, QTableWidgetItem, QWidget
 
 from fingerlab.core.text import score_text
-from fingerlab.diagnosis.results import HeldOutRuns
+from fingerlab.diagnosis.answer.results import HeldOutRuns
 from fingerlab.report.diagnosis_words import PHASE_WORDS, listed
 
 from ..theme import small_font

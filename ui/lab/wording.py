@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fingerlab.core.text import decimals_for, fixed, percent, score_text, screen_unit
-from fingerlab.diagnosis.results import Candidate, Comparison, Diagnosis, EquationError, Failure
+from fingerlab.diagnosis.answer.results import Candidate, Comparison, Diagnosis, EquationError, Failure
 from fingerlab.report.diagnosis_words import (
     NOTHING_WORDS,
     PHASE_WORDS,

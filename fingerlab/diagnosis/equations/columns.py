@@ -54,7 +54,7 @@ def effect_columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column
     """The features of the effects that act in such a run, in order."""
     alone = motion.finger is None
     for effect in effects:
-        if alone and not (effect.bench or effect.bench_beside_finger):
+        if alone and not effect.bench:
             continue
         own = of_the_user(effect)
         for index, shape in enumerate(effect.shapes):

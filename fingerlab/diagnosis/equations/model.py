@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -22,7 +22,8 @@ from fingerlab.diagnosis.equations.features import (
 )
 from fingerlab.diagnosis.equations.parameters import SET_DOWN, TIP_LAWS, Tie, tie
 from fingerlab.diagnosis.gram.sums import Group
-from fingerlab.effects.base import Effect, Gain, Row
+from fingerlab.effects.base import Effect, Row
+from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
 
 CABLE_NAMES = {1: "flexion", -1: "extension", 0: "none"}
@@ -43,7 +44,7 @@ class Unknown:
     """A free parameter: ``key`` is its name, with ``@routing`` where each routing has its own."""
 
     key: str
-    gain: Gain
+    gain: Parameter
 
     @property
     def open(self) -> bool:
@@ -104,12 +105,12 @@ class Model:
     @cached_property
     def sticking(self) -> list[BoolArray]:
         """For every gain of a friction that sticks, which of the active features are its own, (k,) each."""
-        return self._features_of_gains([c.effect for c in self.choices if c.effect.sticks])
+        return self._features_of_gains(lambda gain: gain.holds_at_rest)
 
     @cached_property
     def wandering(self) -> list[BoolArray]:
         """The same for every gain that differs from run to run."""
-        return self._features_of_gains([c.effect for c in self.choices if c.effect.wanders])
+        return self._features_of_gains(lambda gain: gain.varies_between_runs)
 
     @cached_property
     def set_down(self) -> BoolArray:
@@ -123,9 +124,9 @@ class Model:
         used = {self.layout.features[i].parameter for i in self.layout.indices(effect.id, shape)}
         return [name for name in effect.gains if name in used or effect.special]
 
-    def _features_of_gains(self, effects: Sequence[Effect]) -> list[BoolArray]:
+    def _features_of_gains(self, meant: Callable[[Parameter], bool]) -> list[BoolArray]:
         owned = [(self.layout.features[i].owner, self.layout.features[i].parameter) for i in self.active]
-        gains = [(e.id, gain) for e in effects for gain in e.gains if gain not in e.offsets]
+        gains = [(c.effect.id, n) for c in self.choices for n, gain in c.effect.gains.items() if meant(gain)]
         return [np.array([mine == gain for mine in owned]) for gain in gains if gain in owned]
 
     def start(self) -> Array:
@@ -308,7 +309,7 @@ def build(
 def _bench_unknowns(
     layout: Layout,
     groups: Sequence[Group],
-    relaxed: Mapping[str, Gain],
+    relaxed: Mapping[str, Parameter],
     absent: Collection[str],
     choices: Sequence[Choice],
 ) -> list[Unknown]:

@@ -101,9 +101,9 @@ def surprise(
     levers = free("arm_") / radius
     told = levers @ levers / variance + sum(1.0 / spread**2 for spread in spreads)
     for choice in model.choices:
-        for _ in choice.effect.offsets:
+        for name in choice.effect.offsets:
             # Friction opposes the motion in either direction, so that the difference stays within the mean.
-            width = max(2.0 * known[f"{choice.effect.id}.coulomb"], 1e-12)
+            width = max(2.0 * known[f"{choice.effect.id}.{choice.effect.excess[name]}"], 1e-12)
             result += max(2.0 * np.log(width * np.sqrt(told / (2 * np.pi))), SIMPLER_FIRST)
     return float(result)
 

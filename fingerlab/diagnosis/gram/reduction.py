@@ -16,6 +16,7 @@ from functools import partial
 
 import numpy as np
 
+from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.columns import Asked, layout_of, of_the_user
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.gram.decimation import Narrow
@@ -23,7 +24,6 @@ from fingerlab.diagnosis.gram.runs import Keep, Recall, run_sums
 from fingerlab.diagnosis.gram.sums import Group, Reduced, RunSums, empty
 from fingerlab.diagnosis.signals.conditions import Fold, GroupKey, deal_runs, group_key, runs_to_analyse
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, stretches
-from fingerlab.diagnosis.watch import SILENT, Watch
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.sessions.model import Array, Run, Session
@@ -76,7 +76,9 @@ def reduce_sessions(
     """
     pairs, on_bench = runs_to_analyse(sessions)
     phases, cables = {run.phase for _, run in pairs}, {run.cable for _, run in pairs}
-    effects = [e for e in effects if (e.bench or not on_bench) and (not e.phases or phases & set(e.phases))]
+    effects = [
+        e for e in effects if (e.bench is True or not on_bench) and (not e.phases or phases & set(e.phases))
+    ]
     effects = [e for e in effects if cables >= set(e.cables)]
     dealt, places = deal_runs([run for _, run in pairs])
     groups: dict[GroupKey, Group] = {}

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fingerlab.diagnosis.results import Comparison
+from fingerlab.diagnosis.answer.results import Comparison
 from fingerlab.sessions.model import Array
 
 IntArray = NDArray[np.int_]
@@ -99,8 +99,8 @@ def profile(comparisons: Sequence[Comparison], equation: str, coordinate: str) -
     Returns:
         None where the runs do not tell the coordinate (a bench has no joint) or never vary it.
     """
+    from fingerlab.diagnosis.answer.wording import Z90
     from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-    from fingerlab.diagnosis.wording import Z90
 
     chosen = COORDINATES[coordinate]
     placed = [

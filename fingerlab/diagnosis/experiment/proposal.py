@@ -2,39 +2,49 @@
 
 What a run is expected to bring is told in the log odds that the diagnosis itself would give after it: for the
 effects of a set among each other, or for an effect that could not be seen against nothing.
+
+Predicted separation: if one effect were true, what would the other leave unexplained in the new run, wherever
+its unknowns go, given what the old runs say of them? What the two predictions differ by, less what the other
+can take up at a price that the old runs set, is whitened (Hunter and Reiner, "Designs for discriminating
+between two rival models", 1965).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.evidence import Evidence, against_nothing
-from fingerlab.diagnosis.imagined import (
-    DURATION_S,
-    Press,
-    bench_motion,
-    finger_motion,
-    pressing_motion,
-    seen_press,
+from fingerlab.diagnosis.equations.columns import layout_of
+from fingerlab.diagnosis.equations.features import Layout
+from fingerlab.diagnosis.equations.model import CABLE_NAMES, Choice, Model, build
+from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
+from fingerlab.diagnosis.experiment.predicted_runs import DURATION_S, Proposal, menu
+from fingerlab.diagnosis.fit.noise import LEAST_TORQUE_SPREAD, torque_noise
+from fingerlab.diagnosis.fit.solver import scaled_inverse
+from fingerlab.diagnosis.fit.weights import feature_weights, own_to_a_run
+from fingerlab.diagnosis.gram.decimation import narrow_columns
+from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums
+from fingerlab.diagnosis.score.evidence import Evidence, against_nothing
+from fingerlab.diagnosis.score.fitted_model import Trial, condition_weights, hidden_values
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.score.selection import (
+    DECIDING_LOG_ODDS,
+    LEAST_EXCESS,
+    LEAST_FALL,
+    by_what_is_left,
+    left_for,
+    small_excess,
 )
-from fingerlab.diagnosis.odds import LEAST_EXCESS, by_what_is_left, left_for, small_excess
-from fingerlab.diagnosis.reach import hidden_values
-from fingerlab.diagnosis.separation import Imagined, apart, held_by, imagine, separation
+from fingerlab.diagnosis.signals.conditions import kind_of
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.signals.segments import SETTLING_S
-from fingerlab.diagnosis.steps import DECIDING_LOG_ODDS, LEAST_FALL
-from fingerlab.diagnosis.study import Study
-from fingerlab.diagnosis.trial import Trial, condition_weights
+from fingerlab.effects.base import Effect, Row
 from fingerlab.effects.motion import Motion
-from fingerlab.rig.constants import Rig
-from fingerlab.sessions.model import Session
+from fingerlab.sessions.model import Array, Session
 
-BENCH_LOADS_NM = (0.0, 0.05, 0.1)
-"""Known loads that a motor bench is proposed with, N m; assumed."""
 LEAST_SEPARATION = 0.2
 """A run that is expected to bring less (nats) is not worth the operator's time."""
 RIVALS = 4
@@ -49,30 +59,6 @@ LENGTHS_S = (DURATION_S, 60.0)
 spends a minute on a question rather than come back with half an answer."""
 
 
-@dataclass(frozen=True)
-class Proposal:
-    """A run from the menu: what the rig would be told, and the motion that the model expects.
-
-    ``motion`` lasts ``DURATION_S``, the run ``seconds``.
-    """
-
-    phase: str
-    cable: str
-    trajectory: Mapping[str, Any]
-    motion: Motion
-    seconds: float = DURATION_S
-
-    def told(self, separates: list[str], expected: float) -> dict[str, Any]:
-        """The proposal as in ``cli.md``, with the two answers that it separates and by how much."""
-        return {
-            "trajectory": {**self.trajectory, "duration_s": self.seconds},
-            "phase": self.phase,
-            "cable": self.cable,
-            "separates": separates,
-            "expected_separation": float(expected),
-        }
-
-
 def propose(
     sessions: Sequence[Session], study: Study, evidence: Evidence, chosen: Sequence[int]
 ) -> dict[str, Any] | None:
@@ -84,10 +70,10 @@ def propose(
     if len(chosen) < 2:
         return None
     first, *rivals = [evidence.trials[i] for i in chosen[: 1 + RIVALS]]
-    menu = list(_runs(sessions, study, first, [first, *rivals]))
+    runs = list(_runs(sessions, study, first, [first, *rivals]))
     best: tuple[tuple[float, float], Proposal, Trial, float] | None = None
     for seconds in LENGTHS_S:
-        for proposal, run in _lasting(menu, seconds):
+        for proposal, run in _lasting(runs, seconds):
             gains = [_expected(study, run, evidence, chosen[0], i) for i in chosen[1 : 1 + RIVALS]]
             worth = (sum(min(g, DECISIVE) for g in gains), min(gains))
             if best is None or worth > best[0]:
@@ -112,10 +98,10 @@ def reveal(
     unseen = [i for i in unseen if evidence.trials[i].reach.strengths][:RIVALS]
     shares = [evidence.unseen[i] for i in unseen]
     pairs = [_present_and_absent(study, base, evidence.trials[i]) for i in unseen]
-    menu = list(_runs(sessions, study, base, [p for p, _ in pairs]))
+    runs = list(_runs(sessions, study, base, [p for p, _ in pairs]))
     best: tuple[float, Proposal, list[Shown]] | None = None
     for seconds in LENGTHS_S:
-        for proposal, run in _lasting(menu, seconds):
+        for proposal, run in _lasting(runs, seconds):
             gains = [_shown(study, run, evidence, i, *pair) for i, pair in zip(unseen, pairs, strict=True)]
             worth = sum(s * min(g.decides, DECISIVE) for s, g in zip(shares, gains, strict=True))
             if gains and (best is None or worth > best[0]):
@@ -239,7 +225,8 @@ def _runs(
     sessions: Sequence[Session], study: Study, like: Trial, trials: Sequence[Trial]
 ) -> Iterator[tuple[Proposal, Imagined]]:
     """Every run of the menu, as the model ``like`` would move, with the columns of all ``trials``."""
-    for proposal in _menu(sessions, study, like):
+    values = dict(zip((u.key for u in like.model.unknowns), map(float, like.fit.values), strict=True))
+    for proposal in menu(sessions, study.reduced, values):
         motion = proposal.motion
         yield (
             proposal,
@@ -248,90 +235,141 @@ def _runs(
 
 
 def _lasting(
-    menu: Sequence[tuple[Proposal, Imagined]], seconds: float
+    runs: Sequence[tuple[Proposal, Imagined]], seconds: float
 ) -> Iterator[tuple[Proposal, Imagined]]:
     times = (seconds - SETTLING_S) / (DURATION_S - SETTLING_S)
-    for proposal, run in menu:
+    for proposal, run in runs:
         yield replace(proposal, seconds=seconds), run.lasting(times)
 
 
-def _wave(kind: str, frequency: float, amplitude: float, **more: float) -> dict[str, Any]:
-    return {"kind": kind, "frequency_hz": frequency, "amplitude_deg": amplitude, **more}
+WEAKEST_PRIOR = 1e-4
+"""Weight of the prior, in the new run alone, of what nothing is known of: arms, offsets, gains of effects."""
 
 
-FREE = (
-    ("sine", 0.2, 1.0, 0.0), ("sine", 0.5, 0.3, 0.0), ("sine", 1.0, 0.25, 0.0), ("sine", 2.0, 0.9, 0.0),
-    ("sine", 3.0, 0.5, 0.0), ("chirp", 0.3, 0.8, 0.0), ("steps", 0.4, 1.0, 0.0), ("ramp_hold", 0.2, 1.0, 0.0),
-    ("multisine", 1.0, 1.0, 0.0), ("sine", 0.5, 0.5, -0.5), ("sine", 0.5, 0.5, 0.5),
-)  # fmt: skip
-"""Kind, frequency (Hz), share of the amplitude and shift of the offset (in amplitudes) of the free runs on
-the menu. All stay within the angles that were recorded: what the rig did once it can do again."""
-FREE_ROOM = {-1: (14.0, 22.0), 1: (9.0, 15.0)}
-"""Amplitude and offset of free runs, degrees at the pulley, by cable, where none were recorded: those of the
-rich protocol."""
-PRESSED = (
-    ("sine", 0.25, 1.0),
-    ("sine", 1.0, 0.5),
-    ("sine", 2.5, 0.8),
-    ("steps", 0.5, 1.0),
-    ("chirp", 0.3, 0.8),
-)
-"""The same for pressing runs; the amplitude is a share of the one that was recorded."""
+@dataclass(frozen=True)
+class Imagined:
+    """A run that was not taken: its motion, and the sums over the signals that it would give."""
+
+    motion: Motion
+    layout: Layout
+    sums: Sums
+    group: Group
+
+    def lasting(self, times: float) -> Imagined:
+        """The same motion so many times as long, again and again: it tells so many times as much."""
+        longer = Sums(self.sums.products * times, taut_samples=round(self.sums.taut_samples * times))
+        return replace(self, sums=longer)
 
 
-BENCH = (("sine", 0.5, 30.0), ("sine", 2.0, 20.0), ("ramp_hold", 0.2, 60.0))
-"""The motor alone: kind, frequency (Hz), amplitude (degrees at the pulley)."""
+def imagine(
+    session: Session, motion: Motion, effects: Sequence[Effect], beside_finger: bool = False
+) -> Imagined:
+    """A run with this motion; ``beside_finger``: if it is of the motor alone, beside a finger's runs."""
+    layout = layout_of(motion, session, effects, beside_finger)
+    low = narrow_columns(motion, effects, layout.signals)
+    # A trace of friction may hold a standing finger anywhere: what is seen at rest decides little.
+    columns = low.columns[~low.rest]
+    return Imagined(motion, layout, Sums(columns.T @ columns, taut_samples=len(columns)), _group(motion))
 
 
-def _menu(sessions: Sequence[Session], study: Study, trial: Trial) -> Iterator[Proposal]:
-    """Runs that the rig can do: free ones on each known routing, pressing ones, and the motor alone.
+@dataclass(frozen=True)
+class Apart:
+    """How far apart two models are in a run, as the second would come to explain it; in twice log density.
 
-    Beside a finger's runs a bench needs no known load: one is only proposed where there is nothing else.
+    ``left`` is what it would leave unexplained of the first's prediction or would have to pay for with the
+    unknowns of the old runs; ``zero`` what it would pay for another zero of the current.
     """
-    rig = sessions[0].rig
-    if study.reduced.on_bench:
-        yield from _bench_menu(rig, BENCH_LOADS_NM)
-        return
-    values = dict(zip((u.key for u in trial.model.unknowns), map(float, trial.fit.values), strict=True))
-    signs = sorted({g.cable_sign for g in study.reduced.groups if g.cable_sign})
-    for sign in signs:
-        amplitude, offset = _room(sessions, sign)
-        for kind, frequency, share, shift in FREE:
-            about = round(offset + amplitude * shift, 2)
-            trajectory = _wave(kind, frequency, round(amplitude * share, 2), offset_deg=about)
-            motion = finger_motion(rig, sign, trajectory, values)
-            if motion is not None:
-                yield Proposal("on_air", {1: "flexion", -1: "extension"}[sign], trajectory, motion)
-    press = seen_press(sessions)
-    if press is not None and 1 in signs:
-        yield from _pressing_menu(rig, press)
-    # Last: taking the finger off its cable is worth it only where no run with it tells as much.
-    yield from _bench_menu(rig, BENCH_LOADS_NM[:1])
+
+    left: float
+    zero: float
 
 
-def _room(sessions: Sequence[Session], sign: int) -> tuple[float, float]:
-    """Amplitude and offset, degrees at the pulley, of the widest free run on a cable."""
-    seen = [
-        (float(amplitude), float(run.trajectory.get("offset_deg", 0.0)))
-        for session in sessions
-        for run in session.runs
-        if run.cable_sign == sign and run.phase == "on_air"
-        and isinstance(amplitude := run.trajectory.get("amplitude_deg"), int | float)
-    ]  # fmt: skip
-    return max(seen, default=FREE_ROOM[sign])
+def separation(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) -> float:
+    """Expected gain in log evidence of ``truth`` over ``rival`` from one more run, at a temperature."""
+    found = apart(study, run, truth, rival, heat)
+    return 0.5 * (found.left + found.zero)
 
 
-def _pressing_menu(rig: Rig, press: Press) -> Iterator[Proposal]:
-    for kind, frequency, share in PRESSED:
-        trajectory = _wave(kind, frequency, round(share * press.commanded_deg, 2))
-        motion = pressing_motion(rig, 1, trajectory, press)
-        if motion is not None:
-            yield Proposal("contact", "flexion", trajectory, motion)
+def apart(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) -> Apart:
+    """What ``rival`` would leave of one more run if ``truth`` were true, over the temperature."""
+    right = build(run.layout, [run.group], _choices(truth, run), truth.model.tip_law)
+    wrong = build(run.layout, [run.group], _choices(rival, run), rival.model.tip_law)
+    values = values_in(wrong, rival)
+    told, slopes = wrong.coefficients(values, run.group)
+    wander = own_to_a_run(wrong, values, told, run.group)
+    slopes = np.concatenate((slopes, wander), axis=1)
+    every = np.union1d(right.active, wrong.active)
+    gap, reach = np.zeros(len(every)), np.zeros((len(every), slopes.shape[1]))
+    gap[np.searchsorted(every, right.active)] = right.features(values_in(right, truth), run.group)
+    gap[np.searchsorted(every, wrong.active)] -= told
+    reach[np.searchsorted(every, wrong.active)] = slopes
+    pick = run.layout.every[every]
+    share = EFFECTIVE_SHARE / heat
+    products = run.sums.of(pick) * feature_weights(_weights(study, run), pick.rows) * share
+    pull = gap @ products @ reach
+    system = reach.T @ products @ reach
+    old = len(wrong.unknowns)
+    system[:old, :old] += known_of(wrong, rival, heat)
+    system[old:, old:] += np.eye(wander.shape[1])
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(system), 1e-300))
+    moved = scale * np.linalg.solve(system * np.outer(scale, scale) + 1e-9 * np.eye(len(scale)), pull * scale)
+    zero = 0.0
+    if TORQUE_ZERO in wrong.index and TORQUE_ZERO not in rival.model.index:
+        place = wrong.index[TORQUE_ZERO]
+        zero = float(moved[place] / wrong.spread[place]) ** 2
+    return Apart(max(float(gap @ products @ gap - pull @ moved) - zero, 0.0), zero)
 
 
-def _bench_menu(rig: Rig, loads: Sequence[float]) -> Iterator[Proposal]:
-    for load in loads:
-        for kind, frequency, amplitude in BENCH:
-            trajectory = _wave(kind, frequency, amplitude, offset_deg=amplitude + 5.0)
-            loaded = {**trajectory, "load_torque": load} if load else trajectory
-            yield Proposal("motor_bench", "none", loaded, bench_motion(rig, trajectory, load))
+def held_by(trials: Sequence[Trial], motion: Motion) -> list[Effect]:
+    """Effects of all the models, each once, that act in such a run."""
+    every = {c.effect.id: c.effect for t in trials for c in t.model.choices}
+    return [e for e in every.values() if e.bench or motion.finger is not None]
+
+
+def _choices(trial: Trial, run: Imagined) -> list[Choice]:
+    return [c for c in trial.model.choices if c.effect in run.layout.effects]
+
+
+def _group(motion: Motion) -> Group:
+    return Group(
+        (CABLE_NAMES[motion.cable_sign], kind_of(motion.phase)), motion.cable_sign, [], np.zeros((0, 0))
+    )
+
+
+def _weights(study: Study, run: Imagined) -> Array:
+    """Weights of the group that the run would belong to, or of the most similar one there is."""
+    key = run.group.key
+    if run.group.on_bench and key not in study.weights:
+        return _bench_weights(study.reduced)
+    same_kind = [w for k, w in study.weights.items() if k[1] == key[1]]
+    return study.weights.get(key, (same_kind or list(study.weights.values()))[0])
+
+
+def _bench_weights(reduced: Reduced) -> Array:
+    """Weights of a motor alone, of which a finger's runs tell how noisy its torque is, (5, 5)."""
+    weights = np.zeros((5, 5))
+    weights[Row.BENCH, Row.BENCH] = 1.0 / max(torque_noise(reduced), LEAST_TORQUE_SPREAD**2)
+    return weights
+
+
+def values_in(model: Model, trial: Trial) -> Array:
+    """The trial's values for a model of another run; what it does not know starts at nothing."""
+    known = dict(zip((u.key for u in trial.model.unknowns), trial.fit.values, strict=True))
+    return np.array([known.get(u.key, start) for u, start in zip(model.unknowns, model.start(), strict=True)])
+
+
+def known_of(model: Model, trial: Trial, heat: float) -> Array:
+    """What the old runs say of the rival's unknowns, (p, p); of those that they do not have, their range."""
+    old = {u.key: i for i, u in enumerate(trial.model.unknowns)}
+    size = len(model.unknowns)
+    result = np.zeros((size, size))
+    places = [(i, old[u.key]) for i, u in enumerate(model.unknowns) if u.key in old]
+    mine, theirs = [p[0] for p in places], [p[1] for p in places]
+    # Unknowns of the old runs that the new one lacks are integrated out, not held.
+    if mine:
+        covariance = trial.fit.covariance[np.ix_(theirs, theirs)] * heat
+        result[np.ix_(mine, mine)] = scaled_inverse(covariance)
+    for i, unknown in enumerate(model.unknowns):
+        if unknown.key not in old:
+            result[i, i] = (WEAKEST_PRIOR if unknown.open else 1.0) / unknown.gain.typical**2
+    return result

@@ -1,4 +1,4 @@
-"""Motion that a run would show, as far as the fitted model can tell before it is taken.
+"""The runs that the rig can do, and the motion that they would show as far as the fitted model can tell.
 
 A free finger is taken as quasi-static: at each moment springs, gravity and cable are in balance. A pressing
 one is taken to move as it was seen to move when it pressed. That is enough to know where a column of an
@@ -7,13 +7,15 @@ effect is large, and costs milliseconds.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.diagnosis.equations.model import CABLE_NAMES
+from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ, narrow
 from fingerlab.diagnosis.signals.segments import SETTLING_S, stretches
 from fingerlab.effects.motion import Motion
@@ -22,12 +24,120 @@ from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Finger, Rig
 from fingerlab.sessions.model import Array, Session
 
+BENCH_LOADS_NM = (0.0, 0.05, 0.1)
+"""Known loads that a motor bench is proposed with, N m; assumed."""
 DURATION_S = 20.0
 """Length of a motion that is looked at, s."""
 BALANCE_STEPS = 12
 BALANCED_RAD = 1e-6
 LEAST_PULL_N, MOST_PULL_N = 0.1, 60.0
 """A run is proposed where the cable pulls between these, N; assumed: it neither hangs loose nor hurts."""
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A run from the menu: what the rig would be told, and the motion that the model expects.
+
+    ``motion`` lasts ``DURATION_S``, the run ``seconds``.
+    """
+
+    phase: str
+    cable: str
+    trajectory: Mapping[str, Any]
+    motion: Motion
+    seconds: float = DURATION_S
+
+    def told(self, separates: list[str], expected: float) -> dict[str, Any]:
+        """The proposal as in ``cli.md``, with the two answers that it separates and by how much."""
+        return {
+            "trajectory": {**self.trajectory, "duration_s": self.seconds},
+            "phase": self.phase,
+            "cable": self.cable,
+            "separates": separates,
+            "expected_separation": float(expected),
+        }
+
+
+def _wave(kind: str, frequency: float, amplitude: float, **more: float) -> dict[str, Any]:
+    return {"kind": kind, "frequency_hz": frequency, "amplitude_deg": amplitude, **more}
+
+
+FREE = (
+    ("sine", 0.2, 1.0, 0.0), ("sine", 0.5, 0.3, 0.0), ("sine", 1.0, 0.25, 0.0), ("sine", 2.0, 0.9, 0.0),
+    ("sine", 3.0, 0.5, 0.0), ("chirp", 0.3, 0.8, 0.0), ("steps", 0.4, 1.0, 0.0), ("ramp_hold", 0.2, 1.0, 0.0),
+    ("multisine", 1.0, 1.0, 0.0), ("sine", 0.5, 0.5, -0.5), ("sine", 0.5, 0.5, 0.5),
+)  # fmt: skip
+"""Kind, frequency (Hz), share of the amplitude and shift of the offset (in amplitudes) of the free runs on
+the menu. All stay within the angles that were recorded: what the rig did once it can do again."""
+FREE_ROOM = {-1: (14.0, 22.0), 1: (9.0, 15.0)}
+"""Amplitude and offset of free runs, degrees at the pulley, by cable, where none were recorded: those of the
+rich protocol."""
+PRESSED = (
+    ("sine", 0.25, 1.0),
+    ("sine", 1.0, 0.5),
+    ("sine", 2.5, 0.8),
+    ("steps", 0.5, 1.0),
+    ("chirp", 0.3, 0.8),
+)
+"""The same for pressing runs; the amplitude is a share of the one that was recorded."""
+
+
+BENCH = (("sine", 0.5, 30.0), ("sine", 2.0, 20.0), ("ramp_hold", 0.2, 60.0))
+"""The motor alone: kind, frequency (Hz), amplitude (degrees at the pulley)."""
+
+
+def menu(sessions: Sequence[Session], reduced: Reduced, values: Mapping[str, float]) -> Iterator[Proposal]:
+    """Runs that the rig can do: free ones on each known routing, pressing ones, and the motor alone.
+
+    Beside a finger's runs a bench needs no known load: one is only proposed where there is nothing else.
+    ``values`` are the fitted unknowns by key.
+    """
+    rig = sessions[0].rig
+    if reduced.on_bench:
+        yield from bench_menu(rig, BENCH_LOADS_NM)
+        return
+    signs = sorted({g.cable_sign for g in reduced.groups if g.cable_sign})
+    for sign in signs:
+        amplitude, offset = _room(sessions, sign)
+        for kind, frequency, share, shift in FREE:
+            about = round(offset + amplitude * shift, 2)
+            trajectory = _wave(kind, frequency, round(amplitude * share, 2), offset_deg=about)
+            motion = finger_motion(rig, sign, trajectory, values)
+            if motion is not None:
+                yield Proposal("on_air", {1: "flexion", -1: "extension"}[sign], trajectory, motion)
+    press = seen_press(sessions)
+    if press is not None and 1 in signs:
+        yield from _pressing_menu(rig, press)
+    # Last: taking the finger off its cable is worth it only where no run with it tells as much.
+    yield from bench_menu(rig, BENCH_LOADS_NM[:1])
+
+
+def _room(sessions: Sequence[Session], sign: int) -> tuple[float, float]:
+    """Amplitude and offset, degrees at the pulley, of the widest free run on a cable."""
+    seen = [
+        (float(amplitude), float(run.trajectory.get("offset_deg", 0.0)))
+        for session in sessions
+        for run in session.runs
+        if run.cable_sign == sign and run.phase == "on_air"
+        and isinstance(amplitude := run.trajectory.get("amplitude_deg"), int | float)
+    ]  # fmt: skip
+    return max(seen, default=FREE_ROOM[sign])
+
+
+def _pressing_menu(rig: Rig, press: Press) -> Iterator[Proposal]:
+    for kind, frequency, share in PRESSED:
+        trajectory = _wave(kind, frequency, round(share * press.commanded_deg, 2))
+        motion = pressing_motion(rig, 1, trajectory, press)
+        if motion is not None:
+            yield Proposal("contact", "flexion", trajectory, motion)
+
+
+def bench_menu(rig: Rig, loads: Sequence[float]) -> Iterator[Proposal]:
+    for load in loads:
+        for kind, frequency, amplitude in BENCH:
+            trajectory = _wave(kind, frequency, amplitude, offset_deg=amplitude + 5.0)
+            loaded = {**trajectory, "load_torque": load} if load else trajectory
+            yield Proposal("motor_bench", "none", loaded, bench_motion(rig, trajectory, load))
 
 
 def commanded(trajectory: Mapping[str, object]) -> tuple[Array, Array]:

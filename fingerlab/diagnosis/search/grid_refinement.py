@@ -1,26 +1,30 @@
-"""A second look at the recordings, for the effects that were found alone: between the points of their grids.
+"""The recordings read again for the effects that were found alone, between the points of their grids.
 
 The catalogue is searched on coarse grids, for every point costs columns in every pass over the data. What is
-found is then looked at once more (see ``gram.runs``), with few columns of other effects in the way: finer
-shapes around the best one, and other laws of the same physics. A law that is only nearly right leaves a
-remainder that passes for more physics, so every step of the path is judged again.
+found is then looked at once more, with few columns of other effects in the way: finer shapes around the best
+one, and other laws of the same physics. A law that is only nearly right leaves a remainder that passes for
+more physics, so every step of the path is judged again. Effects that a search could not tell apart are each
+looked at again, too: on its grid a true law may leave as much as a wrong one that happens to lie on a better
+point.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.fit.weights import Weights
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.runs import Recall
-from fingerlab.diagnosis.path import LONGEST_PATH, STEP_PROMISE, forward, worth_adding
-from fingerlab.diagnosis.search import refine, weigh
-from fingerlab.diagnosis.steps import idle_steps, justified, least_fall
-from fingerlab.diagnosis.study import FULL_ITERATIONS, Study
-from fingerlab.diagnosis.trial import Trial
-from fingerlab.diagnosis.watch import SILENT, Watch
+from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Study
+from fingerlab.diagnosis.score.selection import USUAL_LEFT, among, idle_steps, justified, least_fall
+from fingerlab.diagnosis.search.next_effect import refine, weigh
+from fingerlab.diagnosis.search.path import LONGEST_PATH, STEP_PROMISE, density, forward, worth_adding
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.sessions.model import Session
 
@@ -212,3 +216,71 @@ def _best_shape(study: Study, trial: Trial, k: int) -> Trial:
         if same:
             break
     return trial
+
+
+MOST_RIVALS = 3
+"""So many of a set are looked at again, the likeliest first."""
+
+
+def looked_at_closely(
+    sessions: Sequence[Session],
+    study: Study,
+    evidence: Evidence,
+    watch: Watch,
+    recall: Recall | None = None,
+) -> Evidence:
+    """The evidence with the odds of the best effects among each other as a second look at each finds them.
+
+    Unchanged where one is alone, where the best leaves no more than every model does, or where no shape of
+    any is left to look at.
+
+    Raises:
+        Cancelled: the user asked for it.
+    """
+    rivals = alike(evidence)[:MOST_RIVALS]
+    trials = [evidence.trials[i] for i in rivals]
+    if len(rivals) < 2 or evidence.least_left <= USUAL_LEFT:
+        return evidence
+    if not any(worth_a_look(t.model.choices) for t in trials):
+        return evidence
+    log_odds = evidence.log_odds.copy()
+    log_odds[rivals] = among(evidence.base, _seen_closely(sessions, study, trials, watch, recall))
+    found = float(evidence.probabilities.sum())
+    return replace(evidence, log_odds=log_odds, probabilities=found * shares_of(log_odds))
+
+
+@dataclass(frozen=True)
+class _Look:
+    """A trial as a second look finds it: in which study, with its own weights, and its density there."""
+
+    study: Study
+    trial: Trial
+    weights: Weights
+    density: float
+
+
+def _seen_closely(
+    sessions: Sequence[Session], study: Study, trials: Sequence[Trial], watch: Watch, recall: Recall | None
+) -> list[Trial]:
+    """Every trial as a second look finds it, held out, all in the floors of the likeliest."""
+    kept = study.weights
+    looks = [_look(sessions, study, trial, watch, recall) for trial in trials]
+    likeliest = min(looks, key=lambda look: look.density)
+    seen = [_scored(look, likeliest.weights) for look in looks]
+    study.weights = kept
+    return seen
+
+
+def _look(
+    sessions: Sequence[Session], study: Study, trial: Trial, watch: Watch, recall: Recall | None
+) -> _Look:
+    if worth_a_look(trial.model.choices):
+        study, trial = look_again(sessions, trial.model.choices, watch, recall)
+    else:
+        trial = study.settle(trial.model.choices, trial)
+    return _Look(study, trial, study.weights, density(study, trial))
+
+
+def _scored(look: _Look, weights: Weights) -> Trial:
+    look.study.weights = weights
+    return look.study.hold_out(look.study.fit(look.trial.model.choices, look.trial, FULL_ITERATIONS))

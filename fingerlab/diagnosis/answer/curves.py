@@ -7,19 +7,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Comparison, Failure, Fingerprint
+from fingerlab.diagnosis.answer.wording import Z90
 from fingerlab.diagnosis.equations.features import FORCE, BoolArray
 from fingerlab.diagnosis.equations.model import CABLE_NAMES
-from fingerlab.diagnosis.evidence import Evidence
 from fingerlab.diagnosis.fit.noise import floor_covariance
 from fingerlab.diagnosis.fit.weights import SLACK_SPREAD_M
 from fingerlab.diagnosis.gram.decimation import Narrow, counted
 from fingerlab.diagnosis.gram.sums import Group
-from fingerlab.diagnosis.results import EQUATION_TITLES, Comparison, Failure, Fingerprint
+from fingerlab.diagnosis.score.evidence import Evidence
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import Study
 from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, NARROW_RATE_HZ, narrow
-from fingerlab.diagnosis.study import Study
-from fingerlab.diagnosis.trial import Trial
-from fingerlab.diagnosis.wording import Z90
 from fingerlab.effects.base import Effect, Row
 from fingerlab.effects.cable import winding_state
 from fingerlab.effects.coordinates import COORDINATE_UNITS

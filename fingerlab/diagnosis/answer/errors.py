@@ -1,18 +1,21 @@
-"""Errors of a model by family of equations, in the units that a person measures in."""
+"""Errors of a model by family of equations, in the units that a person measures in, and by motion."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from fingerlab.diagnosis.answer.results import EquationError, HeldOutRuns
 from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
 from fingerlab.diagnosis.equations.model import CABLE_NAMES
 from fingerlab.diagnosis.fit.noise import floor_covariance
-from fingerlab.diagnosis.gram.sums import Group
-from fingerlab.diagnosis.results import EquationError
-from fingerlab.diagnosis.study import Study
-from fingerlab.diagnosis.trial import Trial
+from fingerlab.diagnosis.gram.sums import Group, Reduced
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
 from fingerlab.effects.base import Row
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, Run, Session
 
 FAMILY_UNITS = {"joint_torque": "N m", "cable_kinematics": "m", "motor_torque": "N m", "endpoint_force": "N"}
 
@@ -109,3 +112,35 @@ def _contact(study: Study, group: Group) -> tuple[float, float]:
     count = max(float(products[one, one]), 1.0)
     lever = float(products[torque, force] / products[force, force])
     return lever, float(products[force, force] / count - (products[force, one] / count) ** 2)
+
+
+def held_out_runs(sessions: Sequence[Session], reduced: Reduced, trial: Trial) -> tuple[HeldOutRuns, ...]:
+    """The trial's score on the runs of every condition, in the order of the groups; () if it has none."""
+    if not trial.held_out:
+        return ()
+    members = _members(sessions)
+    conditions = [(g.key, c) for g in reduced.groups for c in g.conditions]
+    found = []
+    for place, (misfit, count) in zip(conditions, trial.misfits, strict=True):
+        runs = members[place]
+        found.append(
+            HeldOutRuns(
+                runs=tuple(run.name for run in runs),
+                phase=runs[0].phase,
+                cable=runs[0].cable,
+                trajectory=runs[0].trajectory,
+                score=float(np.sqrt(1.0 + max(float(misfit), 0.0) / max(float(count), 1.0))),
+            )
+        )
+    return tuple(found)
+
+
+def _members(sessions: Sequence[Session]) -> dict[tuple[GroupKey, int], list[Run]]:
+    """The runs of each condition of each group, as the reading deals them."""
+    runs = [run for _, run in runs_to_analyse(sessions)[0]]
+    folds, places = deal_runs(runs)
+    members: dict[tuple[GroupKey, int], list[Run]] = {}
+    for run, place in zip(runs, places, strict=True):
+        key = group_key(run)
+        members.setdefault((key, folds[key][place].condition), []).append(run)
+    return members

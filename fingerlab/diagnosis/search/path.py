@@ -6,16 +6,21 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from fingerlab.core.progress import Watch
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.evidence import Evidence, alike
 from fingerlab.diagnosis.fit.weights import Weights
-from fingerlab.diagnosis.odds import among
-from fingerlab.diagnosis.search import FRONT, SCREEN_ITERATIONS, refine, reshape, weigh
-from fingerlab.diagnosis.sketch import Sketch
-from fingerlab.diagnosis.steps import NEXT_SHARE, idle_steps, justified, least_fall, much_left
-from fingerlab.diagnosis.study import FULL_ITERATIONS, Study
-from fingerlab.diagnosis.trial import Trial
-from fingerlab.diagnosis.watch import Watch
+from fingerlab.diagnosis.score.evidence import Evidence, alike
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Study
+from fingerlab.diagnosis.score.selection import (
+    NEXT_SHARE,
+    among,
+    idle_steps,
+    justified,
+    least_fall,
+    much_left,
+)
+from fingerlab.diagnosis.search.next_effect import FRONT, SCREEN_ITERATIONS, Sketch, refine, reshape, weigh
 from fingerlab.effects.base import Effect
 
 LONGEST_PATH = 4

@@ -1,4 +1,9 @@
-"""Models fitted and scored: to all runs, and on runs held out of the fit."""
+"""Models fitted and scored: to all runs, and on runs held out of the fit.
+
+A run that was left out is predicted with constants that the others tell only so well. Its score is that of
+the predictive density: the misfit at the best values, less what values that the others allow as well would
+explain, and the price of having to find them. What a run has of its own is no failure of the model's law.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +25,10 @@ from fingerlab.diagnosis.fit.noise import (
     row_covariance,
 )
 from fingerlab.diagnosis.fit.solver import Fit, Fitter, LeftOut, starting_arms, surprise
-from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weights, change, own_to_a_run
+from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, change, own_to_a_run
 from fingerlab.diagnosis.gram.sums import Reduced
-from fingerlab.diagnosis.predictive import allowance, explained
-from fingerlab.diagnosis.reach import reach
+from fingerlab.diagnosis.score.fitted_model import Trial, reach
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.diagnosis.trial import Trial
 from fingerlab.sessions.model import Array
 
 FULL_ITERATIONS = 8
@@ -250,3 +253,37 @@ class Study:
         if slack is not None and not model.slack_free:
             products = products + slack
         return row_covariance(model, values, group, products, 1.0)
+
+
+def explained(own: Array, h: Array, sums: Weighted) -> float:
+    """What of a misfit the run's own share of the features explains, less what that costs: as a Gaussian.
+
+    Args:
+        own: what one standard deviation of each part adds to the features, (k, parts).
+        h: the features' coefficients, (k,). sums: weighted products of the features over the run.
+    """
+    if not own.shape[1]:
+        return 0.0
+    pull = own.T @ sums.matrix @ h
+    stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
+    return float(pull @ np.linalg.solve(stiffness, pull))
+
+
+def allowance(own: Array, h: Array, sums: Weighted, jacobian: Array, left: LeftOut) -> float:
+    """The same for a run that was left out, with what the constants may be otherwise, in twice log density.
+
+    Args:
+        jacobian: derivatives of the coefficients, (k, p). left: what the other runs tell.
+    """
+    free = np.flatnonzero(left.free)
+    size = len(free)
+    basis = np.concatenate((jacobian[:, free], own), axis=1)
+    stiffness = np.eye(basis.shape[1])
+    stiffness[:size, :size] = left.information[np.ix_(free, free)]
+    scale = 1.0 / np.sqrt(np.diag(stiffness))  # the unknowns have units of their own
+    basis = basis * scale
+    stiffness = stiffness * np.outer(scale, scale)
+    after = stiffness + basis.T @ sums.curvature @ basis
+    pull = basis.T @ sums.matrix @ h
+    found = float(np.linalg.slogdet(after[:size, :size])[1] - np.linalg.slogdet(stiffness[:size, :size])[1])
+    return float(pull @ np.linalg.solve(after, pull)) - found

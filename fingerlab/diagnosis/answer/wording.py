@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerlab.diagnosis.evidence import Evidence
-from fingerlab.diagnosis.reach import own_keys
-from fingerlab.diagnosis.trial import Trial
+from fingerlab.diagnosis.score.evidence import Evidence
+from fingerlab.diagnosis.score.fitted_model import Trial, own_keys
 from fingerlab.effects.base import Effect, Row
 from fingerlab.models.file import ParameterEstimate
 
@@ -68,7 +67,7 @@ def would_have_shown(trial: Trial, effect: Effect, least: float) -> str:
     """The strength from which on an effect would have shown, in words; empty where none would.
 
     Args:
-        least: multiple of its typical strength (see ``unseen.least_strength``).
+        least: multiple of its typical strength (see ``evidence.least_strength``).
     """
     names = {key: name for name, key in own_keys(trial, effect).items()}
     gains = {u.key: u.gain for u in trial.model.unknowns}
