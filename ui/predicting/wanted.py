@@ -11,8 +11,8 @@ from PySide6.QtCore import QObject, QTimer
 from PySide6.QtWidgets import QFileDialog
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import decimals_for, fixed
 from fingerlab.models.file import Model
-from fingerlab.report.screen import decimals_for, fixed
 
 from ..desk import Desk
 from ..tasks import IsCancelled, Progress
