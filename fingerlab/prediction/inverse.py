@@ -17,8 +17,8 @@ import numpy as np
 from fingerlab.acquisition.torque import most_torque
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ
-from fingerlab.effects.motion import Motion
 from fingerlab.physics import nominal
+from fingerlab.physics.motion import Motion
 from fingerlab.prediction.extended import Variant
 from fingerlab.prediction.force import forces_of_motion
 from fingerlab.prediction.interval import force_rate
