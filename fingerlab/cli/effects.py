@@ -195,7 +195,7 @@ def _paragraph(effect: Effect, mark: str) -> Text:
 
 
 def _range_words(gain: Parameter) -> str:
-    from fingerlab.report.screen import largest_of, screen_unit, with_minus
+    from fingerlab.core.text import largest_of, screen_unit, with_minus
 
     unit = screen_unit(gain.unit, largest_of((gain.low, gain.high)))
     low, high = (with_minus(f"{value * unit.factor:.4g}") for value in (gain.low, gain.high))

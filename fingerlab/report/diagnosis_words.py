@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from fingerlab.core.text import percent, score_text
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure
 from fingerlab.effects import find_effect
-from fingerlab.report.screen import percent, score_text
 from fingerlab.sessions.trajectory import trajectory_words
 
 FAMILY_TITLES = {

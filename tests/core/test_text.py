@@ -6,9 +6,7 @@ import math
 
 import pytest
 
-from fingerlab.models.file import ParameterEstimate
-from fingerlab.report.diagnosis_words import in_sentence, listed, parameter_titles
-from fingerlab.report.screen import (
+from fingerlab.core.text import (
     decimals_for,
     estimate_text,
     percent,
@@ -17,6 +15,8 @@ from fingerlab.report.screen import (
     score_text,
     screen_unit,
 )
+from fingerlab.models.file import ParameterEstimate
+from fingerlab.report.diagnosis_words import in_sentence, listed, parameter_titles
 
 
 @pytest.mark.parametrize(
