@@ -99,7 +99,7 @@ def recordings(folder: Path) -> Iterator[Item]:
 
 
 def sweep() -> Iterator[Item]:
-    """The sessions of all kinds, some 300 in a fixed order."""
+    """The sessions of all kinds, some 300 in a fixed order: half of it is half of every kind."""
     kinds: dict[str, list[Item]] = {
         "rich": _twin("rich", [*singles("twin", "rich", EFFECTS, SEEDS)]),
         "thesis": _twin("thesis", [*singles("twin", "thesis", EFFECTS, SEEDS)]),
@@ -110,10 +110,13 @@ def sweep() -> Iterator[Item]:
         "proposed": _proposed(),
         "parts": _parts(),
     }
+    found = []
     for kind, items in kinds.items():
         chosen = _evenly(len(items), QUICK_ENGINE if kind == "engine" else 3)
         for number, item in enumerate(items):
-            yield _with_steps(item, number, number in chosen)
+            found.append((number / len(items), _with_steps(item, number, number in chosen)))
+    for _, item in sorted(found, key=lambda one: one[0]):
+        yield item
 
 
 def _with_steps(item: Item, number: int, quick: bool) -> Item:

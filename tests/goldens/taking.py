@@ -40,7 +40,7 @@ def take(item: Item, paths: Sequence[Path], steps: Sequence[str]) -> tuple[dict[
 @contextmanager
 def _folder_of_copies(paths: Sequence[Path]) -> Iterator[tuple[Path, list[str]]]:
     before = Path.cwd()
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:  # Windows keeps what is open
         folder = Path(name).resolve()
         for path in paths:
             shutil.copyfile(path, folder / path.name)
