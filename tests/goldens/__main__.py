@@ -147,7 +147,9 @@ def _compared(folder: Path, taken: Taken, tolerance: float, but_for: tuple[str, 
 def _work(
     data: Path, part: str, only: tuple[str, ...], wanted: tuple[str, ...], backwards: bool
 ) -> list[tuple[Item, list[str]]]:
-    every = [*(recordings(data) if data.is_dir() else ()), *sweep()]
+    if not data.is_dir():
+        click.echo(f"there are no recordings at {data}; only made sessions are asked", err=True)
+    every = [*recordings(data), *sweep()]
     if unknown := set(only) - {item.name for item in every}:
         raise click.UsageError(f"there is no session {', '.join(sorted(unknown))}")
     chosen = [item for item in every if not only or item.name in only]
