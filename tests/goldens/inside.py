@@ -14,17 +14,16 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from fingerlab.errors import UserError
-from fingerlab.identify.diagnosis import diagnose
-from fingerlab.identify.diagnosis.features import Layout
-from fingerlab.identify.diagnosis.groups import Group
-from fingerlab.identify.diagnosis.reduction import reduce_sessions
-from fingerlab.identify.diagnosis.residuals import floor_covariance, noise_covariance
-from fingerlab.identify.diagnosis.second_look import settled
-from fingerlab.identify.diagnosis.study import Study
-from fingerlab.identify.diagnosis.sums import Sums
-from fingerlab.identify.diagnosis.trial import Trial
-from fingerlab.physics.effects import whole_catalogue
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.equations.features import Layout
+from fingerlab.diagnosis.fit.noise import floor_covariance, noise_covariance
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.sums import Group, Sums
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.search.grid_refinement import settled
+from fingerlab.effects import whole_catalogue
 from fingerlab.sessions import open_session
 
 Array = np.ndarray[Any, Any]
