@@ -18,7 +18,7 @@ from fingerlab.core.text import number, score_text
 from fingerlab.models.file import load_model, without_nan
 from fingerlab.prediction import ExtendedModel, extended_model
 from fingerlab.prediction.comparing import ComparedModel, ModelComparison, compare_models
-from fingerlab.prediction.interval import LEVEL
+from fingerlab.prediction.judging import LEVEL
 from fingerlab.sessions import open_session
 from fingerlab.thesis.onair import Spread
 

@@ -16,7 +16,7 @@ from fingerlab.core.text import mean_and_deviation, number
 from fingerlab.models.file import Model, without_nan
 from fingerlab.prediction import EQUATIONS, extended_model, predict_extended
 from fingerlab.prediction.extended import EQUATION_WORDS, Equation, ExtendedModel
-from fingerlab.prediction.interval import LEVEL
+from fingerlab.prediction.judging import LEVEL
 from fingerlab.prediction.predict import ExtendedPrediction, RunPrediction
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.sessions import Session, content_hash

@@ -11,8 +11,7 @@ import pytest
 
 from fingerlab.core.errors import UserError
 from fingerlab.effects import CATALOGUE, effect
-from fingerlab.effects.base import Row
-from fingerlab.effects.coordinates import COORDINATE_UNITS
+from fingerlab.effects.base import COORDINATE_UNITS, Row
 from fingerlab.twin.effect_table import EFFECTS as PLANT_EFFECTS
 
 from .moving import bench, moving

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.effects.hysteresis import rubbing_forces, with_grid
 from fingerlab.physics import nominal
+from fingerlab.physics.friction_states import rubbing_forces, with_grid
 from fingerlab.rig.constants import Finger, Motor
 from fingerlab.sessions.model import Array
 
@@ -134,3 +134,8 @@ class Motion:
         if self.finger is None or self.joints is None:
             raise ValueError("a motor-bench run has no joints")
         return self.finger, self.joints
+
+
+def nothing(length: int) -> Array:
+    """Zeros, shape (length,), read-only and without memory of their own; another array at every call."""
+    return np.ndarray((length,), np.float64, bytes(8), 0, (0,))

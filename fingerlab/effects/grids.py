@@ -11,6 +11,7 @@ OCTAVE = tuple(2.0 ** (k / 4) for k in range(-4, 5))
 HALF_OCTAVE = OCTAVE[2:-2]
 FINE_OCTAVE = tuple(2.0 ** (k / 8) for k in range(-6, 7))
 """Factors for a travel of degrees, on which much of every cycle depends."""
+SPEED_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)
 SHARPNESSES = (0.0, 0.5, 1.0)
 """Virgin curves of a friction that builds up (:func:`hysteresis.friction_state`): many contacts, parts that
 let go evenly, one contact."""
@@ -59,3 +60,13 @@ def every(*closer: Closer) -> Closer:
         return found
 
     return combined
+
+
+def dahl_or_masing(shape: Shape) -> list[Shape]:
+    """Presliding over other travels: by Dahl's law, or by spring-sliders (Masing) of two virgin curves."""
+    masing = either("masing", (1.0,))
+    return [
+        *times("travel_deg", HALF_OCTAVE)(shape),
+        *every(masing, rubbing(OCTAVE[1:-1], (0.0,)))(shape),
+        *every(masing, rubbing(FINE_OCTAVE, (0.5,)))(shape),
+    ]

@@ -10,9 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerlab.effects.base import Row, Term, nothing
-from fingerlab.effects.hysteresis import rubbing_forces, with_grid
-from fingerlab.effects.motion import Motion
+from fingerlab.physics.friction_states import rubbing_forces, with_grid
+from fingerlab.physics.motion import Motion, nothing
 from fingerlab.sessions.model import Array
 
 TOUCHING_FORCE_N = 0.2
@@ -70,16 +69,3 @@ def while_pressed(motion: Motion, values: Array) -> Array:
     counted = motion.remember("pressed, counted", lambda: share[motion.lead :] ** 2)
     mean = float(counted @ values[motion.lead :]) / max(float(counted.sum()), 1e-12)
     return np.asarray(share * (values - mean))
-
-
-def misread_tip(motion: Motion, gain: str, mcp: Array, pip: Array) -> list[Term]:
-    """What angles that read too much by the gain times the column (rad) add to the tip's depth, by joint."""
-    f, q = motion.finger_and_joints
-    reach = tip_reach(motion)
-    distal = motion.remember(
-        "distal reach", lambda: reach - 2.0 * f.proximal_half_length * np.cos(f.wrist_angle - q.mcp)
-    )
-    return [
-        Term(Row.TIP, f"{gain}_mcp", while_pressed(motion, reach * mcp)),
-        Term(Row.TIP, f"{gain}_pip", while_pressed(motion, distal * pip)),
-    ]
