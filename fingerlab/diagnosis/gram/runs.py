@@ -21,7 +21,7 @@ from fingerlab.diagnosis.gram.decimation import Decimated, decimated_columns, fi
 from fingerlab.diagnosis.gram.sums import Part, RunSums, Sums
 from fingerlab.diagnosis.signals.segments import segments_of, senses
 from fingerlab.effects.base import Effect
-from fingerlab.effects.motion import Motion
+from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
 
 MOST_BYTES = 96_000_000
