@@ -6,10 +6,7 @@ window, the report, the documents and the blind trials take it from :data:`CATAL
 
 from __future__ import annotations
 
-import pkgutil
-from collections.abc import Iterable
-from importlib import import_module
-
+from fingerlab.core.catalogue import found_in
 from fingerlab.core.errors import UserError
 from fingerlab.effects import own
 from fingerlab.effects.base import Effect, Formula, Gain, Row, Term
@@ -29,18 +26,7 @@ ORDER = (
 """Order of the catalogue, by family. An effect that is not named here comes behind these, by its id."""
 
 
-def found_in(paths: Iterable[str], package: str) -> dict[str, Effect]:
-    """The effects of the modules in these folders of a package: id -> effect, in their order."""
-    modules = (import_module(f"{package}.{info.name}") for info in pkgutil.iter_modules(paths))
-    effects = {one.EFFECT.id: one.EFFECT for one in modules if hasattr(one, "EFFECT")}
-    places = {name: place for place, name in enumerate(ORDER)}
-    return {
-        name: effects[name]
-        for name in sorted(effects, key=lambda name: (places.get(name, len(places)), name))
-    }
-
-
-CATALOGUE: dict[str, Effect] = found_in(__path__, __name__)
+CATALOGUE: dict[str, Effect] = found_in(__path__, __name__, ORDER)
 """Effect by id."""
 
 

@@ -20,7 +20,7 @@ from fingerlab.batch.run import locally, run_batch
 from fingerlab.batch.table import Parts
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import Cancelled, UserError
-from fingerlab.effects.own import OwnSource
+from fingerlab.core.trust import OwnSource
 from fingerlab.sessions import file_hash
 
 from .conftest import aged

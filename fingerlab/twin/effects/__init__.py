@@ -1,49 +1,29 @@
-"""Effects as physical changes of the simulated bench: how they are named, chosen and put in."""
+"""Effects as physical changes of the simulated bench, a file each: how they are found, chosen and put in."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
+from fingerlab.core.catalogue import found_in
 from fingerlab.core.errors import UserError
 from fingerlab.physics.parameter import Parameter
-from fingerlab.twin.bench import Bench
+from fingerlab.twin.plant import Bench, PlantEffect, Values
 
-ON_AIR, CONTACT, MOTOR_BENCH = "on_air", "contact", "motor_bench"
+ORDER = (
+    *("viscous_friction", "coulomb_friction", "stribeck_friction", "presliding_hysteresis"),
+    *("spring_hardening", "stiffness_error", "joint_coupling", "viscoelastic_creep", "joint_stop"),
+    *("gravity_tilt", "added_mass", "distal_rotation", "varying_moment_arm", "capstan_friction"),
+    *("cable_slack", "cable_stretch", "backlash", "motor_coulomb_friction", "motor_viscous_friction"),
+    *("motor_inertia", "motor_stribeck_friction", "motor_presliding", "asymmetric_friction"),
+    *("load_dependent_friction", "motor_spring", "torque_ripple", "transport_delay"),
+    *("angle_sensor_nonlinearity", "sensor_drift", "load_cell_gain", "contact_angle"),
+    *("contact_compliance", "routing_change"),
+)
+"""Order in which they are put into the plant and drawn by lot; what is not named comes behind, by its id."""
 
-Values = Mapping[str, float]
-
-
-def constant(
-    name: str, unit: str, default: float, low: float, high: float, source: str = "assumed"
-) -> Parameter:
-    """One number of an effect in the plant; its default is what is put in where nothing else is said."""
-    return Parameter(unit, low, high, default, source, name=name, default=default)
-
-
-@dataclass(frozen=True)
-class PlantEffect:
-    """An effect of the catalogue as a change of the plant.
-
-    Attributes:
-        id: fixed name of ``effects.md``.
-        change: one sentence on what is different in the plant.
-        parameters: the first is the strength; the others shape it.
-        phases: phases of a session in which the effect acts.
-        apply: changes the bench of one run in place, before the finger is hung and the load cell placed.
-    """
-
-    id: str
-    change: str
-    parameters: tuple[Parameter, ...]
-    phases: frozenset[str]
-    apply: Callable[[Bench, Values], None]
-
-    def defaults(self) -> dict[str, float]:
-        """Default value of every parameter, SI."""
-        return {p.name: p.default for p in self.parameters}
-
+EFFECTS: dict[str, PlantEffect] = found_in(__path__, __name__, ORDER)
+"""Every effect that the simulated bench can have, by id."""
 
 Effects = Mapping[str, Values]
 """Effects in a plant: id -> parameter -> value, SI."""
@@ -55,8 +35,6 @@ def parse_effects(requests: Sequence[str]) -> dict[str, dict[str, float]]:
     Raises:
         UserError: the id is unknown, is given twice, or the strength is no number.
     """
-    from fingerlab.twin.effect_table import EFFECTS
-
     result: dict[str, dict[str, float]] = {}
     for request in requests:
         name, separator, strength = request.partition("=")
@@ -79,8 +57,6 @@ def check_effects(effects: Mapping[str, Mapping[str, float]], where: str) -> dic
     Raises:
         UserError: an unknown effect or parameter, or a value that is no number.
     """
-    from fingerlab.twin.effect_table import EFFECTS
-
     result: dict[str, dict[str, float]] = {}
     for name, values in effects.items():
         if name not in EFFECTS or not isinstance(values, Mapping):
@@ -100,8 +76,6 @@ def check_effects(effects: Mapping[str, Mapping[str, float]], where: str) -> dic
 
 def apply_effects(bench: Bench, effects: Effects) -> None:
     """Put effects into the bench of one run, in the order of the catalogue."""
-    from fingerlab.twin.effect_table import EFFECTS
-
     for name, effect in EFFECTS.items():
         if name in effects:
             effect.apply(bench, effects[name])
