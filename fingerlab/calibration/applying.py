@@ -97,10 +97,7 @@ def apply_again(
             f"{source} holds no volts as read of these sensors (/runs/NNN/raw); it cannot be calibrated anew."
         )
     used = {name: records[name] for name in dict.fromkeys(name for _, name, _ in pieces)}
-    attributes = {
-        "rig": calibrated_rig(session.rig, used).to_json(),
-        "calibration": calibration_text(used),
-    }
+    attributes = {"rig": calibrated_rig(session.rig, used).to_json(), "calibration": calibration_text(used)}
     progress(READING, "copying")
     with edited_copy(source, target) as copy:
         for number, (run, name, values) in enumerate(pieces):

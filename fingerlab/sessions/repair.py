@@ -145,12 +145,7 @@ def assemble_files(
     endings = [_ending(file) for _, file, _ in runs]
     extra |= {"ended": _worst([e for e, _ in endings]), "ended_note": _notes(endings) or None}
     with SessionWriter(
-        target,
-        str(root["rig"]),
-        str(root["title"]),
-        created=root["created"],
-        attributes=extra,
-        float32=True,
+        target, str(root["rig"]), str(root["title"]), created=root["created"], attributes=extra, float32=True
     ) as writer:
         for part, file, length in runs:
             for count in _copy_run(writer, part, file, length):
