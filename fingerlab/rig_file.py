@@ -55,6 +55,7 @@ _CONVERSIONS = {
     ("mN m/rad", "N m/rad"): 1e-3,
     ("N m/deg", "N m/rad"): 180.0 / math.pi,
     ("mA", "A"): 1e-3,
+    ("ms", "s"): 1e-3,
     ("mN m", "N m"): 1e-3,
     ("deg/s", "rad/s"): math.pi / 180.0,
     ("deg/V", "rad/V"): math.pi / 180.0,

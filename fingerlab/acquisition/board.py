@@ -46,6 +46,20 @@ class Slot(IntEnum):
     SET_AT = 29  # loop: first sample with the references and the set-up that hold now
     VERIFYING = 30  # recorder: 1 while what was written is read back
     PUT_OFF = 31  # window: 1 asks that the session being written is left for later
+    EMERGENCY_STOP = 40  # loop: Input
+    AMPLIFIER_READY = 41  # loop: Input
+    DEAD_MAN = 42  # loop: 1 where the device has one
+    LINES_AT = 43  # loop: sample at which an input last changed
+    PRESSED = 44  # loop: Machine.pressed
+    UNREADY = 45  # loop: Machine.unready
+
+
+class Input(IntEnum):
+    """What a digital input tells."""
+
+    NONE = 0  # the bench has none
+    NO = 1
+    YES = 2
 
 
 class Text(IntEnum):
