@@ -31,6 +31,7 @@ class Status:
         run_start: index of the first sample of trajectory number ``run``.
         emergency_stop, amplifier_ready: what these inputs tell; lines_at: sample of their last change.
         dead_man: whether the device has one. pressed, unready: as the state machine has it.
+        sleep: why the machine may fall asleep in spite of the motor being enabled; empty where it may not.
     """
 
     mode: Mode
@@ -60,6 +61,7 @@ class Status:
     lines_at: int = 0
     pressed: bool = False
     unready: bool = False
+    sleep: str = ""
 
 
 class RecorderFace(ABC):
@@ -169,6 +171,7 @@ class Bench(ABC):
             lines_at=b[Slot.LINES_AT],
             pressed=bool(b[Slot.PRESSED]),
             unready=bool(b[Slot.UNREADY]),
+            sleep=b.text(Text.SLEEP),
         )
 
     def approached(self) -> float | None:

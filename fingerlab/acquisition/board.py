@@ -52,6 +52,7 @@ class Slot(IntEnum):
     LINES_AT = 43  # loop: sample at which an input last changed
     PRESSED = 44  # loop: Machine.pressed
     UNREADY = 45  # loop: Machine.unready
+    AWAKE = 46  # recorder's process: 1 while the system's sleep is held off
 
 
 class Input(IntEnum):
@@ -69,6 +70,7 @@ class Text(IntEnum):
     ANSWER = 1  # loop: why the last command was refused; empty where it was not
     RECORDER = 2  # recorder: what it cannot do
     DEVICE = 3  # loop: what it drives
+    SLEEP = 4  # recorder's process: why sleep could not be held off
 
 
 class Number(IntEnum):

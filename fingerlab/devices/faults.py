@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from fingerlab.devices.protocol import RAW_CHANNELS
+from fingerlab.devices.protocol import LINES, RAW_CHANNELS
 from fingerlab.errors import UserError
 
 
@@ -30,6 +30,25 @@ class SensorFault:
 
 
 @dataclass(frozen=True)
+class LineFault:
+    """A digital input that tells something else than it should.
+
+    Attributes:
+        line: one of ``LINES``. start: first cycle, counted like ``Sample.index``. on: what it tells.
+        cycles: how long, infinite by default.
+    """
+
+    line: str
+    start: int
+    on: bool
+    cycles: float = math.inf
+
+    def __post_init__(self) -> None:
+        if self.line not in LINES:
+            raise ValueError(f"There is no line {self.line!r}; known are {', '.join(LINES)}.")
+
+
+@dataclass(frozen=True)
 class Faults:
     """Faults of a simulated rig; cycles are counted like ``Sample.index``.
 
@@ -41,6 +60,7 @@ class Faults:
         lost: cycle -> how many cycles before it nobody saw.
         clock_steps: cycle -> s by which the clock is set there.
         unsafe: how often ``make_safe`` fails before it works.
+        lines: an emergency stop that is pressed, an amplifier that is not ready.
     """
 
     unplug_at: int | None = None
@@ -50,6 +70,7 @@ class Faults:
     lost: Mapping[int, int] = field(default_factory=dict)
     clock_steps: Mapping[int, float] = field(default_factory=dict)
     unsafe: int = 0
+    lines: tuple[LineFault, ...] = ()
 
 
 SLOW_S, SKIPPED, CLOCK_S = 0.05, 5, -3600.0

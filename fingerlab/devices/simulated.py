@@ -13,13 +13,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fingerlab.devices.charge_pump import ChargePump
 from fingerlab.devices.clock import Clock, VirtualClock
 from fingerlab.devices.faults import Faults, FaultySensors
 from fingerlab.devices.lateness import STEP
-from fingerlab.devices.protocol import DeviceFault, DeviceLost, Sample
+from fingerlab.devices.protocol import LINES, NO_LINES, DeviceFault, DeviceLost, Sample
 from fingerlab.errors import UserError
 from fingerlab.rig import Rig
-from fingerlab.rig_daq import AnalogInput, Daq
+from fingerlab.rig_daq import AnalogInput, Daq, SafetyLines
 from fingerlab.rig_file import default_rig
 from fingerlab.twin.effects import CONTACT, ON_AIR, check_effects
 from fingerlab.twin.layout import OUTPUTS
@@ -196,11 +197,28 @@ class SimulatedRig:
         )
         self._jumps = bool(faults.lost or faults.late)
         self._low, self._high = self._daq.command.low, self._daq.command.high
+        lines = self.safety_lines
+        self._pump = ChargePump(lines.dead_man.hold_time) if lines.dead_man.terminal else None
+        self._wired = tuple(bool(getattr(lines, name).terminal) for name in LINES)
+        self._by_hand = [False, True]  # emergency stop pressed, amplifier ready
+        self._lines = NO_LINES
+        self._see_lines(0)
+
+    @property
+    def safety_lines(self) -> SafetyLines:
+        """The digital lines of the rig beside enable."""
+        return self._daq.safety_lines
+
+    @property
+    def powered(self) -> bool:
+        """Whether the amplifier may drive: enable line up, dead-man alive, emergency stop not pressed."""
+        pump = self._pump is None or self._pump.on
+        return self._enabled and pump and self._lines[0] != 1.0 and self._lines[1] != 0.0
 
     @property
     def driven_current(self) -> float:
-        """Current (A) that the amplifier is told to make now; zero without enable."""
-        return float(self._daq.command.current(self._output)) if self._enabled else 0.0
+        """Current (A) that the amplifier is told to make now; zero where it may not drive."""
+        return float(self._daq.command.current(self._output)) if self.powered else 0.0
 
     @property
     def enabled(self) -> bool:
@@ -228,6 +246,28 @@ class SimulatedRig:
     def move_by_hand(self, channel: str, amount: float) -> None:
         """Press the load cell (N), bend a joint or turn the pulley (rad): the operator of ``check-rig``."""
         self.bench.move_by_hand(channel, amount)
+
+    def set_line(self, line: str, on: bool) -> None:
+        """Press or release the emergency stop, or make the amplifier (not) ready, as one of ``LINES``.
+
+        Raises:
+            DeviceFault: the rig has no such line.
+        """
+        if not self._wired[LINES.index(line)]:
+            raise DeviceFault(f"The rig file names no line {line}; give its terminal in the section [daq].")
+        self._by_hand[LINES.index(line)] = on
+
+    def beat(self) -> None:
+        """Invert the dead-man's line."""
+        self._answer()
+        if self._pump is not None:
+            self._pump.invert()
+
+    def freeze(self, cycles: int) -> None:
+        """The bench goes on for so many cycles while the program stands still, as in a computer that hangs."""
+        for _ in range(cycles):
+            self._move()
+        self._index += cycles
 
     def open(self) -> None:
         self._answer()
@@ -264,9 +304,8 @@ class SimulatedRig:
             raise DeviceFault(f"The command is {command_volts} V; the output keeps its last value.")
         cycles, lateness = self._pace() if self._paced else self._jump()
         try:
-            self.bench.advance(self._output, self._enabled)
-            for _ in range(cycles - 1):
-                self.bench.advance(self._output, self._enabled)
+            for _ in range(cycles):
+                self._move()
         except UserError as error:  # it ran away
             raise DeviceFault(str(error)) from error
         low, high = self._low, self._high
@@ -280,7 +319,8 @@ class SimulatedRig:
             raw = self._sensors.spoil(self._index, raw)
         if self._index >= self._unplug_at:
             self._answer()
-        return Sample(self._index, raw, lateness)
+        self._see_lines(self._index)
+        return Sample(self._index, raw, lateness, self._lines)
 
     def make_safe(self) -> bool:
         self._running = False
@@ -293,6 +333,22 @@ class SimulatedRig:
     def close(self) -> None:
         self.make_safe()
         self._open = False
+
+    def _move(self) -> None:
+        """One cycle of the bench with its output as it is."""
+        if self._pump is not None:
+            self._pump.wait(1.0 / self.rate_hz)
+        self.bench.advance(self._output, self.powered)
+
+    def _see_lines(self, index: int) -> None:
+        if not any(self._wired):
+            return
+        told = list(self._by_hand)
+        for fault in self._faults.lines:
+            if fault.start <= index < fault.start + fault.cycles:
+                told[LINES.index(fault.line)] = fault.on
+        stop, ready = (float(on) if wired else math.nan for on, wired in zip(told, self._wired, strict=True))
+        self._lines = stop, ready
 
     def _unplugged(self) -> bool:
         return self._index >= self._unplug_at
@@ -331,6 +387,8 @@ class SimulatedRig:
         late = max(self._now() - due, 0.0)
         if late > STEP:  # the clock was set forward, or the machine has slept
             self._origin += late
+            if self._pump is not None:
+                self._pump.wait(late)
             return 1, late
         return 1 + int(late * self.rate_hz) + self._faults.lost.get(self._index + 1, 0), late
 
