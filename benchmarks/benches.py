@@ -19,7 +19,7 @@ from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.devices.choosing import DeviceChoice
 from fingerlab.devices.simulated import SimulatedRig
-from fingerlab.rig import Rig
+from fingerlab.rig.constants import Rig
 
 if TYPE_CHECKING:
     from PySide6.QtWidgets import QApplication

@@ -11,9 +11,9 @@ import html
 
 import numpy as np
 
-from fingerlab.physics.effects import Effect, Motion, Row, Term
+from fingerlab.effects import Effect, Motion, Row, Term
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions.model import Array
 
 RATE_HZ, SECONDS = 250.0, 10.0

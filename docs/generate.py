@@ -20,9 +20,9 @@ import click
 
 from fingerlab.acquisition.safety import Limits, limits_table
 from fingerlab.cli.main import COMMANDS, cli
-from fingerlab.identify.diagnosis.features import nuisance_ranges
-from fingerlab.identify.diagnosis.routing import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
-from fingerlab.physics.effects import (
+from fingerlab.diagnosis.features import nuisance_ranges
+from fingerlab.diagnosis.routing import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
+from fingerlab.effects import (
     CATALOGUE,
     Effect,
     Gain,
@@ -36,7 +36,7 @@ from fingerlab.physics.effects import (
 )
 from fingerlab.report.equation import effect_equations
 from fingerlab.report.equation_text import markdown_words
-from fingerlab.rig_file import CONSTANT_UNITS, default_rig, sources_of
+from fingerlab.rig.file import CONSTANT_UNITS, default_rig, sources_of
 
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS))

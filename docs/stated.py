@@ -27,9 +27,9 @@ def stated(name: str) -> Iterator[tuple[str, Any, str]]:
     """Name, value and text of each number of a module that has a text of its own, in its order.
 
     Args:
-        name: of a module of ``fingerlab.identify.diagnosis``.
+        name: of a module of ``fingerlab.diagnosis``.
     """
-    module = importlib.import_module(f"fingerlab.identify.diagnosis.{name}")
+    module = importlib.import_module(f"fingerlab.diagnosis.{name}")
     body = ast.parse(inspect.getsource(module)).body
     for one, after in pairwise(body):
         targets = one.targets[0] if isinstance(one, ast.Assign) else None
@@ -69,6 +69,6 @@ def page() -> str:
     for name, title in MODULES.items():
         rows = [f"| `{key}` | {shown(value)} | {said} |" for key, value, said in stated(name)]
         if rows:
-            parts.append(f"## {title}\n\n`identify/diagnosis/{name}.py`")
+            parts.append(f"## {title}\n\n`diagnosis/{name}.py`")
             parts.append("\n".join(["| name | value | what it is |", "|---|---|---|", *rows]))
     return "\n\n".join(parts) + "\n"

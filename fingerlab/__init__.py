@@ -21,7 +21,7 @@ __version__ = "0.1.0"
 __all__ = ["UserError", "__version__", "diagnose", "effects", "fit", "load_model", "open", "simulate"]
 
 _HOMES = {
-    "UserError": "fingerlab.errors",
+    "UserError": "fingerlab.core.errors",
     **dict.fromkeys(
         ("diagnose", "effects", "fit", "load_model", "open", "simulate"), "fingerlab.notebook.calls"
     ),
@@ -29,7 +29,7 @@ _HOMES = {
 """Where what ``import fingerlab`` offers lives; imported when it is asked for."""
 
 if TYPE_CHECKING:
-    from fingerlab.errors import UserError
+    from fingerlab.core.errors import UserError
     from fingerlab.notebook.calls import diagnose, effects, fit, load_model, open, simulate
 else:
 

@@ -10,8 +10,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fingerlab.errors import Cancelled
-from fingerlab.identify.results import ParameterEstimate
+from fingerlab.core.errors import Cancelled
+from fingerlab.models.file import ParameterEstimate
 from fingerlab.report.screen import estimate_text
 from fingerlab.sessions.model import Session
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from fingerlab.identify.results import Diagnosis
+from fingerlab.diagnosis.results import Diagnosis
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.place import put_in_place
 

@@ -1,9 +1,9 @@
 """Holding off the machine's sleep while the amplifier is enabled.
 
-It is done in the recorder's process, in a thread that may wait for the system as long as it likes: the loop must
-not, and a process that dies lets go of the request by itself (on Windows with its thread, on Linux with its
-connection to the desktop's bus, on macOS with the pipe to ``caffeinate``). Nobody can hold off a lid that is
-closed or a battery that runs out: for these the bench has its dead-man.
+It is done in the recorder's process, in a thread that may wait for the system as long as it likes: the loop
+must not, and a process that dies lets go of the request by itself (on Windows with its thread, on Linux with
+its connection to the desktop's bus, on macOS with the pipe to ``caffeinate``). Nobody can hold off a lid that
+is closed or a battery that runs out: for these the bench has its dead-man.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ LOOK_S = 0.1
 """How often the enable line is looked at; a machine takes minutes to fall asleep."""
 
 REFUSED = (
-    "The system does not let its sleep be held off; switch sleep off in its settings before the motor is driven."
+    "The system does not let its sleep be held off; switch sleep off in its settings before the motor is "
+    "driven."
 )
 
 
@@ -34,7 +35,7 @@ def _follow(board: Board) -> None:
 
 
 def _hold_off(board: Board) -> None:
-    """Ask the system not to sleep until the line is low again; what it says to that goes to the board, once."""
+    """Ask the system not to sleep until the line is low again; that it refuses goes to the board, once."""
     from wakepy import keep
 
     with keep.running(on_fail="pass") as mode:

@@ -16,7 +16,7 @@ from fingerlab.acquisition.commands import Command
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import Ring
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.recording_place import Progress
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 
 @dataclass(frozen=True)

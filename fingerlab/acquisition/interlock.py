@@ -1,4 +1,4 @@
-"""The bench's digital inputs as events of the state machine, and the moment from which the amplifier has current.
+"""The bench's digital inputs as events of the state machine, and when an enabled amplifier has current.
 
 Pure: it counts samples and holds no device. What an event does is the state machine's to decide; what follows
 from it is the loop's.
@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from fingerlab.acquisition.checks import Reading
 from fingerlab.acquisition.machine import Event
-from fingerlab.rig_daq import SafetyLines
+from fingerlab.rig.daq import SafetyLines
 
 CHARGE_COMMANDS = 4
-"""Commands after enable until the charge pump of a dead-man is full: two of the edges that feed it (assumed)."""
+"""Commands after enable until the charge pump of a dead-man is full: two edges that feed it (assumed)."""
 
 PRESSED = "The emergency stop was pressed; release it at its button, then reset, initialise and enable."
 NOT_READY = (
-    "The amplifier is no longer ready; look at its supply, its fault light and the emergency stop, then reset."
+    "The amplifier is no longer ready; look at its supply, its fault light and the emergency stop, then "
+    "reset."
 )
 NEVER_READY = (
-    "The amplifier was not ready {ms:.3g} ms after it was enabled; look at its supply, its fault light and the "
-    "dead-man, then reset."
+    "The amplifier was not ready {ms:.3g} ms after it was enabled; look at its supply, its fault light and "
+    "the dead-man, then reset."
 )
 
 

@@ -40,6 +40,7 @@ from fingerlab.acquisition.requests import (
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.safety import Safety, safety_checks
 from fingerlab.acquisition.steering import Steering
+from fingerlab.core.errors import UserError
 from fingerlab.devices.protocol import (
     NO_LINES,
     Device,
@@ -48,7 +49,6 @@ from fingerlab.devices.protocol import (
     cycles_per_command,
     safety_lines,
 )
-from fingerlab.errors import UserError
 
 FAREWELL_S = 0.5
 """The loop goes on reading for this long after its window is lost, so that the stop is recorded (assumed)."""
@@ -86,8 +86,10 @@ class ControlLoop:
         self._reader = Reader(settings.units, self._period, clock)
         self._commands: deque[tuple[int, Command | ReadyStart | Refused]] = deque()
         self._averaging: Averaging | None = None
-        self._enabling: int | None = None  # number of the command that is answered when the amplifier is ready
-        self._lines = NO_LINES
+        self._enabling: int | None = (
+            None  # number of the command that is answered when the amplifier is ready
+        )
+        self._lines = [Input.NONE, Input.NONE]
         self._lost_process = ""
         self._quit_at = math.inf
         self._restart = False
@@ -199,12 +201,13 @@ class ControlLoop:
         self._board[Slot.DEAD_MAN] = int(self._beat is not None)
 
     def _look_at_lines(self, reading: Reading) -> str:
-        """What the digital inputs tell goes to the state machine and to the board; why to stop, or nothing."""
-        if reading.lines != self._lines and reading.lines is not NO_LINES:
-            self._lines = reading.lines
-            for slot, value in zip((Slot.EMERGENCY_STOP, Slot.AMPLIFIER_READY), self._lines, strict=True):
-                self._board[slot] = Input.NONE if value != value else Input.YES if value else Input.NO
-            self._board[Slot.LINES_AT] = reading.index
+        """The digital inputs, for the board and the state machine; why the motor must stop, or nothing."""
+        if reading.lines is not NO_LINES:
+            lines = [Input.NONE if v != v else Input.YES if v else Input.NO for v in reading.lines]
+            if lines != self._lines:
+                self._lines = lines
+                self._board[Slot.EMERGENCY_STOP], self._board[Slot.AMPLIFIER_READY] = lines
+                self._board[Slot.LINES_AT] = reading.index
         told = self._interlock.look(reading, self.machine.enable_allowed)
         if told is not None:
             event, sentence = told

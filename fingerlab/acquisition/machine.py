@@ -16,9 +16,9 @@ fault          zero, low       reset (to idle)                 a check, the devi
 =============  ==============  ==============================  =======================================
 
 From every mode ``fault`` leads to fault, and ``stop`` to idle (a fault stays a fault), with the latch set.
-The bench's digital inputs are part of it: ``press`` (the emergency stop) leads to fault from every mode, which
-is not left before ``let_go``; ``unready`` (the amplifier) leads to fault where the amplifier is enabled, and
-holds ``enable`` back where it is not, until ``ready``.
+The bench's digital inputs are part of it: ``press`` (the emergency stop) leads to fault from every mode,
+which is not left before ``let_go``; ``unready`` (the amplifier) leads to fault where the amplifier is
+enabled, and holds ``enable`` back where it is not, until ``ready``.
 A latched machine refuses ``enable`` until ``release``. After a fault the operator resets, initialises
 and enables by hand: no event leads from fault to a mode with current in fewer than four steps.
 An event that a mode does not know changes nothing.

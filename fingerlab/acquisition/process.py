@@ -30,8 +30,8 @@ from fingerlab.acquisition.loop import SAFE_TRIES, ControlLoop
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
+from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost
-from fingerlab.errors import Cancelled, UserError
 
 POLL_S = 0.02
 """How often the recorder takes what the ring has."""

@@ -20,7 +20,7 @@ from fingerlab.acquisition.process import Choice, Plan, loop_main, recorder_main
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
-from fingerlab.errors import Cancelled, UserError
+from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.sessions.recording_place import VERIFYING, WRITING, Progress
 
 RING_S = 240.0

@@ -32,7 +32,7 @@ from fingerlab.acquisition.recording import (
     wired_lines,
 )
 from fingerlab.acquisition.ring import Array, Ring, RingReader
-from fingerlab.errors import Cancelled, UserError
+from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.sessions.format import FINGER_PHASES
 from fingerlab.sessions.part_file import CLEAN, LOSSY, TRUNCATED, PartHeader, PartWriter
 from fingerlab.sessions.recording_place import (

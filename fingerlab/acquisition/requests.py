@@ -15,7 +15,7 @@ from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.torque import check_torque
 from fingerlab.acquisition.trajectories import Trajectory, read_trajectory
 from fingerlab.acquisition.units import BenchUnits
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 CURRENT_MARGIN = 0.95
 """The position loop stays below the current limit, so that only a fault can reach it (assumed)."""

@@ -22,9 +22,9 @@ from fingerlab.acquisition.checks import (
     Rise,
     Stuck,
 )
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
-from fingerlab.rig_daq import Limits as RigLimits
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.daq import Limits as RigLimits
 
 _RIG = RigLimits()
 

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import fingerlab
-from fingerlab.errors import UserError
-from fingerlab.identify.diagnosis import diagnose
-from fingerlab.identify.results import Diagnosis, ParameterEstimate
-from fingerlab.physics.effects.own import OwnSource, only_these
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.results import Diagnosis
+from fingerlab.effects.own import OwnSource, only_these
+from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions import Session, file_hash, open_session
 
 SOFTWARE = f"fingerlab {fingerlab.__version__}"

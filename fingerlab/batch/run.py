@@ -19,7 +19,7 @@ from fingerlab.batch.table import (
     units_of,
     write_table,
 )
-from fingerlab.errors import Cancelled, UserError
+from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.sessions import file_hash
 
 ENDINGS = (".h5", ".hdf5")

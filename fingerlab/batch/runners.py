@@ -10,7 +10,7 @@ from typing import Any
 
 import fingerlab
 from fingerlab.batch.rows import SOFTWARE, Options, Outcome, Task, diagnose_file
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 Runner = Callable[[Sequence[Task], Options], Iterator[Outcome]]
 """Gives the outcome of every task, each as soon as it is there, in any order."""

@@ -19,7 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from fingerlab.batch.rows import Outcome, Row, recorded_at
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.place import whole_file
 
 MARK = b"fingerlab_batch"

@@ -14,9 +14,9 @@ import numpy as np
 
 from fingerlab.calibration.recording import Progress
 from fingerlab.calibration.store import CalibrationStore, Record
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
-from fingerlab.rig_daq import AnalogInput, plain_section
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.daq import AnalogInput, plain_section
 from fingerlab.sessions.model import Array, Run
 from fingerlab.sessions.place import claim, move_into_place
 from fingerlab.sessions.reading import open_session

@@ -12,7 +12,7 @@ from scipy.special import stdtrit
 
 from fingerlab.calibration.sensors import Limit, Sensor
 from fingerlab.calibration.steps import Step
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Array
 
 CONFIDENCE = 0.90

@@ -10,7 +10,7 @@ from fingerlab.calibration.recording import Progress, read_recording
 from fingerlab.calibration.result import Outcome, outcome_of
 from fingerlab.calibration.sensors import Sensor
 from fingerlab.calibration.steps import Step, StepTiming, count_steps, find_steps
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 
 def outcome_from_files(

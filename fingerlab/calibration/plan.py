@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from fingerlab.calibration.sensors import Sensor
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 LOADING, UNLOADING = "loading", "unloading"
 FIRST, SECOND = "first pass", "second pass"

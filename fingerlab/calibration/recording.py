@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from fingerlab.calibration.sensors import Sensor
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.mapping import split_header
 from fingerlab.sessions.model import Array, Run
 from fingerlab.sessions.reading import open_session

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from fingerlab.calibration.result import Outcome
 from fingerlab.calibration.sensors import SENSORS
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 Verdict = Literal["accepted", "accepted with a reason", "rejected"]
 ACCEPTED, WITH_REASON, REJECTED = "accepted", "accepted with a reason", "rejected"

@@ -17,7 +17,7 @@ from fingerlab.calibration.plan import Move, Plan
 from fingerlab.calibration.result import Outcome, outcome_of
 from fingerlab.calibration.stability import SHARE, Averager, Light, Stillness, judge
 from fingerlab.calibration.steps import Step, StepTiming
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Array
 
 KEPT_S = 60.0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from fingerlab.cli.common import json_option, progress_bar, tell_own_effects, write_json
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.batch.ageing import Trend
@@ -75,7 +75,7 @@ def batch(
 def _options(added: tuple[str, ...]) -> Options:
     """What the diagnoses depend on; an unknown effect is found before the work."""
     from fingerlab.batch.rows import Options
-    from fingerlab.physics.effects import CATALOGUE, effect, own
+    from fingerlab.effects import CATALOGUE, effect, own
 
     for name in added:
         effect(name)

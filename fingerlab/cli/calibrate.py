@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from fingerlab.cli.common import json_option, write_json
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.calibration import Calibration, Step

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from fingerlab.cli.common import json_option, write_json
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.devices.protocol import Found
@@ -38,7 +38,7 @@ def devices(rig_file: Path | None, untrust: Path | None, forget: bool, json_targ
     """
     from fingerlab.devices import own
     from fingerlab.devices.detect import detect
-    from fingerlab.rig_file import load_rig
+    from fingerlab.rig.file import load_rig
 
     if forget and untrust is not None:
         raise UserError("--forget forgets every file; leave out --untrust, or leave out --forget.")

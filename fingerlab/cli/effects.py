@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from fingerlab.cli.common import json_option, write_json
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from fingerlab.physics.effects.base import Effect, Gain
-    from fingerlab.physics.effects.own import OwnFile, OwnSource
+    from fingerlab.effects.base import Effect, Gain
+    from fingerlab.effects.own import OwnFile, OwnSource
 
 SHOWN_LINES = 60
 """Lines of a file that are shown before it is confirmed; a longer one is looked at in an editor."""
@@ -40,7 +40,7 @@ def effects(
     An effect of your own is one small Python file in a folder that you choose. It runs only after you have
     confirmed it with --trust, and after a change only when you confirm it again; --untrust takes that back.
     """
-    from fingerlab.physics.effects import CATALOGUE, own
+    from fingerlab.effects import CATALOGUE, own
 
     if forget and (folder or trust or untrust):
         raise UserError("--forget forgets the folder and all files; leave out --forget, or all else.")
@@ -80,7 +80,7 @@ def _ask_and_trust(source: OwnSource) -> None:
     Raises:
         UserError: the file was confirmed and does not work.
     """
-    from fingerlab.physics.effects import CATALOGUE, own
+    from fingerlab.effects import CATALOGUE, own
 
     if _somebody_there():
         lines = source.content.decode("utf-8", errors="replace").splitlines()
@@ -99,8 +99,8 @@ def _ask_and_trust(source: OwnSource) -> None:
 
 
 def _to_json(files: tuple[OwnFile, ...]) -> dict[str, Any]:
-    from fingerlab.own_settings import read_settings
-    from fingerlab.physics.effects import CATALOGUE
+    from fingerlab.core.own_settings import read_settings
+    from fingerlab.effects import CATALOGUE
 
     folder = read_settings().folder
     listed = [_effect_json(effect, None) for effect in CATALOGUE.values()]
@@ -163,7 +163,7 @@ def _print(files: tuple[OwnFile, ...]) -> None:
     from rich.text import Text
 
     from fingerlab.cli.output import table_console
-    from fingerlab.physics.effects import CATALOGUE
+    from fingerlab.effects import CATALOGUE
 
     console = table_console()
     for effect in CATALOGUE.values():

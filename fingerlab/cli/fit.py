@@ -10,16 +10,16 @@ from rich.table import Table
 
 from fingerlab.cli.common import json_option, progress_bar
 from fingerlab.cli.output import refuse_taken_early, table_console, write_results
-from fingerlab.errors import UserError
-from fingerlab.identify.model_file import Model, estimate_to_json, without_nan
-from fingerlab.identify.thesis.fitting import SessionFit, fit_session
-from fingerlab.identify.thesis.models import delay_estimate, model_of_fit, model_of_motor_bench
-from fingerlab.identify.thesis.motor_bench import MotorBenchFit, fit_motor_bench, motor_bench_runs
-from fingerlab.identify.thesis.pooling import RegionResult
-from fingerlab.identify.thesis.specs import JOINT_TITLES, FitSpec, Method
+from fingerlab.core.errors import UserError
+from fingerlab.models.file import Model, estimate_to_json, without_nan
 from fingerlab.report.estimates import in_words, mean_and_deviation, number
 from fingerlab.sessions import Session, open_session
 from fingerlab.signals.regions import REGION_TITLES, THRESHOLDS_PERCENT
+from fingerlab.thesis.fitting import SessionFit, fit_session
+from fingerlab.thesis.models import delay_estimate, model_of_fit, model_of_motor_bench
+from fingerlab.thesis.motor_bench import MotorBenchFit, fit_motor_bench, motor_bench_runs
+from fingerlab.thesis.pooling import RegionResult
+from fingerlab.thesis.specs import JOINT_TITLES, FitSpec, Method
 
 PATH = click.Path(path_type=Path)
 CLI_DELAYS = ("none", "xcorr", "findsignal")
@@ -91,8 +91,8 @@ def _write(
 def _figures(session: Session, folder: Path | None) -> Any:
     if folder is None:
         return None
-    from fingerlab.identify.thesis.analysis import thesis_analysis
     from fingerlab.report.thesis_figures import thesis_figures
+    from fingerlab.thesis.analysis import thesis_analysis
 
     bar, report = progress_bar("Drawing")
     with bar:

@@ -10,8 +10,8 @@ from typing import IO, TYPE_CHECKING, Any
 import click
 from rich.console import Console
 
-from fingerlab.errors import UserError
-from fingerlab.identify.model_file import Model, write_model
+from fingerlab.core.errors import UserError
+from fingerlab.models.file import Model, write_model
 from fingerlab.sessions.place import OutputSet, refuse_taken
 
 if TYPE_CHECKING:  # matplotlib takes a while to load and most calls draw nothing

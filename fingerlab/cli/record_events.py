@@ -15,14 +15,14 @@ from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any
 
 from fingerlab.cli.common import refuse_existing
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench, Status
     from fingerlab.acquisition.protocol_driver import ProtocolDriver
-    from fingerlab.identify.live_model import LiveModel
-    from fingerlab.identify.model_file import Model
-    from fingerlab.rig import Rig
+    from fingerlab.models.file import Model
+    from fingerlab.models.live import LiveModel
+    from fingerlab.rig.constants import Rig
 
 READINGS_S = 1.0
 """Readings are told once in so much of the bench's time."""
@@ -163,7 +163,7 @@ class Observer:
         self._cycles.take(rows)
         if self._model is None:
             return
-        from fingerlab.identify.live_model import Measured
+        from fingerlab.models.live import Measured
 
         if driver.set_up != self._set_up:
             self._set_up = driver.set_up
@@ -181,7 +181,7 @@ def live_model(rig: Rig, rate_hz: float, model: Model | str, set_up: Any) -> Liv
     Raises:
         UserError: rig or model lack what it needs.
     """
-    from fingerlab.identify.live_model import LiveModel, balance_of
+    from fingerlab.models.live import LiveModel, balance_of
 
     balance = None if isinstance(model, str) else balance_of(model, set_up.cable)
     return LiveModel(rig, rate_hz, set_up.phase, set_up.cable, balance)

@@ -12,7 +12,7 @@ import click
 
 from fingerlab.cli.interrupts import Interrupts
 from fingerlab.cli.record_events import Events, Lines, Observer, live_model
-from fingerlab.errors import Cancelled, UserError
+from fingerlab.core.errors import Cancelled, UserError
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from fingerlab.acquisition.protocol import Step
     from fingerlab.acquisition.protocol_driver import Beginning, ProtocolDriver
     from fingerlab.acquisition.script import Order
-    from fingerlab.identify.model_file import Model
-    from fingerlab.rig import Rig
+    from fingerlab.models.file import Model
+    from fingerlab.rig.constants import Rig
 
 Report = Callable[[float, str], None]
 

@@ -9,7 +9,7 @@ import click
 
 from fingerlab.cli.common import counted, json_option, progress_bar, refuse_existing, write_json
 from fingerlab.cli.proposals import TRAJECTORY_HELP, single_plan
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.twin.protocols import RunPlan

@@ -1,8 +1,8 @@
 """The charge pump behind a dead-man's line, as the simulated rig has it: "A dead-man" in ``docs/rig.md``.
 
-Each rising edge moves charge from the coupling capacitor onto the storage capacitor, which a resistor empties; a
-comparator lets the amplifier's enable through while there is enough. A line that stands still, high or low, moves
-nothing.
+Each rising edge moves charge from the coupling to the storage capacitor, which a resistor empties;
+a comparator lets the amplifier's enable through while there is enough. A line that stands still, high or low,
+moves nothing.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import numpy as np
 
 from fingerlab.devices.check_card import assumptions
 from fingerlab.devices.checking import CONFIRMED, FAILED, NO, SKIP, SKIPPED, YES, Bench, Outcome, Step
-from fingerlab.rig_daq import LIMIT_UNITS, AnalogInput
+from fingerlab.rig.daq import LIMIT_UNITS, AnalogInput
 
 REST_SECONDS = 1.0
 HAND_SECONDS = 4.0

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from fingerlab.core.errors import UserError
 from fingerlab.devices.protocol import LINES, RAW_CHANNELS
-from fingerlab.errors import UserError
 
 
 @dataclass(frozen=True)

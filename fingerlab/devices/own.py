@@ -16,9 +16,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Literal
 
+from fingerlab.core.errors import UserError
+from fingerlab.core.own_settings import OwnSettings, forget_file, read_settings, write_settings
 from fingerlab.devices.protocol import Device
-from fingerlab.errors import UserError
-from fingerlab.own_settings import OwnSettings, forget_file, read_settings, write_settings
 
 CALLS = ("open", "start", "set_enable", "exchange", "make_safe", "close")
 """What a class needs beside ``name`` and ``rate_hz`` to be taken for a device."""

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from fingerlab.rig_daq import SafetyLines
+from fingerlab.rig.daq import SafetyLines
 
 RAW_CHANNELS = ("force_volts", "mcp_volts", "pip_volts", "current_volts", "encoder_counts")
 """Order of the raw values: load cell, MCP and PIP sensor, current monitor (V), encoder (counts)."""
 
 LINES = ("emergency_stop", "amplifier_ready")
-"""Order of the digital inputs: 1 for pressed and for ready, 0 for not, NaN where the bench has no such line."""
+"""Order of the digital inputs: 1 for pressed and for ready, 0 for not, NaN where there is no such line."""
 
 NO_LINES = (float("nan"), float("nan"))
 

@@ -13,15 +13,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fingerlab.core.errors import UserError
 from fingerlab.devices.charge_pump import ChargePump
 from fingerlab.devices.clock import Clock, VirtualClock
 from fingerlab.devices.faults import Faults, FaultySensors
 from fingerlab.devices.lateness import STEP
 from fingerlab.devices.protocol import LINES, NO_LINES, DeviceFault, DeviceLost, Sample
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
-from fingerlab.rig_daq import AnalogInput, Daq, SafetyLines
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.daq import AnalogInput, Daq, SafetyLines
+from fingerlab.rig.file import default_rig
 from fingerlab.twin.effects import CONTACT, ON_AIR, check_effects
 from fingerlab.twin.layout import OUTPUTS
 from fingerlab.twin.preset import PRACTICE, Preset, load_preset
@@ -264,7 +264,7 @@ class SimulatedRig:
             self._pump.invert()
 
     def freeze(self, cycles: int) -> None:
-        """The bench goes on for so many cycles while the program stands still, as in a computer that hangs."""
+        """The bench goes on for so many cycles while the program stands still, as where a computer hangs."""
         for _ in range(cycles):
             self._move()
         self._index += cycles

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.library.facts import started_at, text_list, time_of
 from fingerlab.library.pyramid import PIECE
 from fingerlab.library.reviewing import markers_of

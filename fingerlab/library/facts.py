@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.reading import open_session
 from fingerlab.sessions.repair import was_cut

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from fingerlab.errors import Cancelled, UserError
+from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.library.facts import UNWRITTEN, SessionFacts, read_facts
 from fingerlab.sessions.recording_place import SUFFIX, cut_recordings
 

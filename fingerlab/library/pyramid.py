@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from fingerlab.errors import Cancelled
+from fingerlab.core.errors import Cancelled
 from fingerlab.sessions.model import Array, Run
 
 BASE = 128

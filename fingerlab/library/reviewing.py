@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.library.pyramid import BASE, MOST_SAMPLES, Pyramid
 from fingerlab.sessions.cycle import told_frequency
 from fingerlab.sessions.format import CHANNEL_UNITS, RATE_TOLERANCE

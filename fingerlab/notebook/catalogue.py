@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from fingerlab.effects.base import Effect
 from fingerlab.notebook.layout import Part, Shown, Table
-from fingerlab.physics.effects.base import Effect
 
 
 class EffectView(Shown):
-    """One effect. ``effect`` is the object behind it (``fingerlab.physics.effects.Effect``)."""
+    """One effect. ``effect`` is the object behind it (``fingerlab.effects.Effect``)."""
 
     def __init__(self, effect: Effect) -> None:
         self.effect = effect

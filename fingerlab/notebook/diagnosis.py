@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fingerlab.errors import UserError
-from fingerlab.identify.results import Candidate, Diagnosis
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.results import Candidate, Diagnosis
 from fingerlab.notebook.figures import Figures
 from fingerlab.notebook.layout import Part, Shown, Table
 from fingerlab.notebook.model import ModelView
@@ -17,7 +17,7 @@ from fingerlab.sessions.model import Session
 
 
 class DiagnosisView(Shown):
-    """The answer to: which effect is missing? ``result`` holds all of it (``fingerlab.identify.results``)."""
+    """The answer to: which effect is missing? ``result`` holds all of it (``diagnosis.results``)."""
 
     def __init__(self, result: Diagnosis, sessions: Sequence[Session]) -> None:
         self.result = result

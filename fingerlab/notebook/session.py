@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.notebook.arrays import run_dataset, session_tree
 from fingerlab.notebook.layout import Part, Shown, Table
 from fingerlab.sessions.model import Run, Session

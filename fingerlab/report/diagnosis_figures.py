@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from fingerlab.identify.results import EQUATION_TITLES, Comparison, Diagnosis, Failure, Fingerprint, PathStep
+from fingerlab.diagnosis.results import EQUATION_TITLES, Comparison, Diagnosis, Failure, Fingerprint, PathStep
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, suspects
 from fingerlab.report.figure_style import (
     CANDIDATE,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from fingerlab.identify.results import Candidate, Diagnosis, Failure
-from fingerlab.physics.effects import find_effect
+from fingerlab.diagnosis.results import Candidate, Diagnosis, Failure
+from fingerlab.effects import find_effect
 from fingerlab.report.screen import percent, score_text
 from fingerlab.sessions.words import trajectory_words
 

@@ -15,10 +15,10 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from fingerlab.identify.prediction.extended import ChosenEffect, ExtendedModel
-from fingerlab.identify.results import ParameterEstimate
+from fingerlab.models.file import ParameterEstimate
+from fingerlab.prediction.extended import ChosenEffect, ExtendedModel
 from fingerlab.report.diagnosis_words import in_sentence, parameter_titles
-from fingerlab.rig import Finger, Motor, Rig
+from fingerlab.rig.constants import Finger, Motor, Rig
 
 SIGNS = {"extension": -1, "flexion": +1}
 ADDED_UP = "What the effects below give for one symbol is added up."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fingerlab.identify.results import ParameterEstimate
+from fingerlab.models.file import ParameterEstimate
 
 SCREEN_UNITS = {"m": ("mm", 1e3), "N m": ("mN m", 1e3), "s": ("ms", 1e3)}
 """Units shown in place of SI ones, with the factor."""

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fingerlab.identify.prediction.comparing import ComparedModel, ModelComparison
-from fingerlab.identify.prediction.predict import Curve, ExtendedPrediction, RunPrediction
+from fingerlab.prediction.comparing import ComparedModel, ModelComparison
+from fingerlab.prediction.predict import Curve, ExtendedPrediction, RunPrediction
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.report.figure_style import (
     CANDIDATE,

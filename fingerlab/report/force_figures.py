@@ -8,8 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fingerlab.identify.thesis.examples import Example
-from fingerlab.identify.thesis.prediction import AngleStep, Prediction
 from fingerlab.report.figure_style import (
     CANDIDATE,
     FLOOR,
@@ -28,6 +26,8 @@ from fingerlab.report.screen import r2_text
 from fingerlab.sessions.model import Array
 from fingerlab.signals.delays import normalise
 from fingerlab.signals.regions import Labels
+from fingerlab.thesis.examples import Example
+from fingerlab.thesis.prediction import AngleStep, Prediction
 
 SERIES = ((MODELLED, "-"), (CANDIDATE, "--"), (RESIDUAL, "-."), (SECOND, ":"), (THIRD, "-"), (FLOOR, "--"))
 """Colour and line style of modelled forces, in order."""

@@ -11,19 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from fingerlab.identify.thesis.analysis import ThesisAnalysis
-from fingerlab.identify.thesis.examples import Example
-from fingerlab.identify.thesis.onair import Curves, OnAirRun
-from fingerlab.identify.thesis.pooling import CableFit
-from fingerlab.identify.thesis.specs import (
-    FOUR_REGIONS,
-    JOINT_TITLES,
-    JOINTS,
-    THESIS_DELAYS,
-    Delay,
-    FitSpec,
-    Joint,
-)
 from fingerlab.report.figure_style import (
     CANDIDATE,
     FLOOR,
@@ -50,6 +37,19 @@ from fingerlab.signals.regions import (
     consecutive_mask,
     recognise,
     speed_threshold,
+)
+from fingerlab.thesis.analysis import ThesisAnalysis
+from fingerlab.thesis.examples import Example
+from fingerlab.thesis.onair import Curves, OnAirRun
+from fingerlab.thesis.pooling import CableFit
+from fingerlab.thesis.specs import (
+    FOUR_REGIONS,
+    JOINT_TITLES,
+    JOINTS,
+    THESIS_DELAYS,
+    Delay,
+    FitSpec,
+    Joint,
 )
 
 DELAY_TITLES = {"none": "no delay", "finddelay": "cross-correlation", "findsignal": "findsignal"}

@@ -13,9 +13,9 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from fingerlab.errors import Cancelled, UserError
-from fingerlab.identify.diagnosis import diagnose
-from fingerlab.identify.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
+from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report import page_tables as tables
 from fingerlab.report.analysis_section import Analysis

@@ -7,7 +7,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
-from fingerlab.identify.results import Candidate, Diagnosis, EquationError, ParameterEstimate
+from fingerlab.diagnosis.results import Candidate, Diagnosis, EquationError
+from fingerlab.models.file import ParameterEstimate
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
     NOTHING_WORDS,
@@ -26,8 +27,8 @@ from fingerlab.report.screen import (
     score_text,
     screen_unit,
 )
-from fingerlab.rig import Finger, Motor
-from fingerlab.rig_file import CONSTANT_UNITS, sources_of
+from fingerlab.rig.constants import Finger, Motor
+from fingerlab.rig.file import CONSTANT_UNITS, sources_of
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.words import trajectory_words

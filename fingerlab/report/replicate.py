@@ -11,8 +11,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fingerlab.identify.thesis.pooling import Spread
-from fingerlab.identify.thesis.published import PUBLISHED, Published, Quantity
+from fingerlab.thesis.pooling import Spread
+from fingerlab.thesis.published import PUBLISHED, Published, Quantity
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from fingerlab.identify.results import ParameterEstimate
+from fingerlab.models.file import ParameterEstimate
 from fingerlab.report.estimates import plus_minus
 
 DEGREES = 180.0 / math.pi

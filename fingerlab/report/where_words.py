@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fingerlab.identify.where import JOINTS, Profile
+from fingerlab.diagnosis.where import JOINTS, Profile
 from fingerlab.report.diagnosis_words import PHASE_WORDS
 from fingerlab.report.screen import ScreenUnit, decimals_for, fixed, largest_of, score_text, screen_unit
 

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from fingerlab.errors import UserError
-from fingerlab.rig import Motor
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Motor
 from fingerlab.sessions.format import CHANNEL_UNITS, RATE_TOLERANCE
 from fingerlab.sessions.model import Array, Run, Session
 

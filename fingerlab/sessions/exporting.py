@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.place import OutputSet
 from fingerlab.sessions.reading import content_hash

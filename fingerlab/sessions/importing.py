@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Rig
 from fingerlab.sessions.cycle import recognised
 from fingerlab.sessions.format import RATE_TOLERANCE, REQUIRED_CHANNELS
 from fingerlab.sessions.mapping import Column, map_columns

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Rig
 from fingerlab.sessions.format import CHANNEL_UNITS
 
 Array = np.ndarray[Any, np.dtype[np.float64]]

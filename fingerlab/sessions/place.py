@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 ADVICE = "choose a place with room and write access."
 

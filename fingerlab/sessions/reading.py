@@ -11,8 +11,8 @@ from typing import Any
 
 import h5py
 
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Rig
 from fingerlab.sessions.format import (
     CABLES,
     CHANNEL_UNITS,

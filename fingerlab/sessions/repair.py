@@ -16,7 +16,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from fingerlab.errors import Cancelled, UserError
+from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.sessions.format import FORMAT_NAME, MAY_BE_NAN, REQUIRED_CHANNELS, plain
 from fingerlab.sessions.part_file import CLEAN, LOSSY, RUN, TRUNCATED
 from fingerlab.sessions.recording_place import (

@@ -12,7 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.format import CHANNEL_UNITS, REQUIRED_CHANNELS
 from fingerlab.sessions.samples import sample_fault
 from fingerlab.sessions.target_file import TargetFile

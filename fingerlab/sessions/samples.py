@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.format import CHANNEL_UNITS, MAY_BE_NAN
 from fingerlab.sessions.model import Array
 

@@ -14,8 +14,8 @@ import h5py
 import numpy as np
 
 import fingerlab
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Rig
 from fingerlab.sessions.format import CABLES, FORMAT_NAME, FORMAT_VERSION, PHASES
 from fingerlab.sessions.place import claim, move_into_place
 from fingerlab.sessions.run_writing import (

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Array
 
 BUTTERWORTH_ORDER = 4

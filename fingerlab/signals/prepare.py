@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Rig
 from fingerlab.sessions.gaps import longest_piece
 from fingerlab.sessions.model import Array, Run
 from fingerlab.signals.filters import derivative, low_pass, low_pass_stretches

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.twin.bench import Bench
 
 ON_AIR, CONTACT, MOTOR_BENCH = "on_air", "contact", "motor_bench"

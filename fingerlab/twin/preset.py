@@ -11,8 +11,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Rig
 
 PRACTICE = "practice"
 AS_BUILT = "as-built"

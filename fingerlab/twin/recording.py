@@ -12,7 +12,7 @@ import numpy as np
 from fingerlab.acquisition.control import Gains
 from fingerlab.acquisition.torque import braked
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Array
 from fingerlab.twin.bench import Bench, Sensors, Truth, build_bench, draw_truth, place_bench
 from fingerlab.twin.effects import Effects, apply_effects

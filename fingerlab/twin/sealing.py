@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.twin.effect_table import EFFECTS
 
 NOTHING = 0.15

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions import Run, Session, SessionWriter, open_session
 from fingerlab.sessions.format import CHANNEL_UNITS
 from fingerlab.twin.effects import check_effects

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.twin.bench import Sensors, Truth, draw_truth
 from fingerlab.twin.effects import Effects
 from fingerlab.twin.integrate import run_sample

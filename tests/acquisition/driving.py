@@ -16,7 +16,7 @@ from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.file import default_rig
 
 SINE = {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0, "offset_deg": 22.0, "duration_s": 4.0}
 

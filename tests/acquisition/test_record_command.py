@@ -24,9 +24,9 @@ from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.cli.proposals import single_plan
 from fingerlab.cli.record import record
-from fingerlab.errors import UserError
-from fingerlab.identify.diagnosis.next_experiment import BENCH_LOADS_NM, _bench_menu
-from fingerlab.rig_file import default_rig
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.next_experiment import BENCH_LOADS_NM, _bench_menu
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 
 RUN = {"kind": "sine", "amplitude_deg": 10.0, "frequency_hz": 1.0, "offset_deg": 20.0, "duration_s": 3.0}

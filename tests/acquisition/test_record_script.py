@@ -29,8 +29,8 @@ from fingerlab.cli.common import progress_bar
 from fingerlab.cli.record import record
 from fingerlab.cli.record_events import Events
 from fingerlab.cli.record_session import Told, _Writing, take
-from fingerlab.errors import UserError
-from fingerlab.rig_file import default_rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 from fingerlab.twin.protocols import RunPlan
 from tests.acquisition.fake_device import FakeDevice

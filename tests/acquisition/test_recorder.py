@@ -21,8 +21,8 @@ from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import Ring
-from fingerlab.errors import UserError
-from fingerlab.rig_file import default_rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 from fingerlab.sessions.part_file import PartWriter
 from fingerlab.sessions.recording_place import cut_recordings

@@ -18,7 +18,7 @@ from fingerlab.acquisition.checks import (
     Watchdog,
 )
 from fingerlab.acquisition.safety import Limits, Safety, limits_table, safety_checks
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 
 def healthy(index: int = 0, position: float = 0.4) -> Reading:

@@ -17,7 +17,7 @@ from fingerlab.acquisition.protocol import Change, Record, plan_steps
 from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.torque import FREE_SPEED
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.words import trajectory_words
 from fingerlab.twin.protocols import single_run
 from tests.acquisition import fake_device

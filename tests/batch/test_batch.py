@@ -19,8 +19,8 @@ from fingerlab.batch.rows import Options, Outcome, Task, diagnose_file
 from fingerlab.batch.run import run_batch
 from fingerlab.batch.table import Parts
 from fingerlab.cli.main import cli
-from fingerlab.errors import Cancelled, UserError
-from fingerlab.physics.effects.own import OwnSource
+from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.effects.own import OwnSource
 from fingerlab.sessions import file_hash
 
 from .conftest import aged

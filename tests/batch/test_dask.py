@@ -14,7 +14,7 @@ from distributed import LocalCluster
 from fingerlab.batch import runners
 from fingerlab.batch.rows import Options, Task, diagnose_file
 from fingerlab.cli.main import cli
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 from .conftest import aged
 

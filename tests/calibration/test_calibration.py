@@ -13,7 +13,7 @@ from scipy import stats
 from fingerlab.calibration import SENSORS, Step, StepTiming, calibrate_steps, find_steps
 from fingerlab.calibration.recording import read_recording
 from fingerlab.calibration.steps import count_steps
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from tests.cli.calling import run_main
 
 LOAD_CELL = SENSORS["load-cell"]

@@ -19,9 +19,9 @@ from fingerlab.calibration.result import Outcome, compare
 from fingerlab.calibration.stability import Averager, judge
 from fingerlab.calibration.store import CalibrationStore
 from fingerlab.calibration.wizard import Phase, Wizard
-from fingerlab.errors import Cancelled, UserError
-from fingerlab.rig_daq import plain_section
-from fingerlab.rig_file import default_rig
+from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.rig.daq import plain_section
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions import open_session
 
 from .operator_hands import Operator, angle_sensor, thesis_load_cell

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.identify.model_file import load_model, save_model, without_nan
-from fingerlab.identify.prediction import extended_model, fit_extended, model_of_extended, predict_extended
+from fingerlab.models.file import load_model, save_model, without_nan
+from fingerlab.prediction import extended_model, fit_extended, model_of_extended, predict_extended
 from fingerlab.sessions import open_session
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset

@@ -12,8 +12,8 @@ import pytest
 from click.testing import CliRunner
 
 from fingerlab.cli.replicate import replicate
-from fingerlab.identify.thesis.published import PUBLISHED, Quantity
 from fingerlab.report.replicate import TOLERANCES, compare
+from fingerlab.thesis.published import PUBLISHED, Quantity
 
 
 def replicated(seed: int) -> dict[str, dict[str, Any]]:

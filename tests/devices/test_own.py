@@ -16,10 +16,10 @@ from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.cli.main import cli
+from fingerlab.core.errors import UserError
 from fingerlab.devices.choosing import OWN, choose_device
 from fingerlab.devices.own import confirm, confirmed_files, device_file
-from fingerlab.errors import UserError
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions import open_session
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "own_device_example.py"

@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
+from fingerlab.core.errors import UserError
 from fingerlab.devices.clock import VirtualClock
 from fingerlab.devices.faults import Faults, SensorFault
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost, cycles_per_command
 from fingerlab.devices.simulated import SimulatedRig, Simulation
-from fingerlab.errors import UserError
-from fingerlab.rig_file import default_rig, parse_rig
+from fingerlab.rig.file import default_rig, parse_rig
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import RunPlan

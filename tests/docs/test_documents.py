@@ -17,8 +17,8 @@ import pytest
 
 from fingerlab.cli.main import COMMANDS, cli
 from fingerlab.devices.protocol import Device
-from fingerlab.physics.effects import CATALOGUE
-from fingerlab.physics.effects.base import Row
+from fingerlab.effects import CATALOGUE
+from fingerlab.effects.base import Row
 from tests.docs.console import OURS, console_lines, mentions
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -233,7 +233,7 @@ def test_the_page_of_commands_has_all_of_them(pages: dict[str, str]) -> None:
 
 
 def test_the_numbers_of_the_diagnosis_are_read_from_its_modules(pages: dict[str, str]) -> None:
-    from fingerlab.identify.diagnosis import conditions, steps
+    from fingerlab.diagnosis import conditions, steps
 
     made = sys.modules["stated"]
     rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", pages["decisions.md"], re.MULTILINE))
@@ -250,8 +250,8 @@ def test_no_import_runs_up_an_arrow(generate: ModuleType) -> None:
     assert [edge for edge in sorted(edges) if rank[edge[0]] >= rank[edge[1]]] == []
     folders = {path.parent.name for path in (ROOT / "fingerlab").glob("*/__init__.py")}
     assert folders <= {*rank, *made.GROUND}  # each part is drawn
-    assert {("ui", "identify"), ("cli", "identify"), ("devices", "twin")} <= edges
-    assert ("ui", "identify") not in made.drawn(edges)  # it runs over the report
+    assert {("ui", "diagnosis"), ("cli", "diagnosis"), ("devices", "twin")} <= edges
+    assert ("ui", "diagnosis") not in made.drawn(edges)  # it runs over the report
     page = (DOCS / "architecture.md").read_text(encoding="utf-8")
     svg = generate.on_page_markdown(page)
     assert svg.count('marker-end="url(#tip)"') == len(made.drawn(edges))

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from fingerlab.identify.diagnosis import diagnose
-from fingerlab.identify.results import Diagnosis
-from fingerlab.physics.effects import CATALOGUE
+from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.results import Diagnosis
+from fingerlab.effects import CATALOGUE
 from fingerlab.report.diagnosis_words import UNEXPLAINED, path_sentence
 from fingerlab.sessions import open_session
 

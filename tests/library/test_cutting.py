@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.library.cutting import Stretch, cut_session, merge_sessions, rig_differences
 from fingerlab.sessions import check_session, file_hash, open_session
 from tests.conftest import RIG

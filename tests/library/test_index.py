@@ -9,7 +9,7 @@ import h5py
 import pytest
 
 from fingerlab.batch.table import Contents, complete, write_table
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.library.facts import SessionFacts, read_facts
 from fingerlab.library.filtering import Entry, matches
 from fingerlab.library.index import list_files, scan

@@ -14,7 +14,7 @@ import pytest
 import xarray
 
 import fingerlab
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.notebook.layout import Table, filled
 from fingerlab.sessions import Run
 

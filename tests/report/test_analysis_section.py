@@ -17,8 +17,8 @@ def quiet(share: float, what: str) -> None:
 
 
 def test_a_session_on_air_and_in_contact_gives_figures_and_numbers(shared_data: Path) -> None:
-    from fingerlab.identify.thesis.fitting import fit_session
-    from fingerlab.identify.thesis.specs import FOUR_REGIONS
+    from fingerlab.thesis.fitting import fit_session
+    from fingerlab.thesis.specs import FOUR_REGIONS
 
     session = open_session(shared_data / "bench-coulomb.h5")
     found = analyse([session], quiet)

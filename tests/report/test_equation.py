@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from matplotlib.mathtext import MathTextParser
 
-from fingerlab.errors import UserError
-from fingerlab.identify.prediction.extended import ChosenEffect, ExtendedModel, Variant
-from fingerlab.identify.results import ParameterEstimate
+from fingerlab.core.errors import UserError
+from fingerlab.effects import CATALOGUE
+from fingerlab.models.file import ParameterEstimate
 from fingerlab.physics import nominal
-from fingerlab.physics.effects import CATALOGUE
+from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, Variant
 from fingerlab.report.equation import effect_equations, final_equation, fitted_finger, number, signed
 from fingerlab.report.equation_text import (
     check_ending,
@@ -27,8 +27,8 @@ from fingerlab.report.equation_text import (
     to_latex,
     to_markdown,
 )
-from fingerlab.rig import Rig
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import default_rig
 
 
 def estimate(value: float, unit: str, half: float = 0.0) -> ParameterEstimate:

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from fingerlab.identify.results import ParameterEstimate
+from fingerlab.models.file import ParameterEstimate
 from fingerlab.report.diagnosis_words import in_sentence, listed, parameter_titles
 from fingerlab.report.screen import (
     decimals_for,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.place import put_in_place, whole_file
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.twin.effect_table import EFFECTS
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset

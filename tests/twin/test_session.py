@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from fingerlab.cli.simulate import reveal, simulate
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions import open_session
 from fingerlab.twin.effect_table import EFFECTS
 from fingerlab.twin.preset import load_preset, parse_preset

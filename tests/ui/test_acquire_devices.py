@@ -22,14 +22,14 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.machine import Mode
+from fingerlab.core.errors import UserError
 from fingerlab.devices.clock import VirtualClock
 from fingerlab.devices.detect import detect
 from fingerlab.devices.faults import FAULT_KINDS
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.own import DeviceFile
 from fingerlab.devices.simulated import SimulatedBench, Simulation
-from fingerlab.errors import UserError
-from fingerlab.rig_file import default_rig, load_rig
+from fingerlab.rig.file import default_rig, load_rig
 from fingerlab.sessions import open_session
 from fingerlab.ui.acquire import tab as acquire_tab
 from fingerlab.ui.acquire.opening import Wanted, open_bench, own_device_file

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from fingerlab.identify.results import ParameterEstimate
+from fingerlab.models.file import ParameterEstimate
 from fingerlab.report.screen import estimate_text, fixed, percent, score_text, screen_unit
 
 

@@ -10,7 +10,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QSpinBox, QWidget
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 from .. import practice
 from ..desk import Desk

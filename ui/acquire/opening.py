@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from fingerlab.devices.choosing import DeviceChoice
     from fingerlab.devices.own import DeviceFile
     from fingerlab.devices.protocol import Found
-    from fingerlab.rig import Rig
+    from fingerlab.rig.constants import Rig
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def open_bench(wanted: Wanted, make: MakeBench = in_processes) -> OpenBench:
     from fingerlab.devices.choosing import CARD, OWN, REPLAY, choose_device
     from fingerlab.devices.faults import fault_after
     from fingerlab.devices.simulated import Simulation
-    from fingerlab.rig_file import load_rig
+    from fingerlab.rig.file import load_rig
     from fingerlab.twin.effects import parse_effects
     from fingerlab.twin.protocols import RATE_HZ
 
@@ -168,7 +168,7 @@ def find_devices(rig_file: Path | None) -> tuple[Found, ...]:
         UserError: the rig file cannot be read.
     """
     from fingerlab.devices.detect import detect
-    from fingerlab.rig_file import load_rig
+    from fingerlab.rig.file import load_rig
 
     return detect(load_rig(rig_file) if rig_file is not None else None)
 

@@ -27,7 +27,7 @@ from .opening import OpenBench, OpenCall, Wanted, open_bench
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.inline import InlineBench
-    from fingerlab.identify.live_model import Balance, LiveModel
+    from fingerlab.models.live import Balance, LiveModel
 
 TICK_MS = 33
 """At most 30 looks a second, each followed by one repaint."""
@@ -239,7 +239,7 @@ class Station(QObject):
         """
         self.model = None
         if on and self.opened is not None and self.bench is not None:
-            from fingerlab.identify.live_model import LiveModel
+            from fingerlab.models.live import LiveModel
 
             rate, set_up = self.bench.rate_hz, self.set_up
             self.model = LiveModel(self.opened.rig, rate, set_up.phase, set_up.cable, balance)
@@ -272,7 +272,7 @@ class Station(QObject):
         model = self.model
         if model is None:
             return
-        from fingerlab.identify.live_model import Measured
+        from fingerlab.models.live import Measured
 
         if not whole:
             model.forget()

@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.report.diagnosis_words import PHASE_WORDS
 from fingerlab.sessions.format import CABLES, PHASES
 

@@ -18,7 +18,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.library.filtering import HELP, matches
 from fingerlab.library.notes import Note
 from fingerlab.library.thumbnail import Thumbnail

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.library.facts import SessionFacts
 from fingerlab.library.index import scan
 from fingerlab.library.notes import Notebook

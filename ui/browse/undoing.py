@@ -11,7 +11,7 @@ from typing import Protocol
 
 from PySide6.QtCore import QFile, QStandardPaths
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.library.facts import SessionFacts
 from fingerlab.library.notes import Note
 

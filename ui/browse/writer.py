@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFileDialog, QWidget
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.library.cutting import Stretch, cut_session, merge_sessions
 from fingerlab.library.facts import SessionFacts
 from fingerlab.library.notes import Note
@@ -122,7 +122,7 @@ class Writer(QObject):
             return
 
         def work(progress: Progress) -> Path:
-            from fingerlab.rig_file import default_rig, load_rig
+            from fingerlab.rig.file import default_rig, load_rig
             from fingerlab.sessions.importing import import_files
 
             rig = load_rig(rig_file) if rig_file is not None else default_rig()

@@ -17,7 +17,7 @@ from fingerlab.calibration.result import Outcome
 from fingerlab.calibration.sensors import Sensor
 from fingerlab.calibration.store import ACCEPTED, REJECTED, WITH_REASON, CalibrationStore, Record
 from fingerlab.calibration.wizard import Phase, Wizard
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 from ..desk import Desk
 from ..tab import SEPARATOR, Command, Tab

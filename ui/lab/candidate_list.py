@@ -7,7 +7,7 @@ from typing import Any
 
 from PySide6.QtCore import QAbstractListModel, QModelIndex, QObject, QPersistentModelIndex, Qt
 
-from fingerlab.identify.results import Diagnosis
+from fingerlab.diagnosis.results import Diagnosis
 from fingerlab.report.diagnosis_words import suspects
 from fingerlab.report.screen import percent
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
-from fingerlab.identify.results import EQUATION_TITLES, Candidate, Diagnosis, Fingerprint
+from fingerlab.diagnosis.results import EQUATION_TITLES, Candidate, Diagnosis, Fingerprint
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed, parameter_titles, suspects
 from fingerlab.report.screen import estimate_text, printed
 

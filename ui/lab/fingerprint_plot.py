@@ -10,7 +10,7 @@ from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QPen
 from PySide6.QtWidgets import QWidget
 
-from fingerlab.identify.results import Fingerprint
+from fingerlab.diagnosis.results import Fingerprint
 from fingerlab.report.screen import ScreenUnit, screen_unit
 from fingerlab.sessions.model import Array
 

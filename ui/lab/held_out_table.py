@@ -8,7 +8,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QFontMetrics
 from PySide6.QtWidgets import QHeaderView, QTableWidgetItem, QWidget
 
-from fingerlab.identify.results import HeldOutRuns
+from fingerlab.diagnosis.results import HeldOutRuns
 from fingerlab.report.diagnosis_words import PHASE_WORDS, listed
 from fingerlab.report.screen import score_text
 

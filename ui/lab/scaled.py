@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerlab.identify.results import Comparison
+from fingerlab.diagnosis.results import Comparison
 from fingerlab.report.screen import ScreenUnit, decimals_for, fixed, screen_unit
 from fingerlab.sessions.model import Array
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fingerlab.identify.results import Candidate, Comparison, Diagnosis, EquationError, Failure
+from fingerlab.diagnosis.results import Candidate, Comparison, Diagnosis, EquationError, Failure
 from fingerlab.report.diagnosis_words import (
     NOTHING_WORDS,
     PHASE_WORDS,

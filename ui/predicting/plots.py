@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QIcon, QPainter, QPen, QPixmap
 from PySide6.QtWidgets import QWidget
 
-from fingerlab.identify.prediction.beside import RunForce
+from fingerlab.prediction.beside import RunForce
 from fingerlab.report.screen import ScreenUnit, fixed, r2_text
 
 from ..theme import Colours, colours_of

@@ -6,7 +6,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtWidgets import QWidget
 
-from fingerlab.identify.prediction.inverse import TorquePlan
+from fingerlab.prediction.inverse import TorquePlan
 from fingerlab.report.screen import ScreenUnit
 
 from ..theme import colours_of

@@ -16,8 +16,8 @@ from fingerlab.devices.ni.errors import SAMPLES_NOT_YET_AVAILABLE, UNSUPPORTED, 
 from fingerlab.devices.ni.stopping import write_safe
 from fingerlab.devices.ni.tasks import Tasks, packed, signed_counts
 from fingerlab.devices.protocol import DeviceFault, DeviceLost, Sample
-from fingerlab.rig import Rig
-from fingerlab.rig_daq import SafetyLines
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.daq import SafetyLines
 
 READ_TIMEOUT = 0.1
 """s beyond the block's own length; a hundred cycles without a sample are a fault, not lateness (assumed)."""

@@ -12,7 +12,7 @@ import numpy as np
 from fingerlab.devices.ni.connection import Connection
 from fingerlab.devices.ni.errors import UNSUPPORTED, code_of
 from fingerlab.devices.protocol import NO_LINES
-from fingerlab.rig_daq import Daq
+from fingerlab.rig.daq import Daq
 
 BUFFER_SECONDS = 4.0
 """Length of the driver's buffer in the buffered mode: how long the program may be stalled (assumed)."""

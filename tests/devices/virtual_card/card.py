@@ -86,7 +86,7 @@ class Card:
 
     Attributes:
         volts: at the output terminal. line: level of the enable line. inputs: level of each line that is
-            read; one that is not named is open, and pulled down. edges: line -> ticks at which it was changed.
+            read; one that is not named is open, and pulled down. edges: line -> ticks at which it changed.
         hooks: RPC name -> function called first, which may raise DaqFailure, to make things go wrong.
         stopped_clock: no more edges. partial: samples that the next block read delivers instead of all.
         layout: where a partial read puts them: ``rows``, ``packed`` or ``zeros`` (whole buffer returned).

@@ -1,0 +1,393 @@
+"""How the bench is wired: terminals, scaling and signs of its channels, and the limits it must keep.
+
+A rig carries both as plain JSON under the keys ``daq`` and ``limits``, so that a session tells under
+which wiring it was taken; what a rig leaves out has the defaults of the bench. SI units throughout.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any
+
+from fingerlab.core.errors import UserError
+
+SOURCES = "sources"
+"""Key under which a section keeps the origin of its values, by dotted name."""
+
+OPTIONAL_LINES = frozenset({"dead_man", "emergency_stop", "amplifier_ready"})
+"""Digital lines without which a bench can be driven."""
+
+TIMINGS = ("auto", "single-point", "buffered")
+WIRINGS = ("default", "rse", "nrse", "diff", "pseudodiff")
+BLOCK_RANGE = (5, 10)
+"""Samples a block of the buffered fallback: the position loop then runs at 100 to 200 Hz."""
+
+_KMA210_GAIN = math.pi / 4.5  # 180 degrees over 5 to 95 % of 5 V
+
+
+@dataclass(frozen=True)
+class AnalogInput:
+    """A sensor on a straight line: quantity = sign * (gain * volts + offset).
+
+    Attributes:
+        terminal: of the card, such as ``ai0``; empty where the bench has no such sensor.
+        gain: SI unit of the quantity a volt. offset: SI unit. sign: +1 or -1.
+        low, high: range asked of the card, V.
+        wiring: ``default`` (the card's own), ``rse``, ``nrse``, ``diff`` or ``pseudodiff``.
+    """
+
+    terminal: str
+    gain: float
+    offset: float = 0.0
+    sign: int = 1
+    low: float = -10.0
+    high: float = 10.0
+    wiring: str = "default"
+
+    def quantity(self, volts: Any) -> Any:
+        """Volts (number or array) as the quantity in SI."""
+        return self.sign * (self.gain * volts + self.offset)
+
+    def volts(self, quantity: Any) -> Any:
+        """The volts at which the sensor shows ``quantity`` (SI, number or array)."""
+        return (self.sign * quantity - self.offset) / self.gain
+
+
+@dataclass(frozen=True)
+class Encoder:
+    """The motor's encoder on a counter, four edges a line.
+
+    Attributes:
+        terminal: the counter, such as ``ctr0``.
+        counts_per_turn: counts a turn of the gearbox output. sign: +1 where counts grow while winding.
+        index: whether the index pulse sets the counter to zero.
+    """
+
+    terminal: str = "ctr0"
+    counts_per_turn: float = 8600.0
+    sign: int = 1
+    index: bool = False
+
+    def quantity(self, counts: Any) -> Any:
+        """Counts (number or array) as an angle at the gearbox output, rad."""
+        return self.sign * counts * (2.0 * math.pi / self.counts_per_turn)
+
+    def counts(self, angle: Any) -> Any:
+        """Counts, not yet whole ones, of an angle at the gearbox output (rad, number or array)."""
+        return self.sign * angle * (self.counts_per_turn / (2.0 * math.pi))
+
+
+@dataclass(frozen=True)
+class CommandOutput:
+    """The amplifier's set value: current = sign * gain * volts.
+
+    Attributes:
+        terminal: such as ``ao0``. gain: A/V. sign: +1 where positive volts wind the cable.
+        low, high: range that may be written, V.
+    """
+
+    terminal: str = "ao0"
+    gain: float = 1.0
+    sign: int = 1
+    low: float = -10.0
+    high: float = 10.0
+
+    def volts(self, current: float) -> float:
+        """Volts for a current in A, within the range that may be written."""
+        return min(max(self.sign * current / self.gain, self.low), self.high)
+
+    def current(self, volts: Any) -> Any:
+        """Current (A) that the amplifier makes of ``volts``, number or array."""
+        return self.sign * self.gain * volts
+
+
+@dataclass(frozen=True)
+class EnableLine:
+    """The digital line that enables the amplifier: ``port0/line0``, active at 5 V or at 0 V."""
+
+    terminal: str = "port0/line0"
+    active_high: bool = True
+
+
+@dataclass(frozen=True)
+class DeadManLine:
+    """A digital output that the control loop inverts once a command; see "A dead-man" in ``docs/rig.md``.
+
+    Attributes:
+        terminal: such as ``port0/line1``; empty where the bench has none.
+        hold_time: s for which the charge pump behind it holds the amplifier's enable after the last edge.
+    """
+
+    terminal: str = ""
+    hold_time: float = 0.05
+
+
+@dataclass(frozen=True)
+class EmergencyStopLine:
+    """A digital input that tells whether the emergency stop is pressed; it acts by its own contacts.
+
+    Attributes:
+        terminal: such as ``port0/line2``; empty where the bench has none.
+        active_high: whether 5 V mean "pressed"; otherwise 0 V or a broken wire do.
+    """
+
+    terminal: str = ""
+    active_high: bool = False
+
+
+@dataclass(frozen=True)
+class AmplifierReadyLine:
+    """A digital input that tells whether the amplifier is ready.
+
+    Attributes:
+        terminal: such as ``port0/line3``; empty where the bench has none.
+        active_high: whether 5 V mean "ready".
+        settling_time: s after enable within which it may still become ready.
+        needs_enable: only an enabled amplifier tells, or clears its fault; it is not asked before.
+    """
+
+    terminal: str = ""
+    active_high: bool = True
+    settling_time: float = 0.1
+    needs_enable: bool = False
+
+
+@dataclass(frozen=True)
+class SafetyLines:
+    """The digital lines beside enable that a bench may have; each has an empty terminal where it has not."""
+
+    dead_man: DeadManLine = DeadManLine()
+    emergency_stop: EmergencyStopLine = EmergencyStopLine()
+    amplifier_ready: AmplifierReadyLine = AmplifierReadyLine()
+
+
+@dataclass(frozen=True)
+class Daq:
+    """The card, how it is timed, and the channels of the bench.
+
+    Attributes:
+        device: name of the card in the driver. server: ``host:port`` of a gRPC device server, or empty
+            for the driver of this machine.
+        timing: ``single-point`` (one sample a cycle, blocking), ``buffered`` (blocks of ``block``
+            samples), or ``auto``: single-point where card and driver allow it.
+        rate_hz: sample clock, Hz.
+    """
+
+    device: str = "Dev1"
+    server: str = ""
+    timing: str = "auto"
+    rate_hz: float = 1000.0
+    block: int = 10
+    load_cell: AnalogInput = AnalogInput("ai0", 11.194, -5.317)
+    mcp: AnalogInput = AnalogInput("ai1", _KMA210_GAIN, -2.5 * _KMA210_GAIN)
+    pip: AnalogInput = AnalogInput("ai2", _KMA210_GAIN, -2.5 * _KMA210_GAIN)
+    current_monitor: AnalogInput = AnalogInput("ai3", 1.25, sign=-1)
+    encoder: Encoder = Encoder()
+    command: CommandOutput = CommandOutput()
+    enable: EnableLine = EnableLine()
+    dead_man: DeadManLine = DeadManLine()
+    emergency_stop: EmergencyStopLine = EmergencyStopLine()
+    amplifier_ready: AmplifierReadyLine = AmplifierReadyLine()
+    sources: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def safety_lines(self) -> SafetyLines:
+        """The digital lines beside enable."""
+        return SafetyLines(self.dead_man, self.emergency_stop, self.amplifier_ready)
+
+    @property
+    def inputs(self) -> tuple[AnalogInput, AnalogInput, AnalogInput, AnalogInput]:
+        """Load cell, MCP, PIP and current monitor: the order of a device's raw values."""
+        return self.load_cell, self.mcp, self.pip, self.current_monitor
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the control loop keeps within, SI; each has its source in the rig file.
+
+    Attributes:
+        current: A, either direction. torque: N m at the gearbox output, either direction.
+        position_low, position_high: rad at the pulley, after initialising. speed: rad/s at the pulley.
+        tension_rise: N/s, rise of the cable tension. force: N at the load cell.
+        mcp_low, mcp_high, pip_low, pip_high: rad, joint angles.
+    """
+
+    current: float = 3.0
+    torque: float = 0.4
+    position_low: float = math.radians(-20.0)
+    position_high: float = math.radians(160.0)
+    speed: float = 20.0
+    tension_rise: float = 500.0
+    mcp_low: float = math.radians(-60.0)
+    mcp_high: float = math.radians(95.0)
+    pip_low: float = math.radians(-70.0)
+    pip_high: float = math.radians(95.0)
+    force: float = 10.0
+    sources: Mapping[str, str] = field(default_factory=dict)
+
+
+LIMIT_UNITS = {
+    "current": "A",
+    "torque": "N m",
+    "position_low": "rad",
+    "position_high": "rad",
+    "speed": "rad/s",
+    "tension_rise": "N/s",
+    "mcp_low": "rad",
+    "mcp_high": "rad",
+    "pip_low": "rad",
+    "pip_high": "rad",
+    "force": "N",
+}
+"""SI unit of each limit."""
+
+CHANNEL_UNITS = {
+    "load_cell": {"gain": "N/V", "offset": "N"},
+    "mcp": {"gain": "rad/V", "offset": "rad"},
+    "pip": {"gain": "rad/V", "offset": "rad"},
+    "current_monitor": {"gain": "A/V", "offset": "A"},
+    "command": {"gain": "A/V"},
+    "dead_man": {"hold_time": "s"},
+    "amplifier_ready": {"settling_time": "s"},
+}
+"""SI unit of the scaling and times of each channel; every other number of ``[daq]`` is in volts or plain."""
+
+
+def read_daq(data: Any, where: str) -> Daq:
+    """The wiring from plain JSON; what is missing has the bench's default.
+
+    Raises:
+        UserError: an entry is unknown, of the wrong kind, or impossible.
+    """
+    daq = _read(Daq, Daq(), data, where)
+    _one_of(daq.timing, TIMINGS, f"{where} timing")
+    low, high = BLOCK_RANGE
+    if not low <= daq.block <= high:
+        raise UserError(f"{where} block is {daq.block}; it should be {low} to {high} samples.")
+    if not daq.rate_hz > 0:
+        raise UserError(f"{where} rate_hz is {daq.rate_hz:g}; it should be above zero, such as 1000.")
+    for name in ("load_cell", "mcp", "pip", "current_monitor", "encoder", "command"):
+        _check_channel(getattr(daq, name), f"{where} {name}")
+    for name in ("encoder", "command", "enable"):
+        if not getattr(daq, name).terminal:
+            raise UserError(f"{where} {name} has no terminal; the motor cannot be driven without it.")
+    _check_lines(daq, where)
+    return daq
+
+
+def read_limits(data: Any, where: str) -> Limits:
+    """The limits from plain JSON; what is missing has the bench's default.
+
+    Raises:
+        UserError: an entry is unknown, no finite number, or leaves no room.
+    """
+    limits = _read(Limits, Limits(), data, where)
+    for name in ("current", "torque", "speed", "tension_rise", "force"):
+        if getattr(limits, name) <= 0:
+            raise UserError(f"{where} {name} is {getattr(limits, name):g}; it should be above zero.")
+    for name in ("position", "mcp", "pip"):
+        if getattr(limits, f"{name}_low") >= getattr(limits, f"{name}_high"):
+            raise UserError(f"{where} {name}_low is not below {name}_high; nothing could move.")
+    return limits
+
+
+LEAST_HELD = 4
+"""Commands of the position loop that a dead-man has to hold at least: a charge pump is fed by every second
+edge, and one such edge may come a period late (assumed)."""
+
+
+def _check_lines(daq: Daq, where: str) -> None:
+    """No two digital lines on one terminal, and times that a bench can keep."""
+    taken: dict[str, str] = {}
+    for name in OPTIONAL_LINES | {"enable"}:
+        terminal = getattr(daq, name).terminal
+        if terminal and terminal in taken:
+            one, other = sorted((name, taken[terminal]))
+            raise UserError(
+                f"{where} {one} and {other} are both on {terminal}; each needs a line of its own."
+            )
+        taken[terminal] = name
+    command = daq.block if daq.timing != "single-point" else 1
+    least = LEAST_HELD * command / daq.rate_hz
+    if daq.dead_man.terminal and not least <= daq.dead_man.hold_time < 1.0:
+        raise UserError(
+            f"{where} dead_man hold_time is {daq.dead_man.hold_time:g} s; it should be {least:g} s "
+            f"({LEAST_HELD} commands of the position loop) to less than 1 s."
+        )
+    if not 0.0 <= daq.amplifier_ready.settling_time <= 2.0:
+        raise UserError(
+            f"{where} amplifier_ready settling_time is {daq.amplifier_ready.settling_time:g} s; it should be "
+            "0 to 2 s."
+        )
+
+
+def _check_channel(channel: Any, where: str) -> None:
+    if channel.sign not in (-1, 1):
+        raise UserError(f"{where} sign is {channel.sign}; it should be 1 or -1.")
+    gain = channel.counts_per_turn if isinstance(channel, Encoder) else channel.gain
+    if gain == 0 or (isinstance(channel, Encoder) and gain < 0):
+        raise UserError(f"{where} has a scaling of {gain:g}; nothing could be read from it.")
+    if not isinstance(channel, Encoder) and not channel.low < channel.high:
+        raise UserError(f"{where} low is not below high; give the range in volts.")
+    if isinstance(channel, AnalogInput):
+        _one_of(channel.wiring, WIRINGS, f"{where} wiring")
+    if isinstance(channel, CommandOutput) and not channel.low <= 0 <= channel.high:
+        raise UserError(f"{where} leaves out 0 V; without it the motor cannot be stopped.")
+
+
+def _one_of(value: str, allowed: tuple[str, ...], where: str) -> None:
+    if value not in allowed:
+        raise UserError(f"{where} is {value!r}; it should be one of {', '.join(allowed)}.")
+
+
+def _read(kind: type[Any], default: Any, data: Any, where: str) -> Any:
+    """A dataclass from a JSON object, entry by entry over ``default``."""
+    if not isinstance(data, Mapping):
+        raise UserError(
+            f"{where} is not a section; it should hold {', '.join(f.name for f in fields(kind))}."
+        )
+    known = {f.name: getattr(default, f.name) for f in fields(kind)}
+    values = dict(known)
+    for name, value in data.items():
+        if name not in known:
+            raise UserError(f"{where} holds the unknown '{name}'; it knows {', '.join(known)}.")
+        values[name] = _entry(known[name], value, f"{where} {name}")
+    return kind(**values)
+
+
+def _entry(default: Any, value: Any, where: str) -> Any:
+    if is_dataclass(default) and not isinstance(default, type):
+        return _read(type(default), default, value, where)
+    if isinstance(default, Mapping):
+        return {str(k): str(v) for k, v in value.items()} if isinstance(value, Mapping) else {}
+    if isinstance(default, bool | str):
+        if type(value) is not type(default):
+            kind = "true or false" if isinstance(default, bool) else "text in quotes"
+            raise UserError(f"{where} is {value!r}; it should be {kind}.")
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise UserError(f"{where} is {value!r}; it should be a finite number.")
+    if isinstance(default, int):
+        if value != int(value):
+            raise UserError(f"{where} is {value!r}; it should be a whole number.")
+        return int(value)
+    return float(value)
+
+
+def plain_section(section: Daq | Limits) -> dict[str, Any]:
+    """A section as plain JSON, every value stated; a line that the bench does not have is left out."""
+
+    def plain(value: Any) -> Any:
+        if is_dataclass(value) and not isinstance(value, type):
+            return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
+        return dict(value) if isinstance(value, Mapping) else value
+
+    result: dict[str, Any] = plain(section)
+    for name in OPTIONAL_LINES & result.keys():  # a session of a bench without them reads as it always did
+        if not result[name]["terminal"]:
+            del result[name]
+    if not result[SOURCES]:
+        del result[SOURCES]
+    return result
