@@ -86,10 +86,10 @@ def test_a_computer_that_freezes_takes_the_current_away_within_the_hold_time() -
 
 
 def test_late_cycles_up_to_the_watchdogs_limit_never_take_the_current_away() -> None:
-    late = dict.fromkeys(range(1500, 4000, 25), 19)  # 20 ms away at a time is the loop's own limit
+    late = dict.fromkeys(range(1500, 4000, 100), 19)  # 20 ms away at a time is the loop's own limit
     bench = driven(Faults(lost=late))
     powered = []
-    for _ in range(2000):
+    for _ in range(3500):
         bench.cycles(1)
         powered.append(bench.device.powered)  # before the next beat: nothing has filled the pump again
     assert bench.board[Slot.LOST] > 400
