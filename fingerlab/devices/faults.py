@@ -31,11 +31,11 @@ class SensorFault:
 
 @dataclass(frozen=True)
 class LineFault:
-    """A digital input that tells something else than it should.
+    """A digital input that tells something else than it should, once; a new start of the device ends it not.
 
     Attributes:
         line: one of ``LINES``. start: first cycle, counted like ``Sample.index``. on: what it tells.
-        cycles: how long, infinite by default.
+        cycles: of the bench, how long; infinite by default.
     """
 
     line: str
@@ -74,6 +74,8 @@ class Faults:
 
 
 SLOW_S, SKIPPED, CLOCK_S = 0.05, 5, -3600.0
+HELD = 5000
+"""Cycles for which the emergency stop is held and the amplifier is not ready: 5 s, then it can be reset."""
 JUMP_COUNTS = 480.0
 """Counts; 20 degrees of the bench's encoder."""
 
@@ -88,6 +90,10 @@ class FaultKind:
 
 def _sensor(channel: str, stuck: bool) -> Callable[[int], Faults]:
     return lambda cycle: Faults(sensors=(SensorFault(channel, cycle, stuck=stuck),))
+
+
+def _line(line: str, on: bool) -> Callable[[int], Faults]:
+    return lambda cycle: Faults(lines=(LineFault(line, cycle, on, HELD),))
 
 
 FAULT_KINDS: dict[str, FaultKind] = {
@@ -105,6 +111,8 @@ FAULT_KINDS: dict[str, FaultKind] = {
     ),
     "late": FaultKind("a cycle comes 50 ms late", lambda cycle: Faults(late={cycle: SLOW_S})),
     "lost": FaultKind("five cycles are lost", lambda cycle: Faults(lost={cycle: SKIPPED})),
+    "emergency-stop": FaultKind("the emergency stop is pressed", _line("emergency_stop", True)),
+    "not-ready": FaultKind("the amplifier is no longer ready", _line("amplifier_ready", False)),
     "clock": FaultKind("the clock is set back an hour", lambda cycle: Faults(clock_steps={cycle: CLOCK_S})),
 }
 """Faults for practice, by id."""

@@ -16,7 +16,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.devices.charge_pump import ChargePump
 from fingerlab.devices.clock import Clock, VirtualClock
-from fingerlab.devices.faults import Faults, FaultySensors
+from fingerlab.devices.faults import Faults, FaultySensors, LineFault
 from fingerlab.devices.lateness import STEP
 from fingerlab.devices.protocol import LINES, NO_LINES, DeviceFault, DeviceLost, Sample
 from fingerlab.rig.constants import Rig
@@ -62,8 +62,13 @@ class Simulation:
 
 
 def simulated_rig_file(preset: Preset) -> Rig:
-    """The rig that the simulated bench says of itself: its own constants, wired like the default rig."""
+    """The rig that the simulated bench says of itself: its own constants, wired like the default rig.
+
+    It also has an emergency stop and an amplifier that tells whether it is ready, for practice.
+    """
     wiring = {key: default_rig().extra[key] for key in ("daq", "limits")}
+    lines = {"emergency_stop": "port0/line2", "amplifier_ready": "port0/line3"}
+    wiring["daq"] = wiring["daq"] | {name: {"terminal": terminal} for name, terminal in lines.items()}
     return replace(preset.rig, extra={**preset.rig.extra, **wiring})
 
 
@@ -202,7 +207,9 @@ class SimulatedRig:
         self._wired = tuple(bool(getattr(lines, name).terminal) for name in LINES)
         self._by_hand = [False, True]  # emergency stop pressed, amplifier ready
         self._lines = NO_LINES
-        self._see_lines(0)
+        self._cycles = 0  # of the bench, whatever was started anew
+        self._told_until: dict[LineFault, float] = {}
+        self._see_lines(-1)
 
     @property
     def safety_lines(self) -> SafetyLines:
@@ -336,6 +343,7 @@ class SimulatedRig:
 
     def _move(self) -> None:
         """One cycle of the bench with its output as it is."""
+        self._cycles += 1
         if self._pump is not None:
             self._pump.wait(1.0 / self.rate_hz)
         self.bench.advance(self._output, self.powered)
@@ -345,8 +353,10 @@ class SimulatedRig:
             return
         told = list(self._by_hand)
         for fault in self._faults.lines:
-            if fault.start <= index < fault.start + fault.cycles:
-                told[LINES.index(fault.line)] = fault.on
+            if index >= fault.start or fault in self._told_until:
+                until = self._told_until.setdefault(fault, self._cycles + fault.cycles)
+                if self._cycles < until:
+                    told[LINES.index(fault.line)] = fault.on
         stop, ready = (float(on) if wired else math.nan for on, wired in zip(told, self._wired, strict=True))
         self._lines = stop, ready
 

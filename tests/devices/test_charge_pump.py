@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from fingerlab.acquisition.board import Slot
+from fingerlab.acquisition.commands import Enable, Initialise, Reset
 from fingerlab.acquisition.machine import Mode
 from fingerlab.devices.charge_pump import ChargePump
-from fingerlab.devices.faults import Faults
+from fingerlab.devices.faults import Faults, fault_after
 from fingerlab.devices.simulated import SimulatedRig, Simulation, simulated_rig_file
 from fingerlab.twin.preset import load_preset
 from tests.acquisition.driving import SINE, Driven
@@ -142,3 +143,20 @@ def test_a_machine_that_slept_wakes_up_without_current() -> None:
     rig.exchange(0.5)
     assert rig.enabled
     assert rig.driven_current == 0.0
+
+
+def test_an_emergency_stop_for_practice_is_held_whatever_is_started_anew() -> None:
+    rig = SimulatedRig(faults=fault_after("emergency-stop", 0.3, 1000.0))
+    bench = Driven(rig)
+    bench.cycles(301)
+    assert bench.loop.machine.mode is Mode.FAULT
+    bench.cycles(4990)
+    assert "emergency stop is pressed" in bench.ask(Reset())
+    bench.cycles(20)
+    for command in (Reset(), Initialise(), Enable()):
+        assert bench.ask(command) == ""
+    bench.cycles(1000)  # it was pressed once
+    assert bench.loop.machine.mode is Mode.ENABLED
+    rig.set_line("amplifier_ready", False)
+    bench.cycles(1)
+    assert "no longer ready" in bench.fault
