@@ -10,8 +10,6 @@ from collections.abc import Sequence
 from operator import attrgetter
 from typing import Protocol
 
-from fingerlab.devices.protocol import NO_LINES
-
 
 class Reading:
     """One cycle in SI units, as the checks and the recorder see it. Filled anew each cycle by the loop.
@@ -47,7 +45,7 @@ class Reading:
         self.position = self.speed = self.current = self.torque = self.tension = math.nan
         self.mcp = self.pip = self.force = math.nan
         self.raw: tuple[float, ...] = ()
-        self.lines: tuple[float, float] = NO_LINES
+        self.lines: tuple[float, float] = (math.nan, math.nan)
 
 
 class Check(Protocol):

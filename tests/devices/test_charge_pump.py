@@ -67,7 +67,7 @@ def test_it_never_lets_go_at_the_rates_of_both_ways_of_timing(edges_s: float) ->
 
 
 def test_a_computer_that_freezes_takes_the_current_away_within_the_hold_time() -> None:
-    for k in (500, 501, 1203):
+    for k in range(500, 512):
         bench = driven()
         bench.cycles(k)
         rig = bench.device
@@ -81,7 +81,7 @@ def test_a_computer_that_freezes_takes_the_current_away_within_the_hold_time() -
         # Enable line and set value stand as the loop left them: nobody was there to take them down.
         assert rig.enabled
         assert rig.driven_current == 0.0
-        assert on >= 40  # not a pump that was empty anyway
+        assert on >= 48  # 50 ms from the last rising edge, which came a cycle or two before
         rig.freeze(500)
         assert not rig.powered
 
