@@ -18,10 +18,8 @@ from typing import Any
 
 import click
 
-from fingerlab.acquisition.safety import Limits, limits_table
 from fingerlab.cli.main import COMMANDS, cli
-from fingerlab.diagnosis.features import nuisance_ranges
-from fingerlab.diagnosis.routing import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
+from fingerlab.diagnosis.equations.parameters import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD, nuisance_ranges
 from fingerlab.effects import (
     CATALOGUE,
     Effect,
@@ -36,6 +34,7 @@ from fingerlab.effects import (
 )
 from fingerlab.report.equation import effect_equations
 from fingerlab.report.equation_text import markdown_words
+from fingerlab.rig.daq import Limits, limits_table
 from fingerlab.rig.file import CONSTANT_UNITS, default_rig, sources_of
 
 DOCS = Path(__file__).resolve().parent
@@ -195,11 +194,11 @@ def _behaviour(effect: Effect) -> list[str]:
     said = []
     if effect.phases:
         said.append(f"It acts in {' and '.join(effect.phases)} runs only.")
-    if effect.bench:
+    if effect.bench is True:
         said.append("It can act on the motor bench too, without a finger.")
-    if effect.wanders:
+    if any(gain.varies_between_runs for gain in effect.gains.values()):
         said.append("Its strength may differ by some per cent from run to run.")
-    if effect.sticks:
+    if any(gain.holds_at_rest for gain in effect.gains.values()):
         said.append("While nothing moves it may hold any value between its extremes.")
     return ["## In the fit", " ".join(said)] if said else []
 
@@ -232,8 +231,9 @@ def _limits() -> str:
             "# Limits of the control loop",
             "",
             "The control loop stops the motor beyond these, window or no window. A rig file's section "
-            '`[limits]` sets those whose source begins with "rig file" (the values here are those of the '
-            "default rig); the others belong to the loop.",
+            '`[limits]` sets each by its name, such as `late_time = { value = 0.03, unit = "s" }`. Those '
+            'whose source begins with "rig file" are the bench\'s (the values here are those of the default '
+            "rig); the others are the loop's and are seldom set.",
             "",
             "| limit | value | unit | source |",
             "|---|---|---|---|",

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fingerlab.core.errors import Cancelled
+from fingerlab.core.text import estimate_text
 from fingerlab.models.file import ParameterEstimate
-from fingerlab.report.screen import estimate_text
 from fingerlab.sessions.model import Session
 
 from .tasks import IsCancelled, Progress

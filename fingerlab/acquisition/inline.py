@@ -20,7 +20,7 @@ from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
 from fingerlab.core.errors import UserError
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost
-from fingerlab.sessions.recording_place import Progress
+from fingerlab.sessions.recording_files import Progress
 
 RING_S = 30.0
 """Length of the ring; the recorder is polled far more often."""

@@ -82,13 +82,10 @@ class ControlLoop:
         self._board = board
         self._publisher = Publisher(ring, board, 1.0 / device.rate_hz)
         self._period = 1.0 / device.rate_hz
-        self._steering = Steering(settings, self._period, cycles_per_command(device), board)
         self._reader = Reader(settings.units, self._period, clock)
         self._commands: deque[tuple[int, Command | ReadyStart | Refused]] = deque()
         self._averaging: Averaging | None = None
-        self._enabling: int | None = (
-            None  # number of the command that is answered when the amplifier is ready
-        )
+        self._enabling: int | None = None  # number of the enable that is answered once there is current
         self._lines = [Input.NONE, Input.NONE]
         self._lost_process = ""
         self._quit_at = math.inf
@@ -97,7 +94,7 @@ class ControlLoop:
         self._recorder_errors = board[Slot.RECORDER_ERRORS]
         self._dogs = watchdogs(settings, self._period)
         self._faults = self._run = 0
-        self._begin_lines()
+        self._fit()
         self._safety: Safety
         self._cable: bool
         self._set_up(SetUp())
@@ -106,7 +103,7 @@ class ControlLoop:
         """Open and start the device. Raises DeviceLost, DeviceFault."""
         self.device.open()
         self.device.start()
-        self._begin_lines()  # a card knows only now how many samples a command stays
+        self._fit()  # a card knows only now for how many samples a command stays
         self._board.set_text(Text.DEVICE, self.device.name)
         self._board[Slot.LOOP_READY] = 1
 
@@ -193,9 +190,11 @@ class ControlLoop:
                 return sentence
         return self._safety.fault(reading)
 
-    def _begin_lines(self) -> None:
-        lines = safety_lines(self.device)
-        self._interlock = Interlock(lines, self._period, cycles_per_command(self.device))
+    def _fit(self) -> None:
+        """What depends on how the device takes its commands, and on the lines that it has."""
+        hold, lines = cycles_per_command(self.device), safety_lines(self.device)
+        self._steering = Steering(self.settings, self._period, hold, self._board)
+        self._interlock = Interlock(lines, self._period, hold)
         beats = bool(lines.dead_man.terminal)
         self._beat: Callable[[], None] | None = getattr(self.device, "beat", None) if beats else None
         self._board[Slot.DEAD_MAN] = int(self._beat is not None)

@@ -34,10 +34,14 @@ from fingerlab.acquisition.recording import (
 from fingerlab.acquisition.ring import Array, Ring, RingReader
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.sessions.format import FINGER_PHASES
-from fingerlab.sessions.part_file import CLEAN, LOSSY, TRUNCATED, PartHeader, PartWriter
-from fingerlab.sessions.recording_place import (
+from fingerlab.sessions.recording_files import (
+    CLEAN,
+    LOSSY,
     PART_SUFFIX,
+    TRUNCATED,
     VERIFYING,
+    PartHeader,
+    PartWriter,
     Progress,
     RecordingPlace,
     give_name,

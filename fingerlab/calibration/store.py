@@ -11,7 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from fingerlab.calibration.result import Outcome
+from fingerlab.calibration.outcome import Outcome
 from fingerlab.calibration.sensors import SENSORS
 from fingerlab.core.errors import UserError
 

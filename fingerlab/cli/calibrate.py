@@ -59,8 +59,8 @@ def calibrate(
     is held at --marks, without them evenly from 0 to 90 degrees.
     """
     from fingerlab.calibration import SENSORS, StepTiming, calibrate_steps, find_steps
-    from fingerlab.calibration.recording import read_recording
-    from fingerlab.calibration.steps import count_steps
+    from fingerlab.calibration.line import count_steps
+    from fingerlab.calibration.offline import read_recording
 
     sensor, timing = SENSORS[word], StepTiming(step_seconds, centre_seconds)
     steps: list[Step] = []

@@ -58,7 +58,7 @@ def write_text_safely(path: Path, text: str) -> None:
     Raises:
         UserError: the place is taken, cannot be written to, or is full.
     """
-    from fingerlab.sessions.place import claim, move_into_place
+    from fingerlab.core.files import claim, move_into_place
 
     part = claim(path)
     try:

@@ -14,7 +14,7 @@ from fingerlab.core.parallel import second_process
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from fingerlab.diagnosis.results import Diagnosis
+    from fingerlab.diagnosis.answer.results import Diagnosis
     from fingerlab.models.file import Model
     from fingerlab.sessions import Session
 
@@ -54,7 +54,7 @@ def diagnose(
     ('fingerlab compare').
     """
     # Curves are kept by one process only, so that a second one would have nothing to do.
-    with second_process(() if figures else sessions, "fingerlab.diagnosis.reduction") as executor:
+    with second_process(() if figures else sessions, "fingerlab.diagnosis.gram.reduction") as executor:
         from fingerlab.cli.output import refuse_taken_early, write_results
 
         refuse_taken_early(model_file, figures)
@@ -118,8 +118,8 @@ def print_diagnosis(result: Diagnosis) -> None:
 def _errors(result: Diagnosis) -> Table:
     from rich.table import Table
 
+    from fingerlab.core.text import score_text
     from fingerlab.report.page_tables import error_rows
-    from fingerlab.report.screen import score_text
 
     table = Table(box=None, pad_edge=False, title_justify="left", title_style="")
     table.title = f"Error on runs left out of the fit: {score_text(result.score)} times the floor"

@@ -145,7 +145,7 @@ def _effect_json(effect: Effect, file: str | None) -> dict[str, Any]:
         "file": file,
         "equations": list(effect.acts_on),
         "phases": list(effect.phases),
-        "motor_bench": effect.bench,
+        "motor_bench": effect.bench is True,
         "coordinate": effect.coordinate,
         "explanation": effect.explanation,
         "reveal": effect.reveal,
@@ -199,7 +199,7 @@ def _paragraph(effect: Effect, mark: str) -> Text:
 
 
 def _range_words(gain: Gain) -> str:
-    from fingerlab.report.screen import largest_of, screen_unit, with_minus
+    from fingerlab.core.text import largest_of, screen_unit, with_minus
 
     unit = screen_unit(gain.unit, largest_of((gain.low, gain.high)))
     low, high = (with_minus(f"{value * unit.factor:.4g}") for value in (gain.low, gain.high))

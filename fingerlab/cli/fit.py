@@ -11,15 +11,19 @@ from rich.table import Table
 from fingerlab.cli.common import json_option, progress_bar
 from fingerlab.cli.output import refuse_taken_early, table_console, write_results
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import in_words, mean_and_deviation, number
 from fingerlab.models.file import Model, estimate_to_json, without_nan
-from fingerlab.report.estimates import in_words, mean_and_deviation, number
 from fingerlab.sessions import Session, open_session
-from fingerlab.signals.regions import REGION_TITLES, THRESHOLDS_PERCENT
-from fingerlab.thesis.fitting import SessionFit, fit_session
-from fingerlab.thesis.models import delay_estimate, model_of_fit, model_of_motor_bench
-from fingerlab.thesis.motor_bench import MotorBenchFit, fit_motor_bench, motor_bench_runs
-from fingerlab.thesis.pooling import RegionResult
-from fingerlab.thesis.specs import JOINT_TITLES, FitSpec, Method
+from fingerlab.signals.periods import REGION_TITLES, THRESHOLDS_PERCENT
+from fingerlab.thesis.fitting import SessionFit, delay_estimate, fit_session, model_of_fit
+from fingerlab.thesis.motor_bench import (
+    MotorBenchFit,
+    fit_motor_bench,
+    model_of_motor_bench,
+    motor_bench_runs,
+)
+from fingerlab.thesis.onair import RegionResult
+from fingerlab.thesis.traces import JOINT_TITLES, FitSpec, Method
 
 PATH = click.Path(path_type=Path)
 CLI_DELAYS = ("none", "xcorr", "findsignal")

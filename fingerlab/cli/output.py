@@ -11,8 +11,8 @@ import click
 from rich.console import Console
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import OutputSet, refuse_taken
 from fingerlab.models.file import Model, write_model
-from fingerlab.sessions.place import OutputSet, refuse_taken
 
 if TYPE_CHECKING:  # matplotlib takes a while to load and most calls draw nothing
     from matplotlib.figure import Figure

@@ -12,17 +12,14 @@ from rich.table import Table
 
 from fingerlab.cli.common import json_option, progress_bar
 from fingerlab.cli.output import refuse_taken_early, table_console, write_results
+from fingerlab.core.text import mean_and_deviation, number, r2_text
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model, load_model, without_nan
-from fingerlab.report.estimates import mean_and_deviation, number
-from fingerlab.report.screen import r2_text
 from fingerlab.sessions import Session, content_hash, open_session
-from fingerlab.signals.regions import REGION_TITLES
-from fingerlab.thesis.contact import ContactRun
-from fingerlab.thesis.models import parameter_sets
-from fingerlab.thesis.pooling import Spread
-from fingerlab.thesis.predicting import SessionPrediction, predict_session
+from fingerlab.signals.periods import REGION_TITLES
+from fingerlab.thesis.contact import ContactRun, SessionPrediction, parameter_sets, predict_session
+from fingerlab.thesis.onair import Spread
 from fingerlab.thesis.prediction import FORCE_PHASES, ParameterSet
-from fingerlab.thesis.specs import JOINT_TITLES
+from fingerlab.thesis.traces import JOINT_TITLES
 
 PATH = click.Path(path_type=Path)
 NUMBERS = ("r2", "normalised_r2", "peak_measured", "peak_modelled", "share", "rmse")

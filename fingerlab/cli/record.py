@@ -202,7 +202,6 @@ def _open(
     """
     from fingerlab.acquisition.recording import rescue_folder
     from fingerlab.acquisition.requests import LoopSettings
-    from fingerlab.acquisition.safety import Limits
     from fingerlab.acquisition.units import BenchUnits
     from fingerlab.calibration.applying import default_folder, rig_and_attributes
 
@@ -212,7 +211,7 @@ def _open(
     if device is None:
         rig, told = rig_and_attributes(rig, default_folder(options["rig_file"]))
         attributes |= told
-    settings = LoopSettings(BenchUnits.from_rig(rig), Limits.from_rig(rig))
+    settings = LoopSettings(BenchUnits.from_rig(rig), rig.limits)
     if device is not None and not options["real_time"]:
         from fingerlab.acquisition.inline import InlineBench
 

@@ -172,7 +172,7 @@ class _Writing:
         self._later = True
 
     def __call__(self, share: float, doing: str) -> None:
-        from fingerlab.sessions.recording_place import VERIFYING
+        from fingerlab.sessions.recording_files import VERIFYING
 
         self._report(share, "reading the file back" if doing == VERIFYING else "writing the file")
         if doing != self._doing or share >= min(self._told + self.STEP, 1.0) > self._told:
@@ -188,7 +188,7 @@ def _write(bench: Bench, out: Path, writing: _Writing) -> Path:
     Raises:
         UserError: the place is full. KeyboardInterrupt: it was put off.
     """
-    from fingerlab.sessions.recording_place import recording_folder
+    from fingerlab.sessions.recording_files import recording_folder
 
     with Interrupts(writing.put_off, raises=False):
         try:

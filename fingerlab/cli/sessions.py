@@ -11,9 +11,9 @@ import click
 
 from fingerlab.cli.common import counted, json_option, progress_bar, write_json
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import refuse_taken
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
 from fingerlab.sessions.format import CABLES, PHASES
-from fingerlab.sessions.place import refuse_taken
 
 if TYPE_CHECKING:
     from fingerlab.rig.constants import Rig

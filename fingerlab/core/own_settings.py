@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from fingerlab.core.errors import UserError
-from fingerlab.sessions.place import whole_file
+from fingerlab.core.files import whole_file
 
 SETTINGS_VARIABLE = "FINGERLAB_SETTINGS_DIR"
 """Environment variable that puts the settings into another folder than the system's usual one."""

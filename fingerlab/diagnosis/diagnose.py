@@ -12,43 +12,45 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.by_condition import held_out_runs
-from fingerlab.diagnosis.errors import equation_errors
-from fingerlab.diagnosis.evidence import (
+from fingerlab.core.progress import SILENT, Progress, Watch
+from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, PathStep, Verdict
+from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.runs import Recall
+from fingerlab.diagnosis.score.evidence import (
     RUN_LOG_ODDS,
     Evidence,
     alike,
     beside_others,
     borne_out,
     distrusted,
+    hidden,
+    least_strength,
+    needed,
+    unseen,
 )
-from fingerlab.diagnosis.path import LONGEST_PATH, density, forward
-from fingerlab.diagnosis.recall import Recall
-from fingerlab.diagnosis.reduction import reduce_sessions
-from fingerlab.diagnosis.results import Candidate, Diagnosis, Fingerprint, PathStep, Verdict
-from fingerlab.diagnosis.rivals import looked_at_closely
-from fingerlab.diagnosis.search import rescore, weigh
-from fingerlab.diagnosis.second_look import (
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Study
+from fingerlab.diagnosis.score.selection import LEAST_FALL_BEYOND, NEARLY_RIGHT, justified, much_left
+from fingerlab.diagnosis.search.grid_refinement import (
     closely,
     closest,
     look_again_along,
     look_beyond,
+    looked_at_closely,
     settled,
     shaped_like,
     worth_a_look,
 )
-from fingerlab.diagnosis.steps import LEAST_FALL_BEYOND, NEARLY_RIGHT, justified, much_left
-from fingerlab.diagnosis.study import FULL_ITERATIONS, Study
-from fingerlab.diagnosis.trial import Trial
-from fingerlab.diagnosis.unseen import hidden, least_strength, needed, unseen
-from fingerlab.diagnosis.watch import SILENT, Progress, Watch
-from fingerlab.diagnosis.wording import every_parameter, explanation, parameters
+from fingerlab.diagnosis.search.next_effect import rescore, weigh
+from fingerlab.diagnosis.search.path import LONGEST_PATH, density, forward
 from fingerlab.effects import effect, whole_catalogue
 from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Session
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.display import Display
+    from fingerlab.diagnosis.answer.curves import Display
 
 
 def diagnose(
@@ -329,7 +331,7 @@ def _told(question: _Question, found: _Found, display: Display | None, started: 
 
 def _display() -> Display:
     # Imported when it is wanted: who asks for numbers alone should not wait for it.
-    from fingerlab.diagnosis.display import Display
+    from fingerlab.diagnosis.answer.curves import Display
 
     return Display()
 
@@ -343,7 +345,7 @@ def _next_experiment(
         chosen = alike(evidence, -RUN_LOG_ODDS)
     if verdict == "not_in_catalogue" or len(chosen) < (2 if verdict == "missing_effect" else 1):
         return None
-    from fingerlab.diagnosis.next_experiment import propose, reveal
+    from fingerlab.diagnosis.experiment.proposal import propose, reveal
 
     return (propose if verdict == "missing_effect" else reveal)(sessions, study, evidence, chosen)
 

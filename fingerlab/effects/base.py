@@ -18,13 +18,14 @@ term is a column of the modelled side times an unknown gain:
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import InitVar, dataclass, field, replace
 from enum import IntEnum
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
 from fingerlab.effects.motion import Motion
+from fingerlab.physics.parameter import Parameter, Role
 from fingerlab.sessions.model import Array
 
 
@@ -43,6 +44,8 @@ def nothing(length: int) -> Array:
     return np.ndarray((length,), np.float64, bytes(8), 0, (0,))
 
 
+EQUATION_FAMILIES = ("joint_torque", "cable_kinematics", "motor_torque", "endpoint_force")
+BESIDE_A_FINGER: Final = "beside a finger"
 Scale = Literal["joint", "direct", "arm_mcp", "arm_pip", "compliance"]
 
 
@@ -60,25 +63,8 @@ class Term:
     constant: float = 0.0
 
 
-@dataclass(frozen=True)
-class Gain:
-    """An unknown strength.
-
-    Attributes:
-        unit: SI unit.
-        low, high: plausible range; the fit never leaves it.
-        typical: a strength that would matter, in ``unit``; scales the fit and the prior.
-        source: where range and typical strength come from, or "assumed".
-        title: what it is called in a sentence.
-    """
-
-    unit: str
-    low: float
-    high: float
-    typical: float
-    source: str = "assumed"
-    title: str = ""
-
+Gain = Parameter
+"""An unknown strength, as files of users name it."""
 
 Shape = Mapping[str, float]
 Columns = Callable[[Motion, Shape], list[Term]]
@@ -90,9 +76,35 @@ def as_found(shape: Shape) -> Sequence[Shape]:
     return (shape,)
 
 
-def unbounded(shape: Shape) -> Mapping[str, tuple[float, float]]:
-    """No narrower limits than the gains have everywhere."""
-    return {}
+FAMILIES = (
+    "Joint friction",
+    "Springs of the joints",
+    "Mass and gravity",
+    "Cable",
+    "Motor and gearbox",
+    "Sensors",
+    "Contact",
+    "Others",
+)
+"""Under which an effect stands in the documents."""
+
+
+@dataclass(frozen=True)
+class Formula:
+    r"""What is printed of an effect; symbols as in ``docs/theory.md``, joint j is 1 (MCP) or 2 (PIP).
+
+    Attributes:
+        equation: LaTeX that matplotlib's mathtext can draw too.
+        symbols: what its symbols mean. source: where the law comes from.
+        values: LaTeX symbol of each unknown (gain, nuisance that is set free, or shape), by its name.
+        alike: ids of effects whose equations have nearly the same course in ordinary recordings.
+    """
+
+    equation: str
+    symbols: str
+    source: str
+    values: Mapping[str, str] = field(default_factory=dict)
+    alike: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,61 +116,92 @@ class Effect:
         acts_on: equation families changed: joint_torque, cable_kinematics, motor_torque, endpoint_force.
         gains: the linear unknowns, by name.
         columns: terms from signals and one point of ``shapes``.
-        shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
-        shape_units: unit of each nonlinear unknown; what ``shapes`` holds beyond these are switches, 0 or 1.
-        closer: shapes around one that was found, finer than the grid, and of other laws of the same physics
-            (what these name beyond the grid's shapes is 0 where it is missing); tried in a second look.
         coordinate: what the residual is plotted against to see this effect (a ``Motion`` quantity).
         equation: the row in which that fingerprint is drawn.
         explanation: one sentence for a person, without numbers.
         reveal: the experiment that shows the effect where these data could not.
+        shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
+        shape_units: unit of each nonlinear unknown; what ``shapes`` holds beyond these are switches, 0 or 1.
+        closer: shapes around one that was found, finer than the grid, and of other laws of the same physics
+            (what these name beyond the grid's shapes is 0 where it is missing); tried in a second look.
         phases: phases of a run in which it can act; empty means all.
-        bench: whether it can be told from runs of the motor alone, which it then has columns for.
-        bench_beside_finger: whether it has such columns too, but can be told only beside a finger's runs:
-            alone, it is what the bench's own equation fits.
         cables: cables that the recording must hold, each, for it to be judged.
+        bench: whether it can be told from runs of the motor alone, which it then has columns for; "beside a
+            finger": it has them, but alone it is what the bench's own equation fits.
         special: how the fit treats it where it is not a column: "delay" or "slack".
-        relaxes: nuisance gains that this effect sets free (it is the same term without the tight prior).
-        sticks: whether it may hold any value between its extremes while nothing moves.
-        wanders: whether its strength differs by some per cent from run to run, as friction does.
-        offsets: gains of a constant that the joints' losses could be as well: no misfit tells them apart, but
-            losses that one such gain makes small at all joints and routings do.
-        bounds: narrower limits of a gain at a point of ``shapes``, where the law holds only near that point.
+        relaxes: nuisances that this effect sets free (the same terms without the tight prior).
         turns: by how much (rad) the load cell's face is turned against the finger at a point of ``shapes``;
             what the tip does along the face turns with it.
-        excess: gains that are what comes on top of another gain of the effect, and that one's name; nobody
-            would speak of an excess that is a small share of it.
+        family: one of ``FAMILIES``. formula: what is printed of it.
+        wanders, sticks: as an argument, says of all gains that they differ from run to run, or hold at rest.
     """
 
     id: str
     title: str
     acts_on: tuple[str, ...]
-    gains: Mapping[str, Gain]
+    gains: Mapping[str, Parameter]
     columns: Columns
     coordinate: str
     equation: Row
     explanation: str
     reveal: str
-    shapes: Sequence[Shape] = field(default_factory=lambda: ({},))
+    shapes: Sequence[Shape] = ({},)
     shape_units: Mapping[str, str] = field(default_factory=dict)
     closer: Closer = as_found
     phases: tuple[str, ...] = ()
     cables: tuple[str, ...] = ()
-    bench: bool = False
-    bench_beside_finger: bool = False
+    bench: bool | Literal["beside a finger"] = False
     special: Literal["", "delay", "slack"] = ""
-    relaxes: Mapping[str, Gain] = field(default_factory=dict)
-    wanders: bool = False
-    sticks: bool = False
-    offsets: tuple[str, ...] = ()
-    bounds: Callable[[Shape], Mapping[str, tuple[float, float]]] = unbounded
+    relaxes: Mapping[str, Parameter] = field(default_factory=dict)
     turns: Callable[[Shape], float] | None = None
-    excess: Mapping[str, str] = field(default_factory=dict)
+    family: str = FAMILIES[-1]
+    formula: Formula | None = None
+    wanders: InitVar[bool] = False
+    sticks: InitVar[bool] = False
 
-    def gains_at(self, shape: int) -> dict[str, Gain]:
+    def __post_init__(self, wanders: bool, sticks: bool) -> None:
+        if wanders or sticks:
+            flagged = {
+                name: replace(
+                    gain,
+                    varies_between_runs=gain.varies_between_runs or wanders,
+                    holds_at_rest=gain.holds_at_rest or sticks,
+                )
+                for name, gain in self.gains.items()
+            }
+            object.__setattr__(self, "gains", flagged)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All of its unknowns, each with its name, role and symbol: gains, nuisances set free, shapes."""
+        symbols = {} if self.formula is None else self.formula.values
+        linear = [
+            replace(one, name=name, symbol=symbols.get(name, "")) for name, one in self.unknowns.items()
+        ]
+        return (*linear, *(self._shape(name, symbols.get(name, "")) for name in self.shape_units))
+
+    @property
+    def unknowns(self) -> dict[str, Parameter]:
+        """What a fit finds: the gains, then the nuisances that are set free; by name."""
+        free = {name: replace(one, role=Role.NUISANCE_OF_BENCH) for name, one in self.relaxes.items()}
+        return {**self.gains, **free}
+
+    def _shape(self, name: str, symbol: str) -> Parameter:
+        values = [float(shape[name]) for shape in self.shapes]
+        low, high, middle = min(values), max(values), values[len(values) // 2]
+        unit = self.shape_units[name]
+        return Parameter(unit, low, high, middle, "tried", "", name, middle, Role.SHAPE, symbol)
+
+    @property
+    def excess(self) -> dict[str, str]:
+        """Gains that come on top of another one, and that one's name."""
+        return {name: gain.excess_of for name, gain in self.gains.items() if gain.excess_of}
+
+    @property
+    def offsets(self) -> tuple[str, ...]:
+        """Gains of a constant that the joints' losses could be as well."""
+        return tuple(name for name, gain in self.gains.items() if gain.degenerate_with)
+
+    def gains_at(self, shape: int) -> dict[str, Parameter]:
         """The gains with the limits that they have at one point of ``shapes``."""
-        within = self.bounds(self.shapes[shape])
-        return {
-            name: replace(gain, low=within[name][0], high=within[name][1]) if name in within else gain
-            for name, gain in self.gains.items()
-        }
+        return {name: gain.at(self.shapes[shape]) for name, gain in self.gains.items()}

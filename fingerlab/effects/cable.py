@@ -226,7 +226,17 @@ EFFECTS = (
         id="capstan_friction",
         title="Sheath (capstan) friction",
         acts_on=("joint_torque", "motor_torque"),
-        gains={"loss": Gain("1", 0.0, 0.5, 0.05, title="share of the tension lost in the sheath")},
+        gains={
+            "loss": Gain(
+                "1",
+                0.0,
+                0.5,
+                0.05,
+                title="share of the tension lost in the sheath",
+                varies_between_runs=True,
+                holds_at_rest=True,
+            )
+        },
         columns=_capstan,
         coordinate="tension times direction of travel",
         equation=Row.PIP,
@@ -239,7 +249,5 @@ EFFECTS = (
         ),
         shape_units={"travel_deg": "deg"},
         closer=_sheath_closer,
-        wanders=True,
-        sticks=True,
     ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,13 +18,17 @@ from fingerlab.effects.closer import OCTAVE, every, plus, rubbing, times
 from fingerlab.effects.friction import SPEED_FACTORS, dahl_or_masing
 from fingerlab.effects.hysteresis import dahl_states, friction_state, rubbing_forces, with_grid
 from fingerlab.effects.motion import Motion
+from fingerlab.physics.parameter import LOSS
 from fingerlab.sessions.model import Array
 
 PRESLIDING_TRAVELS_DEG = (1.0, 2.0, 4.0, 8.0)
 """Travel over which what winds up before it slides lets go, degrees at the pulley; assumed."""
 REFERENCE_LOAD_NM = 0.1
 """Load at which the travel of a friction that grows with it is told, N m; assumed, only a scale."""
-FRICTION = Gain("N m", 0.0, 0.1, 0.005, title="friction torque at the gearbox output")
+FRICTION = Gain(
+    "N m", 0.0, 0.1, 0.005, title="friction torque at the gearbox output",
+    varies_between_runs=True, holds_at_rest=True,
+)  # fmt: skip
 
 
 def drive_terms(motion: Motion, gain: str, torque: Array) -> list[Term]:
@@ -161,21 +166,22 @@ EFFECTS = (
         shape_units={"travel_deg": "deg"},
         closer=rubbing(),
         bench=True,
-        wanders=True,
-        sticks=True,
     ),
     Effect(
         id="motor_viscous_friction",
         title="Viscous friction in motor and gearbox",
         acts_on=("motor_torque",),
-        gains={"viscous": Gain("N m s/rad", 0.0, 0.02, 0.001, title="viscous coefficient")},
+        gains={
+            "viscous": Gain(
+                "N m s/rad", 0.0, 0.02, 0.001, title="viscous coefficient", varies_between_runs=True
+            )
+        },
         columns=_viscous,
         coordinate="motor speed",
         equation=Row.PIP,
         explanation="Both joints miss the same tension, in proportion to motor speed.",
         reveal="a motor-bench run at several speeds",
         bench=True,
-        wanders=True,
     ),
     Effect(
         id="motor_inertia",
@@ -187,14 +193,13 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="Both joints miss the same tension, in proportion to motor acceleration.",
         reveal="a fast chirp on the motor bench",
-        bench_beside_finger=True,
+        bench="beside a finger",
     ),
     Effect(
         id="motor_stribeck_friction",
         title="Stribeck friction in motor and gearbox",
         acts_on=("motor_torque",),
-        gains={"coulomb": FRICTION, "extra": FRICTION},
-        excess={"extra": "coulomb"},
+        gains={"coulomb": FRICTION, "extra": replace(FRICTION, excess_of="coulomb")},
         columns=_stribeck,
         coordinate="motor speed",
         equation=Row.PIP,
@@ -204,8 +209,6 @@ EFFECTS = (
         shape_units={"stribeck_speed": "rad/s"},
         closer=every(_with_travel, times("stribeck_speed", SPEED_FACTORS), rubbing(OCTAVE[1:-1], (0.0, 1.0))),
         bench=True,
-        wanders=True,
-        sticks=True,
     ),
     Effect(
         id="motor_presliding",
@@ -221,8 +224,6 @@ EFFECTS = (
         shape_units={"travel_deg": "deg"},
         closer=dahl_or_masing,
         bench=True,
-        wanders=True,
-        sticks=True,
     ),
     Effect(
         id="asymmetric_friction",
@@ -231,7 +232,13 @@ EFFECTS = (
         gains={
             "coulomb": FRICTION,
             "difference": Gain(
-                "N m", -0.05, 0.05, 0.005, title="more of it winding in than paying out, half"
+                "N m",
+                -0.05,
+                0.05,
+                0.005,
+                title="more of it winding in than paying out, half",
+                excess_of="coulomb",
+                degenerate_with=LOSS,
             ),
         },
         columns=_asymmetric,
@@ -243,16 +250,22 @@ EFFECTS = (
         shape_units={"travel_deg": "deg"},
         closer=rubbing(),
         bench=True,
-        wanders=True,
-        sticks=True,
-        offsets=("difference",),
-        excess={"difference": "coulomb"},
     ),
     Effect(
         id="load_dependent_friction",
         title="Friction that grows with load",
         acts_on=("motor_torque",),
-        gains={"share": Gain("1", 0.0, 0.5, 0.05, title="friction as a share of the torque")},
+        gains={
+            "share": Gain(
+                "1",
+                0.0,
+                0.5,
+                0.05,
+                title="friction as a share of the torque",
+                varies_between_runs=True,
+                holds_at_rest=True,
+            )
+        },
         columns=_load_dependent,
         coordinate="tension times direction of travel",
         equation=Row.PIP,
@@ -262,8 +275,6 @@ EFFECTS = (
         shape_units={"travel_deg": "deg"},
         closer=rubbing(OCTAVE[1:-1]),
         bench=True,
-        wanders=True,
-        sticks=True,
     ),
     Effect(
         id="motor_spring",

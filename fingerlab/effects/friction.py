@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fingerlab.effects.base import Effect, Gain, Row, Shape, Term
@@ -21,8 +23,10 @@ STRIBECK_SPEEDS = (0.2, 0.6)
 """Speeds by which the excess of breakaway has fallen to 37 %, rad/s; assumed: from where a hinge of polymer
 slides for certain to a third of the thesis' fastest motion."""
 
-COULOMB_GAIN = Gain("N m", 0.0, 0.05, 0.005, title="friction torque")
-VISCOUS_GAIN = Gain("N m s/rad", 0.0, 0.02, 0.002, title="viscous coefficient")
+COULOMB_GAIN = Gain(
+    "N m", 0.0, 0.05, 0.005, title="friction torque", varies_between_runs=True, holds_at_rest=True
+)
+VISCOUS_GAIN = Gain("N m s/rad", 0.0, 0.02, 0.002, title="viscous coefficient", varies_between_runs=True)
 
 
 def joint_terms(gain: str, mcp: Array, pip: Array) -> list[Term]:
@@ -104,7 +108,6 @@ EFFECTS = (
         equation=Row.PIP,
         explanation="The missing torque grows in proportion to joint speed and changes sign with it.",
         reveal="sines at two frequencies, 0.5 and 2 Hz, with the same amplitude",
-        wanders=True,
     ),
     Effect(
         id="coulomb_friction",
@@ -119,15 +122,13 @@ EFFECTS = (
         shapes=tuple({"travel_deg": travel} for travel in STICKING_TRAVELS_DEG),
         shape_units={"travel_deg": "deg"},
         closer=rubbing(),
-        wanders=True,
-        sticks=True,
     ),
     Effect(
         id="stribeck_friction",
         title="Stribeck joint friction",
         acts_on=("joint_torque",),
-        gains=both("coulomb", COULOMB_GAIN) | both("extra", COULOMB_GAIN),
-        excess={"extra_mcp": "coulomb_mcp", "extra_pip": "coulomb_pip"},
+        gains=both("coulomb", COULOMB_GAIN)
+        | {f"extra_{j}": replace(COULOMB_GAIN, excess_of=f"coulomb_{j}") for j in ("mcp", "pip")},
         columns=_stribeck,
         coordinate="joint speed",
         equation=Row.PIP,
@@ -143,8 +144,6 @@ EFFECTS = (
         ),
         shape_units={"stribeck_speed": "rad/s", "travel_deg": "deg"},
         closer=every(times("stribeck_speed", SPEED_FACTORS), rubbing(sharpnesses=(0.0, 1.0))),
-        wanders=True,
-        sticks=True,
     ),
     Effect(
         id="presliding_hysteresis",
@@ -159,7 +158,5 @@ EFFECTS = (
         shapes=tuple({"travel_deg": travel} for travel in PRESLIDING_TRAVELS_DEG),
         shape_units={"travel_deg": "deg"},
         closer=dahl_or_masing,
-        wanders=True,
-        sticks=True,
     ),
 )

@@ -44,12 +44,12 @@ def _tilt(motion: Motion, shape: Shape) -> list[Term]:
     return terms
 
 
-def _near(shape: Shape) -> dict[str, tuple[float, float]]:
+def _near(shape: Shape) -> tuple[float, float]:
     """The tilts that a point of the grid stands for."""
     turns = PRESSED_TURNS_DEG if shape["cell_stays"] else TURNS_DEG
     reach = (turns[1] - turns[0]) / 2.0
     low, high = (math.radians(shape["turn_deg"] + side * reach) for side in (-1.0, 1.0))
-    return {"tilt": (max(low, -LARGEST_TILT_RAD), min(high, LARGEST_TILT_RAD))}
+    return max(low, -LARGEST_TILT_RAD), min(high, LARGEST_TILT_RAD)
 
 
 def _face_turn(shape: Shape) -> float:
@@ -128,6 +128,7 @@ EFFECTS = (
                 0.1,
                 source="assumed: up to 25 degrees",
                 title="tilt of the base",
+                limits=_near,
             ),
         },
         columns=_tilt,
@@ -141,7 +142,6 @@ EFFECTS = (
         ),
         shape_units={"turn_deg": "deg"},
         closer=plus("turn_deg", (-4.0, 0.0, 4.0)),
-        bounds=_near,
         turns=_face_turn,
     ),
     Effect(

@@ -13,15 +13,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.effects.base import Columns, Effect, Gain, Row, Shape, Term
+from fingerlab.effects.base import (
+    BESIDE_A_FINGER,
+    EQUATION_FAMILIES,
+    FAMILIES,
+    Columns,
+    Effect,
+    Formula,
+    Row,
+    Shape,
+    Term,
+)
 from fingerlab.effects.coordinates import COORDINATE_UNITS
 from fingerlab.effects.motion import Motion
 from fingerlab.physics.nominal import JointMotion
+from fingerlab.physics.parameter import LOSS, Parameter, Role
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions.format import PHASES
 from fingerlab.sessions.model import Array
 
-FAMILIES = ("joint_torque", "cable_kinematics", "motor_torque", "endpoint_force")
 SCALES = ("joint", "direct", "arm_mcp", "arm_pip", "compliance")
 MOST_SHAPES = 50
 """Grid points of nonlinear parameters; the work and memory of a diagnosis grow with their square."""
@@ -94,8 +104,8 @@ def checked(effect: object, file: str) -> Effect:
         raise UserError(f"{file} offers a {type(effect).__name__} as an effect; it should be an Effect(...).")
     where = f"{file}: the effect {effect.id!r}"
     _check_words(effect, where)
-    _check_gains(effect, where)
     _check_grid(effect, where)
+    _check_gains(effect, where)
     if not callable(effect.columns):
         raise UserError(f"{where} has columns that cannot be called; give a function of motion and shape.")
     guarded = replace(effect, columns=Guarded(effect.columns, effect.id, file))
@@ -110,7 +120,7 @@ def _check_words(effect: Effect, where: str) -> None:
         value = getattr(effect, name)
         if not isinstance(value, str) or not value.strip():
             raise UserError(f"{where} has no {name}; it should be a text that a person reads.")
-    _all_of(effect.acts_on, FAMILIES, f"{where}, acts_on", least=1)
+    _all_of(effect.acts_on, EQUATION_FAMILIES, f"{where}, acts_on", least=1)
     _all_of(effect.phases, PHASES, f"{where}, phases")
     if effect.coordinate not in COORDINATE_UNITS:
         known = ", ".join(COORDINATE_UNITS)
@@ -119,10 +129,35 @@ def _check_words(effect: Effect, where: str) -> None:
         raise UserError(
             f"{where} has equation {effect.equation!r}; it should be Row.MCP, PIP, CABLE or BENCH."
         )
-    if effect.special or effect.relaxes:
+    if effect.special or effect.relaxes or effect.turns is not None:
         raise UserError(
-            f"{where} asks for 'special' or 'relaxes'; an effect of your own acts by its columns alone."
+            f"{where} asks for 'special', 'relaxes' or 'turns'; an effect of your own acts by its "
+            "columns alone."
         )
+    _all_of(effect.cables, ("extension", "flexion"), f"{where}, cables")
+    _one_of(effect.bench, (True, False, BESIDE_A_FINGER), f"{where}, bench")
+    _one_of(effect.family, FAMILIES, f"{where}, family")
+    if effect.formula is not None:
+        _check_formula(effect.formula, f"{where}, formula")
+
+
+def _check_formula(formula: object, where: str) -> None:
+    if not isinstance(formula, Formula):
+        raise UserError(f"{where} is a {type(formula).__name__}; it should be a Formula(...).")
+    words = (formula.equation, formula.symbols, formula.source)
+    if not all(isinstance(word, str) and word.strip() for word in words):
+        raise UserError(f"{where} lacks equation, symbols or source; each should be a text.")
+    if not isinstance(formula.values, Mapping) or not all(
+        isinstance(v, str) for v in formula.values.values()
+    ):
+        raise UserError(f"{where} has bad values; give the LaTeX symbol of each unknown by its name.")
+    if not isinstance(formula.alike, (tuple, list)):
+        raise UserError(f"{where} has alike {formula.alike!r}; it should be a tuple of ids.")
+
+
+def _one_of(value: object, allowed: Sequence[object], where: str) -> None:
+    if not any(value is known or (isinstance(value, str) and value == known) for known in allowed):
+        raise UserError(f"{where} is {value!r}; it should be one of {', '.join(map(str, allowed))}.")
 
 
 def _all_of(values: object, allowed: Sequence[str], where: str, least: int = 0) -> None:
@@ -138,7 +173,7 @@ def _check_gains(effect: Effect, where: str) -> None:
         here = f"{where}, gain {name!r}"
         if not (isinstance(name, str) and _NAME.fullmatch(name)):
             raise UserError(f"{here} has a bad name; it should be small letters, digits and '_'.")
-        if not isinstance(gain, Gain):
+        if not isinstance(gain, Parameter):
             raise UserError(f"{here} is a {type(gain).__name__}; it should be a Gain(...).")
         if not isinstance(gain.unit, str) or not gain.unit.strip():
             raise UserError(f"{here} has no unit; it should be an SI unit such as 'N m', or '1'.")
@@ -148,12 +183,36 @@ def _check_gains(effect: Effect, where: str) -> None:
             raise UserError(f"{here} has the range {gain.low} to {gain.high}; low should be below high.")
         if not 0 < gain.typical <= max(abs(gain.low), abs(gain.high)):
             raise UserError(f"{here} has typical {gain.typical}; it should be above 0 and within the range.")
+        _check_role(effect, name, gain, here)
+
+
+def _check_role(effect: Effect, name: str, gain: Parameter, here: str) -> None:
+    """What a gain says of itself that the fit and the ranking act upon."""
+    _one_of(gain.role, (Role.PHYSICAL,), f"{here}, role")
+    _one_of(gain.varies_between_runs, (True, False), f"{here}, varies_between_runs")
+    _one_of(gain.holds_at_rest, (True, False), f"{here}, holds_at_rest")
+    if gain.excess_of and (gain.excess_of == name or gain.excess_of not in effect.gains):
+        raise UserError(f"{here} is the excess of {gain.excess_of!r}; it should be another of the gains.")
+    _one_of(gain.degenerate_with, ("", LOSS), f"{here}, degenerate_with")
+    if gain.degenerate_with and not gain.excess_of:
+        raise UserError(f"{here} could be a loss as well; it should say which gain it is the excess_of.")
+    if gain.limits is None:
+        return
+    if not callable(gain.limits):
+        raise UserError(f"{here} has limits that cannot be called; give a function of the shape.")
+    for shape in effect.shapes:
+        within = gain.limits(shape)
+        good = isinstance(within, (tuple, list)) and len(within) == 2 and all(_is_number(v) for v in within)
+        if not good or not gain.low <= within[0] < within[1] <= gain.high:
+            raise UserError(f"{here} has the limits {within!r} at {dict(shape)}; it should lie in the range.")
 
 
 def _check_grid(effect: Effect, where: str) -> None:
     shapes, units = effect.shapes, effect.shape_units
     if not isinstance(shapes, (tuple, list)) or not 1 <= len(shapes) <= MOST_SHAPES:
         raise UserError(f"{where} has bad shapes; give a tuple of 1 to {MOST_SHAPES} points of its grid.")
+    if not isinstance(units, Mapping) or not all(isinstance(unit, str) for unit in units.values()):
+        raise UserError(f"{where} has shape_units {units!r}; give the unit of each unknown by its name.")
     for shape in shapes:
         if not isinstance(shape, Mapping) or set(shape) != set(units):
             raise UserError(
@@ -164,6 +223,12 @@ def _check_grid(effect: Effect, where: str) -> None:
     points = [tuple(sorted(shape.items())) for shape in shapes]
     if len(set(points)) != len(points):
         raise UserError(f"{where} has the same shape twice; each point of the grid should differ.")
+    if not callable(effect.closer):
+        raise UserError(f"{where} has a closer that cannot be called; give a function of a shape.")
+    for shape in shapes:
+        for near in effect.closer(shape):
+            if not set(units) <= set(near) or not all(_is_number(v) for v in near.values()):
+                raise UserError(f"{where}: closer gives {near!r}; it should be a shape like {dict(shape)!r}.")
 
 
 def _is_number(value: object) -> bool:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.library.facts import started_at, text_list, time_of
+from fingerlab.library.index import started_at, text_list, time_of
 from fingerlab.library.pyramid import PIECE
 from fingerlab.library.reviewing import markers_of
 from fingerlab.sessions.model import Array, Run, Session

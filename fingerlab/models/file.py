@@ -24,8 +24,9 @@ from typing import Any
 
 import fingerlab
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import claim, move_into_place
+from fingerlab.core.units import ParameterEstimate as ParameterEstimate
 from fingerlab.sessions.model import Session
-from fingerlab.sessions.place import claim, move_into_place
 from fingerlab.sessions.reading import content_hash
 
 FORMAT = "fingerlab-model"
@@ -39,16 +40,6 @@ SIGN_CONVENTION = (
     "LHS = s a T + L on air, LHS2 = s b T + L2 - 2 l2 F cos(theta1 + theta2 - alpha) in contact; "
     "a delay is positive where the joint angles come later than the tension."
 )
-
-
-@dataclass(frozen=True)
-class ParameterEstimate:
-    """A fitted parameter with its 90 % interval ``low`` to ``high``, all in ``unit``."""
-
-    value: float
-    unit: str
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)

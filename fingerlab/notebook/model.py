@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import estimate_text, mean_and_deviation
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model, ParameterEstimate, save_model
 from fingerlab.notebook.figures import Figures
 from fingerlab.notebook.layout import Part, Shown, Table
 from fingerlab.report import diagnosis_words as words
-from fingerlab.report.estimates import mean_and_deviation
 from fingerlab.report.page_tables import model_rows
-from fingerlab.report.screen import estimate_text
 
 if TYPE_CHECKING:
     from fingerlab.notebook.session import SessionView
@@ -119,7 +118,7 @@ class PredictionView(Shown):
 
     def coverage(self, variant: str | None = None) -> float:
         """Mean share of the load cell's samples inside the 90 % interval; models as for ``r2``."""
-        from fingerlab.thesis.pooling import Spread
+        from fingerlab.thesis.onair import Spread
 
         return Spread(tuple(run.coverage for run in self._runs(variant))).mean
 
@@ -131,7 +130,7 @@ class PredictionView(Shown):
         return runs[name]
 
     def _spread(self, variant: str | None, number: str) -> tuple[float, float]:
-        from fingerlab.thesis.pooling import Spread
+        from fingerlab.thesis.onair import Spread
 
         spread = Spread(tuple(run.numbers["both"].value(number) for run in self._runs(variant)))
         return spread.mean, spread.deviation

@@ -51,7 +51,7 @@ class RunView(Shown):
 
     def _parts(self) -> Sequence[Part]:
         from fingerlab.report.diagnosis_words import PHASE_WORDS
-        from fingerlab.sessions.words import trajectory_words
+        from fingerlab.sessions.trajectory import trajectory_words
 
         run = self.run
         cable = "no cable" if run.cable == "none" else f"{run.cable} cable"

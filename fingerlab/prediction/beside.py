@@ -9,22 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.bandwidth import NARROW_RATE_HZ
+from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model
-from fingerlab.prediction.extended import ExtendedModel
+from fingerlab.prediction.extended import ExtendedModel, extended_model
 from fingerlab.prediction.judging import ForceNumbers, fine_grid, judge_stretches
-from fingerlab.prediction.leaning import swept
-from fingerlab.prediction.predict import RunPrediction, predict_extended
-from fingerlab.prediction.storing import extended_model
+from fingerlab.prediction.predict import RunPrediction, predict_extended, swept
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Array, Session
-from fingerlab.signals.delays import normalise
-from fingerlab.signals.periods import PeriodGrid, usable
-from fingerlab.signals.regions import REGION_TITLES
+from fingerlab.signals.periods import REGION_TITLES, PeriodGrid, normalise, usable
+from fingerlab.thesis.contact import contact_runs, parameter_sets
 from fingerlab.thesis.fitting import Progress
-from fingerlab.thesis.models import parameter_sets
 from fingerlab.thesis.onair import thin
-from fingerlab.thesis.predicting import contact_runs
 from fingerlab.thesis.prediction import (
     AngleStep,
     ParameterSet,
@@ -32,8 +27,7 @@ from fingerlab.thesis.prediction import (
     judge,
     predicted_force,
 )
-from fingerlab.thesis.specs import JOINT_TITLES
-from fingerlab.thesis.traces import Traces, settled, trace
+from fingerlab.thesis.traces import JOINT_TITLES, Traces, settled, trace
 
 LEAST_KNOWN = 0.5
 """Share of a force that must be known for its delay to mean something (assumed)."""

@@ -10,16 +10,16 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.errors import equation_errors
-from fingerlab.diagnosis.fitting import Fit, Fitter
-from fingerlab.diagnosis.groups import Reduced
-from fingerlab.diagnosis.model import Choice, Model
-from fingerlab.diagnosis.reduction import reduce_sessions
-from fingerlab.diagnosis.results import EquationError
-from fingerlab.diagnosis.study import Study
-from fingerlab.diagnosis.trial import Trial
-from fingerlab.diagnosis.watch import Progress, Watch
-from fingerlab.diagnosis.weighing import Weights
+from fingerlab.core.progress import Progress, Watch
+from fingerlab.diagnosis.answer.errors import equation_errors
+from fingerlab.diagnosis.answer.results import EquationError
+from fingerlab.diagnosis.equations.model import Choice, Model
+from fingerlab.diagnosis.fit.solver import Fit, Fitter
+from fingerlab.diagnosis.fit.weights import Weights
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.sums import Reduced
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import Study
 from fingerlab.effects.base import Effect
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, Variant
 from fingerlab.prediction.force import contact_runs

@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
-from fingerlab.diagnosis.bandwidth import NARROW_RATE_HZ
-from fingerlab.diagnosis.groups import GroupKey, deal_runs, group_key, runs_to_analyse
-from fingerlab.diagnosis.second_look import closely
-from fingerlab.diagnosis.steps import temperature
-from fingerlab.diagnosis.study import FULL_ITERATIONS, Study
-from fingerlab.diagnosis.trial import Trial
-from fingerlab.diagnosis.watch import Progress, Watch
-from fingerlab.diagnosis.wording import every_parameter
+from fingerlab.core.progress import Progress, Watch
+from fingerlab.diagnosis.answer.wording import every_parameter
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Study
+from fingerlab.diagnosis.score.selection import temperature
+from fingerlab.diagnosis.search.grid_refinement import closely
+from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
+from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
 from fingerlab.effects import effect
 from fingerlab.models.file import ParameterEstimate, hash_sessions
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, HeldOut, Variant
-from fingerlab.prediction.held_out import by_run, contact_forces, equation_weight
-from fingerlab.prediction.interval import calibrate, error_of
+from fingerlab.prediction.judging import calibrate, error_of
+from fingerlab.prediction.predict import by_run, contact_forces, equation_weight
 from fingerlab.sessions.model import Session
 
 

@@ -15,22 +15,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.bandwidth import narrow
-from fingerlab.diagnosis.features import (
-    SLIP_STIFFNESSES,
-    Feature,
-    base_columns,
-    shifted_columns,
-    turned_columns,
-)
-from fingerlab.diagnosis.model import CABLE_NAMES
-from fingerlab.diagnosis.narrowing import counted
-from fingerlab.diagnosis.stretches import stretches
+from fingerlab.diagnosis.equations.features import Feature, base_columns, shifted_columns, turned_columns
+from fingerlab.diagnosis.equations.model import CABLE_NAMES
+from fingerlab.diagnosis.equations.parameters import SLIP_STIFFNESSES
+from fingerlab.diagnosis.gram.decimation import counted
+from fingerlab.diagnosis.signals.filters import narrow
+from fingerlab.diagnosis.signals.segments import stretches
 from fingerlab.effects.base import Effect, Row
 from fingerlab.effects.motion import Motion
 from fingerlab.effects.tip import TOUCHING_FORCE_N
-from fingerlab.sessions.cycle import named_frequency
 from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.trajectory import named_frequency
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, settles
 
 LEVELS_N = (-1.0, 0.0, TOUCHING_FORCE_N, 1.0)

@@ -9,16 +9,14 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 
 from fingerlab.core.errors import UserError
-from fingerlab.report.estimates import in_words, plus_minus
+from fingerlab.core.text import estimate_text, in_words, plus_minus, r2_text, with_minus
 from fingerlab.report.figure_style import LABEL_SIZE
-from fingerlab.report.screen import estimate_text, r2_text, with_minus
 from fingerlab.report.thesis_figures import FIGURES
 from fingerlab.sessions.model import Session
-from fingerlab.signals.regions import REGION_TITLES
-from fingerlab.thesis.analysis import ThesisAnalysis, thesis_analysis
+from fingerlab.signals.periods import REGION_TITLES
+from fingerlab.thesis.analysis import Quantity, ThesisAnalysis, thesis_analysis
 from fingerlab.thesis.motor_bench import MotorBenchFit, fit_motor_bench, motor_bench_runs
-from fingerlab.thesis.published import Quantity
-from fingerlab.thesis.specs import FOUR_REGIONS, JOINT_TITLES
+from fingerlab.thesis.traces import FOUR_REGIONS, JOINT_TITLES
 
 Progress = Callable[[float, str], None]
 

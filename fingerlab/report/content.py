@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.analysis_section import Analysis, analyse

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from fingerlab.diagnosis.results import Candidate, Diagnosis, Failure
+from fingerlab.core.text import percent, score_text
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure
 from fingerlab.effects import find_effect
-from fingerlab.report.screen import percent, score_text
-from fingerlab.sessions.words import trajectory_words
+from fingerlab.sessions.trajectory import trajectory_words
 
 FAMILY_TITLES = {
     "joint_torque": "Joint torque",

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from fingerlab.core.text import r2_text
 from fingerlab.report.figure_style import (
     CANDIDATE,
     FLOOR,
@@ -22,12 +23,10 @@ from fingerlab.report.figure_style import (
     new_figure,
 )
 from fingerlab.report.onair_figures import region_patches, run_ticks, shade
-from fingerlab.report.screen import r2_text
 from fingerlab.sessions.model import Array
-from fingerlab.signals.delays import normalise
-from fingerlab.signals.regions import Labels
-from fingerlab.thesis.examples import Example
+from fingerlab.signals.periods import Labels, normalise
 from fingerlab.thesis.prediction import AngleStep, Prediction
+from fingerlab.thesis.traces import Example
 
 SERIES = ((MODELLED, "-"), (CANDIDATE, "--"), (RESIDUAL, "-."), (SECOND, ":"), (THIRD, "-"), (FLOOR, "--"))
 """Colour and line style of modelled forces, in order."""

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from fingerlab.core.text import r2_text
 from fingerlab.report.figure_style import (
     CANDIDATE,
     FLOOR,
@@ -26,28 +27,26 @@ from fingerlab.report.figure_style import (
     legend_below,
     new_figure,
 )
-from fingerlab.report.screen import r2_text
 from fingerlab.sessions.model import Array
-from fingerlab.signals.delays import normalise
-from fingerlab.signals.regions import (
+from fingerlab.signals.periods import (
     REGION_TITLES,
     REGIONS,
     THRESHOLDS_PERCENT,
     Labels,
     consecutive_mask,
+    normalise,
     recognise,
     speed_threshold,
 )
 from fingerlab.thesis.analysis import ThesisAnalysis
-from fingerlab.thesis.examples import Example
-from fingerlab.thesis.onair import Curves, OnAirRun
-from fingerlab.thesis.pooling import CableFit
-from fingerlab.thesis.specs import (
+from fingerlab.thesis.onair import CableFit, Curves, OnAirRun
+from fingerlab.thesis.traces import (
     FOUR_REGIONS,
     JOINT_TITLES,
     JOINTS,
     THESIS_DELAYS,
     Delay,
+    Example,
     FitSpec,
     Joint,
 )

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from matplotlib.figure import Figure
 
 from fingerlab.report.force_figures import amplitude_bars, angle_figure, force_in_time, normalised_force
-from fingerlab.signals.regions import REGION_TITLES
-from fingerlab.thesis.predicting import SessionPrediction
-from fingerlab.thesis.specs import JOINT_TITLES
+from fingerlab.signals.periods import REGION_TITLES
+from fingerlab.thesis.contact import SessionPrediction
+from fingerlab.thesis.traces import JOINT_TITLES
 
 
 def prediction_figures(result: SessionPrediction) -> Mapping[str, Figure]:

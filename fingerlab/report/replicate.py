@@ -11,8 +11,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fingerlab.thesis.pooling import Spread
-from fingerlab.thesis.published import PUBLISHED, Published, Quantity
+from fingerlab.thesis.analysis import PUBLISHED, Published, Quantity
+from fingerlab.thesis.onair import Spread
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,9 @@ WIRINGS = ("default", "rse", "nrse", "diff", "pseudodiff")
 BLOCK_RANGE = (5, 10)
 """Samples a block of the buffered fallback: the position loop then runs at 100 to 200 Hz."""
 
+RIG_FILE = "rig file"
+"""Source of a limit that is the bench's and not the loop's."""
+
 _KMA210_GAIN = math.pi / 4.5  # 180 degrees over 5 to 95 % of 5 V
 
 
@@ -203,45 +206,78 @@ class Daq:
         return self.load_cell, self.mcp, self.pip, self.current_monitor
 
 
+def _limit(default: float, unit: str, source: str = RIG_FILE) -> Any:
+    return field(default=default, metadata={"unit": unit, "source": source})
+
+
 @dataclass(frozen=True)
 class Limits:
-    """What the control loop keeps within, SI; each has its source in the rig file.
+    """What may not be exceeded while the amplifier is enabled, SI; angles at the gearbox output.
+
+    Unit and source of each are in the field's metadata (:func:`limits_table`). The first eleven are the
+    bench's, and a rig file that has a section ``[limits]`` states every one of them; the others are the
+    control loop's, and stand in a rig file only where a bench needs another value.
 
     Attributes:
-        current: A, either direction. torque: N m at the gearbox output, either direction.
-        position_low, position_high: rad at the pulley, after initialising. speed: rad/s at the pulley.
-        tension_rise: N/s, rise of the cable tension. force: N at the load cell.
-        mcp_low, mcp_high, pip_low, pip_high: rad, joint angles.
+        current: either direction. torque: either direction. position_low, position_high: after initialising.
+        tension_rise: of the cable. force: at the load cell. mcp_..., pip_...: joint angles.
+        sources: where the values of a rig file come from, by name.
     """
 
-    current: float = 3.0
-    torque: float = 0.4
-    position_low: float = math.radians(-20.0)
-    position_high: float = math.radians(160.0)
-    speed: float = 20.0
-    tension_rise: float = 500.0
-    mcp_low: float = math.radians(-60.0)
-    mcp_high: float = math.radians(95.0)
-    pip_low: float = math.radians(-70.0)
-    pip_high: float = math.radians(95.0)
-    force: float = 10.0
+    current: float = _limit(3.0, "A")
+    torque: float = _limit(0.4, "N m")
+    position_low: float = _limit(math.radians(-20.0), "rad")
+    position_high: float = _limit(math.radians(160.0), "rad")
+    speed: float = _limit(20.0, "rad/s")
+    tension_rise: float = _limit(500.0, "N/s")
+    mcp_low: float = _limit(math.radians(-60.0), "rad")
+    mcp_high: float = _limit(math.radians(95.0), "rad")
+    pip_low: float = _limit(math.radians(-70.0), "rad")
+    pip_high: float = _limit(math.radians(95.0), "rad")
+    force: float = _limit(10.0, "N")
+    following_error: float = _limit(math.radians(25.0), "rad", "assumed")
+    following_time: float = _limit(0.1, "s", "assumed")
+    encoder_jump: float = _limit(0.1, "rad", "assumed: a sample at 100 rad/s, half of the no-load speed")
+    encoder_stuck_current: float = _limit(1.5, "A", "assumed: ten times the no-load current")
+    encoder_stuck_change: float = _limit(
+        0.5, "A", "assumed: turning under load, dry friction held a motor still for at most 0.12 A"
+    )
+    encoder_stuck_time: float = _limit(0.03, "s", "assumed: free, the pulley turns 0.5 degrees in it")
+    stuck_time: float = _limit(0.5, "s", "assumed")
+    stuck_travel: float = _limit(math.radians(10.0), "rad", "assumed: more than the cable's dead travel")
+    stuck_torque: float = _limit(0.15, "N m", "assumed: presses the load cell with newtons")
+    late_time: float = _limit(0.02, "s", "assumed: the motor may not run 20 ms without the loop")
+    late_cycles: float = _limit(50.0, "cycles", "assumed: one after the other")
+    window_time: float = _limit(0.5, "s", "assumed: a frozen window, not a long frame")
+    recorder_time: float = _limit(1.0, "s", "assumed: a stalled disk, not a long flush")
     sources: Mapping[str, str] = field(default_factory=dict)
 
 
-LIMIT_UNITS = {
-    "current": "A",
-    "torque": "N m",
-    "position_low": "rad",
-    "position_high": "rad",
-    "speed": "rad/s",
-    "tension_rise": "N/s",
-    "mcp_low": "rad",
-    "mcp_high": "rad",
-    "pip_low": "rad",
-    "pip_high": "rad",
-    "force": "N",
-}
+LIMIT_UNITS = {spec.name: spec.metadata["unit"] for spec in fields(Limits) if spec.metadata}
 """SI unit of each limit."""
+
+BENCH_LIMITS = tuple(spec.name for spec in fields(Limits) if spec.metadata.get("source") == RIG_FILE)
+"""Names of the limits that are the bench's own: a rig file states them and ``check-rig`` asks for each."""
+
+
+@dataclass(frozen=True)
+class LimitRow:
+    """One limit as it is shown: name, value, unit (SI), where it comes from."""
+
+    name: str
+    value: float
+    unit: str
+    source: str
+
+
+def limits_table(limits: Limits) -> tuple[LimitRow, ...]:
+    """All limits with unit and source, for the documentation."""
+    return tuple(
+        LimitRow(s.name, getattr(limits, s.name), s.metadata["unit"], s.metadata["source"])
+        for s in fields(limits)
+        if s.metadata
+    )
+
 
 CHANNEL_UNITS = {
     "load_cell": {"gain": "N/V", "offset": "N"},
@@ -284,8 +320,8 @@ def read_limits(data: Any, where: str) -> Limits:
         UserError: an entry is unknown, no finite number, or leaves no room.
     """
     limits = _read(Limits, Limits(), data, where)
-    for name in ("current", "torque", "speed", "tension_rise", "force"):
-        if getattr(limits, name) <= 0:
+    for name in LIMIT_UNITS:
+        if not name.endswith(("_low", "_high")) and getattr(limits, name) <= 0:
             raise UserError(f"{where} {name} is {getattr(limits, name):g}; it should be above zero.")
     for name in ("position", "mcp", "pip"):
         if getattr(limits, f"{name}_low") >= getattr(limits, f"{name}_high"):
@@ -377,7 +413,10 @@ def _entry(default: Any, value: Any, where: str) -> Any:
 
 
 def plain_section(section: Daq | Limits) -> dict[str, Any]:
-    """A section as plain JSON, every value stated; a line that the bench does not have is left out."""
+    """A section as plain JSON, every value stated.
+
+    Left out are lines that the bench does not have, and of the loop's own limits those that nobody changed.
+    """
 
     def plain(value: Any) -> Any:
         if is_dataclass(value) and not isinstance(value, type):
@@ -388,6 +427,9 @@ def plain_section(section: Daq | Limits) -> dict[str, Any]:
     for name in OPTIONAL_LINES & result.keys():  # a session of a bench without them reads as it always did
         if not result[name]["terminal"]:
             del result[name]
+    if isinstance(section, Limits):
+        usual = {name: getattr(Limits(), name) for name in LIMIT_UNITS if name not in BENCH_LIMITS}
+        result = {key: value for key, value in result.items() if usual.get(key) != value}
     if not result[SOURCES]:
         del result[SOURCES]
     return result

@@ -18,12 +18,10 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import OutputSet
+from fingerlab.sessions.hdf5 import TargetFile, open_hdf5, writing_to
 from fingerlab.sessions.model import Array, Run, Session
-from fingerlab.sessions.place import OutputSet
 from fingerlab.sessions.reading import content_hash
-from fingerlab.sessions.run_writing import writing_to
-from fingerlab.sessions.samples import open_hdf5
-from fingerlab.sessions.target_file import TargetFile
 
 FORMATS = ("csv", "mat", "parquet", "txt")
 PIECE_SAMPLES = 1 << 17

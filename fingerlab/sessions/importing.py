@@ -12,13 +12,12 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.rig.constants import Rig
-from fingerlab.sessions.cycle import recognised
 from fingerlab.sessions.format import RATE_TOLERANCE, REQUIRED_CHANNELS
+from fingerlab.sessions.hdf5 import sample_fault
 from fingerlab.sessions.mapping import Column, map_columns
 from fingerlab.sessions.model import Array
-from fingerlab.sessions.samples import sample_fault
 from fingerlab.sessions.text_table import SEPARATOR_WORDS, TextTable, inspect_table, read_blocks
-from fingerlab.sessions.words import trajectory_words
+from fingerlab.sessions.trajectory import recognised, trajectory_words
 from fingerlab.sessions.writing import SessionWriter
 
 WHOLE_RATE = 1e-4

@@ -1,9 +1,10 @@
-"""What a session is, apart from the file that it lives in."""
+"""What a session is, apart from the file that it lives in, and where a recording is whole."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.rig.constants import Rig
-from fingerlab.sessions.format import CHANNEL_UNITS
+from fingerlab.sessions.format import CHANNEL_UNITS, RATE_TOLERANCE
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 ChannelReader = Callable[[str, int, int], Array]
@@ -172,3 +173,18 @@ class Session:
     def runs_of(self, *phases: str) -> tuple[Run, ...]:
         """The runs taken in one of the phases, in the order taken."""
         return tuple(run for run in self.runs if run.phase in phases)
+
+
+def whole_pieces(time: Array, rate: float) -> list[slice]:
+    """The pieces of a recording between its gaps, in order; one that is whole is one piece.
+
+    Args:
+        time: s, shape (n,). rate: samples a second.
+    """
+    gaps = np.flatnonzero(np.diff(time) > (1.0 + RATE_TOLERANCE) / rate) + 1
+    return [slice(first, last) for first, last in pairwise([0, *gaps.tolist(), len(time)])]
+
+
+def longest_piece(time: Array, rate: float) -> slice:
+    """The longest piece of a recording without a gap, the first of such."""
+    return max(whole_pieces(time, rate), key=lambda piece: piece.stop - piece.start)

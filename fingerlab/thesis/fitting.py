@@ -1,18 +1,66 @@
-"""Moment arms and friction losses of a session, by one of the thesis' methods."""
+"""Moment arms and friction losses of a session by one of the thesis' methods, and a fit's model file."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import itertools
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.sessions.model import Run, Session
-from fingerlab.thesis.onair import OnAirRun, reduce_run
-from fingerlab.thesis.pieces import in_pieces
-from fingerlab.thesis.pooling import CableFit, pool
-from fingerlab.thesis.specs import FitSpec
-from fingerlab.thesis.traces import trace
+from fingerlab.core.units import ParameterEstimate
+from fingerlab.models.file import Model, hash_sessions
+from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.trajectory import named_frequency
+from fingerlab.thesis.onair import CableFit, OnAirRun, Spread, pool, reduce_run
+from fingerlab.thesis.regression import CONFIDENCE
+from fingerlab.thesis.traces import FitSpec, trace
+
+LARGEST_PIECE = 300_000
+"""Samples of one piece at most: five minutes at 1 kHz, ten times a run of the thesis."""
+
+
+def in_pieces(runs: Iterable[Run]) -> tuple[Run, ...]:
+    """The same runs, those longer than ``LARGEST_PIECE`` cut into about equal pieces.
+
+    A piece starts with a period of its trajectory and is named ``001:2``; it is filtered, settled and
+    judged like a run of its own. No sample is read here.
+    """
+    return tuple(piece for run in runs for piece in _pieces(run))
+
+
+def _pieces(run: Run) -> tuple[Run, ...]:
+    count = math.ceil(run.length / LARGEST_PIECE)
+    if count <= 1:
+        return (run,)
+    frequency = named_frequency(run)
+    period = run.sample_rate_hz / frequency if frequency > 0 else 1.0
+    cuts = [round(round(k * run.length / count / period) * period) for k in range(count)]
+    cuts = [*dict.fromkeys(cuts), run.length]
+    return tuple(
+        replace(run, name=f"{run.name}:{number}", length=stop - start, reader=_OffsetReader(run, start))
+        for number, (start, stop) in enumerate(itertools.pairwise(cuts), start=1)
+    )
+
+
+@dataclass(frozen=True)
+class _OffsetReader:
+    """Samples of a run counted from one of its samples on. Picklable where the run's reader is."""
+
+    run: Run
+    offset: int
+
+    def __call__(self, name: str, start: int, stop: int) -> Array:
+        return self.load([name], start, stop)[name]
+
+    def load(self, names: Sequence[str], start: int, stop: int) -> dict[str, Array]:
+        """Samples of several channels at once."""
+        return self.run.load(names, self.offset + start, self.offset + stop)
+
 
 Progress = Callable[[float, str], None]
 """Called with the share done, 0 to 1, and what is being done; may raise ``Cancelled``."""
@@ -119,3 +167,39 @@ def _why_not(run: OnAirRun) -> str:
     if run.periods == 0:
         return "does not repeat a trajectory over two whole periods"
     return "shows no region in which tension varies"
+
+
+def model_of_fit(session: Session, fit: SessionFit) -> Model:
+    """The model file's content; parameters are named ``cable/joint/region/moment_arm`` and so on."""
+    parameters: dict[str, ParameterEstimate] = {}
+    r2: dict[str, float] = {}
+    for cable, results in fit.cables.items():
+        for (joint, region), result in results.items():
+            if result.pooled is None:
+                continue
+            key = f"{cable}/{joint}/{region}"
+            parameters[f"{key}/moment_arm"] = result.pooled.moment_arm
+            parameters[f"{key}/friction_loss"] = result.pooled.loss
+            if fit.spec.delay != "none":
+                parameters[f"{key}/delay"] = delay_estimate(result.pooled.delay_s, result.delays_s)
+            r2[key] = result.pooled.r2
+    details: dict[str, Any] = {
+        "delay": fit.spec.delay,
+        "threshold_percent": fit.spec.threshold,
+        "runs": {cable: list(names) for cable, names in fit.used.items()},
+        "skipped": [{"run": name, "because": reason} for name, reason in fit.skipped],
+        "r2": r2,
+    }
+    return Model(fit.spec.method, parameters, hash_sessions([session]), details=details)
+
+
+def delay_estimate(mean: float, delays: Spread) -> ParameterEstimate:
+    """Mean delay over runs, s, with the 90 % interval of the mean; NaN bounds for a single run."""
+    good = [value for value in delays.values if np.isfinite(value)]
+    half = float("nan")
+    if len(good) > 1:
+        from scipy.stats import t as student  # slow to import
+
+        quantile = float(student.ppf(0.5 + CONFIDENCE / 2, len(good) - 1))
+        half = quantile * delays.deviation / float(np.sqrt(len(good)))
+    return ParameterEstimate(mean, "s", mean - half, mean + half)

@@ -9,15 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.models.file import ParameterEstimate
+from fingerlab.core.units import ParameterEstimate
+from fingerlab.models.file import Model, hash_sessions
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.signals.periods import usable
 from fingerlab.signals.prepare import prepare
-from fingerlab.thesis.fitting import Progress
-from fingerlab.thesis.pieces import in_pieces
+from fingerlab.thesis.fitting import Progress, in_pieces
 from fingerlab.thesis.regression import CONFIDENCE
 
+METHOD = "motor_bench"
+"""``method`` of a model file that :func:`model_of_motor_bench` made."""
 UNITS = {"inertia": "kg m^2", "gain": "1", "offset": "N m"}
 
 
@@ -143,3 +145,15 @@ def _solve(session: Session, sums: Sequence[_RunSums]) -> MotorBenchFit:
         float(np.sqrt(max(error, 0.0) / count)),
         {n: float(1 - residual[n] / spread[n]) if spread[n] > 0 else float("nan") for n in residual},
     )
+
+
+def model_of_motor_bench(session: Session, fit: MotorBenchFit) -> Model:
+    """The model file's content of a motor-bench fit."""
+    details = {
+        "fixed_by_rig": list(fit.fixed),
+        "not_shown_by_data": list(fit.absent),
+        "r2": fit.r2,
+        "rmse": fit.rmse,
+        "run_r2": dict(fit.run_r2),
+    }
+    return Model(METHOD, fit.parameters, hash_sessions([session]), details=details)

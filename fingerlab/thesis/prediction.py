@@ -14,14 +14,10 @@ import numpy as np
 
 from fingerlab.physics.nominal import endpoint_force
 from fingerlab.sessions.model import Array
-from fingerlab.signals.delays import normalise
-from fingerlab.signals.periods import PeriodGrid, usable
-from fingerlab.signals.regions import REGIONS, recognise, speed_threshold
-from fingerlab.thesis.onair import thin
-from fingerlab.thesis.pooling import Parameters
+from fingerlab.signals.periods import REGIONS, PeriodGrid, normalise, recognise, speed_threshold, usable
+from fingerlab.thesis.onair import Parameters, thin
 from fingerlab.thesis.regression import coefficient_of_determination
-from fingerlab.thesis.specs import Joint
-from fingerlab.thesis.traces import Traces
+from fingerlab.thesis.traces import Joint, Traces
 
 FORCE_PHASES = ("loading", "peak", "unloading", "rest")
 """Parts of the force cycle: the measured force rises, stays high, falls, stays low."""

@@ -8,13 +8,13 @@ have on a printed finger with an RE40 drive.
 from __future__ import annotations
 
 from fingerlab.twin import plant_changes as changes
-from fingerlab.twin.effects import CONTACT, MOTOR_BENCH, ON_AIR, Parameter, PlantEffect
+from fingerlab.twin.effects import CONTACT, MOTOR_BENCH, ON_AIR, PlantEffect, constant
 
 FINGER = frozenset({ON_AIR, CONTACT})
 DRIVE = frozenset({ON_AIR, CONTACT, MOTOR_BENCH})
 TOUCH = frozenset({CONTACT})
 
-P = Parameter
+P = constant
 RATIO = P("pip_ratio", "", 0.6, 0.3, 1.0, "assumed: smaller hinge")
 WIND_UP = P("travel", "rad", 1.5e-3, 5e-4, 5e-3, "assumed: elastic wind-up before it slides")
 GEAR_WIND_UP = P("travel", "rad", 4e-3, 1e-3, 1e-2, "assumed: gearbox wind-up before it slides")

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fingerlab.core.errors import UserError
+from fingerlab.physics.parameter import Parameter
 from fingerlab.twin.bench import Bench
 
 ON_AIR, CONTACT, MOTOR_BENCH = "on_air", "contact", "motor_bench"
@@ -14,16 +15,11 @@ ON_AIR, CONTACT, MOTOR_BENCH = "on_air", "contact", "motor_bench"
 Values = Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """One number of an effect: SI unit, default, plausible range, and where these come from."""
-
-    name: str
-    unit: str
-    default: float
-    low: float
-    high: float
-    source: str = "assumed"
+def constant(
+    name: str, unit: str, default: float, low: float, high: float, source: str = "assumed"
+) -> Parameter:
+    """One number of an effect in the plant; its default is what is put in where nothing else is said."""
+    return Parameter(unit, low, high, default, source, name=name, default=default)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,6 @@ from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.protocol import plan_steps
 from fingerlab.acquisition.protocol_driver import Beginning
 from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.script import Order, read_order
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.acquisition.trigger import Level, crossings, read_level
@@ -32,6 +31,7 @@ from fingerlab.cli.record_session import Told, _Writing, take
 from fingerlab.core.errors import UserError
 from fingerlab.devices.faults import fault_after
 from fingerlab.devices.simulated import SimulatedRig
+from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 from fingerlab.twin.protocols import RunPlan

@@ -25,8 +25,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 from fingerlab.sessions.exporting import export_session
-from fingerlab.sessions.part_file import PartWriter
-from fingerlab.sessions.recording_place import cut_recordings
+from fingerlab.sessions.recording_files import PartWriter, cut_recordings
 
 SINE = {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0}
 
@@ -363,7 +362,7 @@ def test_a_disk_that_lies_is_found_out(bench: Bench, monkeypatch: pytest.MonkeyP
     bench.begin(0)
     bench.publish(500)
     bench.recorder.end()
-    from fingerlab.sessions.run_writing import RunWriter
+    from fingerlab.sessions.writing import RunWriter
 
     honest = RunWriter.append
 

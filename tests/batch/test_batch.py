@@ -14,9 +14,9 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner, Result
 
-from fingerlab.batch import rows, runners
+from fingerlab.batch import rows
 from fingerlab.batch.rows import Options, Outcome, Task, diagnose_file
-from fingerlab.batch.run import run_batch
+from fingerlab.batch.run import locally, run_batch
 from fingerlab.batch.table import Parts
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import Cancelled, UserError
@@ -242,7 +242,7 @@ def test_own_effects_travel_to_other_processes(tree: Path, tmp_path: Path) -> No
     """The settings of the tests know no own effects, so the workers can have it from the batch alone."""
     options = Options(("motor_root_friction",), (OwnSource(str(EXAMPLE), EXAMPLE.read_bytes()),))
     (tree / "deep" / "er" / "b.h5").unlink()
-    found = run_batch(tree, tmp_path / "T.parquet", options, runners.locally(2)).contents.rows
+    found = run_batch(tree, tmp_path / "T.parquet", options, locally(2)).contents.rows
     errors = {row["session"]: row["error"] for row in found}
     assert errors["a.h5"] is None
     assert all("param.motor_root_friction.root" in row for row in found if not row["error"])

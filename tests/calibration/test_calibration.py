@@ -11,8 +11,8 @@ import pytest
 from scipy import stats
 
 from fingerlab.calibration import SENSORS, Step, StepTiming, calibrate_steps, find_steps
-from fingerlab.calibration.recording import read_recording
-from fingerlab.calibration.steps import count_steps
+from fingerlab.calibration.line import count_steps
+from fingerlab.calibration.offline import read_recording
 from fingerlab.core.errors import UserError
 from tests.cli.calling import run_main
 

@@ -14,11 +14,10 @@ import pytest
 from fingerlab.calibration import SENSORS, StepTiming
 from fingerlab.calibration.applying import apply_again, calibrated_rig, rig_and_attributes
 from fingerlab.calibration.offline import outcome_from_files
-from fingerlab.calibration.plan import standard_plan
-from fingerlab.calibration.result import Outcome, compare
-from fingerlab.calibration.stability import Averager, judge
+from fingerlab.calibration.outcome import Outcome, compare
+from fingerlab.calibration.sensors import standard_plan
 from fingerlab.calibration.store import CalibrationStore
-from fingerlab.calibration.wizard import Phase, Wizard
+from fingerlab.calibration.wizard import Averager, Phase, Wizard, judge
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.rig.daq import plain_section
 from fingerlab.rig.file import default_rig

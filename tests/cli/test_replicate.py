@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from fingerlab.cli.replicate import replicate
 from fingerlab.report.replicate import TOLERANCES, compare
-from fingerlab.thesis.published import PUBLISHED, Quantity
+from fingerlab.thesis.analysis import PUBLISHED, Quantity
 
 
 def replicated(seed: int) -> dict[str, dict[str, Any]]:

@@ -13,12 +13,12 @@ import fingerlab.acquisition.process_bench
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.process_bench import ProcessBench
 from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import UserError
 from fingerlab.devices.choosing import OWN, choose_device
 from fingerlab.devices.own import confirm, confirmed_files, device_file
+from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import open_session
 

@@ -169,3 +169,18 @@ def test_a_rig_file_without_the_lines_reads_as_ever() -> None:
 def test_lines_that_no_bench_can_have(text: str, words: str) -> None:
     with pytest.raises(UserError, match=words):
         parse_rig(text, "the rig")
+
+
+def test_a_card_that_falls_back_to_blocks_is_driven_and_beaten_by_blocks() -> None:
+    """Only the open card tells: gains for 1 kHz at 100 Hz would shake the bench."""
+    auto = '[daq]\ntiming = "auto"\n'
+    rig = rig_with(auto + WIRED)
+    card = Card(SimulatedBench(Simulation(seed=2), rig.daq))
+    card.single_point, card.inputs = False, {STOP: True, READY: True}
+    bench = Driven(NiCard(rig, card.clock, InProcessChannel(Servicer(card))))
+    bench.run({**SINE, "ramp_s": 0.5}, endless=True)
+    bench.cycles(3000)
+    assert bench.loop.machine.mode is Mode.RUNNING, bench.fault
+    assert set(np.diff(card.edges[DEAD_MAN])) == {10}
+    commands = np.flatnonzero(np.diff(bench.column("current_command")[-2000:])) % 10
+    assert len(set(commands)) == 1  # one command a block

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import firwin, freqz, upfirdn
 
-from fingerlab.diagnosis import bandwidth as bw
+from fingerlab.diagnosis.signals import filters as bw
 
 KERNEL = firwin(81, 8.0, fs=250.0)
 RATES = [1000.0, 2000.0, 500.0, 250.0, 100.0]

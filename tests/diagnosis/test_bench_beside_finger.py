@@ -8,15 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.evidence import Evidence
-from fingerlab.diagnosis.groups import Reduced, runs_to_analyse
-from fingerlab.diagnosis.missing_noise import torque_noise
-from fingerlab.diagnosis.model import Choice
-from fingerlab.diagnosis.reduction import reduce_sessions
-from fingerlab.diagnosis.search import weigh
-from fingerlab.diagnosis.study import Study
-from fingerlab.diagnosis.trial import Trial
-from fingerlab.diagnosis.watch import Watch
+from fingerlab.core.progress import Watch
+from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.fit.noise import torque_noise
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.sums import Reduced
+from fingerlab.diagnosis.score.evidence import Evidence
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.search.next_effect import weigh
+from fingerlab.diagnosis.signals.conditions import runs_to_analyse
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Run, Session

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.by_condition import held_out_runs
-from fingerlab.diagnosis.conditions import MOST_FOLDS, deal
-from fingerlab.diagnosis.reduction import reduce_sessions
-from fingerlab.diagnosis.study import Study
-from fingerlab.diagnosis.trial import condition_weights
+from fingerlab.diagnosis.answer.errors import held_out_runs
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.score.fitted_model import condition_weights
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.signals.conditions import MOST_FOLDS, deal
 
 from . import closed_form as made
 

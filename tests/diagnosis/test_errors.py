@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import firwin, freqz
 
-from fingerlab.diagnosis.errors import equation_errors
-from fingerlab.diagnosis.reduction import reduce_sessions
-from fingerlab.diagnosis.results import EquationError
-from fingerlab.diagnosis.study import Study
+from fingerlab.diagnosis.answer.errors import equation_errors
+from fingerlab.diagnosis.answer.results import EquationError
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.score.scorer import Study
 
 from . import closed_form as made
 

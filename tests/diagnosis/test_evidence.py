@@ -9,12 +9,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.evidence import alike, beside_others, borne_out, judge
-from fingerlab.diagnosis.fitting import Fit
-from fingerlab.diagnosis.model import Choice
-from fingerlab.diagnosis.odds import small_excess
-from fingerlab.diagnosis.steps import justified
-from fingerlab.diagnosis.trial import Trial
+from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.fit.solver import Fit
+from fingerlab.diagnosis.score.evidence import alike, beside_others, borne_out, judge
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.selection import justified, small_excess
 from fingerlab.effects import CATALOGUE
 
 COUNT = 3000.0

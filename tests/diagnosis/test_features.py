@@ -7,12 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.features import base_columns, nuisance_ranges, turned_columns
-from fingerlab.diagnosis.groups import Reduced
-from fingerlab.diagnosis.model import build
-from fingerlab.diagnosis.reduction import reduce_sessions
-from fingerlab.diagnosis.residuals import row_covariance
-from fingerlab.diagnosis.shifts import SHIFTS_S, SLOPE, shift_weights, slope_weights
+from fingerlab.diagnosis.equations.features import (
+    SHIFTS_S,
+    SLOPE,
+    base_columns,
+    shift_weights,
+    slope_weights,
+    turned_columns,
+)
+from fingerlab.diagnosis.equations.model import build
+from fingerlab.diagnosis.equations.parameters import nuisance_ranges
+from fingerlab.diagnosis.fit.noise import row_covariance
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 from fingerlab.effects.motion import Motion

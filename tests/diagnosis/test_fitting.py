@@ -10,14 +10,13 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.signal import firwin, freqz
 
-from fingerlab.diagnosis import numerics
-from fingerlab.diagnosis.fitting import Fitter
-from fingerlab.diagnosis.numerics import bounded_step
-from fingerlab.diagnosis.reduction import reduce_sessions
-from fingerlab.diagnosis.study import Study
-from fingerlab.diagnosis.trial import Trial
-from fingerlab.diagnosis.weighing import Data
-from fingerlab.diagnosis.wording import Z90, deviations
+from fingerlab.diagnosis.answer.wording import Z90, deviations
+from fingerlab.diagnosis.fit import solver
+from fingerlab.diagnosis.fit.solver import Fitter, bounded_step
+from fingerlab.diagnosis.fit.weights import Data
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import Study
 from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions.model import Run, Session
 
@@ -190,6 +189,6 @@ def test_all_bounds_at_once_give_the_same_step_as_one_after_the_other(
         )  # fmt: skip
         quick = bounded_step(*problem)
         with monkeypatch.context() as patch:
-            patch.setattr(numerics, "_pivoted", lambda *_: None)
+            patch.setattr(solver, "_pivoted", lambda *_: None)
             slow = bounded_step(*problem)
         assert quick == pytest.approx(slow, abs=1e-5)

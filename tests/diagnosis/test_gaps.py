@@ -10,7 +10,7 @@ import pytest
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.stretches import stretches
+from fingerlab.diagnosis.signals.segments import stretches
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
 from fingerlab.thesis.traces import trace

@@ -11,7 +11,7 @@ import pytest
 
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.results import Candidate, Diagnosis
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.effects import CATALOGUE
 from fingerlab.sessions.model import Run, Session
 

@@ -8,8 +8,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.losses import surprise
-from fingerlab.diagnosis.model import Choice, Model
+from fingerlab.diagnosis.equations.model import Choice, Model
+from fingerlab.diagnosis.fit.solver import surprise
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Gain
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.groups import Group, Reduced
-from fingerlab.diagnosis.model import Choice, Model, build
-from fingerlab.diagnosis.reduction import reduce_sessions
+from fingerlab.diagnosis.equations.model import Choice, Model, build
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.report.diagnosis_words import verdict_sentence
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run

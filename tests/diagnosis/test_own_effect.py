@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.effects import CATALOGUE, own
 from fingerlab.sessions.model import Run, Session
 

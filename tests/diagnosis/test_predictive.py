@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from fingerlab.diagnosis.fitting import LeftOut
-from fingerlab.diagnosis.predictive import allowance
-from fingerlab.diagnosis.weighing import Weighted
+from fingerlab.diagnosis.fit.solver import LeftOut
+from fingerlab.diagnosis.fit.weights import Weighted
+from fingerlab.diagnosis.score.scorer import allowance
 from fingerlab.sessions.model import Array
 
 FEATURES, UNKNOWNS = 6, 4

@@ -9,32 +9,32 @@ import numpy as np
 import pytest
 
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.diagnosis import next_experiment
-from fingerlab.diagnosis.bandwidth import EFFECTIVE_SHARE, NARROW_RATE_HZ
-from fingerlab.diagnosis.evidence import Evidence
-from fingerlab.diagnosis.imagined import (
+from fingerlab.core.progress import Watch
+from fingerlab.diagnosis.equations.model import build
+from fingerlab.diagnosis.experiment import proposal as next_experiment
+from fingerlab.diagnosis.experiment.predicted_runs import (
     bench_motion,
     commanded,
     finger_motion,
     pressing_motion,
     seen_press,
 )
-from fingerlab.diagnosis.model import build
-from fingerlab.diagnosis.narrowing import narrow_columns
-from fingerlab.diagnosis.next_experiment import propose
-from fingerlab.diagnosis.reduction import reduce_sessions
-from fingerlab.diagnosis.search import weigh
-from fingerlab.diagnosis.separation import (
+from fingerlab.diagnosis.experiment.proposal import (
     Imagined,
     held_by,
     imagine,
     known_of,
+    propose,
     separation,
     values_in,
 )
-from fingerlab.diagnosis.study import Study
-from fingerlab.diagnosis.trial import Trial
-from fingerlab.diagnosis.watch import Watch
+from fingerlab.diagnosis.gram.decimation import narrow_columns
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.score.evidence import Evidence
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.search.next_effect import weigh
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, NARROW_RATE_HZ
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Session

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis import recall as recalling
-from fingerlab.diagnosis.groups import Reduced
-from fingerlab.diagnosis.recall import Recall
-from fingerlab.diagnosis.reduction import reduce_sessions
+from fingerlab.diagnosis.gram import runs as recalling
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.runs import Recall
+from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect
 from fingerlab.sessions import Session

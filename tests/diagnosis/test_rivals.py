@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis import path, rivals
-from fingerlab.diagnosis.evidence import Evidence
-from fingerlab.diagnosis.model import Choice
-from fingerlab.diagnosis.odds import USUAL_LEFT, by_what_is_left
-from fingerlab.diagnosis.watch import SILENT
+from fingerlab.core.progress import SILENT
+from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.score.evidence import Evidence
+from fingerlab.diagnosis.score.selection import USUAL_LEFT, by_what_is_left
+from fingerlab.diagnosis.search import grid_refinement as rivals
+from fingerlab.diagnosis.search import path
 from fingerlab.effects import CATALOGUE
 
 COUNT = 1000.0

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.groups import Reduced
-from fingerlab.diagnosis.model import build
-from fingerlab.diagnosis.predictive import explained
-from fingerlab.diagnosis.reduction import reduce_sessions
-from fingerlab.diagnosis.run_to_run import SET_DOWN_N, own_to_a_run
-from fingerlab.diagnosis.weighing import Weighted
+from fingerlab.diagnosis.equations.model import build
+from fingerlab.diagnosis.fit.weights import SET_DOWN_N, Weighted, own_to_a_run
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.sums import Reduced
+from fingerlab.diagnosis.score.scorer import explained
 
 from . import closed_form as made
 

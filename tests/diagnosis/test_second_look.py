@@ -7,12 +7,13 @@ from typing import Any, cast
 
 import pytest
 
-from fingerlab.diagnosis import second_look
-from fingerlab.diagnosis.model import Choice
-from fingerlab.diagnosis.path import density
-from fingerlab.diagnosis.reduction import reduce_sessions
-from fingerlab.diagnosis.second_look import settled, worth_a_look
-from fingerlab.diagnosis.study import Study
+from fingerlab.core.progress import SILENT
+from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.search import grid_refinement as second_look
+from fingerlab.diagnosis.search.grid_refinement import settled, worth_a_look
+from fingerlab.diagnosis.search.path import density
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.closer import either, every, plus, rubbing, times
 
@@ -88,6 +89,6 @@ def test_a_path_that_goes_on_begins_with_what_was_given(monkeypatch: pytest.Monk
     monkeypatch.setattr(second_look, "weigh", lambda *_: None)
     monkeypatch.setattr(second_look, "forward", lambda *_: [holding(2), holding(3)])
     monkeypatch.setattr(second_look, "look_again_along", lambda _, path, *__: (None, path))
-    longer = second_look.look_beyond([], [], cast(Any, [holding(1), holding(2)]), second_look.SILENT)
+    longer = second_look.look_beyond([], [], cast(Any, [holding(1), holding(2)]), SILENT)
     assert longer is not None
     assert [len(step.model.choices) for step in longer[1]] == [1, 2, 3]

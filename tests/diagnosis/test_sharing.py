@@ -12,14 +12,14 @@ from fingerlab.cli.main import cli
 from fingerlab.core import parallel
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.model import Choice
-from fingerlab.diagnosis.reduction import reduce_sessions
-from fingerlab.diagnosis.sketch import Sketch
-from fingerlab.diagnosis.study import Study
+from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.search.next_effect import Sketch
 from fingerlab.effects import CATALOGUE
 from fingerlab.sessions import copy_session, open_session
 
-REDUCTION = "fingerlab.diagnosis.reduction"
+REDUCTION = "fingerlab.diagnosis.gram.reduction"
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.diagnosis.moments import SLACK_TENSION_N, taut_moments
-from fingerlab.diagnosis.narrowing import counted
-from fingerlab.diagnosis.noise import MOST_NOISE, RIDGE, _factor, _limited
+from fingerlab.diagnosis.fit.noise import MOST_NOISE, RIDGE, _factor, _limited
+from fingerlab.diagnosis.gram.decimation import SLACK_TENSION_N, counted, taut_moments
 from fingerlab.effects.motion import Motion
 from tests.effects.moving import MOTOR, moving
 

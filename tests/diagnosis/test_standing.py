@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.fitting import Fitter
-from fingerlab.diagnosis.model import Choice
-from fingerlab.diagnosis.reduction import reduce_sessions
-from fingerlab.diagnosis.standing import change_of_weight, encoder_spread, log_widening
-from fingerlab.diagnosis.study import Study
+from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.fit.noise import change_of_weight, encoder_spread, log_widening
+from fingerlab.diagnosis.fit.solver import Fitter
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.score.scorer import Study
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.columns import layout_of
-from fingerlab.diagnosis.narrowing import narrow_columns
-from fingerlab.diagnosis.reduction import reduce_sessions
-from fingerlab.diagnosis.stretches import stretches
-from fingerlab.diagnosis.sums import Pick, Sums, empty, total
+from fingerlab.diagnosis.equations.columns import layout_of
+from fingerlab.diagnosis.equations.features import Pick
+from fingerlab.diagnosis.gram.decimation import narrow_columns
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.sums import Sums, empty, total
+from fingerlab.diagnosis.signals.segments import stretches
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 

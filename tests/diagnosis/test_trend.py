@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.groups import Group
-from fingerlab.diagnosis.repeating import remove_common_trend
-from fingerlab.diagnosis.sums import empty
+from fingerlab.diagnosis.gram.reduction import remove_common_trend
+from fingerlab.diagnosis.gram.sums import Group, empty
 
 RNG = np.random.default_rng(5)
 SIGNALS, DEGREES, RUNS = 3, 3, 400

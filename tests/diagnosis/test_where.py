@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.results import Comparison
-from fingerlab.diagnosis.where import COORDINATES, profile, stretches_in, worst_run
+from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.diagnosis.answer.where import COORDINATES, profile, stretches_in, worst_run
 from fingerlab.report.where_figures import where_figure
 from fingerlab.report.where_words import axis_title, bin_words, miss_words, worst_words
 

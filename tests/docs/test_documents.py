@@ -233,11 +233,12 @@ def test_the_page_of_commands_has_all_of_them(pages: dict[str, str]) -> None:
 
 
 def test_the_numbers_of_the_diagnosis_are_read_from_its_modules(pages: dict[str, str]) -> None:
-    from fingerlab.diagnosis import conditions, steps
+    from fingerlab.diagnosis.score import selection
+    from fingerlab.diagnosis.signals import conditions
 
     made = sys.modules["stated"]
     rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", pages["decisions.md"], re.MULTILINE))
-    assert float(rows["CORRELATED_VALUES"]) == steps.CORRELATED_VALUES
+    assert float(rows["CORRELATED_VALUES"]) == selection.CORRELATED_VALUES
     assert float(rows["SAME_SHARE"]) == conditions.SAME_SHARE
     assert rows["SAME_DIFFERENCE"].startswith("frequency hz 0.02, amplitude deg 1")
     assert all(len(list(made.stated(name))) > 0 for name in made.MODULES)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.display import COORDINATE_UNITS
 from fingerlab.effects import CATALOGUE, effect
 from fingerlab.effects.base import Row
+from fingerlab.effects.coordinates import COORDINATE_UNITS
 from fingerlab.twin.effect_table import EFFECTS as PLANT_EFFECTS
 
 from .moving import bench, moving
@@ -23,7 +23,7 @@ SI_UNITS = {
     "N m/rad^2", "N m/rad^3", "1/rad^2", "N m s/rad", "N m s/rad^2",
 }  # fmt: skip
 OF_FINGER = sorted(CATALOGUE)
-OF_BENCH = sorted(name for name, e in CATALOGUE.items() if e.bench)
+OF_BENCH = sorted(name for name, e in CATALOGUE.items() if e.bench is True)
 
 
 def test_ids_are_those_of_the_contract() -> None:

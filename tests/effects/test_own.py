@@ -124,6 +124,11 @@ def with_more(more: str) -> str:
     return GOOD.replace('reveal="slow sines"', f'reveal="slow", {more}')
 
 
+def with_gain(more: str) -> str:
+    """The good file with something added to its gain."""
+    return GOOD.replace("0.01, 0.001)", f"0.01, 0.001, {more})")
+
+
 def with_values(values: str) -> str:
     """The good file with other values in its column."""
     return GOOD.replace("np.tanh(motion.velocity)", values)
@@ -153,6 +158,22 @@ BROKEN = [
     ("bench", with_more('bench=True'), r"should stand in Row.BENCH"),
     ("shape", with_more('shapes=({"gap": 1.0},)'), r"as shape_units"),
     ("special", with_more('special="delay"'), r"by its columns alone"),
+    ("turned face", with_more('turns=lambda shape: 0.1'), r"by its columns alone"),
+    ("a field of earlier versions", with_more('offsets=("size",)'), r"line 7: TypeError: .*'offsets'"),
+    ("cables", with_more('cables=("wire",)'), r"cables is \('wire',\)"),
+    ("where on the bench", with_more('bench="here"'), r"bench is 'here'; .*beside a finger"),
+    ("family", with_more('family="Wings"'), r"family is 'Wings'; it should be one of Joint friction"),
+    ("formula", with_more('formula="x = 1"'), r"formula is a str"),
+    ("units of shapes", with_more('shape_units=["gap"]'), r"shape_units \['gap'\]"),
+    ("closer", with_more('closer=3'), r"closer that cannot be called"),
+    ("what closer gives", with_more('closer=lambda shape: [{"gap": "wide"}]'), r"closer gives"),
+    ("excess of nothing", with_gain('excess_of="sise"'), r"excess of 'sise'"),
+    ("degenerate", with_gain('degenerate_with="loss"'), r"say which gain it is the excess_of"),
+    ("degenerate with what", with_gain('degenerate_with="arms"'), r"degenerate_with is 'arms'"),
+    ("limits", with_gain('limits=lambda shape: (0.0, 1.0)'), r"limits \(0.0, 1.0\)"),
+    ("no limits", with_gain('limits=1.0'), r"limits that cannot be called"),
+    ("varies", with_gain('varies_between_runs="yes"'), r"varies_between_runs is 'yes'"),
+    ("role", with_gain('role=3'), r"role is 3"),
     ("terms by phase", GOOD.replace("    return [", "    if motion.force is None:\n"
      "        return [Term(Row.CABLE, 'size', motion.velocity), Term(Row.MCP, 'size', motion.velocity)]\n"
      "    return ["), r"gives other terms in a motion 'contact'"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.features import SLIP_STIFFNESSES
+from fingerlab.diagnosis.equations.parameters import SLIP_STIFFNESSES
 from fingerlab.effects.hysteresis import rubbing_force
 from fingerlab.effects.motion import Motion
 from fingerlab.rig.constants import Motor

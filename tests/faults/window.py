@@ -16,9 +16,9 @@ from fingerlab.acquisition.commands import Enable, Initialise, SetUp, Start
 from fingerlab.acquisition.process_bench import ProcessBench
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.core.errors import UserError
+from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
 from tests.faults.shared_device import SharedChoice
 

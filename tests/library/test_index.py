@@ -10,12 +10,9 @@ import pytest
 
 from fingerlab.batch.table import Contents, complete, write_table
 from fingerlab.core.errors import UserError
-from fingerlab.library.facts import SessionFacts, read_facts
-from fingerlab.library.filtering import Entry, matches
-from fingerlab.library.index import list_files, scan
-from fingerlab.library.notes import FILE_NAME, Note, Notebook
-from fingerlab.library.thumbnail import make_thumbnail
-from fingerlab.library.verdicts import find_verdicts
+from fingerlab.library.index import SessionFacts, list_files, read_facts, scan
+from fingerlab.library.notes import FILE_NAME, Entry, Note, Notebook, find_verdicts, matches
+from fingerlab.library.pyramid import make_thumbnail
 
 
 def test_facts_say_what_the_file_says(make_session) -> None:  # type: ignore[no-untyped-def]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.results import (
+from fingerlab.diagnosis.answer.results import (
     Candidate,
     Comparison,
     Diagnosis,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.signals.filters import derivative, low_pass, low_pass_stretches
+from fingerlab.signals.prepare import derivative, low_pass, low_pass_stretches
 
 RATE = 1000.0
 

@@ -9,10 +9,9 @@ import pytest
 
 from fingerlab.report.thesis_figures import FIGURES, thesis_figures
 from fingerlab.sessions import open_session
-from fingerlab.thesis.analysis import ThesisAnalysis, thesis_analysis
+from fingerlab.thesis.analysis import PUBLISHED, ThesisAnalysis, thesis_analysis
 from fingerlab.thesis.contact import FINAL
-from fingerlab.thesis.published import PUBLISHED
-from fingerlab.thesis.specs import FOUR_REGIONS
+from fingerlab.thesis.traces import FOUR_REGIONS
 
 from . import invented as made
 

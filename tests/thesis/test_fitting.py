@@ -10,7 +10,7 @@ import pytest
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.sessions import open_session
 from fingerlab.thesis.fitting import fit_session
-from fingerlab.thesis.specs import FitSpec
+from fingerlab.thesis.traces import FitSpec
 
 from . import invented as made
 
@@ -181,12 +181,12 @@ def test_foreign_recording_with_a_delay(shared_data: Path) -> None:
 
 def test_long_runs_are_cut_into_pieces_that_start_with_a_period(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same parameters in pieces, no sample lost or doubled, and never more than a piece in memory."""
-    from fingerlab.thesis import pieces
+    from fingerlab.thesis import fitting
 
-    monkeypatch.setattr(pieces, "LARGEST_PIECE", 15000)
+    monkeypatch.setattr(fitting, "LARGEST_PIECE", 15000)
     tension = made.sine_tension(50.0)
     whole = made.run("001", {**made.on_air(tension), "counter": np.arange(50000.0)})
-    parts = pieces.in_pieces([whole])
+    parts = fitting.in_pieces([whole])
     assert [p.name for p in parts] == ["001:1", "001:2", "001:3", "001:4"]
     counters = [p.channel("counter") for p in parts]
     np.testing.assert_array_equal(np.concatenate(counters), np.arange(50000.0))

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.thesis.inspection import Inspection, inspect_session, region_spans
-from fingerlab.thesis.kinematics import kinematic_arms
+from fingerlab.thesis.inspection import Inspection, inspect_session, kinematic_arms, region_spans
 from fingerlab.thesis.regression import Sums, fit_line
-from fingerlab.thesis.specs import FitSpec
+from fingerlab.thesis.traces import FitSpec
 
 from . import invented as made
 

@@ -10,10 +10,9 @@ import pytest
 from fingerlab.core.errors import UserError
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions import open_session
-from fingerlab.thesis.fitting import fit_session
-from fingerlab.thesis.models import model_of_fit, parameter_sets
-from fingerlab.thesis.pooling import Parameters
-from fingerlab.thesis.predicting import predict_session
+from fingerlab.thesis.contact import parameter_sets, predict_session
+from fingerlab.thesis.fitting import fit_session, model_of_fit
+from fingerlab.thesis.onair import Parameters
 from fingerlab.thesis.prediction import (
     ParameterSet,
     angle_sweep,
@@ -21,8 +20,7 @@ from fingerlab.thesis.prediction import (
     judge,
     predicted_force,
 )
-from fingerlab.thesis.specs import FitSpec
-from fingerlab.thesis.traces import Traces, trace
+from fingerlab.thesis.traces import FitSpec, Traces, trace
 
 from . import invented as made
 

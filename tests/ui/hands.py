@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QApplication, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.core.errors import Cancelled
-from fingerlab.diagnosis.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.sessions.model import Session
 from fingerlab.ui.lab.tab import ModelLabTab
 from fingerlab.ui.registry import TABS, Entry

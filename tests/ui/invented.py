@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.diagnosis.results import (
+from fingerlab.diagnosis.answer.results import (
     Candidate,
     Comparison,
     Diagnosis,

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QLabel, QLineEdit, QProgressBar
 from pytestqt.qtbot import QtBot
 
 from fingerlab.sessions import open_session
-from fingerlab.sessions.recording_place import Progress, recording_folder
+from fingerlab.sessions.recording_files import Progress, recording_folder
 from fingerlab.ui.acquire.caller import Call
 from fingerlab.ui.browse.tab import SessionsTab
 from fingerlab.ui.browse.wording import quality_text

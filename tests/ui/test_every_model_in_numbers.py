@@ -10,8 +10,7 @@ import pytest
 from fingerlab.models.file import Model, ParameterEstimate
 from fingerlab.prediction.beside import RunForce, predict_beside
 from fingerlab.sessions import SessionWriter, open_session
-from fingerlab.thesis.models import parameter_sets
-from fingerlab.thesis.predicting import predict_session
+from fingerlab.thesis.contact import parameter_sets, predict_session
 
 from .test_predicting_tab import ALPHA, K_PIP, L2, LOSS, MCP, PEAK, PIP, RADIUS, RATE, REST, RIG, B
 

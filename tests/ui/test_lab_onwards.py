@@ -12,7 +12,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QFileDialog, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
-from fingerlab.diagnosis.results import EquationError, HeldOutRuns
+from fingerlab.diagnosis.answer.results import EquationError, HeldOutRuns
 from fingerlab.models.file import load_model
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset

@@ -80,7 +80,6 @@ def open_bench(wanted: Wanted, make: MakeBench = in_processes) -> OpenBench:
             stored calibration is damaged.
     """
     from fingerlab.acquisition.requests import LoopSettings
-    from fingerlab.acquisition.safety import Limits
     from fingerlab.acquisition.units import BenchUnits
     from fingerlab.calibration.applying import default_folder, rig_and_attributes
     from fingerlab.devices.choosing import CARD, OWN, REPLAY, choose_device
@@ -114,7 +113,7 @@ def open_bench(wanted: Wanted, make: MakeBench = in_processes) -> OpenBench:
         folder = default_folder(wanted.rig_file, "default" if wired else "simulated")
         known, told = rig_and_attributes(known, folder)
         attributes |= told
-    settings = LoopSettings(BenchUnits.from_rig(known), Limits.from_rig(known))
+    settings = LoopSettings(BenchUnits.from_rig(known), known.limits)
     bench = make(choice, settings, rate)
     return OpenBench(bench, known, attributes, folder, not wired)
 
@@ -195,7 +194,7 @@ def run_choices(path: Path) -> tuple[tuple[str, str], ...]:
         UserError: it is no session.
     """
     from fingerlab.sessions import open_session
-    from fingerlab.sessions.words import trajectory_words
+    from fingerlab.sessions.trajectory import trajectory_words
 
     return tuple(
         (run.name, f"Run {run.name}: {run.phase.replace('_', ' ')}, {trajectory_words(run.trajectory)}")

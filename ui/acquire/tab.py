@@ -23,10 +23,9 @@ from fingerlab.acquisition.commands import (
 from fingerlab.acquisition.initial import initial_of
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.protocol import countdown, prompt_of
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.watching import line_words
 from fingerlab.core.errors import UserError
-from fingerlab.sessions.recording_place import recording_folder
+from fingerlab.sessions.recording_files import recording_folder
 
 from ..desk import Desk
 from ..tab import Tab
@@ -330,7 +329,7 @@ class AcquireTab(Tab):
         opened = self.station.opened
         if opened is None:
             return
-        self.panel.show_limits(Limits.from_rig(opened.rig))
+        self.panel.show_limits(opened.rig.limits)
         self.panel.history.note()
         try:
             self.panel.initial.show_command(initial_of(opened.rig))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from PySide6.QtWidgets import QFileDialog, QStackedWidget
 
 from fingerlab.core.errors import UserError
-from fingerlab.library.facts import SessionFacts
+from fingerlab.library.index import SessionFacts
 from fingerlab.library.notes import Note, Notebook
 from fingerlab.sessions.model import Session
 

@@ -8,10 +8,8 @@ from typing import Any
 
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 
-from fingerlab.library.facts import SessionFacts
-from fingerlab.library.filtering import Entry, Test
-from fingerlab.library.notes import Note
-from fingerlab.library.verdicts import Verdict
+from fingerlab.library.index import SessionFacts
+from fingerlab.library.notes import Entry, Note, Test, Verdict
 
 from .wording import clock_time, duration, phases_text, quality_text, verdict_help, verdict_text
 

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QFileDialog, QWidget
 
 from fingerlab.core.errors import UserError
 from fingerlab.library.cutting import Stretch, cut_session, merge_sessions
-from fingerlab.library.facts import SessionFacts
+from fingerlab.library.index import SessionFacts
 from fingerlab.library.notes import Note
 from fingerlab.sessions.copying import copy_session
 from fingerlab.sessions.model import Run, Session

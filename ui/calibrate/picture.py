@@ -8,7 +8,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from fingerlab.calibration.plan import Plan, mark_text
+from fingerlab.calibration.sensors import Plan, mark_text
 
 from ..theme import Colours, colours_of, small_font
 

@@ -10,7 +10,7 @@ from PySide6.QtCore import QEvent
 from PySide6.QtGui import QPen
 from PySide6.QtWidgets import QWidget
 
-from fingerlab.calibration.result import Outcome
+from fingerlab.calibration.outcome import Outcome
 from fingerlab.calibration.wizard import Wizard
 
 from ..theme import colours_of

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QLineEdit, QVBoxLayout, QWidget
 
-from fingerlab.calibration.result import Outcome, amount_text
+from fingerlab.calibration.outcome import Outcome, amount_text
 from fingerlab.calibration.store import Record
 
 from ..acquire.fields import ActionButton

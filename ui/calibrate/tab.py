@@ -12,9 +12,8 @@ from PySide6.QtWidgets import QFileDialog, QMessageBox, QStackedWidget, QWidget
 from fingerlab.calibration import SENSORS, StepTiming
 from fingerlab.calibration.applying import apply_again, default_folder
 from fingerlab.calibration.offline import outcome_from_files
-from fingerlab.calibration.plan import standard_plan
-from fingerlab.calibration.result import Outcome
-from fingerlab.calibration.sensors import Sensor
+from fingerlab.calibration.outcome import Outcome
+from fingerlab.calibration.sensors import Sensor, standard_plan
 from fingerlab.calibration.store import ACCEPTED, REJECTED, WITH_REASON, CalibrationStore, Record
 from fingerlab.calibration.wizard import Phase, Wizard
 from fingerlab.core.errors import UserError

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pyqtgraph as pg
 
-from fingerlab.report.screen import DEGREES, ScreenUnit, r2_text
-from fingerlab.signals.regions import REGION_TITLES
+from fingerlab.core.text import DEGREES, ScreenUnit, r2_text
+from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.inspection import Plane, RunView
-from fingerlab.thesis.specs import JOINT_TITLES, Joint
+from fingerlab.thesis.traces import JOINT_TITLES, Joint
 
 from ..theme import Colours, colours_of
 from ..widgets.plot_series import Series

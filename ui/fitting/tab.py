@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QPushButton, QStackedWidget, QWidget
 
 from fingerlab.models.file import save_model
+from fingerlab.thesis.fitting import model_of_fit
 from fingerlab.thesis.inspection import Inspection, inspect_session
-from fingerlab.thesis.models import model_of_fit
 
 from ..desk import Desk
 from ..tab import Command, Tab

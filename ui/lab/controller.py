@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from PySide6.QtCore import QObject, Signal
 
-from fingerlab.diagnosis.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.sessions.model import Session
 

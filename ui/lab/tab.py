@@ -10,7 +10,7 @@ from PySide6.QtCore import SignalInstance
 from PySide6.QtWidgets import QFileDialog, QStackedWidget
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.results import EQUATION_TITLES
+from fingerlab.diagnosis.answer.results import EQUATION_TITLES
 
 from .. import practice, reporting
 from ..desk import Desk

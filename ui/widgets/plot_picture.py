@@ -13,7 +13,7 @@ from PySide6.QtGui import QImage, QPageLayout, QPageSize, QPainter, QPdfWriter
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.core.errors import UserError
-from fingerlab.sessions.place import whole_file
+from fingerlab.core.files import whole_file
 
 from .plot_series import series_of, to_csv
 

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from fingerlab.cli.main import cli
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.prediction import fit_extended, predict_extended
 from fingerlab.sessions import Session, open_session
 from tests.hidden.sweep.trials import Trial
