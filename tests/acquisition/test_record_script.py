@@ -264,7 +264,7 @@ def test_an_emergency_stop_ends_the_recording_and_is_in_events_and_file(
 ) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO(""))
     rig = SimulatedRig(faults=fault_after("emergency-stop", 4.0, 1000.0))
-    settings = LoopSettings(BenchUnits.from_rig(rig.rig), Limits.from_rig(rig.rig))
+    settings = LoopSettings(BenchUnits.from_rig(rig.rig), rig.rig.limits)
     bench = InlineBench(rig, settings, tmp_path / "rescued")
     plan = RunPlan("on_air", "extension", {**RUN, "duration_s": 8.0})
     told = Told(
