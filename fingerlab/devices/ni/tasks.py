@@ -12,7 +12,7 @@ import numpy as np
 from fingerlab.devices.ni.connection import Connection
 from fingerlab.devices.ni.errors import UNSUPPORTED, code_of
 from fingerlab.devices.protocol import NO_LINES
-from fingerlab.rig.daq import Daq
+from fingerlab.rig.daq import AmplifierReadyLine, Daq, EmergencyStopLine
 
 BUFFER_SECONDS = 4.0
 """Length of the driver's buffer in the buffered mode: how long the program may be stalled (assumed)."""
@@ -40,7 +40,7 @@ class Tasks:
         self._counts_cycles = True
         self.present = [k for k, channel in enumerate(daq.inputs) if channel.terminal]
         # Each digital input: its place among the device's LINES, and whether 5 V mean "yes".
-        wired = (daq.emergency_stop, daq.amplifier_ready)
+        wired: tuple[EmergencyStopLine | AmplifierReadyLine, ...] = (daq.emergency_stop, daq.amplifier_ready)
         self._inputs = [(k, line) for k, line in enumerate(wired) if line.terminal]
         self._beat = False
         try:
