@@ -33,6 +33,7 @@ from fingerlab.acquisition.recording import (
 )
 from fingerlab.acquisition.ring import Array, Ring, RingReader
 from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.progress import Progress
 from fingerlab.sessions.format import FINGER_PHASES
 from fingerlab.sessions.recording_files import (
     CLEAN,
@@ -42,7 +43,6 @@ from fingerlab.sessions.recording_files import (
     VERIFYING,
     PartHeader,
     PartWriter,
-    Progress,
     RecordingPlace,
     give_name,
 )

@@ -17,9 +17,9 @@ import numpy as np
 from fingerlab.acquisition.torque import most_torque
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ
-from fingerlab.effects.motion import Motion
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model
 from fingerlab.physics import nominal
+from fingerlab.physics.motion import Motion
 from fingerlab.prediction.extended import Variant, extended_model
 from fingerlab.prediction.force import forces_of_motion
 from fingerlab.prediction.judging import force_rate

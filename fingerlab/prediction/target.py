@@ -33,9 +33,9 @@ from fingerlab.acquisition.trajectory_points import FORCE, with_points
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.segments import SETTLING_S
-from fingerlab.effects.motion import Motion
-from fingerlab.effects.tip import TOUCHING_FORCE_N
+from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
+from fingerlab.physics.tip import TOUCHING_FORCE_N
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Run
 
