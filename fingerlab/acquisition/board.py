@@ -48,6 +48,21 @@ class Slot(IntEnum):
     PUT_OFF = 31  # window: 1 asks that the session being written is left for later
     GUARDIAN = 32  # keeper: 1 when its own stop was tried and works, -1 when it does not
     HOLD = 33  # loop: samples for which the device holds a set value
+    EMERGENCY_STOP = 40  # loop: Input
+    AMPLIFIER_READY = 41  # loop: Input
+    DEAD_MAN = 42  # loop: 1 where the device has one
+    LINES_AT = 43  # loop: sample at which an input last changed
+    PRESSED = 44  # loop: Machine.pressed
+    UNREADY = 45  # loop: Machine.unready
+    AWAKE = 46  # recorder's process: 1 while the system's sleep is held off
+
+
+class Input(IntEnum):
+    """What a digital input tells."""
+
+    NONE = 0  # the bench has none
+    NO = 1
+    YES = 2
 
 
 class Text(IntEnum):
@@ -58,6 +73,7 @@ class Text(IntEnum):
     RECORDER = 2  # recorder: what it cannot do
     DEVICE = 3  # loop: what it drives
     GUARDIAN = 4  # keeper: why it could not stop the motor
+    SLEEP = 5  # recorder's process: why sleep could not be held off
 
 
 class Number(IntEnum):

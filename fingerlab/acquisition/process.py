@@ -24,6 +24,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import NoReturn, Protocol
 
+from fingerlab.acquisition.awake import stay_awake
 from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.guardian import await_trial, guard, try_stop
 from fingerlab.acquisition.lives import Lives, Standstill
@@ -31,8 +32,8 @@ from fingerlab.acquisition.loop import ControlLoop
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
+from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost
-from fingerlab.errors import Cancelled, UserError
 
 POLL_S = 0.02
 """How often the recorder takes what the ring has."""
@@ -151,6 +152,8 @@ def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, aliv
         target=_guard, args=(own, board, loop_lives, standstill, plan.device.real_time), daemon=True
     )
     guardian.start()
+    if plan.device.kind not in IN_THE_LOOP:  # a simulated motor may fall asleep with its machine
+        stay_awake(board)
     cut = False
     while True:
         recorder.poll()

@@ -13,7 +13,7 @@ from fingerlab.devices.protocol import Device, cycles_per_command
 STAND_COMMANDS = 20
 """Set values written before the clock is stopped: the last has then long reached the output (assumed)."""
 
-MEANWHILE = "The bench was stopped meanwhile; try again."
+STOPPED_MEANWHILE = "The bench was stopped meanwhile; try again."
 
 
 def move_by_hand(device: Device, command: MoveByHand) -> str:
@@ -46,7 +46,7 @@ def try_output(device: Device, command: TryOutput, board: Board, stopped: Callab
         device.exchange(command.volts)
         if stopped():
             device.make_safe()
-            return MEANWHILE
+            return STOPPED_MEANWHILE
     card.abandon(late_write=0.0 if block == 1 else None)
     left = card.read_back_output()
     board[Slot.SAFE] = int(device.make_safe())

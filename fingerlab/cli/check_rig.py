@@ -11,14 +11,14 @@ import click
 
 from fingerlab.cli.common import json_option, refuse_existing, write_json
 from fingerlab.cli.interrupts import Interrupts
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
     from fingerlab.acquisition.check_rig.outcomes import CheckProtocol, Operator
     from fingerlab.acquisition.check_rig.walk import Step
     from fingerlab.devices.choosing import DeviceChoice
-    from fingerlab.rig import Rig
+    from fingerlab.rig.constants import Rig
 
 
 @click.command("check-rig")
@@ -59,7 +59,7 @@ def check_rig(
     from fingerlab.acquisition.check_rig.outcomes import write_protocol
     from fingerlab.acquisition.check_rig.walk import check_answers
     from fingerlab.devices.choosing import REPLAY, choose_device
-    from fingerlab.rig_file import default_rig, load_rig
+    from fingerlab.rig.file import default_rig, load_rig
 
     refuse_existing(out)
     given = _answers(answers)
@@ -90,7 +90,7 @@ def checked(
     from fingerlab.acquisition.check_rig.walk import STEPS
     from fingerlab.acquisition.check_rig.walk import check_rig as check
     from fingerlab.devices.choosing import CARD
-    from fingerlab.rig_file import default_rig
+    from fingerlab.rig.file import default_rig
 
     rig = choice.rig or default_rig()
     bench = _open(choice, rig)

@@ -54,13 +54,6 @@ RATE_TOLERANCE = 0.5
 Half a sample: less cannot be a lost sample, more cannot be jitter of a hardware-timed task. Assumed.
 """
 
-_SAME_UNIT = {"N m": {"N m", "Nm", "N.m", "N*m", "N·m"}, "rad": {"rad", "radian", "radians"}}
-
-
-def same_unit(found: str, wanted: str) -> bool:
-    """Whether two spellings mean the same unit (``Nm`` and ``N m``), without any conversion."""
-    return found.strip() in _SAME_UNIT.get(wanted, {wanted})
-
 
 def plain(value: Any) -> Any:
     """An HDF5 attribute as a plain Python value: bytes become text, arrays of one element a scalar.
@@ -76,3 +69,8 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return plain(value.item())
     return value
+
+
+def as_stored(name: str, values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Samples as a session stores them: counts are whole numbers, which single precision would round."""
+    return np.rint(values).astype(np.int64) if name.endswith("_counts") else values

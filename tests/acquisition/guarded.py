@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fingerlab.devices.choosing import DeviceChoice
 from fingerlab.devices.ni.card import NiCard
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.file import default_rig
 from tests.acquisition.fake_device import FakeDevice
 
 

@@ -13,10 +13,10 @@ from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.process_bench import ProcessBench
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.units import BenchUnits
+from fingerlab.core.errors import UserError
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.protocol import DeviceLost
-from fingerlab.errors import UserError
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.file import default_rig
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
 from tests.acquisition.guarded import TellingChoice, Unsafe

@@ -16,12 +16,12 @@ from fingerlab.acquisition.check_rig.outcomes import CheckProtocol, Outcome, wri
 from fingerlab.acquisition.check_rig.walk import STEPS, Step, check_rig
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.cli.check_rig import check_rig as command
+from fingerlab.core.errors import UserError
 from fingerlab.devices.faults import Faults, SensorFault
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
-from fingerlab.rig_file import default_rig, parse_rig
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import default_rig, parse_rig
 
 from .virtual_card import Card, InProcessChannel, Servicer
 

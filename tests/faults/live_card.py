@@ -23,7 +23,7 @@ from typing import Any
 from fingerlab.acquisition.process import come_first
 from fingerlab.devices.choosing import DeviceChoice, choose_device
 from fingerlab.devices.simulated import SimulatedBench, Simulation
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.file import default_rig
 from tests.devices.virtual_card import Card, Servicer, TcpServer
 from tests.devices.virtual_card.card import RATE, CardTask
 from tests.faults.shared_device import LAYOUT, make_output

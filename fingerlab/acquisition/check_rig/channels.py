@@ -11,7 +11,7 @@ import numpy as np
 
 from fingerlab.acquisition.check_rig.looking import Look, asked
 from fingerlab.acquisition.check_rig.outcomes import CONFIRMED, FAILED, NOT_HERE, SKIPPED, YES, Outcome
-from fingerlab.rig_daq import AnalogInput
+from fingerlab.rig.daq import AnalogInput
 
 REST_SECONDS = 1.0
 HAND_SECONDS = 4.0

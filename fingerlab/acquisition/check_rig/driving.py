@@ -11,7 +11,7 @@ from fingerlab.acquisition.check_rig.looking import TEST_CURRENT, Driven, Look, 
 from fingerlab.acquisition.check_rig.outcomes import CONFIRMED, FAILED, SKIPPED, YES, Outcome
 from fingerlab.acquisition.commands import Release, Reset
 from fingerlab.acquisition.machine import Mode
-from fingerlab.rig_daq import LIMIT_UNITS
+from fingerlab.rig.daq import BENCH_LIMITS, LIMIT_UNITS
 
 RISE_SECONDS = 0.1
 TEST_SECONDS = 1.0
@@ -37,7 +37,8 @@ DRIVE_TITLES = {
 def limits(look: Look) -> Iterator[Outcome]:
     """Every limit of the rig file, one by one."""
     held = look.rig.limits
-    for name, unit in LIMIT_UNITS.items():
+    for name in BENCH_LIMITS:
+        unit = LIMIT_UNITS[name]
         value = getattr(held, name)
         in_degrees = unit.startswith("rad")
         number, degrees = math.degrees(value) if in_degrees else value, unit.replace("rad", "°")

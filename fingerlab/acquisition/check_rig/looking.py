@@ -30,11 +30,10 @@ from fingerlab.acquisition.commands import Command, Disable, Enable, Initialise,
 from fingerlab.acquisition.control import Gains
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
+from fingerlab.core.errors import UserError
 from fingerlab.devices.protocol import RAW_CHANNELS
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
+from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array
 
 TEST_CURRENT = 0.3
@@ -53,7 +52,7 @@ def check_settings(rig: Rig) -> LoopSettings:
     Raises:
         UserError: the rig holds impossible ones.
     """
-    limits = Limits.from_rig(rig)
+    limits = rig.limits
     limits = replace(
         limits,
         position_low=max(limits.position_low, -FARTHEST),

@@ -11,9 +11,9 @@ from typing import Any, Protocol
 import numpy as np
 
 import fingerlab
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
-from fingerlab.rig_daq import plain_section
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.daq import plain_section
 
 YES, NO, SKIP = "yes", "no", "skip"
 CONFIRMED, FAILED, SKIPPED, NOTED, NOT_HERE = "confirmed", "failed", "skipped", "noted", "not applicable"

@@ -26,8 +26,8 @@ from fingerlab.acquisition.check_rig.outcomes import (
 )
 from fingerlab.acquisition.commands import Reset
 from fingerlab.acquisition.machine import Mode
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Rig
 
 LOST, STOPPED = "device-lost", "stopped"
 

@@ -1,0 +1,124 @@
+"""The two bandwidths of the diagnosis, and the filters between them.
+
+Nonlinear terms are formed at high bandwidth, then measured signals and terms pass the same zero-phase
+low-pass and are decimated. Friction formed from a speed at 8 Hz makes Coulomb friction look like Stribeck
+friction; formed at 40 Hz it does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from fingerlab.sessions.model import Array
+
+WIDE_RATE_HZ = 250.0
+WIDE_CUTOFF_HZ = 40.0
+NARROW_RATE_HZ = 25.0
+NARROW_CUTOFF_HZ = 8.0
+NARROW_TAPS = 81  # odd, so that the delay is a whole number of samples and can be removed
+NARROW_STEP = round(WIDE_RATE_HZ / NARROW_RATE_HZ)
+NARROW_HALF = NARROW_TAPS // 2
+
+
+def low_pass_kernel(
+    taps: int, cutoff_hz: float, sample_rate_hz: float, window: Callable[[int], Array] = np.hamming
+) -> Array:
+    """Windowed-sinc low-pass (Hamming), unit gain at zero frequency, shape (taps,); ``taps`` is odd.
+
+    The same kernel as ``scipy.signal.firwin``, without the two seconds that importing it takes.
+    """
+    place = np.arange(taps) - taps // 2
+    kernel = np.sinc(2.0 * cutoff_hz / sample_rate_hz * place) * window(taps)
+    return np.asarray(kernel / kernel.sum())
+
+
+DIFFERENCE = np.array((-1.0, 8.0, 0.0, -8.0, 1.0)) / 12.0
+"""Central difference of fourth order: exact to 1e-7 at 5 Hz and 1 kHz, and quiet towards the Nyquist
+frequency, where a second difference would let noise fold back into the band."""
+EDGE = 4
+"""Zeros on either side of the wide kernel, for two differences that reach beyond it."""
+
+
+def derivative_kernels(sample_rate_hz: float) -> tuple[Array, int]:
+    """Low-pass kernel at 40 Hz with its first and second derivative, shape (taps, 3), and the decimation.
+
+    Units 1, 1/s, 1/s^2. At a sampling rate below 250 Hz nothing is decimated.
+    """
+    step = max(1, round(sample_rate_hz / WIDE_RATE_HZ))
+    cutoff = min(WIDE_CUTOFF_HZ, 0.3 * sample_rate_hz)
+    taps = 2 * round(1.2 * sample_rate_hz / cutoff) + 1
+    # A Hann window ends at zero, where a Hamming window's step would ring in the second derivative. The zeros
+    # keep differences at its edges: a torque and the acceleration that causes it must pass with one gain.
+    smooth = np.pad(low_pass_kernel(taps, cutoff, sample_rate_hz, np.hanning), EDGE)
+    taps += 2 * EDGE
+    slope = -np.convolve(smooth, DIFFERENCE, mode="same") * sample_rate_hz
+    # A finite kernel must differentiate a ramp to exactly one and a parabola to exactly two.
+    lag = (np.arange(taps) - taps // 2) / sample_rate_hz
+    slope /= float(slope @ lag)
+    bend = -np.convolve(slope, DIFFERENCE, mode="same") * sample_rate_hz
+    bend -= bend.mean()
+    bend /= 0.5 * float(bend @ lag**2)
+    return np.stack((smooth, slope, bend), axis=1), step
+
+
+def differentiate(values: Array, kernels: Array, step: int) -> Array:
+    """Values with first and second derivative at the wide rate, shape (3, m); only whole windows."""
+    count = max(0, (len(values) - len(kernels)) // step + 1)
+    block = np.hstack([_block_kernel(k, step) for k in kernels.T])
+    blocks = -(-count // BLOCK)
+    padded = np.zeros((blocks - 1) * BLOCK * step + len(block) if blocks else len(block))
+    padded[: len(values)] = values[: len(padded)]
+    windows = np.ascontiguousarray(sliding_window_view(padded, len(block))[:: BLOCK * step])
+    wide = (windows @ block).reshape(len(windows), kernels.shape[1], BLOCK)
+    return np.ascontiguousarray(wide.transpose(1, 0, 2).reshape(kernels.shape[1], -1)[:, :count])
+
+
+_NARROW = low_pass_kernel(NARROW_TAPS, NARROW_CUTOFF_HZ, WIDE_RATE_HZ)
+EFFECTIVE_SHARE = float(1.0 / (NARROW_RATE_HZ / WIDE_RATE_HZ * np.sum(_NARROW**2) ** -1))
+"""Independent samples per decimated sample of white noise: noise bandwidth over Nyquist frequency."""
+EFFECTIVE_SHARE = min(1.0, EFFECTIVE_SHARE)
+
+
+def decimated_count(length: int) -> int:
+    """Number of decimated samples that a wide signal of ``length`` samples gives."""
+    return max(0, (length - NARROW_TAPS) // NARROW_STEP + 1)
+
+
+def decimate(columns: Array) -> Array:
+    """Low-pass at 8 Hz and decimate to 25 Hz; shape (..., n) -> (..., decimated_count(n))."""
+    length = columns.shape[-1]
+    count = decimated_count(length)
+    if count == 0:
+        return np.zeros((*columns.shape[:-1], 0))
+    flat = columns.reshape(-1, length)
+    low = _filtered(flat, _BLOCK_KERNEL.astype(columns.dtype), NARROW_STEP, count)
+    return np.asarray(low.reshape(*columns.shape[:-1], count), dtype=np.float64)
+
+
+BLOCK = 16
+
+
+def _block_kernel(kernel: Array, step: int) -> Array:
+    """The kernel at BLOCK successive outputs, shape (window, BLOCK)."""
+    result = np.zeros(((BLOCK - 1) * step + len(kernel), BLOCK))
+    for k in range(BLOCK):
+        result[k * step : k * step + len(kernel), k] = kernel
+    return result
+
+
+def _filtered(columns: Array, kernel: Array, step: int, count: int) -> Array:
+    """Columns (m, n) through a block kernel and decimated, shape (m, count); sums as products of matrices."""
+    window = len(kernel)
+    whole = -(-count // BLOCK)
+    low = np.empty((len(columns), whole * BLOCK), columns.dtype)
+    for block in range(whole):
+        first = block * BLOCK * step
+        part = columns[:, first : first + window]
+        low[:, block * BLOCK : (block + 1) * BLOCK] = part @ kernel[: part.shape[1]]
+    return low[:, :count]
+
+
+_BLOCK_KERNEL = _block_kernel(_NARROW, NARROW_STEP)
