@@ -19,7 +19,7 @@ from typing import Literal
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import whole_file
-from fingerlab.core.reading import structured
+from fingerlab.core.plain_data import structured
 
 SETTINGS_VARIABLE = "FINGERLAB_SETTINGS_DIR"
 """Environment variable that puts the settings into another folder than the system's usual one."""
