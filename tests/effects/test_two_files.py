@@ -1,4 +1,4 @@
-"""A made-up effect is two files, put into a copy of the program; everything that lists effects then has it."""
+"""A made-up effect is two files, put into a copy of the program; all that lists effects then has it."""
 
 from __future__ import annotations
 
