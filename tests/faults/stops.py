@@ -87,7 +87,7 @@ def section(outcomes: list[dict[str, Any]]) -> str:
 def cell(outcome: dict[str, Any] | None) -> str:
     """ms, or what went wrong."""
     if outcome is None:
-        return "not taken"
+        return "–"
     ms = "never" if outcome["plant_ms"] is None else f"{outcome['plant_ms']:.0f}"
     return f"{ms} ({outcome['wrong']})" if outcome["wrong"] else ms
 
@@ -109,9 +109,9 @@ TEXT = (
 
 `python -m tests.faults.stops` takes this table: the simulated rig in real time under position control, the
 window under an X server with a window manager, and events of that server (XTEST). Whatever the program can
-open is opened, then STOP is pressed and held, or Escape or the foot switch's key (Pause) is sent. The figure
-is plant time in ms: samples of the ring from before the event to the first with zero set value and enable
-low. {count} stops: median {median} ms, most {most} ms, over 50 ms {over}, not stopped {never};
+open is opened, and 0.3 s later STOP is pressed and held, or Escape or the foot switch's key (Pause) is sent.
+The figure is plant time in ms: samples of the ring from before the event to the first with zero set value
+and enable low. {count} stops: median {median} ms, most {most} ms, over 50 ms {over}, not stopped {never};
 an entry picked, a dialog shut by the press or the key, or something that did not open: {wrong}.
 
 | standing open | press | Escape | key |

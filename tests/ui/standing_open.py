@@ -8,6 +8,9 @@ window itself.
 from __future__ import annotations
 
 import ast
+import dataclasses
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +18,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from PySide6.QtCore import QPoint, Qt
-from PySide6.QtGui import QAction, QContextMenuEvent, QCursor
+from PySide6.QtGui import QAction, QContextMenuEvent, QCursor, QGuiApplication
 from PySide6.QtWidgets import (
     QApplication,
     QComboBox,
@@ -57,6 +60,17 @@ OPENING = (
 )
 """Qt's classes for what stands open; lists and menus are found in the window."""
 
+WAYS = ("press", "Escape", "key")
+ANOTHER_PROGRAM = """
+from PySide6.QtWidgets import QApplication, QLineEdit
+app = QApplication([])
+field = QLineEdit()
+field.setGeometry(40, 60, 200, 60)
+field.show()
+field.activateWindow()
+app.exec()
+"""
+
 
 def places_in_source() -> set[str]:
     """``file:function`` of each call that makes a dialog, and ``file:class`` of each class that is one."""
@@ -90,6 +104,7 @@ class Stage:
     window: MainWindow
     session: Path
     folder: Path
+    others: list[subprocess.Popen[bytes]] = dataclasses.field(default_factory=list)
 
     def tab(self, key: str) -> Any:
         """One of the tabs."""
@@ -106,14 +121,16 @@ class Surface:
     Attributes:
         name: in the table. steps: what opens it; after each, something more stands open, and the step may
             wait until that is shut. places: of the source, as of :func:`places_in_source`.
-        page: the tab in front. opens: whether anything stands open then.
+        page: the tab in front. ready: when it is, where not because something new stands open.
+        ways: in which it can be stopped.
     """
 
     name: str
     steps: tuple[Step, ...] = ()
     places: tuple[str, ...] = ()
     page: str = "acquire"
-    opens: bool = True
+    ready: Callable[[], bool] | None = None
+    ways: tuple[str, ...] = WAYS
 
 
 def standing(window: MainWindow) -> list[QWidget]:
@@ -428,17 +445,35 @@ DIALOGS = (
 )  # fmt: skip
 
 
+def _at_once() -> bool:
+    return True
+
+
+def _another_program(stage: Stage) -> None:
+    """A window that takes the keyboard, in the corner of the screen."""
+    stage.others.append(subprocess.Popen([sys.executable, "-c", ANOTHER_PROGRAM]))
+
+
 def pages(window: MainWindow) -> Iterator[Surface]:
     """Every tab with nothing open; the pages of the wizard."""
     for entry in TABS:
-        yield Surface(f"Nothing: {entry.title}", (), (), entry.key, opens=False)
+        yield Surface(f"Nothing: {entry.title}", (), (), entry.key, _at_once)
     yield Surface(
         "Nothing: Calibrate, a step of the wizard",
         (lambda s: s.tab("calibrate").start("load-cell"),),
         (),
         "calibrate",
-        opens=False,
+        _at_once,
     )
+    if QGuiApplication.platformName() == "xcb":
+        yield Surface(
+            "Nothing: another program in front",
+            (_another_program,),
+            (),
+            "acquire",
+            lambda: QGuiApplication.applicationState() != Qt.ApplicationState.ApplicationActive,
+            ("press", "key"),
+        )
 
 
 def menus(window: MainWindow) -> Iterator[Surface]:

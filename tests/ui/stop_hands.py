@@ -28,14 +28,14 @@ from fingerlab.ui.acquire.station import has_virtual_clock
 from fingerlab.ui.acquire.tab import AcquireTab
 from fingerlab.ui.stop_key import STOP_KEYS
 
-from .standing_open import Stage, Surface, shut_all, standing
+from .standing_open import WAYS, Stage, Surface, shut_all, standing
 
-WAYS = ("press", "Escape", "key")
 SINE = {"kind": "sine", "amplitude_deg": 10.0, "frequency_hz": 1.0, "offset_deg": 22.0, "ramp_s": 0.2}
 LEFT, NONE = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
 STEP_MS = 4
-OPEN_S = 0.08
-"""Until a hand is at STOP after something was opened, s; the guard looks every 50 ms."""
+OPEN_S, REACTION_S = 0.08, 0.3
+"""Until a hand is at STOP after something was opened, s: the guard looks every 50 ms; as fast as a person is
+in real time, assumed."""
 PATIENCE_S = 10.0
 STOOD, TRIES = "stood already", 3
 """A window that takes more than 0.5 s to make a dialog has its motor stopped by the loop: tried again."""
@@ -185,7 +185,7 @@ class Driving:
 
     def _all(self, surfaces: list[Surface], ways: tuple[str, ...]) -> Iterator[Wait]:
         for surface in surfaces:
-            for way in ways:
+            for way in [way for way in ways if way in surface.ways]:
                 self.stage.window.show_tab(surface.page)
                 outcome = Outcome(surface.name, way)
                 self.outcomes.append(outcome)
@@ -224,12 +224,13 @@ class Driving:
         seen: Seen = []
         for open_it in surface.steps:
             QTimer.singleShot(0, lambda call=open_it: call(self.stage))
-            if surface.opens:
-                yield partial(self._opened, seen)
-                if not self._new(seen):
-                    outcome.wrong = "did not open"
-                seen += self._new(seen)
+            ready = surface.ready or partial(self._opened, seen)
+            yield ready
+            if not ready():
+                outcome.wrong = "did not open"
+            seen += self._new(seen)
         yield from self._settle()
+        yield from self._settle(self._time(0.0, REACTION_S))
         fields = {field: field.currentIndex() for field in window.findChildren(QComboBox)}
         modal = QApplication.activeModalWidget()
         place = window.header.stop.mapToGlobal(window.header.stop.rect().center())
@@ -262,6 +263,10 @@ class Driving:
             shut_all(self.stage.window)
             yield from self._settle(0.01)
         self.stage.tab("calibrate").leave()
+        while self.stage.others:
+            other = self.stage.others.pop()
+            other.terminate()
+            other.wait()
 
     def _opened(self, seen: Seen) -> bool:
         return bool(self._new(seen))
