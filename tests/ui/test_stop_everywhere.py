@@ -17,8 +17,10 @@ from fingerlab.ui.settings import Settings
 
 from .bench_hands import PATIENCE, Rig, opener, tabs_with
 from .conftest import WindowMaker
+from .dialogs_open import DIALOGS
+from .everything_open import surfaces
 from .hands import click, invented_diagnosis, lab_with, wait_for_result
-from .standing_open import DIALOGS, WAYS, Stage, places_in_source, surfaces
+from .standing_open import WAYS, Stage, places_in_source
 from .stop_hands import Driving, hand_here
 
 LIMIT_MS = 50.0
