@@ -2,7 +2,7 @@
 
 ``python -m tests.faults.stops`` starts an X server without a screen (Xvfb) with a window manager (openbox),
 and in it the window with the simulated rig in real time. Whatever the program can open is opened
-(``tests/ui/everything_open.py``) and stopped by a press, by Escape and by the foot switch's key, all as events
+(``tests/ui/everything_open.py``), stopped by a press, by Escape and by the foot switch's key, all as events
 of the X server. ``--keep FILE`` writes the page from outcomes taken before.
 """
 
