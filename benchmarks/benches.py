@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.process_bench import ProcessBench
 from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.devices.choosing import DeviceChoice
 from fingerlab.devices.simulated import SimulatedRig
-from fingerlab.rig import Rig
+from fingerlab.rig.constants import Rig
 
 if TYPE_CHECKING:
     from PySide6.QtWidgets import QApplication
@@ -36,7 +35,7 @@ Result = TypeVar("Result")
 def turned_by_hand(rescue: Path) -> tuple[InlineBench, Rig]:
     """The simulated rig on a virtual clock, all in this process, and its rig."""
     device = SimulatedRig()
-    settings = LoopSettings(BenchUnits.from_rig(device.rig), Limits.from_rig(device.rig))
+    settings = LoopSettings(BenchUnits.from_rig(device.rig), device.rig.limits)
     return InlineBench(device, settings, rescue), device.rig
 
 
@@ -47,7 +46,7 @@ def in_processes(rescue: Path, real_time: bool = True) -> tuple[ProcessBench, Ri
         real_time: by the machine's clock; else as fast as it goes, with watchdogs that wait longer.
     """
     rig = SimulatedRig().rig
-    limits = Limits.from_rig(rig)
+    limits = rig.limits
     if not real_time:
         limits = replace(limits, window_time=PATIENCE_S, recorder_time=PATIENCE_S)
     settings = LoopSettings(BenchUnits.from_rig(rig), limits)

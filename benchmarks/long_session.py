@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.file import default_rig
 
 CHUNK = 32_768
 """Samples a chunk, as recordings have them."""

@@ -21,7 +21,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +29,7 @@ import psutil
 
 from benchmarks.benches import in_processes, keep_option, kept, shown_window
 from benchmarks.machine import load_average, used
-from benchmarks.real_time_page import page
+from benchmarks.real_time_page import Timed, page
 from fingerlab.acquisition.board import Board, Slot
 from fingerlab.acquisition.columns import COLUMN, COLUMNS, RowFlag
 from fingerlab.acquisition.commands import Enable, Initialise, Reset, SetUp, Start
@@ -39,8 +38,8 @@ from fingerlab.acquisition.process_bench import ProcessBench
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import Ring
+from fingerlab.core.errors import UserError
 from fingerlab.devices.simulated import SimulatedRig
-from fingerlab.errors import UserError
 from fingerlab.sessions import open_session
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -58,36 +57,6 @@ REST_S = 2.0
 TRIES = 60
 
 Pause = Callable[[float], None]
-
-
-@dataclass(frozen=True)
-class Timed:
-    """One measurement. Lateness in ms at the percentiles 50, 99, 99.9 and the largest; load averages.
-
-    ``busy``, ``stolen``: per cent of the machine that programs used, and that its host kept for others.
-    ``bare_ms``: lateness of a bare loop of waits. ``driven``: whether the motor was to run, ``driven_share``
-    for how much of the cycles it did, ``stops``: a sentence for each time that the checks stopped it.
-    ``granted``: how the system schedules the loop.
-    """
-
-    window: bool
-    minutes: float
-    cycles: int
-    lateness_ms: list[float]
-    late: int
-    lost: int
-    unread: int
-    recorded: int
-    load_before: float
-    load_after: float
-    busy: float
-    stolen: float
-    window_share: float
-    bare_ms: list[float]
-    driven: bool = False
-    driven_share: float = 0.0
-    stops: list[str] = field(default_factory=list)
-    granted: str = "before others"
 
 
 class Watch:

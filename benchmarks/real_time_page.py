@@ -1,13 +1,40 @@
-"""The page of the real-time benchmark."""
+"""What the real-time benchmark measures, and its page."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
 
 from benchmarks.machine import code_words, machine_words
 
-if TYPE_CHECKING:
-    from benchmarks.real_time import Timed
+
+@dataclass(frozen=True)
+class Timed:
+    """One measurement. Lateness in ms at the percentiles 50, 99, 99.9 and the largest; load averages.
+
+    ``busy``, ``stolen``: per cent of the machine that programs used, and that its host kept for others.
+    ``bare_ms``: lateness of a bare loop of waits. ``driven``: whether the motor was to run, ``driven_share``
+    for how much of the cycles it did, ``stops``: a sentence for each time that the checks stopped it.
+    ``granted``: how the system schedules the loop.
+    """
+
+    window: bool
+    minutes: float
+    cycles: int
+    lateness_ms: list[float]
+    late: int
+    lost: int
+    unread: int
+    recorded: int
+    load_before: float
+    load_after: float
+    busy: float
+    stolen: float
+    window_share: float
+    bare_ms: list[float]
+    driven: bool = False
+    driven_share: float = 0.0
+    stops: list[str] = field(default_factory=list)
+    granted: str = "before others"
 
 
 def page(results: list[Timed], speeds: dict[int, float], rate_hz: float) -> str:

@@ -32,8 +32,8 @@ STEPS = {"open": "info", "fit": "fit", "diagnose": "diagnose"}
 """Step -> command; ``info`` opens a session and checks all of it."""
 MODULES = {
     "open": "fingerlab.sessions",
-    "fit": "fingerlab.identify.thesis.fitting",
-    "diagnose": "fingerlab.identify.diagnosis",
+    "fit": "fingerlab.thesis.fitting",
+    "diagnose": "fingerlab.diagnosis",
 }
 """What each step loads before it looks at any data: taken off where growth with the data is told."""
 LOOK_S = 0.1

@@ -23,18 +23,23 @@ ROWS = (
         "acquisition": (0.66, "loop, recorder"),
         "batch": (0.89, "many sessions"),
     },
-    {"identify": (0.46, "fit, diagnose, predict"), "devices": (0.80, "card, simulated rig, replay")},
-    {"twin": (0.80, "the simulated bench")},
+    {"prediction": (0.36, "endpoint force"), "devices": (0.80, "card, simulated rig, replay")},
+    {
+        "diagnosis": (0.36, "which effect is missing"),
+        "thesis": (0.12, "the thesis' regressions"),
+        "twin": (0.80, "the simulated bench"),
+    },
+    {"models": (0.12, "fitted models, their file"), "effects": (0.36, "the catalogue")},
     {
         "calibration": (0.12, "volts to units"),
-        "physics": (0.37, "equations, effects"),
+        "physics": (0.37, "equations"),
         "signals": (0.62, "filters, regions"),
         "told": (0.87, "trajectories, limits"),
     },
-    {"ground": (0.50, "sessions, rig, errors")},
+    {"ground": (0.50, "sessions, rig, core")},
 )
 """Parts from the top down: place across the drawing, and what they are. Imports lead to rows further down."""
-GROUND = ("errors", "own_settings", "rig", "rig_daq", "rig_file", "sessions", "parallel")
+GROUND = ("core", "rig", "sessions")
 TOLD = (
     *("trajectories", "trajectory_points", "reference", "torque"),
     *("control", "units", "safety", "checks"),

@@ -11,9 +11,9 @@ import html
 
 import numpy as np
 
-from fingerlab.physics.effects import Effect, Motion, Row, Term
+from fingerlab.effects import Effect, Motion, Row, Term
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions.model import Array
 
 RATE_HZ, SECONDS = 250.0, 10.0
@@ -79,7 +79,7 @@ def _motion(phase: str) -> Motion:
 def _missing(effect: Effect, terms: list[Term]) -> tuple[Array, str]:
     """What the terms add to their equation, on screen units, and its name."""
     factor = {"joint": 1e3, "direct": 1.0, "arm_mcp": -ARM_M, "arm_pip": -ARM_M, "compliance": COMPLIANCE}
-    gains = {**effect.gains, **effect.relaxes}
+    gains = effect.unknowns
     total = np.zeros_like(terms[0].values)
     for term in terms:
         share = 1.0 if term.gain == terms[0].gain else 0.5

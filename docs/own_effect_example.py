@@ -14,7 +14,7 @@ high speed and less than a dry one at low speed. The columns are plain numpy, in
 
 import numpy as np
 
-from fingerlab.physics.effects import Effect, Gain, Motion, Row, Term
+from fingerlab.effects import Effect, Gain, Motion, Row, Term
 
 
 def columns(motion: Motion, shape: dict[str, float]) -> list[Term]:

@@ -13,13 +13,12 @@ from PySide6.QtWidgets import QLabel, QTableView, QWidget
 
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.calibration import StepTiming
 from fingerlab.cli.main import cli
+from fingerlab.core.text import estimate_text, score_text
 from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.report import diagnosis_words as words
-from fingerlab.report.screen import estimate_text, score_text
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS
@@ -344,7 +343,7 @@ def on_virtual_clock(wanted: Wanted, folder: Path) -> OpenBench:
     """The simulated rig, turned by hand."""
     effects = parse_effects((wanted.effect,) if wanted.effect else ())
     device = SimulatedRig(simulation=Simulation(seed=wanted.seed, effects=effects))
-    settings = LoopSettings(BenchUnits.from_rig(device.rig), Limits.from_rig(device.rig))
+    settings = LoopSettings(BenchUnits.from_rig(device.rig), device.rig.limits)
     bench = InlineBench(device, settings, folder / "rescued")
     return OpenBench(bench, device.rig, dict(device.session_attributes))
 

@@ -11,14 +11,12 @@ from itertools import pairwise
 from typing import Any
 
 MODULES = {
-    "evidence": "When an effect is missing",
-    "odds": "Which effect, if one is",
-    "steps": "When a step of the path is justified",
-    "losses": "Constants that go together",
-    "unseen": "What could not show",
-    "conditions": "Runs of one condition",
-    "standing": "Moments at which the motor stands",
-    "next_experiment": "The next experiment",
+    "score.evidence": "When an effect is missing, and what could not show",
+    "score.selection": "When a step of the path is justified, and which effect it is",
+    "fit.solver": "How a fit ends, and constants that go together",
+    "signals.conditions": "Runs of one condition",
+    "fit.noise": "How far an equation is trusted, in motion and at rest",
+    "experiment.proposal": "The next experiment",
 }
 """Modules of the diagnosis whose numbers decide, and what they decide."""
 
@@ -27,9 +25,9 @@ def stated(name: str) -> Iterator[tuple[str, Any, str]]:
     """Name, value and text of each number of a module that has a text of its own, in its order.
 
     Args:
-        name: of a module of ``fingerlab.identify.diagnosis``.
+        name: of a module of ``fingerlab.diagnosis``, after the package.
     """
-    module = importlib.import_module(f"fingerlab.identify.diagnosis.{name}")
+    module = importlib.import_module(f"fingerlab.diagnosis.{name}")
     body = ast.parse(inspect.getsource(module)).body
     for one, after in pairwise(body):
         targets = one.targets[0] if isinstance(one, ast.Assign) else None
@@ -69,6 +67,6 @@ def page() -> str:
     for name, title in MODULES.items():
         rows = [f"| `{key}` | {shown(value)} | {said} |" for key, value, said in stated(name)]
         if rows:
-            parts.append(f"## {title}\n\n`identify/diagnosis/{name}.py`")
+            parts.append(f"## {title}\n\n`diagnosis/{name.replace('.', '/')}.py`")
             parts.append("\n".join(["| name | value | what it is |", "|---|---|---|", *rows]))
     return "\n\n".join(parts) + "\n"

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
-import fingerlab.parallel
+import fingerlab.core.parallel
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 os.environ["MPLBACKEND"] = "Agg"
@@ -26,7 +26,7 @@ os.environ["FINGERLAB_SETTINGS_DIR"] = str(ROOT / "tests" / "no-settings")
 def _no_second_process() -> Iterator[None]:
     """The tests have both cores in hand; a second process of a diagnosis has tests of its own."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fingerlab.parallel, "WORTH_BYTES", math.inf)
+        patch.setattr(fingerlab.core.parallel, "WORTH_BYTES", math.inf)
         yield
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from fingerlab.identify.results import Diagnosis
+from fingerlab.core.files import put_in_place
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.sessions.model import Session
-from fingerlab.sessions.place import put_in_place
 
 from .tasks import IsCancelled, Progress
 

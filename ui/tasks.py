@@ -1,7 +1,7 @@
 """Long work off the GUI thread: one task at a time, with progress and cancel.
 
 The work is a plain function that knows nothing of Qt. It is called with two functions,
-``progress(share, what)`` and ``cancelled()``, and stops by raising ``fingerlab.errors.Cancelled``.
+``progress(share, what)`` and ``cancelled()``, and stops by raising ``fingerlab.core.errors.Cancelled``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QThread, Signal
 
-from fingerlab.errors import Cancelled, UserError
+from fingerlab.core.errors import Cancelled, UserError
 
 Progress = Callable[[float, str], None]
 IsCancelled = Callable[[], bool]

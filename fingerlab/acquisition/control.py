@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
-
-from fingerlab.errors import UserError
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
@@ -24,25 +20,6 @@ class Gains:
     """Hz; an encoder count then moves the current by 60 mA."""
     current_limit: float = 6.0
     """A; nominal current of the RE40 (thesis table 2.3)."""
-
-    @classmethod
-    def from_mapping(cls, data: Mapping[str, Any] | None, where: str = "the rig file") -> Gains:
-        """Gains from a section ``[control]``; those that it does not name keep their default.
-
-        Raises:
-            UserError: a gain is unknown, negative or not a finite number.
-        """
-        known = {spec.name for spec in fields(cls)}
-        values = {}
-        for key, entry in (data or {}).items():
-            value = entry.get("value") if isinstance(entry, Mapping) else entry
-            if key not in known:
-                raise UserError(f"{where}: [control] holds the unknown '{key}'; it knows {', '.join(known)}.")
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            if value is None or not number or not 0 <= value < math.inf:
-                raise UserError(f"{where}: [control] {key} is {value!r}; it should be zero or more.")
-            values[key] = float(value)
-        return cls(**values)
 
 
 def slowed(gains: Gains, cycles: int) -> Gains:

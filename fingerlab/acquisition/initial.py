@@ -14,8 +14,8 @@ import math
 from collections.abc import Mapping
 
 from fingerlab.acquisition.commands import Initialise
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Rig
 
 NAMES = {"position_deg": "position", "mcp_deg": "mcp", "pip_deg": "pip"}
 LARGEST_DEG = 360.0

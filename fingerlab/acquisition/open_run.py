@@ -12,7 +12,7 @@ from fingerlab.acquisition.columns import COLUMN, RowFlag
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.recording import RunInfo
 from fingerlab.acquisition.ring import Array, RingReader
-from fingerlab.sessions.part_file import PartWriter
+from fingerlab.sessions.recording_files import PartWriter
 
 
 @dataclass

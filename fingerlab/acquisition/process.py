@@ -23,14 +23,15 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import NoReturn, Protocol
 
+from fingerlab.acquisition.awake import stay_awake
 from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.lives import Lives, Pulse, Standstill
 from fingerlab.acquisition.loop import SAFE_TRIES, ControlLoop
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
+from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost
-from fingerlab.errors import Cancelled, UserError
 
 POLL_S = 0.02
 """How often the recorder takes what the ring has."""
@@ -141,6 +142,8 @@ def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, aliv
     recorder = Recorder(ring, board, plan.rescue)
     threading.Thread(target=_guard, args=(plan, own, board, loop_lives), daemon=True).start()
     come_first()
+    if plan.device.kind not in IN_THE_LOOP:  # a simulated motor may fall asleep with its machine
+        stay_awake(board)
     cut = False
     while True:
         recorder.poll()

@@ -12,7 +12,7 @@ import numpy as np
 from fingerlab.acquisition.commands import SetUp, Start
 from fingerlab.acquisition.reference import STOP_S
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 REST_S = 2.0
 """Rest between runs (assumed): the spring finger has come to rest."""

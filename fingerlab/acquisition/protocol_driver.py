@@ -39,7 +39,7 @@ from fingerlab.acquisition.recording import RunInfo
 from fingerlab.acquisition.reference import STOP_S
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.acquisition.trigger import Level, Lookout
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 
 @dataclass(frozen=True)

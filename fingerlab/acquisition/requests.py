@@ -11,11 +11,11 @@ from fingerlab.acquisition.board import Slot
 from fingerlab.acquisition.checks import Watchdog
 from fingerlab.acquisition.commands import Command, Start
 from fingerlab.acquisition.control import Gains, slowed
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.torque import check_torque
 from fingerlab.acquisition.trajectories import Trajectory, read_trajectory
 from fingerlab.acquisition.units import BenchUnits
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
+from fingerlab.rig.daq import Limits
 
 CURRENT_MARGIN = 0.95
 """The position loop stays below the current limit, so that only a fault can reach it (assumed)."""

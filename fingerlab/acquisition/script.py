@@ -26,7 +26,7 @@ from typing import Any
 
 from fingerlab.acquisition.protocol_driver import ProtocolDriver
 from fingerlab.acquisition.recording import RunInfo
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 VERBS = ("mark", "pause", "resume", "ready", "end", "stop")
 _LINE = re.compile(r"(?:@(?:(\d+):)?(\d+(?:\.\d*)?|\.\d+)\s+)?([a-z]+)(?:\s+(.*))?")

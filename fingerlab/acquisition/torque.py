@@ -13,10 +13,10 @@ import numpy as np
 
 from fingerlab.acquisition.control import Gains
 from fingerlab.acquisition.reference import Reference
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.trajectories import Trajectory
 from fingerlab.acquisition.units import BenchUnits
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
+from fingerlab.rig.daq import Limits
 
 FREE_SPEED = 2.0
 """rad/s at the pulley (assumed): a pressing finger turns the motor slower, an unloaded one soon faster."""

@@ -45,7 +45,7 @@ from fingerlab.acquisition.trajectory_points import (
     with_points,
     without_long_lists,
 )
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Array
 
 MULTISINE_RATIOS = (0.3, 0.7, 1.1, 1.9, 2.7)

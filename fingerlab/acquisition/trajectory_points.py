@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Array
 from fingerlab.sessions.text_table import inspect_table, read_blocks
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from fingerlab.acquisition.columns import COLUMN, UNITS
 from fingerlab.acquisition.ring import Array, RingReader
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 TRIGGER_HELP = "such as 'endpoint_force>0.5', 'motor_position<-10deg' or 'motor_speed>90deg/s'"
 

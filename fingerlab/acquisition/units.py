@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fingerlab.rig import Rig
-from fingerlab.rig_daq import AnalogInput
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.daq import AnalogInput
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,13 @@
 """Volts to units: a straight line from a stepped recording, compared with the sensor's data sheet."""
 
-from fingerlab.calibration.line import Calibration, Estimate, calibrate_steps
+from fingerlab.calibration.line import Calibration, SteadyStep, StepTiming, calibrate_steps, find_steps
 from fingerlab.calibration.sensors import SENSORS, Sensor
-from fingerlab.calibration.steps import Step, StepTiming, find_steps
 
 __all__ = [
     "SENSORS",
     "Calibration",
-    "Estimate",
     "Sensor",
-    "Step",
+    "SteadyStep",
     "StepTiming",
     "calibrate_steps",
     "find_steps",

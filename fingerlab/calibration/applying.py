@@ -12,16 +12,16 @@ from typing import Any
 import h5py
 import numpy as np
 
-from fingerlab.calibration.recording import Progress
-from fingerlab.calibration.store import CalibrationStore, Record
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
-from fingerlab.rig_daq import AnalogInput, plain_section
+from fingerlab.calibration.store import CalibrationRecord, CalibrationStore
+from fingerlab.core.errors import UserError
+from fingerlab.core.files import claim, move_into_place
+from fingerlab.core.progress import Progress
+from fingerlab.core.units import factor
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.daq import AnalogInput, plain_section
+from fingerlab.sessions.hdf5 import TargetFile, write_attributes, writing_to
 from fingerlab.sessions.model import Array, Run
-from fingerlab.sessions.place import claim, move_into_place
 from fingerlab.sessions.reading import open_session
-from fingerlab.sessions.run_writing import write_attributes, writing_to
-from fingerlab.sessions.target_file import TargetFile
 
 CHANNELS = {
     "load-cell": ("load_cell", "endpoint_force", ("raw/force_volts", "raw/load_cell", "raw/load_cell_volts")),
@@ -32,7 +32,6 @@ CHANNELS = {
 
 READING, COPIED = 0.5, 0.7
 """Shares of the work after which the volts are read, and the session is copied."""
-_VOLTS = {"V": 1.0, "mV": 1e-3, None: 1.0}
 NO_REFERENCE = 1e-5
 """A channel that differs from its own line by less than this share was not tared (single precision)."""
 
@@ -46,7 +45,7 @@ def default_folder(rig_file: Path | None = None, kind: str = "default") -> Path:
     return user_data_path("FingerLab", appauthor=False) / "rigs" / kind / "calibrations"
 
 
-def calibrated_rig(rig: Rig, records: Mapping[str, Record]) -> Rig:
+def calibrated_rig(rig: Rig, records: Mapping[str, CalibrationRecord]) -> Rig:
     """The rig with the lines of these calibrations in its wiring; what has none stays as it is."""
     daq = rig.daq
     sources = dict(daq.sources)
@@ -63,7 +62,7 @@ def calibrated_rig(rig: Rig, records: Mapping[str, Record]) -> Rig:
     return replace(rig, extra={**rig.extra, "daq": plain_section(daq)}) if records else rig
 
 
-def calibration_text(records: Mapping[str, Record]) -> str:
+def calibration_text(records: Mapping[str, CalibrationRecord]) -> str:
     """For a session's attribute ``calibration``: the records whole, by sensor."""
     return json.dumps({name: dict(record.data) for name, record in records.items()}, ensure_ascii=False)
 
@@ -79,7 +78,7 @@ def rig_and_attributes(rig: Rig, folder: Path) -> tuple[Rig, dict[str, Any]]:
 
 
 def apply_again(
-    source: Path, target: Path, records: Mapping[str, Record], progress: Progress = lambda *_: None
+    source: Path, target: Path, records: Mapping[str, CalibrationRecord], progress: Progress = lambda *_: None
 ) -> tuple[Path, list[str]]:
     """A copy of a session whose forces and angles are calculated anew from the volts as read.
 
@@ -129,7 +128,7 @@ def apply_again(
 
 
 def _recalculated(
-    runs: tuple[Run, ...], rig: Rig, records: Mapping[str, Record], progress: Progress
+    runs: tuple[Run, ...], rig: Rig, records: Mapping[str, CalibrationRecord], progress: Progress
 ) -> list[tuple[str, str, Array]]:
     """Run, sensor and new values of each channel that can be calculated anew."""
     pieces = []
@@ -138,16 +137,17 @@ def _recalculated(
         for name, record in records.items():
             entry, channel, names = CHANNELS[name]
             raw = next((one for one in names if one in run.units), None)
-            if raw is None or not run.has(channel) or run.units[raw] not in _VOLTS:
+            times = None if raw is None else factor(run.units[raw], "V")
+            if raw is None or times is None or not run.has(channel):
                 continue
             samples = run.load([raw, channel])
-            volts = samples[raw] * _VOLTS[run.units[raw]]
+            volts = samples[raw] * times
             old: AnalogInput = getattr(rig.daq, entry)
             pieces.append((run.name, name, _anew(volts, samples[channel], old, record)))
     return pieces
 
 
-def _anew(volts: Array, values: Array, old: AnalogInput, record: Record) -> Array:
+def _anew(volts: Array, values: Array, old: AnalogInput, record: CalibrationRecord) -> Array:
     """New values (SI) from volts (V), with the zero that the old values (SI) had; shapes (n,)."""
     by_line = old.quantity(volts)
     moved = values - by_line
@@ -158,6 +158,6 @@ def _anew(volts: Array, values: Array, old: AnalogInput, record: Record) -> Arra
     return result
 
 
-def _told(name: str, record: Record, pieces: list[tuple[str, str, Array]]) -> str:
+def _told(name: str, record: CalibrationRecord, pieces: list[tuple[str, str, Array]]) -> str:
     runs = sum(1 for _, one, _ in pieces if one == name)
     return f"{name}: {runs} {'run' if runs == 1 else 'runs'} by {record.title}"

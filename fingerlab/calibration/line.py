@@ -1,4 +1,4 @@
-"""The straight line through the steps, how well it is known, and whether the data sheet allows it."""
+"""The straight line through the steady parts of a stepped recording, and whether the data sheet allows it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,85 @@ import numpy as np
 from scipy.special import stdtrit
 
 from fingerlab.calibration.sensors import Limit, Sensor
-from fingerlab.calibration.steps import Step
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
+from fingerlab.core.units import ParameterEstimate
 from fingerlab.sessions.model import Array
+
+
+@dataclass(frozen=True)
+class StepTiming:
+    """Thesis section 2.2: a step every 15 s, of which the central 5 s count (5-10 s, 20-25 s, ...)."""
+
+    seconds: float = 15.0
+    centre: float = 5.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.centre <= self.seconds:
+            raise UserError(
+                f"The central {self.centre:g} s do not lie in a step of {self.seconds:g} s; "
+                "give a positive time that is no longer than the step."
+            )
+
+    def window(self, step: int) -> tuple[float, float]:
+        """Start and end of the part of step ``step`` (from 0) that counts, s after the start."""
+        start = step * self.seconds + (self.seconds - self.centre) / 2
+        return start, start + self.centre
+
+
+@dataclass(frozen=True)
+class SteadyStep:
+    """The steady part of one step.
+
+    Attributes:
+        volts: mean reading, V.
+        spread: standard deviation of its samples, V.
+        samples: how many.
+    """
+
+    volts: float
+    spread: float
+    samples: int
+
+
+def count_steps(time: Array, timing: StepTiming) -> int:
+    """How many steps have their whole central part in the recording; ``time`` in s, shape (n,)."""
+    if len(time) < 2:
+        return 0
+    # The last sample ends one sampling interval after its own time.
+    duration = float(time[-1] - time[0]) + float(np.median(np.diff(time)))
+    tail = (timing.seconds + timing.centre) / 2
+    return max(0, math.floor((duration - tail) / timing.seconds + 1e-9) + 1)
+
+
+def find_steps(time: Array, volts: Array, count: int, timing: StepTiming) -> tuple[SteadyStep, ...]:
+    """Mean reading of the central part of each of the first ``count`` steps.
+
+    Args:
+        time: s, shape (n,), strictly increasing; counted from its first sample.
+        volts: V, shape (n,).
+
+    Raises:
+        UserError: the recording is too short, or a step has fewer than two samples.
+    """
+    available = count_steps(time, timing)
+    if available < count:
+        raise UserError(
+            f"The recording holds {available} steps of {timing.seconds:g} s, but {count} known values are "
+            f"given; it should last {count * timing.seconds:g} s, or fewer values be given with --marks."
+        )
+    elapsed = time - time[0]
+    steps = []
+    for number in range(count):
+        start, end = timing.window(number)
+        inside = volts[np.searchsorted(elapsed, start - 1e-9) : np.searchsorted(elapsed, end - 1e-9)]
+        if len(inside) < 2:
+            raise UserError(
+                f"Step {number + 1} of the recording has {len(inside)} samples between {start:g} and "
+                f"{end:g} s; it should have at least two (the bench records 20 a second)."
+            )
+        steps.append(SteadyStep(float(inside.mean()), float(inside.std(ddof=1)), len(inside)))
+    return tuple(steps)
+
 
 CONFIDENCE = 0.90
 """Share of the intervals that hold the true value; the same as for fitted model parameters."""
@@ -23,16 +99,6 @@ UNSTEADY = 0.25
 
 Assumed: a reading that wanders by a quarter of a step cannot tell neighbouring steps apart well.
 """
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A value with its 90 % interval ``low`` to ``high``, all in ``unit``."""
-
-    value: float
-    unit: str
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -52,12 +118,12 @@ class Calibration:
     """
 
     sensor: Sensor
-    gain: Estimate
-    offset: Estimate
+    gain: ParameterEstimate
+    offset: ParameterEstimate
     r2: float
     rms: float
     known: tuple[float, ...]
-    steps: tuple[Step, ...]
+    steps: tuple[SteadyStep, ...]
     residuals: tuple[float, ...]
     zero_volts: float
     suspect: tuple[str, ...]
@@ -89,7 +155,7 @@ class Calibration:
         }
 
 
-def calibrate_steps(sensor: Sensor, steps: Sequence[Step], marks: Sequence[float]) -> Calibration:
+def calibrate_steps(sensor: Sensor, steps: Sequence[SteadyStep], marks: Sequence[float]) -> Calibration:
     """Fit the line by least squares to the means of the steps.
 
     The means and not the samples are fitted: the samples of one step share the error of placing the
@@ -124,8 +190,8 @@ def calibrate_steps(sensor: Sensor, steps: Sequence[Step], marks: Sequence[float
     total = float(((known - known.mean()) ** 2).sum())
     return Calibration(
         sensor=sensor,
-        gain=Estimate(gain, sensor.gain.unit, gain - gain_error, gain + gain_error),
-        offset=Estimate(offset, sensor.unit, offset - offset_error, offset + offset_error),
+        gain=ParameterEstimate(gain, sensor.gain.unit, gain - gain_error, gain + gain_error),
+        offset=ParameterEstimate(offset, sensor.unit, offset - offset_error, offset + offset_error),
         r2=1.0 - float(residuals @ residuals) / total,
         rms=float(np.sqrt(np.mean(residuals**2))),
         known=tuple(known.tolist()),
@@ -137,7 +203,7 @@ def calibrate_steps(sensor: Sensor, steps: Sequence[Step], marks: Sequence[float
 
 
 def _suspect(
-    sensor: Sensor, gain: float, zero_volts: float, steps: Sequence[Step], residuals: Array
+    sensor: Sensor, gain: float, zero_volts: float, steps: Sequence[SteadyStep], residuals: Array
 ) -> list[str]:
     """Where the data sheet does not allow the result, one sentence each."""
     found = []

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from fingerlab.cli.common import json_option, progress_bar, tell_own_effects, write_json
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
-    from fingerlab.batch.ageing import Trend
     from fingerlab.batch.rows import Options
-    from fingerlab.batch.run import BatchResult
-    from fingerlab.batch.runners import Runner
+    from fingerlab.batch.run import BatchResult, Runner
+    from fingerlab.batch.table import Trend
 
 TOLD_FAILURES = 5
 """Failed sessions that are told one by one; the rest are in the table."""
@@ -55,8 +54,8 @@ def batch(
         raise UserError(f"--out is {out}; the table is a Parquet file, so its name should end in .parquet.")
     if address is not None and jobs is not None:
         raise UserError("--jobs is for this machine alone; leave it out with --dask.")
-    from fingerlab.batch.ageing import trends
     from fingerlab.batch.run import run_batch
+    from fingerlab.batch.table import trends
 
     options = _options(added)
     bar, report = progress_bar("Batch")
@@ -75,7 +74,7 @@ def batch(
 def _options(added: tuple[str, ...]) -> Options:
     """What the diagnoses depend on; an unknown effect is found before the work."""
     from fingerlab.batch.rows import Options
-    from fingerlab.physics.effects import CATALOGUE, effect, own
+    from fingerlab.effects import CATALOGUE, effect, own
 
     for name in added:
         effect(name)
@@ -84,7 +83,7 @@ def _options(added: tuple[str, ...]) -> Options:
 
 
 def _runner(address: str | None, jobs: int | None, folder: Path) -> Runner:
-    from fingerlab.batch.runners import locally, on_dask
+    from fingerlab.batch.run import locally, on_dask
 
     return locally(jobs) if address is None else on_dask(address, folder.resolve())
 

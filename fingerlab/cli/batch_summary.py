@@ -7,9 +7,9 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from fingerlab.batch.ageing import LEAST_TIMES, Trend, ageing_rows
 from fingerlab.batch.rows import Row, recorded_at
-from fingerlab.batch.table import Contents
+from fingerlab.batch.table import LEAST_TIMES, Contents, Trend, ageing_rows
+from fingerlab.core.text import decimals_for, fixed, largest_of, score_text, screen_unit, with_minus
 from fingerlab.report.diagnosis_words import (
     NOTHING_WORDS,
     UNKNOWN_WORDS,
@@ -17,7 +17,6 @@ from fingerlab.report.diagnosis_words import (
     in_sentence,
     listed,
 )
-from fingerlab.report.screen import decimals_for, fixed, largest_of, score_text, screen_unit, with_minus
 
 if TYPE_CHECKING:
     from rich.table import Table

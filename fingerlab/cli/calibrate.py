@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import click
 
 from fingerlab.cli.common import json_option, write_json
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
-    from fingerlab.calibration import Calibration, Step
+    from fingerlab.calibration import Calibration, SteadyStep
 
 _SENSOR_WORDS = ("load-cell", "mcp", "pip")
 
@@ -59,11 +59,11 @@ def calibrate(
     is held at --marks, without them evenly from 0 to 90 degrees.
     """
     from fingerlab.calibration import SENSORS, StepTiming, calibrate_steps, find_steps
-    from fingerlab.calibration.recording import read_recording
-    from fingerlab.calibration.steps import count_steps
+    from fingerlab.calibration.line import count_steps
+    from fingerlab.calibration.offline import read_recording
 
     sensor, timing = SENSORS[word], StepTiming(step_seconds, centre_seconds)
-    steps: list[Step] = []
+    steps: list[SteadyStep] = []
     values: list[float] = []
     notes: list[str] = []
     for path in data:

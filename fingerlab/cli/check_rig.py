@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from fingerlab.cli.common import json_option, refuse_existing, write_json
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 
 @click.command("check-rig")
@@ -51,7 +51,7 @@ def check_rig(
     from fingerlab.devices.checking import write_protocol
     from fingerlab.devices.choosing import REPLAY, choose_device
     from fingerlab.devices.detect import detect, opening_sentence
-    from fingerlab.rig_file import default_rig, load_rig
+    from fingerlab.rig.file import default_rig, load_rig
 
     refuse_existing(out)
     rig = load_rig(rig_file) if rig_file else default_rig()

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 
 def _free_for_json(context: click.Context, parameter: click.Parameter, target: str | None) -> str | None:
@@ -58,7 +58,7 @@ def write_text_safely(path: Path, text: str) -> None:
     Raises:
         UserError: the place is taken, cannot be written to, or is full.
     """
-    from fingerlab.sessions.place import claim, move_into_place
+    from fingerlab.core.files import claim, move_into_place
 
     part = claim(path)
     try:
@@ -73,7 +73,7 @@ def write_text_safely(path: Path, text: str) -> None:
 
 def tell_own_effects() -> None:
     """Say on standard error which effect files of the user wait to be confirmed or do not work."""
-    from fingerlab.physics.effects import CATALOGUE, own
+    from fingerlab.effects import CATALOGUE, own
 
     for sentence in own.notices(CATALOGUE):
         click.echo(sentence, err=True)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from fingerlab.cli.common import json_option, write_json
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.devices.protocol import Found
 
 STATES = {
-    "confirmed": "confirmed in the window",
+    "trusted": "confirmed in the window",
     "changed": "changed since it was confirmed: the window asks again",
     "missing": "confirmed, and no longer there",
 }
@@ -38,7 +38,7 @@ def devices(rig_file: Path | None, untrust: Path | None, forget: bool, json_targ
     """
     from fingerlab.devices import own
     from fingerlab.devices.detect import detect
-    from fingerlab.rig_file import load_rig
+    from fingerlab.rig.file import load_rig
 
     if forget and untrust is not None:
         raise UserError("--forget forgets every file; leave out --untrust, or leave out --forget.")
@@ -72,5 +72,8 @@ def _to_json(found: tuple[Found, ...], known: tuple[tuple[Path, str], ...]) -> d
     return {
         "schema": 1,
         "devices": [{"name": f.name, "available": f.available, "sentence": f.sentence} for f in found],
-        "own_files": [{"file": str(path), "state": state} for path, state in known],
+        "own_files": [
+            {"file": str(path), "state": "confirmed" if state == "trusted" else state}
+            for path, state in known
+        ],
     }

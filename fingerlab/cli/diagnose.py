@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import click
 
 from fingerlab.cli.common import json_option, progress_bar, tell_own_effects
-from fingerlab.parallel import second_process
+from fingerlab.core.parallel import second_process
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from fingerlab.identify.model_file import Model
-    from fingerlab.identify.results import Diagnosis
+    from fingerlab.diagnosis.answer.results import Diagnosis
+    from fingerlab.models.file import Model
     from fingerlab.sessions import Session
 
 
@@ -54,11 +54,11 @@ def diagnose(
     ('fingerlab compare').
     """
     # Curves are kept by one process only, so that a second one would have nothing to do.
-    with second_process(() if figures else sessions, "fingerlab.identify.diagnosis.reduction") as executor:
+    with second_process(() if figures else sessions, "fingerlab.diagnosis.gram.reduction") as executor:
         from fingerlab.cli.output import refuse_taken_early, write_results
 
         refuse_taken_early(model_file, figures)
-        from fingerlab.identify.diagnosis import diagnose as run
+        from fingerlab.diagnosis import diagnose as run
         from fingerlab.sessions import open_session
 
         opened = [open_session(path) for path in sessions]
@@ -79,7 +79,7 @@ def diagnose(
 
 def _model(sessions: Sequence[Session], effects: Sequence[str]) -> Model:
     """The model with these effects, ready to be written."""
-    from fingerlab.identify.prediction import fit_extended, model_of_extended
+    from fingerlab.prediction import fit_extended, model_of_extended
 
     bar, report = progress_bar("Fitting the model to save")
     with bar:
@@ -118,8 +118,8 @@ def print_diagnosis(result: Diagnosis) -> None:
 def _errors(result: Diagnosis) -> Table:
     from rich.table import Table
 
+    from fingerlab.core.text import score_text
     from fingerlab.report.page_tables import error_rows
-    from fingerlab.report.screen import score_text
 
     table = Table(box=None, pad_edge=False, title_justify="left", title_style="")
     table.title = f"Error on runs left out of the fit: {score_text(result.score)} times the floor"

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from fingerlab.cli.common import json_option, write_json
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from fingerlab.physics.effects.base import Effect, Gain
-    from fingerlab.physics.effects.own import OwnFile, OwnSource
+    from fingerlab.core.trust import OwnSource
+    from fingerlab.effects.base import Effect
+    from fingerlab.effects.own import OwnFile
+    from fingerlab.physics.parameter import Parameter
 
 SHOWN_LINES = 60
 """Lines of a file that are shown before it is confirmed; a longer one is looked at in an editor."""
@@ -40,7 +41,7 @@ def effects(
     An effect of your own is one small Python file in a folder that you choose. It runs only after you have
     confirmed it with --trust, and after a change only when you confirm it again; --untrust takes that back.
     """
-    from fingerlab.physics.effects import CATALOGUE, own
+    from fingerlab.effects import CATALOGUE, own
 
     if forget and (folder or trust or untrust):
         raise UserError("--forget forgets the folder and all files; leave out --forget, or all else.")
@@ -80,7 +81,7 @@ def _ask_and_trust(source: OwnSource) -> None:
     Raises:
         UserError: the file was confirmed and does not work.
     """
-    from fingerlab.physics.effects import CATALOGUE, own
+    from fingerlab.effects import CATALOGUE, own
 
     if _somebody_there():
         lines = source.content.decode("utf-8", errors="replace").splitlines()
@@ -99,8 +100,8 @@ def _ask_and_trust(source: OwnSource) -> None:
 
 
 def _to_json(files: tuple[OwnFile, ...]) -> dict[str, Any]:
-    from fingerlab.own_settings import read_settings
-    from fingerlab.physics.effects import CATALOGUE
+    from fingerlab.core.trust import read_settings
+    from fingerlab.effects import CATALOGUE
 
     folder = read_settings().folder
     listed = [_effect_json(effect, None) for effect in CATALOGUE.values()]
@@ -132,7 +133,7 @@ def _effect_json(effect: Effect, file: str | None) -> dict[str, Any]:
             "source": gain.source,
             "title": gain.title,
         }
-        for name, gain in _gains(effect).items()
+        for name, gain in effect.unknowns.items()
     }
     grid = {
         name: {"unit": unit, "values": [float(s[name]) for s in effect.shapes]}
@@ -145,7 +146,7 @@ def _effect_json(effect: Effect, file: str | None) -> dict[str, Any]:
         "file": file,
         "equations": list(effect.acts_on),
         "phases": list(effect.phases),
-        "motor_bench": effect.bench,
+        "motor_bench": effect.bench is True,
         "coordinate": effect.coordinate,
         "explanation": effect.explanation,
         "reveal": effect.reveal,
@@ -154,16 +155,12 @@ def _effect_json(effect: Effect, file: str | None) -> dict[str, Any]:
     }
 
 
-def _gains(effect: Effect) -> Mapping[str, Gain]:
-    return {**effect.gains, **effect.relaxes}
-
-
 def _print(files: tuple[OwnFile, ...]) -> None:
     """One paragraph an effect, made to fit 80 columns."""
     from rich.text import Text
 
     from fingerlab.cli.output import table_console
-    from fingerlab.physics.effects import CATALOGUE
+    from fingerlab.effects import CATALOGUE
 
     console = table_console()
     for effect in CATALOGUE.values():
@@ -187,7 +184,7 @@ def _paragraph(effect: Effect, mark: str) -> Text:
         text.append(f"  {mark}\n", style="italic")
     where = ", ".join(FAMILY_TITLES[family].lower() for family in effect.acts_on)
     text.append(f"  acts on {where}; seen against {effect.coordinate}\n")
-    gains = _gains(effect)
+    gains = effect.unknowns
     titles = parameter_titles(effect.id, list(gains))
     for name, gain in gains.items():
         text.append(f"  {titles[name]}: {_range_words(gain)} ({gain.source})\n")
@@ -198,8 +195,8 @@ def _paragraph(effect: Effect, mark: str) -> Text:
     return text
 
 
-def _range_words(gain: Gain) -> str:
-    from fingerlab.report.screen import largest_of, screen_unit, with_minus
+def _range_words(gain: Parameter) -> str:
+    from fingerlab.core.text import largest_of, screen_unit, with_minus
 
     unit = screen_unit(gain.unit, largest_of((gain.low, gain.high)))
     low, high = (with_minus(f"{value * unit.factor:.4g}") for value in (gain.low, gain.high))

@@ -10,16 +10,21 @@ from rich.table import Table
 
 from fingerlab.cli.common import json_option, progress_bar
 from fingerlab.cli.output import refuse_taken_early, table_console, write_results
-from fingerlab.errors import UserError
-from fingerlab.identify.model_file import Model, estimate_to_json, without_nan
-from fingerlab.identify.thesis.fitting import SessionFit, fit_session
-from fingerlab.identify.thesis.models import delay_estimate, model_of_fit, model_of_motor_bench
-from fingerlab.identify.thesis.motor_bench import MotorBenchFit, fit_motor_bench, motor_bench_runs
-from fingerlab.identify.thesis.pooling import RegionResult
-from fingerlab.identify.thesis.specs import JOINT_TITLES, FitSpec, Method
-from fingerlab.report.estimates import in_words, mean_and_deviation, number
+from fingerlab.core.errors import UserError
+from fingerlab.core.plain_data import json_ready
+from fingerlab.core.text import in_words, mean_and_deviation, number
+from fingerlab.models.file import Model, estimate_to_json
 from fingerlab.sessions import Session, open_session
-from fingerlab.signals.regions import REGION_TITLES, THRESHOLDS_PERCENT
+from fingerlab.signals.periods import REGION_TITLES, THRESHOLDS_PERCENT
+from fingerlab.thesis.fitting import SessionFit, delay_estimate, fit_session, model_of_fit
+from fingerlab.thesis.motor_bench import (
+    MotorBenchFit,
+    fit_motor_bench,
+    model_of_motor_bench,
+    motor_bench_runs,
+)
+from fingerlab.thesis.onair import RegionResult
+from fingerlab.thesis.traces import JOINT_TITLES, FitSpec, Method
 
 PATH = click.Path(path_type=Path)
 CLI_DELAYS = ("none", "xcorr", "findsignal")
@@ -91,8 +96,8 @@ def _write(
 def _figures(session: Session, folder: Path | None) -> Any:
     if folder is None:
         return None
-    from fingerlab.identify.thesis.analysis import thesis_analysis
     from fingerlab.report.thesis_figures import thesis_figures
+    from fingerlab.thesis.analysis import thesis_analysis
 
     bar, report = progress_bar("Drawing")
     with bar:
@@ -148,7 +153,7 @@ def fit_json(result: SessionFit) -> dict[str, Any]:
         for (joint, region), one in results.items():
             joints.setdefault(joint, {})[region] = _region_json(one)
         cables[cable] = {"runs": list(result.used[cable]), "joints": joints}
-    data: dict[str, Any] = without_nan(
+    data: dict[str, Any] = json_ready(
         {
             "schema": 1,
             "session": str(result.session),
@@ -232,7 +237,7 @@ def _driver(name: str) -> str:
 
 def motor_bench_json(result: MotorBenchFit) -> dict[str, Any]:
     """The JSON of ``fit`` on motor-bench runs: SI units, null where there is no number."""
-    data: dict[str, Any] = without_nan(
+    data: dict[str, Any] = json_ready(
         {
             "schema": 1,
             "session": str(result.session),

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import click
 
 from fingerlab.cli.common import json_option, refuse_existing, write_json, write_text_safely
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
-    from fingerlab.identify.prediction.inverse import TorquePlan
-    from fingerlab.identify.prediction.pose import ContactPose
+    from fingerlab.prediction.inverse import TorquePlan
+    from fingerlab.prediction.target import ContactPose
     from fingerlab.sessions import Session
 
 PATH = click.Path(path_type=Path)
@@ -49,10 +49,9 @@ def inverse(
     The finger presses as it does in a contact run of the session. What is written with --out runs with
     'fingerlab record --trajectory FILE', in the simulated rig, and in the Acquire tab.
     """
-    from fingerlab.identify.model_file import load_model
-    from fingerlab.identify.prediction.inverse import needed_torque, plan_json
-    from fingerlab.identify.prediction.predictors import predictors
-    from fingerlab.identify.prediction.wanted import wanted_force
+    from fingerlab.models.file import load_model
+    from fingerlab.prediction.inverse import needed_torque, plan_json, predictors
+    from fingerlab.prediction.target import wanted_force
     from fingerlab.sessions import open_session
 
     if out is not None:
@@ -76,8 +75,8 @@ def inverse(
 def _pose(session: Session, run_name: str | None, angles: tuple[float, float] | None) -> ContactPose:
     import math
 
-    from fingerlab.identify.prediction.force import contact_runs
-    from fingerlab.identify.prediction.pose import pose_by_hand, pose_of_run
+    from fingerlab.prediction.force import contact_runs
+    from fingerlab.prediction.target import pose_by_hand, pose_of_run
 
     if angles is not None:
         if run_name is not None:
@@ -95,7 +94,7 @@ def _pose(session: Session, run_name: str | None, angles: tuple[float, float] | 
 
 
 def _print(plan: TorquePlan, name: str, out: Path | None) -> None:
-    from fingerlab.identify.prediction.pose import words_of
+    from fingerlab.prediction.target import words_of
 
     angles = words_of(plan.pose)
     click.echo(f"Predictor: {name}.")

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import click
 
 import fingerlab
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 COMMANDS = {
     "simulate": ("fingerlab.cli.simulate:simulate", "Record a session from the simulated rig."),

@@ -10,9 +10,9 @@ from typing import IO, TYPE_CHECKING, Any
 import click
 from rich.console import Console
 
-from fingerlab.errors import UserError
-from fingerlab.identify.model_file import Model, write_model
-from fingerlab.sessions.place import OutputSet, refuse_taken
+from fingerlab.core.errors import UserError
+from fingerlab.core.files import OutputSet, refuse_taken
+from fingerlab.models.file import Model, write_model
 
 if TYPE_CHECKING:  # matplotlib takes a while to load and most calls draw nothing
     from matplotlib.figure import Figure

@@ -12,17 +12,15 @@ from rich.table import Table
 
 from fingerlab.cli.common import json_option, progress_bar
 from fingerlab.cli.output import refuse_taken_early, table_console, write_results
-from fingerlab.identify.model_file import DIAGNOSIS_METHOD, Model, load_model, without_nan
-from fingerlab.identify.thesis.contact import ContactRun
-from fingerlab.identify.thesis.models import parameter_sets
-from fingerlab.identify.thesis.pooling import Spread
-from fingerlab.identify.thesis.predicting import SessionPrediction, predict_session
-from fingerlab.identify.thesis.prediction import FORCE_PHASES, ParameterSet
-from fingerlab.identify.thesis.specs import JOINT_TITLES
-from fingerlab.report.estimates import mean_and_deviation, number
-from fingerlab.report.screen import r2_text
+from fingerlab.core.plain_data import json_ready
+from fingerlab.core.text import mean_and_deviation, number, r2_text
+from fingerlab.models.file import DIAGNOSIS_METHOD, Model, load_model
 from fingerlab.sessions import Session, content_hash, open_session
-from fingerlab.signals.regions import REGION_TITLES
+from fingerlab.signals.periods import REGION_TITLES
+from fingerlab.thesis.contact import ContactRun, SessionPrediction, parameter_sets, predict_session
+from fingerlab.thesis.onair import Spread
+from fingerlab.thesis.prediction import FORCE_PHASES, ParameterSet
+from fingerlab.thesis.traces import JOINT_TITLES
 
 PATH = click.Path(path_type=Path)
 NUMBERS = ("r2", "normalised_r2", "peak_measured", "peak_modelled", "share", "rmse")
@@ -154,7 +152,7 @@ def _row_head(given: ParameterSet) -> tuple[str, str, str]:
 
 def prediction_json(session: Session, model: Model, result: SessionPrediction) -> dict[str, Any]:
     """The JSON of ``predict``: SI units, null where there is no number."""
-    data: dict[str, Any] = without_nan(
+    data: dict[str, Any] = json_ready(
         {
             "schema": 1,
             "session": str(session.path),

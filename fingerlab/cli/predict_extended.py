@@ -12,16 +12,17 @@ from rich.table import Table
 
 from fingerlab.cli.common import progress_bar
 from fingerlab.cli.output import table_console, write_results
-from fingerlab.identify.model_file import Model, without_nan
-from fingerlab.identify.prediction import EQUATIONS, extended_model, predict_extended
-from fingerlab.identify.prediction.extended import EQUATION_WORDS, Equation, ExtendedModel
-from fingerlab.identify.prediction.interval import LEVEL
-from fingerlab.identify.prediction.predict import ExtendedPrediction, RunPrediction
-from fingerlab.identify.thesis.pooling import Spread
-from fingerlab.identify.thesis.prediction import FORCE_PHASES
+from fingerlab.core.plain_data import json_ready
+from fingerlab.core.text import mean_and_deviation, number
+from fingerlab.models.file import Model
+from fingerlab.prediction import EQUATIONS, extended_model, predict_extended
+from fingerlab.prediction.extended import EQUATION_WORDS, Equation, ExtendedModel
+from fingerlab.prediction.judging import LEVEL
+from fingerlab.prediction.predict import ExtendedPrediction, RunPrediction
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
-from fingerlab.report.estimates import mean_and_deviation, number
 from fingerlab.sessions import Session, content_hash
+from fingerlab.thesis.onair import Spread
+from fingerlab.thesis.prediction import FORCE_PHASES
 
 NUMBERS = ("r2", "normalised_r2", "peak_measured", "peak_modelled", "share", "rmse", "delay")
 HOLDS_FROM, HOLDS_TO = 0.85, 0.95
@@ -123,7 +124,7 @@ def _print_intervals(console: Console, result: ExtendedPrediction) -> None:
 
 def extended_json(session: Session, model: Model, result: ExtendedPrediction) -> dict[str, Any]:
     """The JSON of ``predict``: SI units, null where there is no number."""
-    data: dict[str, Any] = without_nan(
+    data: dict[str, Any] = json_ready(
         {
             "schema": 1,
             "session": str(session.path),

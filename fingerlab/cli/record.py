@@ -15,7 +15,7 @@ from fingerlab.cli.common import counted, json_option, progress_bar, refuse_exis
 from fingerlab.cli.proposals import TRAJECTORY_HELP, single_plan
 from fingerlab.cli.record_events import Events
 from fingerlab.cli.simulate import PROTOCOL_NAMES
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from fingerlab.acquisition.protocol_driver import Beginning
     from fingerlab.acquisition.script import Order
     from fingerlab.devices.choosing import DeviceChoice
-    from fingerlab.identify.model_file import Model
-    from fingerlab.rig import Rig
+    from fingerlab.models.file import Model
+    from fingerlab.rig.constants import Rig
 
 
 @click.command()
@@ -188,7 +188,7 @@ def _orders(source: str | None) -> list[Order]:
 def _model(source: str | None) -> Model | str | None:
     if source is None or source == "nominal":
         return source
-    from fingerlab.identify.model_file import load_model
+    from fingerlab.models.file import load_model
 
     return load_model(Path(source))
 
@@ -202,7 +202,6 @@ def _open(
     """
     from fingerlab.acquisition.recording import rescue_folder
     from fingerlab.acquisition.requests import LoopSettings
-    from fingerlab.acquisition.safety import Limits
     from fingerlab.acquisition.units import BenchUnits
     from fingerlab.calibration.applying import default_folder, rig_and_attributes
 
@@ -212,7 +211,7 @@ def _open(
     if device is None:
         rig, told = rig_and_attributes(rig, default_folder(options["rig_file"]))
         attributes |= told
-    settings = LoopSettings(BenchUnits.from_rig(rig), Limits.from_rig(rig))
+    settings = LoopSettings(BenchUnits.from_rig(rig), rig.limits)
     if device is not None and not options["real_time"]:
         from fingerlab.acquisition.inline import InlineBench
 
@@ -227,7 +226,7 @@ def _choice(options: Mapping[str, Any]) -> DeviceChoice:
     from fingerlab.devices.detect import detect, opening_sentence
     from fingerlab.devices.protocol import first_available
     from fingerlab.devices.simulated import Simulation
-    from fingerlab.rig_file import load_rig
+    from fingerlab.rig.file import load_rig
     from fingerlab.twin.effects import parse_effects
 
     if options["hidden"] and options["effects"]:

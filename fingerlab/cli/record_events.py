@@ -15,14 +15,14 @@ from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any
 
 from fingerlab.cli.common import refuse_existing
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench, Status
     from fingerlab.acquisition.protocol_driver import ProtocolDriver
-    from fingerlab.identify.live_model import LiveModel
-    from fingerlab.identify.model_file import Model
-    from fingerlab.rig import Rig
+    from fingerlab.models.file import Model
+    from fingerlab.models.live import LiveModel
+    from fingerlab.rig.constants import Rig
 
 READINGS_S = 1.0
 """Readings are told once in so much of the bench's time."""
@@ -136,12 +136,14 @@ class Observer:
     def _readings(self) -> dict[str, Any]:
         from fingerlab.acquisition.columns import COLUMN
         from fingerlab.acquisition.machine import MODE_WORDS
+        from fingerlab.acquisition.watching import line_words
 
         status = self._status
         told: dict[str, Any] = {"time_s": status.index / self._bench.rate_hz, "mode": MODE_WORDS[status.mode]}
         told |= {"recorded": status.recorded, "late_cycles": status.late, "lost_cycles": status.lost}
         told |= {"cycle_s": self._cycles.mean, "longest_cycle_s": self._cycles.longest}
         told |= {name: float(self._newest[COLUMN[name]]) for name in SHOWN}
+        told |= {name.replace(" ", "_").replace("-", "_"): word for name, word in line_words(status).items()}
         if self._live is not None:
             told["torque_error"] = self._live.error("torque")
             told["force_error"] = self._live.error("force")
@@ -161,7 +163,7 @@ class Observer:
         self._cycles.take(rows)
         if self._model is None:
             return
-        from fingerlab.identify.live_model import Measured
+        from fingerlab.models.live import Measured
 
         if driver.set_up != self._set_up:
             self._set_up = driver.set_up
@@ -179,7 +181,7 @@ def live_model(rig: Rig, rate_hz: float, model: Model | str, set_up: Any) -> Liv
     Raises:
         UserError: rig or model lack what it needs.
     """
-    from fingerlab.identify.live_model import LiveModel, balance_of
+    from fingerlab.models.live import LiveModel, balance_of
 
     balance = None if isinstance(model, str) else balance_of(model, set_up.cable)
     return LiveModel(rig, rate_hz, set_up.phase, set_up.cable, balance)

@@ -12,7 +12,7 @@ import click
 
 from fingerlab.cli.interrupts import Interrupts
 from fingerlab.cli.record_events import Events, Lines, Observer, live_model
-from fingerlab.errors import Cancelled, UserError
+from fingerlab.core.errors import Cancelled, UserError
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from fingerlab.acquisition.protocol import Step
     from fingerlab.acquisition.protocol_driver import Beginning, ProtocolDriver
     from fingerlab.acquisition.script import Order
-    from fingerlab.identify.model_file import Model
-    from fingerlab.rig import Rig
+    from fingerlab.models.file import Model
+    from fingerlab.rig.constants import Rig
 
 Report = Callable[[float, str], None]
 
@@ -172,7 +172,7 @@ class _Writing:
         self._later = True
 
     def __call__(self, share: float, doing: str) -> None:
-        from fingerlab.sessions.recording_place import VERIFYING
+        from fingerlab.sessions.recording_files import VERIFYING
 
         self._report(share, "reading the file back" if doing == VERIFYING else "writing the file")
         if doing != self._doing or share >= min(self._told + self.STEP, 1.0) > self._told:
@@ -188,7 +188,7 @@ def _write(bench: Bench, out: Path, writing: _Writing) -> Path:
     Raises:
         UserError: the place is full. KeyboardInterrupt: it was put off.
     """
-    from fingerlab.sessions.recording_place import recording_folder
+    from fingerlab.sessions.recording_files import recording_folder
 
     with Interrupts(writing.put_off, raises=False):
         try:

@@ -41,7 +41,7 @@ def replicate(preset: str, seed: int, benches: int, json_target: str | None) -> 
 
 def _analyses(preset_name: str, seeds: Sequence[int]) -> list[Any]:
     """The published quantities of each bench, simulated and analysed as the thesis did."""
-    from fingerlab.identify.thesis.analysis import thesis_analysis
+    from fingerlab.thesis.analysis import thesis_analysis
     from fingerlab.twin.preset import load_preset
     from fingerlab.twin.protocols import PROTOCOLS
     from fingerlab.twin.session import simulated_session

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from fingerlab.cli.common import json_option, progress_bar, refuse_existing, tell_own_effects, write_json
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 
 @click.command(short_help="Write the whole comparison as one page, and as PDF.")
@@ -52,7 +52,7 @@ def report(
     The page needs no other file and no network. The JSON is that of 'fingerlab diagnose' and names what was
     written.
     """
-    from fingerlab.identify.diagnosis import diagnose
+    from fingerlab.diagnosis import diagnose
     from fingerlab.report.page import Extras, write_report
     from fingerlab.sessions import open_session
 

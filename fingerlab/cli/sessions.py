@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from fingerlab.cli.common import counted, json_option, progress_bar, write_json
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
+from fingerlab.core.files import refuse_taken
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
 from fingerlab.sessions.format import CABLES, PHASES
-from fingerlab.sessions.place import refuse_taken
 
 if TYPE_CHECKING:
-    from fingerlab.rig import Rig
+    from fingerlab.rig.constants import Rig
     from fingerlab.sessions.importing import TextRun
 
 PATH = click.Path(path_type=Path)
@@ -192,7 +192,7 @@ def _on_a_terminal() -> bool:
 
 
 def _rig(path: Path | None) -> Rig:
-    from fingerlab.rig_file import default_rig, load_rig
+    from fingerlab.rig.file import default_rig, load_rig
 
     return load_rig(path) if path else default_rig()
 

@@ -9,7 +9,7 @@ import click
 
 from fingerlab.cli.common import counted, json_option, progress_bar, refuse_existing, write_json
 from fingerlab.cli.proposals import TRAJECTORY_HELP, single_plan
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.twin.protocols import RunPlan
@@ -87,7 +87,7 @@ def simulate(
 @json_option
 def reveal(session: Path, json_target: str | None) -> None:
     """Tell which effects a simulated SESSION has."""
-    from fingerlab.twin.effect_table import EFFECTS
+    from fingerlab.twin.effects import EFFECTS
     from fingerlab.twin.session import reveal_session
 
     told = reveal_session(session)

@@ -10,10 +10,10 @@ from dataclasses import fields
 from rich.table import Table
 from rich.text import Text
 
-from fingerlab.rig import Finger, Motor, Rig
-from fingerlab.rig_file import CONSTANT_UNITS, sources_of
+from fingerlab.rig.constants import Finger, Motor, Rig
+from fingerlab.rig.file import CONSTANT_UNITS, sources_of
 from fingerlab.sessions import CheckReport, Session
-from fingerlab.sessions.words import trajectory_words
+from fingerlab.sessions.trajectory import trajectory_words
 
 
 def runs_table(session: Session, report: CheckReport) -> Table:

@@ -11,7 +11,7 @@ import numpy as np
 
 from fingerlab.devices.check_card import assumptions
 from fingerlab.devices.checking import CONFIRMED, FAILED, NO, SKIP, SKIPPED, YES, Bench, Outcome, Step
-from fingerlab.rig_daq import LIMIT_UNITS, AnalogInput
+from fingerlab.rig.daq import BENCH_LIMITS, LIMIT_UNITS, AnalogInput
 
 REST_SECONDS = 1.0
 HAND_SECONDS = 4.0
@@ -180,7 +180,8 @@ def drive(bench: Bench) -> Iterator[Outcome]:
 def limits(bench: Bench) -> Iterator[Outcome]:
     """Every limit of the rig file, one by one."""
     held = bench.rig.limits
-    for name, unit in LIMIT_UNITS.items():
+    for name in BENCH_LIMITS:
+        unit = LIMIT_UNITS[name]
         value = getattr(held, name)
         in_degrees = unit.startswith("rad")
         number, degrees = math.degrees(value) if in_degrees else value, unit.replace("rad", "°")

@@ -17,11 +17,11 @@ from typing import Any, Protocol
 import numpy as np
 
 import fingerlab
+from fingerlab.core.errors import UserError
 from fingerlab.devices.clock import Clock, RealClock
 from fingerlab.devices.protocol import RAW_CHANNELS, Device, DeviceFault, DeviceLost
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
-from fingerlab.rig_daq import plain_section
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.daq import plain_section
 from fingerlab.sessions.model import Array
 
 YES, NO, SKIP = "yes", "no", "skip"

@@ -6,14 +6,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fingerlab.core.errors import UserError
 from fingerlab.devices.clock import Clock, RealClock
 from fingerlab.devices.detect import SIMULATED, detect
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.protocol import Device
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
-from fingerlab.rig_daq import plain_section
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.daq import plain_section
+from fingerlab.rig.file import default_rig
 
 if TYPE_CHECKING:
     from fingerlab.devices.simulated import Simulation

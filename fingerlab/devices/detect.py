@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from fingerlab.core.errors import UserError
 from fingerlab.devices.protocol import DeviceFault, DeviceLost, Found
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import default_rig
 
 SIMULATED = "simulated"
 INSTEAD = "using the simulated rig"

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from fingerlab.core.errors import UserError
 from fingerlab.devices.clock import Clock, VirtualClock
 from fingerlab.devices.protocol import RAW_CHANNELS, DeviceFault, DeviceLost, Sample
-from fingerlab.errors import UserError
-from fingerlab.rig_daq import Daq
+from fingerlab.rig.daq import Daq
 from fingerlab.sessions import Run, open_session
 
 BLOCK = 8192

@@ -1,4 +1,4 @@
-"""Tags and notes on sessions: kept in a side file of the library folder, never in the recordings.
+"""What is known of a session besides its file: tags and notes, verdicts of batches; and the search in it all.
 
 A recording is evidence and stays as it was written: its hash is in models and tables. So what somebody
 thinks of it afterwards stands in ``fingerlab-library.json`` at the top of the folder that is browsed, by
@@ -15,14 +15,18 @@ that are to travel with the data go into a copy of the file (``fingerlab.session
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+import shlex
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from fingerlab.errors import UserError
-from fingerlab.library.facts import SessionFacts, text_list
-from fingerlab.sessions.place import whole_file
+from fingerlab.core.errors import UserError
+from fingerlab.core.files import whole_file
+from fingerlab.library.index import SessionFacts, text_list
+
+if TYPE_CHECKING:
+    from fingerlab.batch.rows import Row
 
 FILE_NAME = "fingerlab-library.json"
 FORMAT = "fingerlab-library"
@@ -131,3 +135,166 @@ class Notebook:
     def _save(self) -> None:
         with whole_file(self.path, "notes need write access to the folder.") as part:
             part.write_text(json.dumps(self._data, ensure_ascii=False, indent=1), encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A session's diagnosis as a table of ``fingerlab batch`` holds it.
+
+    Attributes:
+        verdict: ``missing_effect``, ``nothing_missing`` or ``not_in_catalogue``, as in the table.
+        effects: one of which is missing; where nothing is, those that the session could not have shown.
+        probability: of the verdict. score: final error over its floor, None where there is none.
+        table: the file it stands in. outdated: whether the session was written after the table.
+    """
+
+    verdict: str
+    effects: tuple[str, ...]
+    probability: float | None
+    score: float | None
+    table: Path
+    outdated: bool
+
+
+def find_verdicts(folder: Path, facts: Sequence[SessionFacts]) -> dict[Path, Verdict]:
+    """The newest verdict on each session, from every batch table in the folder itself.
+
+    A table names its sessions relative to the folder it was made of. That folder is looked for where it
+    was and, for a tree that has moved as a whole, beside the table.
+    """
+    by_place = {_place(one.path): one for one in facts if not one.problem}
+    tables = sorted((p for p in folder.glob("*.parquet") if p.is_file()), key=lambda p: p.stat().st_mtime)
+    found: dict[Path, Verdict] = {}
+    if not tables:
+        return {}
+    from fingerlab.batch.table import read_table  # slow to import, and most folders hold no table
+
+    for table in tables:
+        try:
+            contents = read_table(table)
+        except UserError:
+            continue  # somebody else's table
+        if contents is None:
+            continue
+        written = table.stat().st_mtime
+        for row in contents.rows:
+            name = str(row["session"])
+            for root in (Path(contents.folder), table.parent):
+                one = by_place.get(_place(root / name))
+                if one is not None:
+                    verdict = _verdict(row, table, one.modified > written)
+                    if verdict is not None:
+                        found[one.path] = verdict
+                    break
+    return found
+
+
+def _place(path: Path) -> str:
+    return str(path.resolve())
+
+
+def _verdict(row: Row, table: Path, outdated: bool) -> Verdict | None:
+    if not row.get("verdict"):
+        return None  # it could not be diagnosed; the table says why
+    return Verdict(
+        str(row["verdict"]),
+        tuple(str(effect) for effect in row.get("set") or ()),
+        row.get("probability"),
+        row.get("final_score"),
+        table,
+        outdated,
+    )
+
+
+HELP = (
+    "Words must all occur in name, title, operator, phase, rig, tags, notes, flags or verdict. A minus in "
+    "front excludes. Keys: phase:contact, cable:flexion, tag:good, flag:late, verdict:coulomb, "
+    "operator:name, after:2026-05-01, before:2026-06, longer:60 and shorter:60 (seconds), is:clean, is:bad."
+)
+
+
+@dataclass(frozen=True)
+class LibraryEntry:
+    """A session with what is known of it besides its file: tags, notes and verdict in words."""
+
+    facts: SessionFacts
+    tags: tuple[str, ...] = ()
+    notes: str = ""
+    verdict: str = ""
+
+
+Test = Callable[[LibraryEntry], bool]
+
+
+def matches(query: str) -> Test:
+    """The test that a query stands for; an empty one takes every session.
+
+    Raises:
+        UserError: a key or its value is not understood.
+    """
+    tests = [_negated(word) for word in _words(query)]
+    return lambda entry: all(test(entry) for test in tests)
+
+
+def _words(query: str) -> list[str]:
+    try:
+        return shlex.split(query.casefold().replace("\\", "\\\\"), posix=True)
+    except ValueError:
+        return query.casefold().replace('"', " ").split()  # a quotation that is still being typed
+
+
+def _negated(word: str) -> Test:
+    if word.startswith("-") and len(word) > 1:
+        test = _test(word[1:])
+        return lambda entry: not test(entry)
+    return _test(word)
+
+
+def _test(word: str) -> Test:
+    key, colon, value = word.partition(":")
+    if not colon or key not in (*_TEXTS, *_MEASURES, "is"):
+        return lambda entry: any(word in text for text in _all_texts(entry))
+    if key in _TEXTS:
+        texts = _TEXTS[key]
+        return lambda entry: any(value in text.casefold() for text in texts(entry))
+    if key == "is":
+        if value not in ("clean", "bad"):
+            raise UserError(f"is:{value} is not understood; write is:clean or is:bad.")
+        return lambda entry: bool(entry.facts.flags or entry.facts.problem) == (value == "bad")
+    return _measure(key, value)
+
+
+def _measure(key: str, value: str) -> Test:
+    if key in ("longer", "shorter"):
+        try:
+            limit = float(value)
+        except ValueError:
+            raise UserError(f"{key}:{value} is not understood; write seconds, such as {key}:60.") from None
+        if key == "longer":
+            return lambda entry: entry.facts.seconds > limit
+        return lambda entry: entry.facts.seconds < limit
+    if not (value and value[0].isdigit()):
+        raise UserError(f"{key}:{value} is not understood; write a date, such as {key}:2026-05-01.")
+    # ISO 8601 text sorts as time does, and a part of a date stands for its beginning.
+    if key == "after":
+        return lambda entry: entry.facts.created[: len(value)].casefold() >= value
+    return lambda entry: bool(entry.facts.created) and entry.facts.created[: len(value)].casefold() < value
+
+
+def _all_texts(entry: LibraryEntry) -> Iterable[str]:
+    facts = entry.facts
+    texts = (facts.name, facts.title, facts.operator, facts.rig, facts.created, facts.problem, facts.notes)
+    more = (entry.notes, entry.verdict, *facts.phases, *facts.cables, *facts.tags, *entry.tags, *facts.flags)
+    return (text.casefold().replace("_", " ") for text in (*texts, *more))
+
+
+_TEXTS: Mapping[str, Callable[[LibraryEntry], Iterable[str]]] = {
+    "phase": lambda entry: (text for p in entry.facts.phases for text in (p, p.replace("_", " "))),
+    "cable": lambda entry: entry.facts.cables,
+    "tag": lambda entry: (*entry.facts.tags, *entry.tags),
+    "flag": lambda entry: entry.facts.flags,
+    "verdict": lambda entry: (entry.verdict,),
+    "operator": lambda entry: (entry.facts.operator,),
+    "name": lambda entry: (entry.facts.name,),
+}
+_MEASURES = ("after", "before", "longer", "shorter")

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.library.pyramid import BASE, MOST_SAMPLES, Pyramid
-from fingerlab.sessions.cycle import told_frequency
 from fingerlab.sessions.format import CHANNEL_UNITS, RATE_TOLERANCE
 from fingerlab.sessions.model import Array, Run
+from fingerlab.sessions.trajectory import told_frequency
 
 MOST_CYCLES = 60
 """Strokes drawn over one another; of more than that, evenly chosen ones."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Run, Session
 
 if TYPE_CHECKING:

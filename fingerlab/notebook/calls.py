@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.notebook.catalogue import Catalogue
 from fingerlab.notebook.diagnosis import DiagnosisView
 from fingerlab.notebook.model import ModelView
@@ -47,7 +47,7 @@ def diagnose(
     Raises:
         UserError: no session, an unknown effect, or a run that cannot be read.
     """
-    from fingerlab.identify.diagnosis import diagnose as run
+    from fingerlab.diagnosis import diagnose as run
 
     read = [opened(one) for one in sessions]
     return DiagnosisView(run(read, _names(added), progress=progress, with_curves=curves), read)
@@ -59,7 +59,7 @@ def fit(*sessions: Source, effects: Sequence[str] = (), progress: Progress | Non
     Raises:
         UserError: no session, an unknown effect, one that does not apply, or a run that cannot be read.
     """
-    from fingerlab.identify.prediction import fit_extended, model_of_extended
+    from fingerlab.prediction import fit_extended, model_of_extended
 
     if not sessions:
         raise UserError("No session was given; name at least one session file.")
@@ -73,7 +73,7 @@ def load_model(path: str | Path) -> ModelView:
     Raises:
         UserError: the file is missing or no model file.
     """
-    from fingerlab.identify.model_file import load_model as load
+    from fingerlab.models.file import load_model as load
 
     return ModelView(load(path), str(path))
 
@@ -114,9 +114,9 @@ def simulate(
     return open(path)
 
 
-def effects() -> Catalogue:
+def catalogue() -> Catalogue:
     """The catalogue of effects by id, with those of one's own that have been confirmed."""
-    from fingerlab.physics.effects import whole_catalogue
+    from fingerlab.effects import whole_catalogue
 
     return Catalogue(whole_catalogue())
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from fingerlab.effects.base import Effect
 from fingerlab.notebook.layout import Part, Shown, Table
-from fingerlab.physics.effects.base import Effect
 
 
 class EffectView(Shown):
-    """One effect. ``effect`` is the object behind it (``fingerlab.physics.effects.Effect``)."""
+    """One effect. ``effect`` is the object behind it (``fingerlab.effects.Effect``)."""
 
     def __init__(self, effect: Effect) -> None:
         self.effect = effect
@@ -31,7 +31,7 @@ class EffectView(Shown):
         changes = listed([FAMILY_TITLES.get(e, e).lower() for e in one.acts_on])
         rows = [
             (name, gain.title or name, gain.unit, f"{gain.low:g} to {gain.high:g}", gain.source)
-            for name, gain in {**one.gains, **one.relaxes}.items()
+            for name, gain in one.unknowns.items()
         ]
         parts: list[Part] = [f"{one.title} ({one.id}), changes {changes}", one.explanation]
         if rows:

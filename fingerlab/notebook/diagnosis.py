@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fingerlab.errors import UserError
-from fingerlab.identify.results import Candidate, Diagnosis
+from fingerlab.core.errors import UserError
+from fingerlab.core.text import printed, score_text
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.notebook.figures import Figures
 from fingerlab.notebook.layout import Part, Shown, Table
 from fingerlab.notebook.model import ModelView
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import error_rows, short_ranking
-from fingerlab.report.screen import printed, score_text
 from fingerlab.sessions.model import Session
 
 
 class DiagnosisView(Shown):
-    """The answer to: which effect is missing? ``result`` holds all of it (``fingerlab.identify.results``)."""
+    """The answer to: which effect is missing? ``result`` holds all of it (``diagnosis.results``)."""
 
     def __init__(self, result: Diagnosis, sessions: Sequence[Session]) -> None:
         self.result = result

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fingerlab.sessions.place import OutputSet
+from fingerlab.core.files import OutputSet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

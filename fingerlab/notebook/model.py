@@ -6,20 +6,18 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fingerlab.errors import UserError
-from fingerlab.identify.model_file import DIAGNOSIS_METHOD, Model, save_model
-from fingerlab.identify.results import ParameterEstimate
+from fingerlab.core.errors import UserError
+from fingerlab.core.text import estimate_text, mean_and_deviation
+from fingerlab.models.file import DIAGNOSIS_METHOD, Model, ParameterEstimate, save_model
 from fingerlab.notebook.figures import Figures
 from fingerlab.notebook.layout import Part, Shown, Table
 from fingerlab.report import diagnosis_words as words
-from fingerlab.report.estimates import mean_and_deviation
 from fingerlab.report.page_tables import model_rows
-from fingerlab.report.screen import estimate_text
 
 if TYPE_CHECKING:
-    from fingerlab.identify.prediction import ExtendedPrediction
-    from fingerlab.identify.prediction.predict import RunPrediction
     from fingerlab.notebook.session import SessionView
+    from fingerlab.prediction import ExtendedPrediction
+    from fingerlab.prediction.predict import RunPrediction
 
 PREDICTION_COLUMNS = (
     ("R2", "r2", 4, 1.0),
@@ -31,7 +29,7 @@ PREDICTION_COLUMNS = (
 
 
 class ModelView(Shown):
-    """A fitted model; ``model`` is the content of its file (``fingerlab.identify.model_file.Model``)."""
+    """A fitted model; ``model`` is the content of its file (``fingerlab.models.file.Model``)."""
 
     def __init__(self, model: Model, name: str = "this model") -> None:
         self.model = model
@@ -63,8 +61,8 @@ class ModelView(Shown):
             UserError: no contact run, a cable that the model has not seen, or a model of ``fingerlab fit``,
                 which predicts by region ('fingerlab predict').
         """
-        from fingerlab.identify.prediction import extended_model, predict_extended
         from fingerlab.notebook.calls import opened
+        from fingerlab.prediction import extended_model, predict_extended
 
         extended = extended_model(self.model, self._name)
         return PredictionView(predict_extended(opened(session), extended, self._name))
@@ -99,7 +97,7 @@ def _rows(model: Model) -> list[tuple[str, str]]:
 
 
 class PredictionView(Shown):
-    """Endpoint force of contact runs; ``result`` holds it (``identify.prediction.ExtendedPrediction``)."""
+    """Endpoint force of contact runs; ``result`` holds it (``prediction.ExtendedPrediction``)."""
 
     def __init__(self, result: ExtendedPrediction) -> None:
         self.result = result
@@ -120,7 +118,7 @@ class PredictionView(Shown):
 
     def coverage(self, variant: str | None = None) -> float:
         """Mean share of the load cell's samples inside the 90 % interval; models as for ``r2``."""
-        from fingerlab.identify.thesis.pooling import Spread
+        from fingerlab.thesis.onair import Spread
 
         return Spread(tuple(run.coverage for run in self._runs(variant))).mean
 
@@ -132,7 +130,7 @@ class PredictionView(Shown):
         return runs[name]
 
     def _spread(self, variant: str | None, number: str) -> tuple[float, float]:
-        from fingerlab.identify.thesis.pooling import Spread
+        from fingerlab.thesis.onair import Spread
 
         spread = Spread(tuple(run.numbers["both"].value(number) for run in self._runs(variant)))
         return spread.mean, spread.deviation

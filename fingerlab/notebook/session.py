@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.notebook.arrays import run_dataset, session_tree
 from fingerlab.notebook.layout import Part, Shown, Table
 from fingerlab.sessions.model import Run, Session
@@ -51,7 +51,7 @@ class RunView(Shown):
 
     def _parts(self) -> Sequence[Part]:
         from fingerlab.report.diagnosis_words import PHASE_WORDS
-        from fingerlab.sessions.words import trajectory_words
+        from fingerlab.sessions.trajectory import trajectory_words
 
         run = self.run
         cable = "no cable" if run.cable == "none" else f"{run.cable} cable"

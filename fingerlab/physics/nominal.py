@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerlab.errors import UserError
-from fingerlab.rig import Finger, Motor
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Finger, Motor
 from fingerlab.sessions.model import Array
 
 

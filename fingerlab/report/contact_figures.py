@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from fingerlab.identify.thesis.analysis import ThesisAnalysis
-from fingerlab.identify.thesis.contact import FINAL, PredictionSpec
-from fingerlab.identify.thesis.specs import FOUR_REGIONS, THESIS_DELAYS, FitSpec
 from fingerlab.report.force_figures import amplitude_bars, angle_figure, force_in_time, normalised_force
 from fingerlab.report.onair_figures import DELAY_TITLES
-from fingerlab.signals.regions import Labels, recognise, speed_threshold
+from fingerlab.signals.periods import Labels, recognise, speed_threshold
+from fingerlab.thesis.analysis import ThesisAnalysis
+from fingerlab.thesis.contact import FINAL, PredictionSpec
+from fingerlab.thesis.traces import FOUR_REGIONS, THESIS_DELAYS, FitSpec
 
 
 def figure_4_4(analysis: ThesisAnalysis) -> Figure | None:

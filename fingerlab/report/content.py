@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from fingerlab.errors import UserError
-from fingerlab.identify.results import Diagnosis, ParameterEstimate
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.models.file import ParameterEstimate
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.analysis_section import Analysis, analyse
 from fingerlab.report.equation import FinalEquation, final_equation

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.report.equation import FinalEquation, Part, Value, number
 from fingerlab.report.figure_style import DPI, MEASURED
 

@@ -13,9 +13,11 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from fingerlab.errors import Cancelled, UserError
-from fingerlab.identify.diagnosis import diagnose
-from fingerlab.identify.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
+from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.files import OutputSet
+from fingerlab.core.text import estimate_text, score_text
+from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report import page_tables as tables
 from fingerlab.report.analysis_section import Analysis
@@ -41,10 +43,8 @@ from fingerlab.report.pdf import pdf_of_page
 from fingerlab.report.pictures import NamedFigure, Pictures, save_figures
 from fingerlab.report.prediction_section import Prediction
 from fingerlab.report.provenance import calibration_rows, calibration_sentence, rig_hash, versions
-from fingerlab.report.screen import estimate_text, score_text
 from fingerlab.report.where_figures import where_figure
 from fingerlab.sessions.model import Session
-from fingerlab.sessions.place import OutputSet
 
 FEWEST_CANDIDATES = 2
 """Effects whose evidence is drawn: every one of the set, and at least so many, best first."""

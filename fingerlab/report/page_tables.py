@@ -7,16 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
-from fingerlab.identify.results import Candidate, Diagnosis, EquationError, ParameterEstimate
-from fingerlab.report.diagnosis_words import (
-    FAMILY_TITLES,
-    NOTHING_WORDS,
-    PHASE_WORDS,
-    UNKNOWN_WORDS,
-    parameter_titles,
-    shown_best_first,
-)
-from fingerlab.report.screen import (
+from fingerlab.core.text import (
     decimals_for,
     estimate_text,
     fixed,
@@ -26,11 +17,21 @@ from fingerlab.report.screen import (
     score_text,
     screen_unit,
 )
-from fingerlab.rig import Finger, Motor
-from fingerlab.rig_file import CONSTANT_UNITS, sources_of
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, EquationError
+from fingerlab.models.file import ParameterEstimate
+from fingerlab.report.diagnosis_words import (
+    FAMILY_TITLES,
+    NOTHING_WORDS,
+    PHASE_WORDS,
+    UNKNOWN_WORDS,
+    parameter_titles,
+    shown_best_first,
+)
+from fingerlab.rig.constants import Finger, Motor
+from fingerlab.rig.file import CONSTANT_UNITS, sources_of
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Run, Session
-from fingerlab.sessions.words import trajectory_words
+from fingerlab.sessions.trajectory import trajectory_words
 
 SHOWN_OUTCOMES = 6
 """Candidates in the short ranking; the whole catalogue stands at the end of the page."""

@@ -12,8 +12,8 @@ import matplotlib as mpl
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from fingerlab.core.files import OutputSet
 from fingerlab.report.svg import inline_svg
-from fingerlab.sessions.place import OutputSet
 
 FORMATS = ("png", "svg", "pdf")
 """What every figure is written as: for a slide, for a page, for print."""

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
-from fingerlab.identify.thesis.predicting import SessionPrediction
-from fingerlab.identify.thesis.specs import JOINT_TITLES
 from fingerlab.report.force_figures import amplitude_bars, angle_figure, force_in_time, normalised_force
-from fingerlab.signals.regions import REGION_TITLES
+from fingerlab.signals.periods import REGION_TITLES
+from fingerlab.thesis.contact import SessionPrediction
+from fingerlab.thesis.traces import JOINT_TITLES
 
 
 def prediction_figures(result: SessionPrediction) -> Mapping[str, Figure]:

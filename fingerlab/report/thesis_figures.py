@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 
 from matplotlib.figure import Figure
 
-from fingerlab.identify.thesis.analysis import ThesisAnalysis
 from fingerlab.report.contact_figures import (
     figure_4_4,
     figure_4_8,
@@ -35,6 +34,7 @@ from fingerlab.report.onair_figures import (
     figure_4_14,
     figure_4_15,
 )
+from fingerlab.thesis.analysis import ThesisAnalysis
 
 FIGURES: Mapping[str, Callable[[ThesisAnalysis], Figure | None]] = {
     "figure-4-01-filtering": figure_4_1,

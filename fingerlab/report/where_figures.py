@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fingerlab.identify.results import Comparison
-from fingerlab.identify.where import COORDINATES, Profile, profile
+from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.diagnosis.answer.where import COORDINATES, Profile, profile
 from fingerlab.report.figure_style import FLOOR, RESIDUAL, label, legend_below, new_figure
 from fingerlab.report.where_words import axis_title, coordinate_unit, residual_unit, worst_words
 

@@ -9,10 +9,9 @@ from typing import Any
 
 import h5py
 
-from fingerlab.sessions.place import claim, move_into_place
+from fingerlab.core.files import claim, move_into_place
+from fingerlab.sessions.hdf5 import TargetFile, write_attributes, writing_to
 from fingerlab.sessions.reading import open_session
-from fingerlab.sessions.run_writing import write_attributes, writing_to
-from fingerlab.sessions.target_file import TargetFile
 
 
 def copy_session(source: str | Path, target: str | Path, attributes: Mapping[str, Any] | None = None) -> Path:

@@ -11,8 +11,9 @@ from typing import Any
 
 import h5py
 
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
+from fingerlab.core.errors import UserError
+from fingerlab.core.units import same_unit
+from fingerlab.rig.constants import Rig
 from fingerlab.sessions.format import (
     CABLES,
     CHANNEL_UNITS,
@@ -23,11 +24,9 @@ from fingerlab.sessions.format import (
     REQUIRED_CHANNELS,
     REQUIRED_ROOT_ATTRIBUTES,
     REQUIRED_RUN_ATTRIBUTES,
-    same_unit,
 )
+from fingerlab.sessions.hdf5 import DatasetFacts, FileReader, attributes_of, datasets_of, open_hdf5
 from fingerlab.sessions.model import Run, Session
-from fingerlab.sessions.samples import FileReader, open_hdf5
-from fingerlab.sessions.structure import DatasetFacts, attributes_of, datasets_of
 
 
 def open_session(path: str | Path) -> Session:

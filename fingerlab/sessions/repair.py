@@ -16,16 +16,19 @@ from typing import Any
 import h5py
 import numpy as np
 
-from fingerlab.errors import Cancelled, UserError
+from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.progress import Progress
 from fingerlab.sessions.format import FORMAT_NAME, MAY_BE_NAN, REQUIRED_CHANNELS, plain
-from fingerlab.sessions.part_file import CLEAN, LOSSY, RUN, TRUNCATED
-from fingerlab.sessions.recording_place import (
+from fingerlab.sessions.recording_files import (
     ASSEMBLING,
+    CLEAN,
+    LOSSY,
+    RUN,
+    TRUNCATED,
     VERIFYING,
     WHOLE,
     WRITING,
     WRITTEN,
-    Progress,
     RecordingPlace,
     give_name,
     recording_folder,

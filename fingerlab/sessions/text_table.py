@@ -16,7 +16,7 @@ from typing import TextIO
 
 import numpy as np
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Array
 
 BLOCK_LINES = 1 << 16

@@ -1,10 +1,11 @@
-"""Writing a session: whole or not at all, and never over another file."""
+"""Writing a session: whole or not at all, never over another file, its runs whole or piece by piece."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -14,18 +15,153 @@ import h5py
 import numpy as np
 
 import fingerlab
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
-from fingerlab.sessions.format import CABLES, FORMAT_NAME, FORMAT_VERSION, PHASES
-from fingerlab.sessions.place import claim, move_into_place
-from fingerlab.sessions.run_writing import (
-    CHUNK_SAMPLES,
-    RunLayout,
-    RunWriter,
-    write_attributes,
-    writing_to,
+from fingerlab.core.errors import UserError
+from fingerlab.core.files import claim, move_into_place
+from fingerlab.rig.constants import Rig
+from fingerlab.sessions.format import (
+    CABLES,
+    CHANNEL_UNITS,
+    FORMAT_NAME,
+    FORMAT_VERSION,
+    PHASES,
+    REQUIRED_CHANNELS,
 )
-from fingerlab.sessions.target_file import TargetFile
+from fingerlab.sessions.hdf5 import TargetFile, sample_fault, write_attributes, writing_to
+
+CHUNK_SAMPLES = 16384
+"""Samples a chunk: 16 s at 1 kHz, so that a screenful reads little and a whole run reads fast."""
+
+
+@dataclass(frozen=True)
+class RunLayout:
+    """Where and how a run is stored; ``real`` is the type of its channels (time is always double)."""
+
+    path: Path
+    target: TargetFile
+    name: str
+    phase: str
+    sample_rate_hz: float
+    real: type[np.floating[Any]]
+    compression_level: int
+    chunk_samples: int
+
+
+class RunWriter:
+    """Takes a run's samples in pieces, in the order of time. Made by ``SessionWriter.begin_run``."""
+
+    def __init__(
+        self, group: h5py.Group, layout: RunLayout, units: Mapping[str, str], derived: Mapping[str, str]
+    ) -> None:
+        self.name = layout.name
+        self.length = 0
+        self._group = group
+        self._layout = layout
+        self._units = units
+        self._derived = derived
+        self._datasets: dict[str, h5py.Dataset] = {}
+        self._last_time: float | None = None
+
+    def append(self, channels: Mapping[str, Any]) -> None:
+        """Write the next samples of every channel.
+
+        Args:
+            channels: name -> values of shape (n,), the same names each time; ``time`` (s) is counted
+                from the sampling rate where it is absent; ``raw/NAME`` goes to the group ``raw``.
+
+        Raises:
+            UserError: a channel is missing or new, shapes differ, time does not increase, NaN where none
+                may be, or the place is full.
+        """
+        arrays = {key: np.asarray(values) for key, values in channels.items()}
+        count = self._check_shapes(arrays)
+        if "time" not in arrays:
+            arrays["time"] = np.arange(self.length, self.length + count) / self._layout.sample_rate_hz
+        self._check_names(arrays)
+        if count == 0:
+            return
+        self._check_samples(arrays)
+        if not self._datasets:
+            with writing_to(self._layout.path, self._layout.target):
+                self._create(arrays)
+        for key, values in arrays.items():
+            with writing_to(self._layout.path, self._layout.target):
+                dataset = self._datasets[key]
+                dataset.resize((self.length + count,))
+                dataset[self.length :] = values
+        self.length += count
+        self._last_time = float(arrays["time"][-1])
+
+    def finish(self) -> None:
+        """Close the run.
+
+        Raises:
+            UserError: no sample was written.
+        """
+        if self.length == 0:
+            raise UserError(
+                f"{self._layout.path}: run {self.name} is empty (no samples); a run has at least one."
+            )
+
+    def _check_shapes(self, arrays: Mapping[str, np.ndarray[Any, Any]]) -> int:
+        shapes = {values.shape for values in arrays.values()}
+        if len(shapes) != 1 or len(next(iter(shapes))) != 1:
+            described = ", ".join(f"{key} {values.shape}" for key, values in arrays.items()) or "none"
+            raise UserError(
+                f"Run {self.name} holds channels of different shapes ({described}); all should be "
+                "one-dimensional and of one length."
+            )
+        wrong = [key for key, values in arrays.items() if values.dtype.kind not in "fiu"]
+        if wrong:
+            raise UserError(f"Run {self.name}, channel '{wrong[0]}' holds something else than numbers.")
+        return int(next(iter(shapes))[0])
+
+    def _check_names(self, arrays: Mapping[str, Any]) -> None:
+        for channel in REQUIRED_CHANNELS[self._layout.phase]:
+            if channel not in arrays:
+                raise UserError(
+                    f"Run {self.name} lacks the channel '{channel}'; a run of phase "
+                    f"'{self._layout.phase}' has it."
+                )
+        if self._datasets and set(arrays) != set(self._datasets):
+            changed = ", ".join(sorted(set(arrays) ^ set(self._datasets)))
+            raise UserError(f"Run {self.name} changed its channels while it was written ({changed}).")
+
+    def _check_samples(self, arrays: Mapping[str, np.ndarray[Any, Any]]) -> None:
+        start = self.length
+        for key, values in arrays.items():
+            samples, first = values, start
+            if key == "time" and self._last_time is not None:
+                samples, first = np.concatenate(([self._last_time], values)), start - 1
+            fault = sample_fault(key, samples, first)
+            if fault:
+                raise UserError(f"{self._layout.path}: run {self.name}, {fault}")
+
+    def _create(self, arrays: Mapping[str, np.ndarray[Any, Any]]) -> None:
+        time = self._dataset("time", np.dtype(np.float64))
+        time.make_scale("time")
+        for key, values in arrays.items():
+            if key == "time":
+                continue
+            kind = np.dtype(self._layout.real) if values.dtype.kind == "f" else values.dtype
+            self._dataset(key, kind).dims[0].attach_scale(time)
+
+    def _dataset(self, key: str, kind: np.dtype[Any]) -> h5py.Dataset:
+        dataset = self._group.create_dataset(
+            key,
+            shape=(0,),
+            maxshape=(None,),
+            dtype=kind,
+            chunks=(self._layout.chunk_samples,),
+            compression="gzip",
+            compression_opts=self._layout.compression_level,
+            shuffle=True,
+        )
+        bare = key.removeprefix("raw/")
+        unit = CHANNEL_UNITS.get(key) or self._units.get(key) or self._units.get(bare, "")
+        write_attributes(dataset, {"units": unit, "derived": self._derived.get(key)})
+        self._datasets[key] = dataset
+        return dataset
+
 
 CACHE_BYTES = 2 * 8 * CHUNK_SAMPLES
 """Room of each channel for chunks that are not yet compressed: two. With HDF5's own megabyte most of the work

@@ -1,8 +1,15 @@
-"""Cutting a run into the periods of its trajectory, so that they can be laid on one another."""
+"""A run in its periods: folded, averaged, parted into regions, and delays between averages.
+
+Regions are those of thesis section 4.1: flexion, extension, and the standstills after each. Delays are those
+of section 4.2. Sign: **positive means that the joint angles (LHS) come later than the cable tension.** A
+signal delayed by d is ``x(t - d)``: tension is shifted by the delay before it is compared with the LHS. The
+tension must come in with the sign of its cable (s T), so that both signals rise together.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 
@@ -116,3 +123,167 @@ def repeats(values: Array, grid: PeriodGrid) -> bool:
     if not total > 0:
         return False
     return float(np.mean(np.var(folded, axis=0))) <= MAXIMUM_UNREPEATED * total
+
+
+Region = Literal["flexion", "static_1", "extension", "static_2"]
+Labels = np.ndarray[Any, np.dtype[np.int8]]
+Mask = np.ndarray[Any, np.dtype[np.bool_]]
+
+REGIONS: tuple[Region, ...] = ("flexion", "static_1", "extension", "static_2")
+"""A label is an index into this: static 1 follows flexion, static 2 follows extension."""
+
+REGION_TITLES = {
+    "flexion": "flexion",
+    "static_1": "static 1",
+    "extension": "extension",
+    "static_2": "static 2",
+    "whole": "whole run",
+}
+
+THRESHOLDS_PERCENT = (10, 20, 30)
+"""Thresholds that the thesis tried, per cent of the joint's speed range (sections 4.1 and 4.2)."""
+
+MINIMUM_SHARE = 0.02
+"""Smallest share of a period that makes a region (assumed; the thesis says "a sufficient number")."""
+
+_FLEXION, _STATIC_1, _EXTENSION, _STATIC_2 = range(4)
+
+
+def speed_threshold(mean_speed: Array, percent: float) -> float:
+    """Threshold in rad/s: ``percent`` of the range (maximum less minimum) of the average joint speed.
+
+    Args:
+        mean_speed: joint speed averaged over the periods, rad/s, shape (phases,).
+    """
+    return float(percent / 100.0 * np.ptp(mean_speed))
+
+
+def recognise(mean_speed: Array, threshold: float) -> Labels:
+    """Label each phase of the average period by its speed.
+
+    Above ``+threshold`` is flexion, below ``-threshold`` extension; what lies between is static 1 where
+    the last motion was flexion and static 2 where it was extension, round the period's end. A period
+    that never leaves the thresholds (the contact runs under the on-air thresholds, thesis figure 4.7)
+    follows no motion and is static 1 throughout.
+
+    Args:
+        mean_speed: rad/s, flexion positive, shape (phases,). threshold: rad/s, at least 0.
+
+    Returns:
+        Index into ``REGIONS``, shape (phases,).
+    """
+    labels = np.full(mean_speed.shape, _STATIC_1, dtype=np.int8)
+    flexing, extending = mean_speed > threshold, mean_speed < -threshold
+    labels[flexing], labels[extending] = _FLEXION, _EXTENSION
+    moving = np.flatnonzero(flexing | extending)
+    still = np.flatnonzero(~(flexing | extending))
+    if len(moving) and len(still):
+        # searchsorted gives the motion before each still phase; -1 wraps to the period's last motion.
+        last = moving[np.searchsorted(moving, still) - 1]
+        labels[still] = np.where(labels[last] == _FLEXION, _STATIC_1, _STATIC_2)
+    return labels
+
+
+def region_mask(labels: Labels, region: Region) -> Mask | None:
+    """Phases of a region, shape (phases,); None where they are too few to make one (a missing bar)."""
+    mask = labels == REGIONS.index(region)
+    return mask if mask.sum() >= max(MINIMUM_SHARE * len(labels), 3) else None
+
+
+def consecutive_mask(labels: Labels, region: Region) -> Mask | None:
+    """The longest unbroken stretch of a region, round the period's end; None where it is too short.
+
+    Section 4.2 needs consecutive samples, because a stretch of signal is searched for as a whole.
+    """
+    start, length = longest_stretch(labels == REGIONS.index(region))
+    if length < max(MINIMUM_SHARE * len(labels), 3):
+        return None
+    mask = np.zeros(len(labels), dtype=bool)
+    mask[np.arange(start, start + length) % len(labels)] = True
+    return mask
+
+
+def longest_stretch(mask: Mask) -> tuple[int, int]:
+    """Start and length of the longest run of True on a circle; (0, 0) where there is none."""
+    n = len(mask)
+    if not mask.any():
+        return 0, 0
+    if mask.all():
+        return 0, n
+    origin = int(np.flatnonzero(~mask)[0])  # a False to start from, so that no stretch crosses the seam
+    edges = np.diff(np.concatenate(([0], np.roll(mask, -origin).astype(np.int8), [0])))
+    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    best = int(np.argmax(ends - begins))
+    return (int(begins[best]) + origin) % n, int(ends[best] - begins[best])
+
+
+def normalise(values: Array) -> Array:
+    """Scaled to run from 0 to 1, same shape, no unit; all zero where the signal does not move."""
+    span = np.nanmax(values) - np.nanmin(values)
+    return np.asarray((values - np.nanmin(values)) / span if span > 0 else np.zeros_like(values))
+
+
+def cross_correlation_delay(lhs: Array, signed_tension: Array) -> int:
+    """Delay of one average period against another at the peak of their cross-correlation, samples.
+
+    The period is a circle here. Matlab's ``finddelay``, which the thesis used, does not wrap round:
+    the overlap shrinks as the shift grows, and the answer depends on where the period was cut;
+    :func:`finddelay` is that reading.
+
+    Args:
+        lhs, signed_tension: one average period each, shape (phases,), any units.
+
+    Returns:
+        Samples in (-phases/2, phases/2], positive where ``lhs`` is later.
+    """
+    spectrum = np.fft.rfft(lhs - lhs.mean()) * np.conj(np.fft.rfft(signed_tension - signed_tension.mean()))
+    return _signed(int(np.argmax(np.fft.irfft(spectrum, len(lhs)))), len(lhs))
+
+
+def finddelay(lhs: Array, signed_tension: Array, longest: int | None = None) -> int:
+    """Delay at the peak of the cross-correlation without wrapping, samples, after Matlab's function.
+
+    Both are brought to zero mean and unit deviation first. Biased towards zero by up to a fifth for a
+    single period; the bias vanishes for a stretch that is long against the delay.
+
+    Args:
+        lhs, signed_tension: shape (n,), any units. longest: largest delay looked for, samples; n - 1 if None.
+    """
+    a = (lhs - lhs.mean()) / (lhs.std() or 1.0)
+    b = (signed_tension - signed_tension.mean()) / (signed_tension.std() or 1.0)
+    n = len(a)
+    from scipy.fft import next_fast_len  # slow to import
+
+    size = next_fast_len(2 * n)
+    correlation = np.fft.irfft(np.fft.rfft(a, size) * np.conj(np.fft.rfft(b, size)), size)
+    reach = n - 1 if longest is None else min(longest, n - 1)
+    lags = np.arange(-reach, reach + 1)
+    return int(lags[np.argmax(correlation[lags])])
+
+
+def findsignal_delay(lhs: Array, signed_tension: Array, region: Mask) -> int:
+    """Delay at which one region of the LHS lies closest to the tension, samples.
+
+    Minimises the squared distance between the stretch of the normalised average LHS and the
+    normalised average tension, as Matlab's ``findsignal`` does, with the period as a circle.
+
+    Args:
+        lhs, signed_tension: one average period each, shape (phases,), any units.
+        region: phases that belong to the region, shape (phases,); its longest stretch counts.
+
+    Returns:
+        Samples in (-phases/2, phases/2], positive where ``lhs`` is later.
+    """
+    n = len(lhs)
+    start, length = longest_stretch(region)
+    weight = np.zeros(n)
+    weight[np.arange(start, start + length) % n] = 1.0
+    y, x = normalise(lhs), normalise(signed_tension)
+    # sum of w(k) (y(k) - x(k-d))^2 over k, for every d at once; the term in y alone does not move.
+    cross = np.fft.irfft(np.fft.rfft(weight * y) * np.conj(np.fft.rfft(x)), n)
+    power = np.fft.irfft(np.fft.rfft(weight) * np.conj(np.fft.rfft(x**2)), n)
+    return _signed(int(np.argmin(power - 2.0 * cross)), n)
+
+
+def _signed(lag: int, n: int) -> int:
+    return lag - n if lag > n // 2 else lag

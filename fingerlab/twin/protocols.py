@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.format import CABLES
 
 RATE_HZ = 1000.0

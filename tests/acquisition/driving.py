@@ -14,9 +14,9 @@ from fingerlab.acquisition.commands import Command, Enable, Initialise, Start
 from fingerlab.acquisition.loop import ControlLoop
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.daq import Limits
+from fingerlab.rig.file import default_rig
 
 SINE = {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0, "offset_deg": 22.0, "duration_s": 4.0}
 

@@ -10,9 +10,9 @@ from fingerlab.acquisition.beginning import run_to_record
 from fingerlab.acquisition.commands import Enable, Initialise, SetUp, Start, Tare
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.daq import Limits
+from fingerlab.rig.file import default_rig
 from tests.acquisition.driving import SINE
 from tests.acquisition.fake_device import FakeDevice
 

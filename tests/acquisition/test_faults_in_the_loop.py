@@ -25,8 +25,9 @@ from fingerlab.acquisition.commands import (
 )
 from fingerlab.acquisition.loop import STOOD_STILL
 from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.safety import Limits, safety_checks
+from fingerlab.acquisition.safety import safety_checks
 from fingerlab.devices.protocol import DeviceFault
+from fingerlab.rig.daq import Limits
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
 

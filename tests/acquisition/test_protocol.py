@@ -23,10 +23,10 @@ from fingerlab.acquisition.protocol import (
 from fingerlab.acquisition.protocol_driver import Beginning, ProtocolDriver
 from fingerlab.acquisition.recording import SessionInfo
 from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
-from fingerlab.errors import UserError
-from fingerlab.rig_file import default_rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.daq import Limits
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions import open_session
 from fingerlab.twin.protocols import PROTOCOLS, RunPlan
 from tests.acquisition.fake_device import FakeDevice

@@ -15,9 +15,9 @@ from fingerlab.acquisition.board import Number, Slot
 from fingerlab.acquisition.columns import COLUMN
 from fingerlab.acquisition.process import _serve
 from fingerlab.acquisition.process_bench import _Far
-from fingerlab.errors import Cancelled
+from fingerlab.core.errors import Cancelled
 from fingerlab.sessions import open_session
-from fingerlab.sessions.recording_place import recording_folder
+from fingerlab.sessions.recording_files import recording_folder
 from fingerlab.sessions.repair import repaired
 
 from .test_recorder import Bench

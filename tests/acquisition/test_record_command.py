@@ -19,14 +19,13 @@ from fingerlab.acquisition.commands import Start
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.protocol import Record, plan_steps
 from fingerlab.acquisition.requests import LoopSettings, ReadyStart, prepare
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.cli.proposals import single_plan
 from fingerlab.cli.record import record
-from fingerlab.errors import UserError
-from fingerlab.identify.diagnosis.next_experiment import BENCH_LOADS_NM, _bench_menu
-from fingerlab.rig_file import default_rig
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.experiment.predicted_runs import BENCH_LOADS_NM, bench_menu
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 
 RUN = {"kind": "sine", "amplitude_deg": 10.0, "frequency_hz": 1.0, "offset_deg": 20.0, "duration_s": 3.0}
@@ -112,8 +111,8 @@ def test_a_proposed_run_against_a_known_load_carries_it_from_its_first_sample(tm
 
 def test_every_run_that_is_proposed_for_the_motor_bench_is_within_its_limits() -> None:
     rig = default_rig()
-    settings = LoopSettings(BenchUnits.from_rig(rig), Limits.from_rig(rig))
-    proposals = list(_bench_menu(rig, BENCH_LOADS_NM))
+    settings = LoopSettings(BenchUnits.from_rig(rig), rig.limits)
+    proposals = list(bench_menu(rig, BENCH_LOADS_NM))
     assert len(proposals) >= 6
     for one in proposals:
         plan = single_plan(json.dumps({"trajectory": one.trajectory, "phase": one.phase}), None, None)

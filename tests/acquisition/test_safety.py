@@ -17,8 +17,11 @@ from fingerlab.acquisition.checks import (
     Stuck,
     Watchdog,
 )
-from fingerlab.acquisition.safety import Limits, Safety, limits_table, safety_checks
-from fingerlab.errors import UserError
+from fingerlab.acquisition.safety import Safety, safety_checks
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.daq import Limits, limits_table
+from fingerlab.rig.file import parse_rig
 
 
 def healthy(index: int = 0, position: float = 0.4) -> Reading:
@@ -193,29 +196,31 @@ def test_every_limit_has_a_unit_and_a_source() -> None:
     for row in limits_table(Limits()):
         assert row.unit
         assert row.source
-    assert len(limits_table(Limits())) == len(fields(Limits))
+    assert {row.name for row in limits_table(Limits())} == {f.name for f in fields(Limits)} - {"sources"}
 
 
-def test_limits_of_a_rig_file_replace_the_defaults_one_by_one() -> None:
-    limits = Limits.from_mapping(
-        {"current": 2.0, "position_high_deg": 60, "mcp_high": {"value": 45.0, "unit": "deg"}}
-    )
+def test_a_rig_file_sets_limits_of_bench_and_loop_one_by_one() -> None:
+    text = "[limits]\ncurrent = 2.0\nmcp_high = { value = 45.0, unit = 'deg' }\nlate_time = 0.05\n"
+    rig = parse_rig(text, "rig.toml")
+    limits = Rig.from_json(rig.to_json()).limits
     assert limits.current == 2.0
-    assert limits.position_high == pytest.approx(1.0471975512)
     assert limits.mcp_high == pytest.approx(0.7853981634)
+    assert limits.late_time == 0.05
     assert limits.speed == Limits().speed
+    assert limits.recorder_time == Limits().recorder_time
 
 
 @pytest.mark.parametrize(
-    ("data", "words"),
+    ("text", "words"),
     [
-        ({"curent": 2.0}, "unknown 'curent'"),
-        ({"current": "two"}, "finite number"),
-        ({"current": math.nan}, "finite number"),
-        ({"current": -1.0}, "greater than zero"),
-        ({"mcp_low": 3.0}, "smaller"),
+        ("curent = 2.0", "unknown 'curent'"),
+        ("current = 'two'", "finite number"),
+        ("current = nan", "finite number"),
+        ("late_time = -1.0", "late_time is -1; it should be above zero"),
+        ("late_time = {value = 20, unit = 'm'}", "in 'm'; it should be in 's'"),
+        ("mcp_low = 3.0", "not below mcp_high"),
     ],
 )
-def test_bad_limits_are_one_sentence(data: dict[str, object], words: str) -> None:
+def test_bad_limits_are_one_sentence(text: str, words: str) -> None:
     with pytest.raises(UserError, match=words):
-        Limits.from_mapping(data)
+        parse_rig(f"[limits]\n{text}\n", "rig.toml")

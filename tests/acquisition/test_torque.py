@@ -14,11 +14,11 @@ from fingerlab.acquisition.board import Slot
 from fingerlab.acquisition.commands import Approach, Enable, Finish, Initialise, Start
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.protocol import Change, Record, plan_steps
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.torque import FREE_SPEED
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.errors import UserError
-from fingerlab.sessions.words import trajectory_words
+from fingerlab.core.errors import UserError
+from fingerlab.rig.daq import Limits
+from fingerlab.sessions.trajectory import trajectory_words
 from fingerlab.twin.protocols import single_run
 from tests.acquisition import fake_device
 from tests.acquisition.driving import SINE, Driven

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fingerlab.acquisition.trajectories import WAVES, read_trajectory
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 TIME = np.arange(0.0, 20.0, 1e-3)
 

@@ -11,10 +11,10 @@ import pytest
 from click.testing import CliRunner, Result
 from distributed import LocalCluster
 
-from fingerlab.batch import runners
+from fingerlab.batch import run
 from fingerlab.batch.rows import Options, Task, diagnose_file
 from fingerlab.cli.main import cli
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 from .conftest import aged
 
@@ -54,24 +54,24 @@ def test_the_cluster_gives_what_this_machine_gives(
 
 
 def test_nobody_at_the_address_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runners, "CONNECT_SECONDS", 0.5)
+    monkeypatch.setattr(run, "CONNECT_SECONDS", 0.5)
     with pytest.raises(UserError, match=r"No Dask scheduler answers at tcp://127\.0\.0\.1:9"):
-        runners.on_dask("tcp://127.0.0.1:9", tmp_path)
+        run.on_dask("tcp://127.0.0.1:9", tmp_path)
     with pytest.raises(UserError, match=r"No Dask scheduler answers at nonsense://x"):
-        runners.on_dask("nonsense://x", tmp_path)
+        run.on_dask("nonsense://x", tmp_path)
 
 
 def test_a_worker_that_does_not_see_the_sessions_is_named(cluster: LocalCluster, tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"The worker tcp://.* does not see .*nowhere"):
-        runners.on_dask(cluster.scheduler_address, tmp_path / "nowhere")
+        run.on_dask(cluster.scheduler_address, tmp_path / "nowhere")
 
 
 def test_a_worker_of_another_version_is_named(
     cluster: LocalCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(runners, "_worker_facts", _old_worker)
+    monkeypatch.setattr(run, "_worker_facts", _old_worker)
     with pytest.raises(UserError, match=r"has fingerlab 0\.0\.1; install"):
-        runners.on_dask(cluster.scheduler_address, tmp_path)
+        run.on_dask(cluster.scheduler_address, tmp_path)
 
 
 def _old_worker(folder: str) -> tuple[str, bool]:
@@ -83,7 +83,7 @@ def test_a_cluster_without_workers_is_told(tmp_path: Path) -> None:
         LocalCluster(n_workers=0, processes=False, dashboard_address=":0", protocol="tcp") as empty,
         pytest.raises(UserError, match="has no worker"),
     ):
-        runners.on_dask(empty.scheduler_address, tmp_path)
+        run.on_dask(empty.scheduler_address, tmp_path)
 
 
 def test_without_the_package_a_sentence_says_what_to_install(
@@ -91,4 +91,4 @@ def test_without_the_package_a_sentence_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(UserError, match=r"'fingerlab\[cluster\]'"):
-        runners.on_dask("tcp://127.0.0.1:8786", tmp_path)
+        run.on_dask("tcp://127.0.0.1:8786", tmp_path)

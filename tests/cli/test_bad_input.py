@@ -13,7 +13,7 @@ import pytest
 
 from fingerlab.cli.common import write_json
 from fingerlab.cli.main import COMMANDS, cli, main
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from tests.cli.bad_sessions import BAD_SESSIONS
 from tests.cli.calling import assert_one_sentence, run_main, snapshot
 

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from fingerlab.cli.main import LazyGroup, cli
-from fingerlab.physics.effects import CATALOGUE
+from fingerlab.effects import CATALOGUE
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "own_effect_example.py"
 

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from fingerlab.identify.model_file import load_model
+from fingerlab.models.file import load_model
 from tests.cli.calling import refused, run_command
 
 SAMPLES = 8000

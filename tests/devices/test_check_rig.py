@@ -11,13 +11,13 @@ import pytest
 from click.testing import CliRunner
 
 from fingerlab.cli.check_rig import check_rig as command
+from fingerlab.core.errors import UserError
 from fingerlab.devices.check_card import assumptions
 from fingerlab.devices.checking import CheckProtocol, Outcome, check_rig, write_protocol
 from fingerlab.devices.faults import Faults, SensorFault
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation
-from fingerlab.errors import UserError
-from fingerlab.rig_file import default_rig, parse_rig
+from fingerlab.rig.file import default_rig, parse_rig
 
 from .virtual_card import Card, InProcessChannel, Servicer
 

@@ -10,6 +10,7 @@ from typing import Any
 import grpc
 import pytest
 
+from fingerlab.core.errors import UserError
 from fingerlab.devices.choosing import DeviceChoice, choose_device
 from fingerlab.devices.clock import VirtualClock
 from fingerlab.devices.detect import detect, opening_sentence
@@ -17,9 +18,8 @@ from fingerlab.devices.faults import Faults
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.replay import Replay
 from fingerlab.devices.simulated import SimulatedRig, Simulation
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
-from fingerlab.rig_file import parse_rig
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import parse_rig
 
 from .virtual_card import Card, InProcessChannel, Servicer, SimplePlant, TcpServer
 

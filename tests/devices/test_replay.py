@@ -9,9 +9,9 @@ import h5py
 import numpy as np
 import pytest
 
+from fingerlab.core.errors import UserError
 from fingerlab.devices.protocol import RAW_CHANNELS, Device, DeviceFault, DeviceLost
 from fingerlab.devices.replay import Replay
-from fingerlab.errors import UserError
 from fingerlab.sessions import open_session
 
 

@@ -11,8 +11,8 @@ import click
 import pytest
 
 import fingerlab.batch.rows
-import fingerlab.identify.diagnosis
-import fingerlab.identify.prediction
+import fingerlab.diagnosis
+import fingerlab.prediction
 import fingerlab.report.prediction_section
 import fingerlab.twin.protocols
 from fingerlab.cli.main import cli
@@ -37,6 +37,7 @@ RUN_ELSEWHERE = {
     "mkdocs": ("tests/docs/test_documents.py", "build.build(config)"),
     "pip install": (".ci/run", "start.py"),  # the starter installs what these lines name
     "python docs/hidden_effect_story.py": ("tests/notebook/test_story.py", "hidden_effect_story.py"),
+    "python -m tests.goldens": ("tests/goldens/test_goldens.py", "[command, str(folder), *words, *more]"),
     "python packaging/bundle.py": (".ci/run", "packaging/bundle.py"),
     "python packaging/distribution.py": ("tests/packaging/test_packages.py", "distribution.build_both"),
     "python packaging/licences.py": ("tests/docs/test_documents.py", "licences.locked()"),
@@ -68,11 +69,11 @@ def shelf(tmp_path_factory: pytest.TempPathFactory, patched: pytest.MonkeyPatch)
     protocols = fingerlab.twin.protocols.PROTOCOLS
     for name, plans in list(protocols.items()):
         patched.setitem(protocols, name, shortened(plans))  # type: ignore[arg-type]
-    diagnose = Remembered(fingerlab.identify.diagnosis.diagnose, whole=True)
-    for module in (fingerlab.identify.diagnosis, fingerlab.batch.rows):
+    diagnose = Remembered(fingerlab.diagnosis.diagnose, whole=True)
+    for module in (fingerlab.diagnosis, fingerlab.batch.rows):
         patched.setattr(module, "diagnose", diagnose)
-    fit = Remembered(fingerlab.identify.prediction.fit_extended)
-    for module in (fingerlab.identify.prediction, fingerlab.report.prediction_section):
+    fit = Remembered(fingerlab.prediction.fit_extended)
+    for module in (fingerlab.prediction, fingerlab.report.prediction_section):
         patched.setattr(module, "fit_extended", fit)
     stop_the_clock(patched)
     thin_reports(patched)

@@ -17,8 +17,8 @@ import pytest
 
 from fingerlab.cli.main import COMMANDS, cli
 from fingerlab.devices.protocol import Device
-from fingerlab.physics.effects import CATALOGUE
-from fingerlab.physics.effects.base import Row
+from fingerlab.effects import CATALOGUE
+from fingerlab.effects.base import Row
 from tests.docs.console import OURS, console_lines, mentions
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -166,7 +166,7 @@ def test_the_catalogue_has_a_page_for_each_effect_with_all_that_its_object_holds
         page = pages[f"catalogue/{effect.id}.md"]
         for said in (effect.title, effect.explanation, effect.reveal, effect.coordinate):
             assert said in page, effect.id
-        for name, gain in {**effect.gains, **effect.relaxes}.items():
+        for name, gain in effect.unknowns.items():
             row = next(line for line in page.splitlines() if line.startswith(f"| `{name}` |"))
             cells = [cell.strip() for cell in row.strip("|").split("|")]
             assert cells[2] == gain.unit
@@ -194,17 +194,17 @@ def test_every_page_of_the_catalogue_has_all_its_parts(pages: dict[str, str]) ->
         assert "| source |" in page or name == "cable_slack", name  # which has no unknown
 
 
-def test_every_effect_has_an_equation_and_look_alikes_that_exist(generate: ModuleType) -> None:
-    notes = generate.equation_notes()
-    assert set(notes) == set(CATALOGUE)
+def test_every_effect_has_an_equation_and_look_alikes_that_exist() -> None:
     theory = (DOCS / "theory.md").read_text(encoding="utf-8")
-    for name, note in notes.items():
-        assert note["equation"], name
-        assert note["symbols"], name
-        for year in re.findall(r"\b1[5-9]\d\d\b|\b20[012]\d\b", f"{note['symbols']} {note['source']}"):
+    for name, effect in CATALOGUE.items():
+        note = effect.formula
+        assert note is not None, name
+        assert note.equation, name
+        assert note.symbols, name
+        for year in re.findall(r"\b1[5-9]\d\d\b|\b20[012]\d\b", f"{note.symbols} {note.source}"):
             assert year in theory, (name, year)  # named in full among its sources
-        assert name not in note["alike"]
-        assert set(note["alike"]) <= set(CATALOGUE), name
+        assert name not in note.alike
+        assert set(note.alike) <= set(CATALOGUE), name
 
 
 def test_fingerprints_show_the_course_of_the_effect(pages: dict[str, str]) -> None:
@@ -233,11 +233,12 @@ def test_the_page_of_commands_has_all_of_them(pages: dict[str, str]) -> None:
 
 
 def test_the_numbers_of_the_diagnosis_are_read_from_its_modules(pages: dict[str, str]) -> None:
-    from fingerlab.identify.diagnosis import conditions, steps
+    from fingerlab.diagnosis.score import selection
+    from fingerlab.diagnosis.signals import conditions
 
     made = sys.modules["stated"]
     rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", pages["decisions.md"], re.MULTILINE))
-    assert float(rows["CORRELATED_VALUES"]) == steps.CORRELATED_VALUES
+    assert float(rows["CORRELATED_VALUES"]) == selection.CORRELATED_VALUES
     assert float(rows["SAME_SHARE"]) == conditions.SAME_SHARE
     assert rows["SAME_DIFFERENCE"].startswith("frequency hz 0.02, amplitude deg 1")
     assert all(len(list(made.stated(name))) > 0 for name in made.MODULES)
@@ -250,8 +251,8 @@ def test_no_import_runs_up_an_arrow(generate: ModuleType) -> None:
     assert [edge for edge in sorted(edges) if rank[edge[0]] >= rank[edge[1]]] == []
     folders = {path.parent.name for path in (ROOT / "fingerlab").glob("*/__init__.py")}
     assert folders <= {*rank, *made.GROUND}  # each part is drawn
-    assert {("ui", "identify"), ("cli", "identify"), ("devices", "twin")} <= edges
-    assert ("ui", "identify") not in made.drawn(edges)  # it runs over the report
+    assert {("ui", "diagnosis"), ("cli", "diagnosis"), ("devices", "twin")} <= edges
+    assert ("ui", "diagnosis") not in made.drawn(edges)  # it runs over the report
     page = (DOCS / "architecture.md").read_text(encoding="utf-8")
     svg = generate.on_page_markdown(page)
     assert svg.count('marker-end="url(#tip)"') == len(made.drawn(edges))

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from fingerlab.rig import Rig
-from fingerlab.rig_file import load_rig
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import load_rig
 from tests.docs.shelf import ROOT
 
 DOCS = ROOT / "docs"

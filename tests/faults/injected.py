@@ -23,15 +23,14 @@ from fingerlab.acquisition.board import Slot, Text
 from fingerlab.acquisition.commands import SetUp
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
-from fingerlab.acquisition.safety import Limits
+from fingerlab.core.errors import UserError
 from fingerlab.devices.clock import VirtualClock
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.simulated import SimulatedRig
-from fingerlab.errors import UserError
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.daq import Limits
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
-from fingerlab.sessions.part_file import RESERVE_BYTES, PartWriter
-from fingerlab.sessions.recording_place import PART_SUFFIX
+from fingerlab.sessions.recording_files import PART_SUFFIX, RESERVE_BYTES, PartWriter
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
 

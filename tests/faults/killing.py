@@ -19,7 +19,7 @@ import psutil
 from fingerlab.acquisition.board import Board, Slot
 from fingerlab.acquisition.columns import COLUMN
 from fingerlab.acquisition.ring import Ring
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions import check_session, open_session
 from tests.faults.shared_device import make_output, read_output
 

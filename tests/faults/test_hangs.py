@@ -22,8 +22,8 @@ from fingerlab.acquisition.loop import STOOD_STILL
 from fingerlab.acquisition.process_bench import ProcessBench
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.units import BenchUnits
-from fingerlab.errors import UserError
-from fingerlab.rig_file import default_rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 from tests.faults.killing import ROOT
 from tests.faults.shared_device import SharedChoice, make_output, read_output

@@ -16,10 +16,10 @@ from fingerlab.acquisition.commands import Enable, Initialise, SetUp, Start
 from fingerlab.acquisition.process_bench import ProcessBench
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
-from fingerlab.errors import UserError
-from fingerlab.rig_file import default_rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.daq import Limits
+from fingerlab.rig.file import default_rig
 from tests.faults.shared_device import SharedChoice
 
 SINE = {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0, "offset_deg": 22.0, "ramp_s": 0.5}

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from fingerlab.identify.diagnosis import diagnose
-from fingerlab.identify.results import Diagnosis
-from fingerlab.physics.effects import CATALOGUE
+from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.effects import CATALOGUE
 from fingerlab.report.diagnosis_words import UNEXPLAINED, path_sentence
 from fingerlab.sessions import open_session
 
@@ -75,7 +75,7 @@ def test_the_surgical_tool_rubs(shared_data: Path) -> None:
     assert result.verdict == "missing_effect"
     assert result.candidates[0].effect == "motor_coulomb_friction"
     scores = {c.effect: c.score for c in result.candidates}
-    assert set(scores) == {n for n, e in CATALOGUE.items() if e.bench}
+    assert set(scores) == {n for n, e in CATALOGUE.items() if e.bench is True}
     assert scores["motor_viscous_friction"] > 2.0 * scores["motor_coulomb_friction"]
     assert "motor_viscous_friction" not in result.set
     assert set(result.errors) == {"motor_torque"}

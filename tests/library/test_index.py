@@ -9,13 +9,10 @@ import h5py
 import pytest
 
 from fingerlab.batch.table import Contents, complete, write_table
-from fingerlab.errors import UserError
-from fingerlab.library.facts import SessionFacts, read_facts
-from fingerlab.library.filtering import Entry, matches
-from fingerlab.library.index import list_files, scan
-from fingerlab.library.notes import FILE_NAME, Note, Notebook
-from fingerlab.library.thumbnail import make_thumbnail
-from fingerlab.library.verdicts import find_verdicts
+from fingerlab.core.errors import UserError
+from fingerlab.library.index import SessionFacts, list_files, read_facts, scan
+from fingerlab.library.notes import FILE_NAME, LibraryEntry, Note, Notebook, find_verdicts, matches
+from fingerlab.library.pyramid import make_thumbnail
 
 
 def test_facts_say_what_the_file_says(make_session) -> None:  # type: ignore[no-untyped-def]
@@ -58,7 +55,7 @@ FACTS = SessionFacts(
     Path("x.h5"), "may/Finger.h5", 1, 1.0, title="Ring finger", created="2026-05-04T10:00:00+02:00",
     phases=("on_air", "contact"), cables=("flexion",), runs=2, seconds=90.0, flags=("12 late cycles",),
 )  # fmt: skip
-ENTRY = Entry(FACTS, tags=("good",), notes="cable changed", verdict="Coulomb friction\n94 %")
+ENTRY = LibraryEntry(FACTS, tags=("good",), notes="cable changed", verdict="Coulomb friction\n94 %")
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from fingerlab.errors import Cancelled, UserError
+from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.library.pyramid import BASE, LEVELS, MOST_SAMPLES, PIECE, Pyramid, fill
 from fingerlab.library.reviewing import (
     Marker,

@@ -17,9 +17,9 @@ from typing import Any
 import pytest
 
 import fingerlab
-import fingerlab.identify.diagnosis
-import fingerlab.identify.prediction
-from fingerlab.errors import UserError
+import fingerlab.diagnosis
+import fingerlab.prediction
+from fingerlab.core.errors import UserError
 from fingerlab.sessions import file_hash
 from tests.docs.console import console_lines
 from tests.docs.shelf import ROOT, Remembered, run, stop_the_clock
@@ -33,7 +33,7 @@ SAME = 0.25
 @pytest.fixture(scope="module", autouse=True)
 def _once() -> Iterator[None]:
     """What was worked out for the script is not worked out again for the commands."""
-    diagnosis, prediction = fingerlab.identify.diagnosis, fingerlab.identify.prediction
+    diagnosis, prediction = fingerlab.diagnosis, fingerlab.prediction
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(diagnosis, "diagnose", Remembered(diagnosis.diagnose))
         patch.setattr(prediction, "fit_extended", Remembered(prediction.fit_extended))

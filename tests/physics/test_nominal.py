@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.physics import nominal
-from fingerlab.rig import Finger, Motor
+from fingerlab.rig.constants import Finger, Motor
 
 FINGER = Finger(
     proximal_mass=0.013,

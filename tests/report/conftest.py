@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fingerlab.identify.results import (
+from fingerlab.diagnosis.answer.results import (
     Candidate,
     Comparison,
     Diagnosis,
     EquationError,
     Failure,
     Fingerprint,
-    ParameterEstimate,
     PathStep,
 )
+from fingerlab.models.file import ParameterEstimate
 
 STIFFNESS, AMPLITUDE, FRICTION, FLOOR, RATE = 0.05, 0.3, 0.0048, 0.0004, 25.0
 

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from fingerlab.core.text import in_words, r2_text, with_minus
 from fingerlab.report.analysis_section import analyse
-from fingerlab.report.estimates import in_words
-from fingerlab.report.screen import r2_text, with_minus
 from fingerlab.sessions import open_session
 
 
@@ -17,8 +16,8 @@ def quiet(share: float, what: str) -> None:
 
 
 def test_a_session_on_air_and_in_contact_gives_figures_and_numbers(shared_data: Path) -> None:
-    from fingerlab.identify.thesis.fitting import fit_session
-    from fingerlab.identify.thesis.specs import FOUR_REGIONS
+    from fingerlab.thesis.fitting import fit_session
+    from fingerlab.thesis.traces import FOUR_REGIONS
 
     session = open_session(shared_data / "bench-coulomb.h5")
     found = analyse([session], quiet)

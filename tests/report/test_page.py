@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import pytest
 
 import fingerlab
-from fingerlab.errors import Cancelled, UserError
+from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.report.page import write_report
 from fingerlab.sessions import open_session
 

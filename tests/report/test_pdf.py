@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from pypdf import PdfReader
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.report.page import Extras, write_report
 from fingerlab.report.pdf import pdf_of_page, pieces, words
 from fingerlab.report.pdf_paper import Paper, Wanted

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions import copy_session, open_session
 
 

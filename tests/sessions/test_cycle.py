@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.sessions.cycle import found_frequency, recognised
+from fingerlab.sessions.trajectory import found_frequency, recognised
 
 RATE = 100.0
 TIME = np.arange(0.0, 18.0, 1.0 / RATE)

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.io import loadmat
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions import content_hash, exporting, open_session
 from fingerlab.sessions.exporting import export_session
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from fingerlab.errors import UserError
-from fingerlab.rig_file import default_rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 from fingerlab.sessions.exporting import export_session
 from fingerlab.sessions.importing import TextRun, describe, import_files, plan_import

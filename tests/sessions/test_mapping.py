@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.mapping import map_columns
 from fingerlab.sessions.text_table import inspect_table
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from fingerlab.errors import UserError
-from fingerlab.sessions.place import put_in_place, whole_file
+from fingerlab.core.errors import UserError
+from fingerlab.core.files import put_in_place, whole_file
 
 
 def write_half(path: Path) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import psutil
 import pytest
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions import Run, content_hash, open_session
 
 

@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from fingerlab.errors import UserError
-from fingerlab.rig import Motor, Rig
-from fingerlab.rig_daq import LIMIT_UNITS, Daq, Limits, plain_section
-from fingerlab.rig_file import default_rig, parse_rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Motor, Rig
+from fingerlab.rig.daq import BENCH_LIMITS, Daq, Limits, plain_section
+from fingerlab.rig.file import default_rig, parse_rig
 
 
 def test_the_default_rig_file_states_every_default_and_where_it_comes_from():
@@ -26,7 +26,7 @@ def test_the_default_rig_file_states_every_default_and_where_it_comes_from():
     assert stated == default
     assert "thesis, equation 2.1" in sources["load_cell.gain"]
     limits = plain_section(rig.limits)
-    assert set(limits.pop("sources")) == set(LIMIT_UNITS)
+    assert set(limits.pop("sources")) == set(BENCH_LIMITS)
     assert limits == pytest.approx({k: v for k, v in plain_section(Limits()).items() if k != "sources"})
 
 

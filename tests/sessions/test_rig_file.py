@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from fingerlab.errors import UserError
-from fingerlab.rig import Rig
-from fingerlab.rig_file import CONSTANT_UNITS, default_rig, load_rig, parse_rig, sources_of
+from fingerlab.core.errors import UserError
+from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import CONSTANT_UNITS, default_rig, load_rig, parse_rig, sources_of
 
 FINGER = """
 [finger]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.sessions.text_table import inspect_table, read_blocks
 
 

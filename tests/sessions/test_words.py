@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fingerlab.sessions.words import trajectory_words
+from fingerlab.sessions.trajectory import trajectory_words
 
 
 def test_a_few_numbers_of_a_list_are_told_with_their_unit() -> None:

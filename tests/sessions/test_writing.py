@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import fingerlab
-from fingerlab.errors import UserError
-from fingerlab.rig_file import default_rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions import SessionWriter, check_session, open_session
-from fingerlab.sessions.target_file import TargetFile
+from fingerlab.sessions.hdf5 import TargetFile
 
 RATE = 500.0
 
@@ -297,8 +297,8 @@ def test_a_disk_that_fills_up_at_any_moment_leaves_nothing(tmp_path, monkeypatch
 FILL = """
 import sys
 import numpy as np
-from fingerlab.errors import UserError
-from fingerlab.rig_file import default_rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions import SessionWriter
 noise = np.random.default_rng(1).normal(size=400_000)
 try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.signals.delays import (
+from fingerlab.signals.periods import (
     cross_correlation_delay,
     finddelay,
     findsignal_delay,

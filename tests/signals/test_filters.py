@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.errors import UserError
-from fingerlab.signals.filters import derivative, low_pass, low_pass_stretches
+from fingerlab.core.errors import UserError
+from fingerlab.signals.prepare import derivative, low_pass, low_pass_stretches
 
 RATE = 1000.0
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.signals.periods import PeriodGrid, period_grid, repeats
-from fingerlab.signals.regions import (
+from fingerlab.signals.periods import (
     REGIONS,
+    PeriodGrid,
     consecutive_mask,
     longest_stretch,
+    period_grid,
     recognise,
     region_mask,
+    repeats,
     speed_threshold,
 )
 

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fingerlab.errors import UserError
-from fingerlab.twin.effect_table import EFFECTS
-from fingerlab.twin.effects import parse_effects
+from fingerlab.core.errors import UserError
+from fingerlab.twin.effects import EFFECTS, parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import RunPlan
 from fingerlab.twin.recording import Recorded, simulate_session

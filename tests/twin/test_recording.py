@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.twin.bench import build_bench, draw_truth
 from fingerlab.twin.effects import apply_effects, parse_effects
 from fingerlab.twin.preset import load_preset

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.integrate import position_loop
 from fingerlab.twin.layout import OUTPUTS, STATE

@@ -13,7 +13,6 @@ from pytestqt.qtbot import QtBot
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.safety import Limits
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.simulated import SimulatedRig, Simulation
@@ -33,7 +32,7 @@ def opener(rescue: Path, faults: Faults | None = None) -> OpenCall:
 
     def make(wanted: Wanted) -> OpenBench:
         device = SimulatedRig(simulation=Simulation(seed=wanted.seed), faults=faults)
-        settings = LoopSettings(BenchUnits.from_rig(device.rig), Limits.from_rig(device.rig))
+        settings = LoopSettings(BenchUnits.from_rig(device.rig), device.rig.limits)
         return OpenBench(InlineBench(device, settings, rescue), device.rig, dict(device.session_attributes))
 
     return make

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import QApplication, QFileDialog
 from pytestqt.qtbot import QtBot
 
 from fingerlab.devices.faults import Faults
-from fingerlab.identify.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.ui import application
 from fingerlab.ui.acquire import tab as acquire_tab
 from fingerlab.ui.settings import Settings

@@ -13,8 +13,8 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.errors import Cancelled
-from fingerlab.identify.results import Diagnosis
+from fingerlab.core.errors import Cancelled
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.sessions.model import Session
 from fingerlab.ui.lab.tab import ModelLabTab
 from fingerlab.ui.registry import TABS, Entry

@@ -10,16 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.identify.results import (
+from fingerlab.diagnosis.answer.results import (
     Candidate,
     Comparison,
     Diagnosis,
     EquationError,
     Failure,
     Fingerprint,
-    ParameterEstimate,
     PathStep,
 )
+from fingerlab.models.file import ParameterEstimate
 
 STIFFNESS = 0.05  # N m/rad
 AMPLITUDE = 0.3  # rad

@@ -15,8 +15,8 @@ from pytestqt.qtbot import QtBot
 from fingerlab.acquisition.columns import COLUMN
 from fingerlab.acquisition.initial import initial_of
 from fingerlab.acquisition.recording import LEAST_FREE_BYTES, seconds_of_room
-from fingerlab.errors import UserError
-from fingerlab.rig_file import parse_rig
+from fingerlab.core.errors import UserError
+from fingerlab.rig.file import parse_rig
 from fingerlab.ui.widgets.room import SideRoom
 
 from .bench_hands import Rig

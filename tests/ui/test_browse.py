@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
-from fingerlab.errors import Cancelled
+from fingerlab.core.errors import Cancelled
 from fingerlab.library.notes import FILE_NAME
 from fingerlab.sessions import open_session
 from fingerlab.ui.browse import tab as browse_tab

@@ -11,7 +11,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QFileDialog, QLineEdit, QPlainTextEdit
 from pytestqt.qtbot import QtBot
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.library.notes import FILE_NAME
 from fingerlab.ui.browse import undoing
 from fingerlab.ui.browse.table_model import TAGS

@@ -22,8 +22,8 @@ from fingerlab.acquisition.columns import COLUMN, COLUMNS
 from fingerlab.acquisition.ring import Ring
 from fingerlab.calibration import StepTiming
 from fingerlab.calibration.wizard import Phase
-from fingerlab.rig_daq import plain_section
-from fingerlab.rig_file import default_rig
+from fingerlab.rig.daq import plain_section
+from fingerlab.rig.file import default_rig
 from fingerlab.sessions import open_session, text_table
 from fingerlab.ui.acquire.opening import OpenBench, Wanted, open_bench
 from fingerlab.ui.calibrate import tab as calibrate_tab

@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fingerlab.identify.model_file import Model
-from fingerlab.identify.prediction.beside import RunForce, predict_beside
-from fingerlab.identify.results import ParameterEstimate
-from fingerlab.identify.thesis.models import parameter_sets
-from fingerlab.identify.thesis.predicting import predict_session
+from fingerlab.models.file import Model, ParameterEstimate
+from fingerlab.prediction.beside import RunForce, predict_beside
 from fingerlab.sessions import SessionWriter, open_session
+from fingerlab.thesis.contact import parameter_sets, predict_session
 
 from .test_predicting_tab import ALPHA, K_PIP, L2, LOSS, MCP, PEAK, PIP, RADIUS, RATE, REST, RIG, B
 

@@ -12,8 +12,8 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
-from fingerlab.identify.model_file import load_model
-from fingerlab.rig import Finger, Motor, Rig
+from fingerlab.models.file import load_model
+from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.sessions import SessionWriter
 from fingerlab.ui.fitting.tab import FitTab
 from fingerlab.ui.registry import Entry

@@ -12,7 +12,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel, QLineEdit, QMenu, QPushButton, QVBoxLayout, QWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.errors import Cancelled
+from fingerlab.core.errors import Cancelled
 from fingerlab.sessions.model import Session
 from fingerlab.ui.desk import Desk, RigLine
 from fingerlab.ui.registry import TABS, Entry

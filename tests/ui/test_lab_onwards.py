@@ -12,8 +12,8 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QFileDialog, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
-from fingerlab.identify.model_file import load_model
-from fingerlab.identify.results import EquationError, HeldOutRuns
+from fingerlab.diagnosis.answer.results import EquationError, HeldOutRuns
+from fingerlab.models.file import load_model
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import single_run

@@ -9,7 +9,7 @@ import pytest
 from PySide6.QtWidgets import QFileDialog, QLabel
 from pytestqt.qtbot import QtBot
 
-from fingerlab.physics.effects import whole_catalogue
+from fingerlab.effects import whole_catalogue
 from fingerlab.ui.lab.own_effects import EMPTY_FOLDER, NO_FOLDER, OwnEffects
 
 from .hands import child, click, lab_of

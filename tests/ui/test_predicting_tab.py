@@ -15,10 +15,9 @@ from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFileDialog, QLabel, QP
 from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.identify.model_file import Model, load_model, save_model
-from fingerlab.identify.prediction.beside import predict_beside
-from fingerlab.identify.results import ParameterEstimate
-from fingerlab.rig import Finger, Motor, Rig
+from fingerlab.models.file import Model, ParameterEstimate, load_model, save_model
+from fingerlab.prediction.beside import predict_beside
+from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.sessions import SessionWriter, open_session
 from fingerlab.ui.predicting.tab import PredictTab
 from fingerlab.ui.predicting.wanted import outcome_words

@@ -9,7 +9,7 @@ import pytest
 from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 
-from fingerlab.identify.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS

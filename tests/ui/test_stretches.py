@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.identify.results import Comparison
+from fingerlab.diagnosis.answer.results import Comparison
 from fingerlab.ui.lab.stretches import joined, run_key
 
 

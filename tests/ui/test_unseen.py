@@ -10,7 +10,7 @@ import pytest
 from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 
-from fingerlab.library.verdicts import Verdict
+from fingerlab.library.notes import Verdict
 from fingerlab.report.diagnosis_words import set_sentence
 from fingerlab.ui.browse.wording import verdict_help, verdict_text
 from fingerlab.ui.lab.wording import set_help, set_words

@@ -18,7 +18,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QTextBrowser
 from pytestqt.qtbot import QtBot
 
-from fingerlab.identify.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.ui.widgets.labels import ElidedLabel
 from fingerlab.ui.window import MainWindow
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QThread, Signal
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 from ..tasks import Failed
 

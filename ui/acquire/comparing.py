@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QFileDialog
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 from ..desk import Desk
 from .channels import PLOTS, QUANTITIES
@@ -18,7 +18,7 @@ from .station import Station
 from .toolbar import FILE, FROM_FILE, NO_MODEL, NOMINAL, Toolbar
 
 if TYPE_CHECKING:
-    from fingerlab.identify.live_model import Balance
+    from fingerlab.models.live import Balance
 
 MODEL_FILTER = "Model files (*.json);;All files (*)"
 
@@ -78,8 +78,8 @@ class Comparing(QObject):
         self.show()
 
     def _load(self, path: Path) -> bool:
-        from fingerlab.identify.live_model import balance_of
-        from fingerlab.identify.model_file import load_model
+        from fingerlab.models.file import load_model
+        from fingerlab.models.live import balance_of
 
         try:
             self._balance = balance_of(load_model(path), self._station.set_up.cable, path.name)

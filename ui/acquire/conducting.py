@@ -13,7 +13,7 @@ from fingerlab.acquisition.bench import Status
 from fingerlab.acquisition.commands import SetUp
 from fingerlab.acquisition.protocol import countdown
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 from ..desk import Desk
 from .panel import Panel

@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
     from fingerlab.acquisition.requests import LoopSettings
+    from fingerlab.core.trust import OwnSource
     from fingerlab.devices.choosing import DeviceChoice
-    from fingerlab.devices.own import DeviceFile
     from fingerlab.devices.protocol import Found
-    from fingerlab.rig import Rig
+    from fingerlab.rig.constants import Rig
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Wanted:
     preset: str = "practice"
     fault: str = ""
     fault_after_s: float = 20.0
-    own: DeviceFile | None = None
+    own: OwnSource | None = None
 
 
 @dataclass(frozen=True)
@@ -80,13 +80,12 @@ def open_bench(wanted: Wanted, make: MakeBench = in_processes) -> OpenBench:
             stored calibration is damaged.
     """
     from fingerlab.acquisition.requests import LoopSettings
-    from fingerlab.acquisition.safety import Limits
     from fingerlab.acquisition.units import BenchUnits
     from fingerlab.calibration.applying import default_folder, rig_and_attributes
     from fingerlab.devices.choosing import CARD, OWN, REPLAY, choose_device
     from fingerlab.devices.faults import fault_after
     from fingerlab.devices.simulated import Simulation
-    from fingerlab.rig_file import load_rig
+    from fingerlab.rig.file import load_rig
     from fingerlab.twin.effects import parse_effects
     from fingerlab.twin.protocols import RATE_HZ
 
@@ -114,7 +113,7 @@ def open_bench(wanted: Wanted, make: MakeBench = in_processes) -> OpenBench:
         folder = default_folder(wanted.rig_file, "default" if wired else "simulated")
         known, told = rig_and_attributes(known, folder)
         attributes |= told
-    settings = LoopSettings(BenchUnits.from_rig(known), Limits.from_rig(known))
+    settings = LoopSettings(BenchUnits.from_rig(known), known.limits)
     bench = make(choice, settings, rate)
     return OpenBench(bench, known, attributes, folder, not wired)
 
@@ -126,11 +125,11 @@ def _let_run(wanted: Wanted) -> None:
     file = device_file(Path(wanted.device.partition(":")[2]))
     if wanted.own is not None and wanted.own.sha256 == file.sha256:
         confirm(file)
-    elif file.state != "confirmed":
+    elif file.state != "trusted":
         raise UserError(f"{file.path} was changed meanwhile; look at it again, and connect it anew.")
 
 
-def own_device_file(path: Path) -> DeviceFile | None:
+def own_device_file(path: Path) -> OwnSource | None:
     """A file to ask its user about; None where it cannot be read, which connecting it says."""
     from fingerlab.devices.own import device_file
 
@@ -168,7 +167,7 @@ def find_devices(rig_file: Path | None) -> tuple[Found, ...]:
         UserError: the rig file cannot be read.
     """
     from fingerlab.devices.detect import detect
-    from fingerlab.rig_file import load_rig
+    from fingerlab.rig.file import load_rig
 
     return detect(load_rig(rig_file) if rig_file is not None else None)
 
@@ -176,7 +175,7 @@ def find_devices(rig_file: Path | None) -> tuple[Found, ...]:
 def effect_choices() -> tuple[tuple[str, str], ...]:
     """Id and title of every effect that the simulated rig can have."""
     from fingerlab.report.diagnosis_words import effect_title
-    from fingerlab.twin.effect_table import EFFECTS
+    from fingerlab.twin.effects import EFFECTS
 
     return tuple(sorted(((name, effect_title(name)) for name in EFFECTS), key=lambda pair: pair[1]))
 
@@ -195,7 +194,7 @@ def run_choices(path: Path) -> tuple[tuple[str, str], ...]:
         UserError: it is no session.
     """
     from fingerlab.sessions import open_session
-    from fingerlab.sessions.words import trajectory_words
+    from fingerlab.sessions.trajectory import trajectory_words
 
     return tuple(
         (run.name, f"Run {run.name}: {run.phase.replace('_', ' ')}, {trajectory_words(run.trajectory)}")

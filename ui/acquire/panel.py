@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 
 from fingerlab.acquisition.beginning import LONGEST_BEFORE_S
 from fingerlab.acquisition.machine import Event, Mode
-from fingerlab.acquisition.safety import Limits
+from fingerlab.rig.daq import Limits
 
 from ..task_bar import STEPS
 from ..widgets.focus import set_shown, set_usable

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QDoubleSpinBox, QFormLayout, QSpinBox, QWidget
 from fingerlab.acquisition.own_runs import own_runs
 from fingerlab.acquisition.protocol import Record, RunPlan, Step, plan_seconds, plan_steps
 from fingerlab.report.diagnosis_words import PHASE_WORDS
-from fingerlab.sessions.words import trajectory_words
+from fingerlab.sessions.trajectory import trajectory_words
 
 from ..widgets.labels import remark
 from .fields import choice, number

@@ -13,7 +13,7 @@ from fingerlab.acquisition.bench import Bench
 from fingerlab.acquisition.commands import Initialise, SetUp
 from fingerlab.acquisition.protocol import Change, Step
 from fingerlab.acquisition.protocol_driver import ProtocolDriver
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 from ..tasks import Failed
 from .recording import Recording

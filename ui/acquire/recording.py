@@ -16,7 +16,7 @@ from fingerlab.acquisition.beginning import run_to_record
 from fingerlab.acquisition.bench import Bench
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.recording import SessionInfo
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 from ..tasks import Failed
 from .station import NO_BENCH, Station

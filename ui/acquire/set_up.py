@@ -10,7 +10,7 @@ from typing import Any
 from fingerlab.acquisition.bench import Bench
 from fingerlab.acquisition.commands import Finish, SetUp, Start
 from fingerlab.acquisition.protocol import LIFT_S, Lift, lifting, plan_steps
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 LOADED_PHASE = "motor_bench"
 """The phase that can have a known load."""

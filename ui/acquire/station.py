@@ -27,7 +27,7 @@ from .opening import OpenBench, OpenCall, Wanted, open_bench
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.inline import InlineBench
-    from fingerlab.identify.live_model import Balance, LiveModel
+    from fingerlab.models.live import Balance, LiveModel
 
 TICK_MS = 33
 """At most 30 looks a second, each followed by one repaint."""
@@ -171,7 +171,8 @@ class Station(QObject):
             return f"{self.caller.title} is under way."
         if self.status.loop_ended:
             return "The device is gone; connect it again."
-        return Machine(self.status.mode, self.status.latched).refusal(event)
+        status = self.status
+        return Machine(status.mode, status.latched, status.pressed, status.unready).refusal(event)
 
     def ask(self, title: str, *commands: Command, done: Callable[[], None] | None = None) -> None:
         """Ask the loop for something, one command after the other; a refusal is told."""
@@ -238,7 +239,7 @@ class Station(QObject):
         """
         self.model = None
         if on and self.opened is not None and self.bench is not None:
-            from fingerlab.identify.live_model import LiveModel
+            from fingerlab.models.live import LiveModel
 
             rate, set_up = self.bench.rate_hz, self.set_up
             self.model = LiveModel(self.opened.rig, rate, set_up.phase, set_up.cable, balance)
@@ -271,7 +272,7 @@ class Station(QObject):
         model = self.model
         if model is None:
             return
-        from fingerlab.identify.live_model import Measured
+        from fingerlab.models.live import Measured
 
         if not whole:
             model.forget()

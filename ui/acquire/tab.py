@@ -23,9 +23,9 @@ from fingerlab.acquisition.commands import (
 from fingerlab.acquisition.initial import initial_of
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.protocol import countdown, prompt_of
-from fingerlab.acquisition.safety import Limits
-from fingerlab.errors import UserError
-from fingerlab.sessions.recording_place import recording_folder
+from fingerlab.acquisition.watching import line_words
+from fingerlab.core.errors import UserError
+from fingerlab.sessions.recording_files import recording_folder
 
 from ..desk import Desk
 from ..tab import Tab
@@ -329,7 +329,7 @@ class AcquireTab(Tab):
         opened = self.station.opened
         if opened is None:
             return
-        self.panel.show_limits(Limits.from_rig(opened.rig))
+        self.panel.show_limits(opened.rig.limits)
         self.panel.history.note()
         try:
             self.panel.initial.show_command(initial_of(opened.rig))
@@ -346,6 +346,11 @@ class AcquireTab(Tab):
             self.panel.refresh()
             self._count_down()
             self._follow_mode()
+            self._show_lines()
+
+    def _show_lines(self) -> None:
+        status = self.station.status
+        self.bar.show_lines(line_words(status) if status is not None else {})
 
     def _count_down(self) -> None:
         """What is left of a motion that was started by hand for a time."""
@@ -371,6 +376,7 @@ class AcquireTab(Tab):
         self.connect_page.show_busy(busy if busy != LOOKING else "")
         device = self.station.status.device if self.station.status is not None else ""
         self.bar.show_device(device, self.recording.in_protocol)
+        self._show_lines()
         if connected:
             self.panel.show_set_up()
             self.panel.refresh()

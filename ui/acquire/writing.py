@@ -15,7 +15,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal
 
 from fingerlab.acquisition.bench import Bench
-from fingerlab.errors import Cancelled
+from fingerlab.core.errors import Cancelled
 
 from ..task_bar import STEPS, time_left
 

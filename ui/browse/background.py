@@ -10,7 +10,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QThread, Signal
 
-from fingerlab.errors import Cancelled, UserError
+from fingerlab.core.errors import Cancelled, UserError
 
 Tell = Callable[[Any], None]
 IsCancelled = Callable[[], bool]

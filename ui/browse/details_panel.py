@@ -14,9 +14,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.library.facts import SessionFacts, text_list
-from fingerlab.library.notes import FILE_NAME, Note
-from fingerlab.library.verdicts import Verdict
+from fingerlab.library.index import SessionFacts, text_list
+from fingerlab.library.notes import FILE_NAME, Note, Verdict
 
 from ..widgets.labels import ElidedLabel, heading, remark
 from .wording import clock_time, duration, verdict_text

@@ -18,10 +18,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.errors import UserError
-from fingerlab.library.filtering import HELP, matches
-from fingerlab.library.notes import Note
-from fingerlab.library.thumbnail import Thumbnail
+from fingerlab.core.errors import UserError
+from fingerlab.library.notes import HELP, Note, matches
+from fingerlab.library.pyramid import Thumbnail
 
 from ..widgets.column_keeper import ColumnKeeper
 from ..widgets.labels import ElidedLabel, remark

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fingerlab.errors import UserError
-from fingerlab.library.facts import SessionFacts
-from fingerlab.library.index import scan
-from fingerlab.library.notes import Notebook
-from fingerlab.library.verdicts import Verdict, find_verdicts
+from fingerlab.core.errors import UserError
+from fingerlab.library.index import SessionFacts, scan
+from fingerlab.library.notes import Notebook, Verdict, find_verdicts
 
 from .background import IsCancelled, Tell
 

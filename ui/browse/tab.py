@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtWidgets import QFileDialog, QStackedWidget
 
-from fingerlab.errors import UserError
-from fingerlab.library.facts import SessionFacts
+from fingerlab.core.errors import UserError
+from fingerlab.library.index import SessionFacts
 from fingerlab.library.notes import Note, Notebook
 from fingerlab.sessions.model import Session
 

@@ -12,7 +12,7 @@ from PySide6.QtCore import QModelIndex, QObject, QPersistentModelIndex, QPointF,
 from PySide6.QtGui import QPainter, QPolygonF
 from PySide6.QtWidgets import QStyle, QStyledItemDelegate, QStyleOptionViewItem
 
-from fingerlab.library.thumbnail import Thumbnail, make_thumbnail
+from fingerlab.library.pyramid import Thumbnail, make_thumbnail
 
 from ..theme import colours_of
 from ..widgets.plot_style import line, tint

@@ -11,8 +11,8 @@ from typing import Protocol
 
 from PySide6.QtCore import QFile, QStandardPaths
 
-from fingerlab.errors import UserError
-from fingerlab.library.facts import SessionFacts
+from fingerlab.core.errors import UserError
+from fingerlab.library.index import SessionFacts
 from fingerlab.library.notes import Note
 
 from ..undo_steps import UndoSteps

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from fingerlab.library.facts import UNWRITTEN, SessionFacts
-from fingerlab.library.verdicts import Verdict
+from fingerlab.core.text import percent, score_text
+from fingerlab.library.index import UNWRITTEN, SessionFacts
+from fingerlab.library.notes import Verdict
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
-from fingerlab.report.screen import percent, score_text
 from fingerlab.sessions.model import Run
-from fingerlab.sessions.words import trajectory_words
+from fingerlab.sessions.trajectory import trajectory_words
 
 PHASE_WORDS = {
     "on_air": "on air",

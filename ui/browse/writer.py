@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFileDialog, QWidget
 
-from fingerlab.errors import UserError
-from fingerlab.library.cutting import Stretch, cut_session, merge_sessions
-from fingerlab.library.facts import SessionFacts
+from fingerlab.core.errors import UserError
+from fingerlab.library.cutting import RunStretch, cut_session, merge_sessions
+from fingerlab.library.index import SessionFacts
 from fingerlab.library.notes import Note
 from fingerlab.sessions.copying import copy_session
 from fingerlab.sessions.model import Run, Session
@@ -42,7 +42,7 @@ class Writer(QObject):
         suggested = session.path.with_name(f"{session.path.stem}-{run.name}-cut.h5")
         target = self._ask_file("Cut: new session", suggested)
         if target is not None:
-            stretch = Stretch(run, min(start, stop), max(start, stop))
+            stretch = RunStretch(run, min(start, stop), max(start, stop))
             self._start(
                 f"Cutting {session.path.name}",
                 lambda progress: cut_session(session, stretch, target, progress),
@@ -122,7 +122,7 @@ class Writer(QObject):
             return
 
         def work(progress: Progress) -> Path:
-            from fingerlab.rig_file import default_rig, load_rig
+            from fingerlab.rig.file import default_rig, load_rig
             from fingerlab.sessions.importing import import_files
 
             rig = load_rig(rig_file) if rig_file is not None else default_rig()

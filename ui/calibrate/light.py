@@ -6,7 +6,7 @@ from PySide6.QtCore import QPointF, QSize
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QWidget
 
-from fingerlab.calibration.stability import Light
+from fingerlab.calibration.wizard import Light
 
 from ..theme import colours_of, large_font
 

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.calibration.plan import mark_text
+from fingerlab.calibration.sensors import mark_text
 from fingerlab.calibration.wizard import Phase, Wizard
 
 from ..acquire.fields import ActionButton, row

@@ -8,8 +8,8 @@ from typing import get_args
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QLabel, QPushButton, QVBoxLayout, QWidget
 
-from fingerlab.identify.thesis.specs import Delay, FitSpec, Method
-from fingerlab.signals.regions import THRESHOLDS_PERCENT
+from fingerlab.signals.periods import THRESHOLDS_PERCENT
+from fingerlab.thesis.traces import Delay, FitSpec, Method
 
 from ..widgets.labels import heading, remark
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QPushButton, QStackedWidget, QWidget
 
-from fingerlab.identify.model_file import save_model
-from fingerlab.identify.thesis.inspection import Inspection, inspect_session
-from fingerlab.identify.thesis.models import model_of_fit
+from fingerlab.models.file import save_model
+from fingerlab.thesis.fitting import model_of_fit
+from fingerlab.thesis.inspection import Inspection, inspect_session
 
 from ..desk import Desk
 from ..tab import Command, Tab

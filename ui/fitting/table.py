@@ -5,13 +5,12 @@ from __future__ import annotations
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidgetItem, QWidget
 
-from fingerlab.identify.thesis.inspection import Inspection
-from fingerlab.identify.thesis.models import delay_estimate
-from fingerlab.identify.thesis.pooling import RegionResult
-from fingerlab.identify.thesis.specs import JOINT_TITLES, Joint
-from fingerlab.report.estimates import in_words
-from fingerlab.report.screen import r2_text, with_minus
-from fingerlab.signals.regions import REGION_TITLES
+from fingerlab.core.text import in_words, r2_text, with_minus
+from fingerlab.signals.periods import REGION_TITLES
+from fingerlab.thesis.fitting import delay_estimate
+from fingerlab.thesis.inspection import Inspection
+from fingerlab.thesis.onair import RegionResult
+from fingerlab.thesis.traces import JOINT_TITLES, Joint
 
 from ..widgets.number_table import NumberTable
 

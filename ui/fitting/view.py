@@ -5,10 +5,10 @@ from __future__ import annotations
 from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from fingerlab.identify.thesis.inspection import Inspection
-from fingerlab.identify.thesis.specs import JOINT_TITLES, JOINTS
-from fingerlab.report.screen import ScreenUnit
-from fingerlab.signals.regions import REGION_TITLES
+from fingerlab.core.text import ScreenUnit
+from fingerlab.signals.periods import REGION_TITLES
+from fingerlab.thesis.inspection import Inspection
+from fingerlab.thesis.traces import JOINT_TITLES, JOINTS
 
 from ..theme import colours_of, small_font
 from ..widgets.labels import WholeLabel

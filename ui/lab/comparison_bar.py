@@ -9,7 +9,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QFontMetrics, QResizeEvent
 from PySide6.QtWidgets import QButtonGroup, QComboBox, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QWidget
 
-from fingerlab.identify.results import EQUATION_TITLES, Comparison, EquationError
+from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Comparison, EquationError
 from fingerlab.sessions.model import Session
 
 from .equations import FLOOR_HELP, equation_text

@@ -10,7 +10,7 @@ from PySide6.QtCore import QEvent, QPointF, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QWidget
 
-from fingerlab.identify.results import Comparison, Failure
+from fingerlab.diagnosis.answer.results import Comparison, Failure
 
 from ..theme import colours_of
 from ..widgets.curve import DecimatedCurve

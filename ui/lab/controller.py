@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from PySide6.QtCore import QObject, Signal
 
-from fingerlab.identify.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.sessions.model import Session
 
@@ -20,7 +20,7 @@ def run_diagnosis(
     sessions: Sequence[Session], added: tuple[str, ...], progress: Progress, cancelled: IsCancelled
 ) -> Diagnosis:
     """The instrument's diagnosis, imported in the worker so that the window opens without waiting for it."""
-    from fingerlab.identify.diagnosis import diagnose
+    from fingerlab.diagnosis import diagnose
 
     result: Diagnosis = diagnose(sessions, added=added, progress=progress, cancelled=cancelled)
     return result

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fingerlab.identify.results import EQUATION_TITLES
+from fingerlab.diagnosis.answer.results import EQUATION_TITLES
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fingerlab.identify.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Diagnosis
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QFileDialog, QWidget
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 from ..desk import Desk
 from ..tasks import IsCancelled, Progress, Work
 from .controller import LabController
 
 if TYPE_CHECKING:
-    from fingerlab.identify.model_file import Model
+    from fingerlab.models.file import Model
 
 NAME = "Model lab"
 """What stands in Predict where a file's name would."""
@@ -69,7 +69,7 @@ class Onwards(QObject):
         path, fit = Path(name), self._fit()
 
         def work(progress: Progress, cancelled: IsCancelled) -> Path:
-            from fingerlab.identify.model_file import save_model
+            from fingerlab.models.file import save_model
 
             model = fit(progress, cancelled)
             path.unlink(missing_ok=True)  # the dialog has asked
@@ -82,7 +82,7 @@ class Onwards(QObject):
         sessions, added = self._controller.sessions, self._added()
 
         def work(progress: Progress, cancelled: IsCancelled) -> Model:
-            from fingerlab.identify.prediction import fit_extended, model_of_extended
+            from fingerlab.prediction import fit_extended, model_of_extended
 
             return model_of_extended(fit_extended(sessions, added, progress))
 

@@ -21,13 +21,13 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 
 from ..own_files import ask_to_run
 from ..widgets.labels import remark
 
 if TYPE_CHECKING:
-    from fingerlab.physics.effects.own import OwnFile
+    from fingerlab.effects.own import OwnFile
 
 ABOUT = (
     "An effect of your own is a Python file. Once you have let it run, the next comparison ranks it with the "
@@ -97,8 +97,8 @@ class OwnEffects(QDialog):
 
     def _show(self, problem: str) -> None:
         """What is known now, and ``problem``: a sentence on what went wrong, or nothing."""
-        from fingerlab.own_settings import read_settings
-        from fingerlab.physics.effects import CATALOGUE, own
+        from fingerlab.core.trust import read_settings
+        from fingerlab.effects import CATALOGUE, own
 
         row = max(self.files.currentRow(), 0)
         self.files.clear()
@@ -132,14 +132,14 @@ class OwnEffects(QDialog):
     # hand
 
     def _choose(self) -> None:
-        from fingerlab.physics.effects import own
+        from fingerlab.effects import own
 
         name = QFileDialog.getExistingDirectory(self, "Folder of own effects", self._start)
         if name:
             self._try(lambda: own.set_folder(Path(name)))
 
     def _trust(self) -> None:
-        from fingerlab.physics.effects import CATALOGUE, own
+        from fingerlab.effects import CATALOGUE, own
 
         file = self._chosen()
         if file is None:
@@ -149,14 +149,14 @@ class OwnEffects(QDialog):
             self._try(lambda: own.trust(source, CATALOGUE))
 
     def _untrust(self) -> None:
-        from fingerlab.physics.effects import own
+        from fingerlab.effects import own
 
         file = self._chosen()
         if file is not None:
             self._try(lambda: own.distrust(Path(file.source.file)))
 
     def _forget(self) -> None:
-        from fingerlab.physics.effects import own
+        from fingerlab.effects import own
 
         self._try(own.forget)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.identify.results import Comparison
+from fingerlab.diagnosis.answer.results import Comparison
 from fingerlab.sessions.model import Array
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import SignalInstance
 from PySide6.QtWidgets import QFileDialog, QStackedWidget
 
-from fingerlab.errors import UserError
-from fingerlab.identify.results import EQUATION_TITLES
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.answer.results import EQUATION_TITLES
 
 from .. import practice, reporting
 from ..desk import Desk

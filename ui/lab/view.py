@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QStackedWidget, QVBoxLayout, QWidget
 
-from fingerlab.identify.where import Profile, stretches_in, worst_run
+from fingerlab.diagnosis.answer.where import Profile, stretches_in, worst_run
 from fingerlab.report.diagnosis_words import not_shown
 from fingerlab.report.where_words import bin_words
 

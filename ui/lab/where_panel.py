@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from fingerlab.identify.results import Comparison
-from fingerlab.identify.where import COORDINATES, Profile, most_orderly, profile
+from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.diagnosis.answer.where import COORDINATES, Profile, most_orderly, profile
 from fingerlab.report.where_words import axis_title, bin_words, miss_words, worst_words
 
 from ..widgets.labels import ElidedLabel, remark

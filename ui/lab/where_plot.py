@@ -8,7 +8,7 @@ from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtGui import QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QWidget
 
-from fingerlab.identify.where import Profile
+from fingerlab.diagnosis.answer.where import Profile
 from fingerlab.report.diagnosis_words import PHASE_WORDS
 from fingerlab.report.where_words import axis_title, bin_words, coordinate_unit, miss_words, residual_unit
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fingerlab.identify.results import Candidate, Comparison, Diagnosis, EquationError, Failure
+from fingerlab.core.text import decimals_for, fixed, percent, score_text, screen_unit
+from fingerlab.diagnosis.answer.results import Candidate, Comparison, Diagnosis, EquationError, Failure
 from fingerlab.report.diagnosis_words import (
     NOTHING_WORDS,
     PHASE_WORDS,
@@ -18,9 +19,8 @@ from fingerlab.report.diagnosis_words import (
     would_show,
 )
 from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
-from fingerlab.report.screen import decimals_for, fixed, percent, score_text, screen_unit
 from fingerlab.sessions.model import Session
-from fingerlab.sessions.words import trajectory_words
+from fingerlab.sessions.trajectory import trajectory_words
 
 from .history import History
 

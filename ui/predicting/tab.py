@@ -17,8 +17,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.errors import UserError
-from fingerlab.identify.model_file import Model, load_model
+from fingerlab.core.errors import UserError
+from fingerlab.models.file import Model, load_model
 
 from ..desk import Desk
 from ..tab import Command, Tab
@@ -34,7 +34,7 @@ from .view_choice import ViewChoice
 from .wanted import WantedView
 
 if TYPE_CHECKING:
-    from fingerlab.identify.prediction.beside import Beside
+    from fingerlab.prediction.beside import Beside
     from fingerlab.sessions.model import Session
 
 MODEL_FILTER = "Model files (*.json)"
@@ -212,7 +212,7 @@ class PredictTab(Tab):
         self._due = False
 
         def work(progress: Progress, cancelled: IsCancelled) -> Beside:
-            from fingerlab.identify.prediction.beside import predict_beside
+            from fingerlab.prediction.beside import predict_beside
 
             return predict_beside(opened[0], given, progress)
 

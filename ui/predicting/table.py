@@ -5,9 +5,9 @@ from __future__ import annotations
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QHeaderView, QTableWidgetItem, QWidget
 
-from fingerlab.identify.prediction.beside import RunForce
-from fingerlab.identify.thesis.prediction import FORCE_PHASES
-from fingerlab.report.screen import fixed, r2_text
+from fingerlab.core.text import fixed, r2_text
+from fingerlab.prediction.beside import RunForce
+from fingerlab.thesis.prediction import FORCE_PHASES
 
 from ..theme import colours_of
 from ..widgets.number_table import NumberTable

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from PySide6.QtCore import QObject, QTimer
 from PySide6.QtWidgets import QFileDialog
 
-from fingerlab.errors import UserError
-from fingerlab.identify.model_file import Model
-from fingerlab.report.screen import decimals_for, fixed
+from fingerlab.core.errors import UserError
+from fingerlab.core.text import decimals_for, fixed
+from fingerlab.models.file import Model
 
 from ..desk import Desk
 from ..tasks import IsCancelled, Progress
@@ -21,7 +21,7 @@ from .wanted_panel import WantedPanel
 from .wanted_plots import TorquePlot, WantedForcePlot
 
 if TYPE_CHECKING:
-    from fingerlab.identify.prediction.inverse import Predictor, TorquePlan
+    from fingerlab.prediction.inverse import Predictor, TorquePlan
     from fingerlab.sessions.model import Session
 
 OWNER = "wanted force"
@@ -54,8 +54,8 @@ class WantedView(QObject):
 
     def take(self, session: Session | None, models: Mapping[str, Model]) -> None:
         """Another session, or other models."""
-        from fingerlab.identify.prediction.force import contact_runs
-        from fingerlab.identify.prediction.predictors import predictors
+        from fingerlab.prediction.force import contact_runs
+        from fingerlab.prediction.inverse import predictors
 
         self._session = session
         self._predictors = {}
@@ -89,9 +89,8 @@ class WantedView(QObject):
         run = next(run for run in session.runs if run.name == name)
 
         def work(progress: Progress, cancelled: IsCancelled) -> TorquePlan | str:
-            from fingerlab.identify.prediction.inverse import needed_torque
-            from fingerlab.identify.prediction.pose import pose_of_run
-            from fingerlab.identify.prediction.wanted import wanted_force
+            from fingerlab.prediction.inverse import needed_torque
+            from fingerlab.prediction.target import pose_of_run, wanted_force
 
             try:
                 return needed_torque(wanted_force(settings), predictor, pose_of_run(run), session.rig, file)

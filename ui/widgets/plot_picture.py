@@ -12,8 +12,8 @@ from PySide6.QtCore import QBuffer, QByteArray, QIODevice, QMarginsF, QPoint, QR
 from PySide6.QtGui import QImage, QPageLayout, QPageSize, QPainter, QPdfWriter
 from PySide6.QtWidgets import QWidget
 
-from fingerlab.errors import UserError
-from fingerlab.sessions.place import whole_file
+from fingerlab.core.errors import UserError
+from fingerlab.core.files import whole_file
 
 from .plot_series import series_of, to_csv
 

@@ -8,7 +8,7 @@ import warnings
 from typing import Any
 
 from fingerlab.devices.ni.errors import answering
-from fingerlab.rig_daq import Daq
+from fingerlab.rig.daq import Daq
 
 RPC_DEADLINE = 1.0
 """s; a server that takes longer counts as lost, or a pulled network cable would hang the loop for minutes."""

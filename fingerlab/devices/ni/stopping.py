@@ -10,7 +10,7 @@ from fingerlab.devices.ni.connection import Connection
 from fingerlab.devices.ni.errors import translated
 from fingerlab.devices.ni.tasks import add_enable, add_output
 from fingerlab.devices.protocol import DeviceFault
-from fingerlab.rig_daq import Daq
+from fingerlab.rig.daq import Daq
 
 
 def write_safe(connection: Connection, daq: Daq, reset: bool) -> tuple[DeviceFault, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from fingerlab.identify.diagnosis import diagnose
+from fingerlab.diagnosis import diagnose
 from fingerlab.sessions import open_session
 
 from .session import record

@@ -14,9 +14,9 @@ import numpy as np
 from click.testing import CliRunner
 
 from fingerlab.cli.main import cli
-from fingerlab.identify.diagnosis import diagnose
-from fingerlab.identify.prediction import fit_extended, predict_extended
-from fingerlab.identify.results import Diagnosis
+from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.prediction import fit_extended, predict_extended
 from fingerlab.sessions import Session, open_session
 from tests.hidden.sweep.trials import Trial
 

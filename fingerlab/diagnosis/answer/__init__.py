@@ -1,0 +1,1 @@
+"""What a person is told: numbers, curves and words."""

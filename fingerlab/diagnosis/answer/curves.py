@@ -1,0 +1,331 @@
+"""What a person looks at: measured and modelled over time, fingerprints, and the worst place in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Comparison, Failure, Fingerprint
+from fingerlab.diagnosis.answer.wording import Z90
+from fingerlab.diagnosis.equations.features import FORCE, BoolArray
+from fingerlab.diagnosis.equations.model import CABLE_NAMES
+from fingerlab.diagnosis.fit.noise import floor_covariance
+from fingerlab.diagnosis.fit.weights import SLACK_SPREAD_M
+from fingerlab.diagnosis.gram.decimation import Narrow, counted
+from fingerlab.diagnosis.gram.sums import Group
+from fingerlab.diagnosis.score.evidence import Evidence
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, NARROW_RATE_HZ, narrow
+from fingerlab.effects.base import COORDINATE_UNITS, Effect, Row
+from fingerlab.effects.transmission import winding_state
+from fingerlab.physics import nominal
+from fingerlab.physics.motion import Motion
+from fingerlab.sessions.model import Array, Run, Session
+
+SHOWN_STRETCHES = 48
+"""Curves are kept of this many stretches (of at most a minute); more would not be looked at one by one."""
+BINS = 15
+ROW_EQUATIONS = {
+    Row.MCP: "mcp_torque",
+    Row.PIP: "pip_torque",
+    Row.CABLE: "cable_kinematics",
+    Row.BENCH: "motor_torque",
+    Row.TIP: "tip_depth",
+}
+ROW_UNITS = {Row.MCP: "N m", Row.PIP: "N m", Row.CABLE: "m", Row.BENCH: "N m", Row.TIP: "m"}
+
+
+@dataclass(frozen=True)
+class Kept:
+    """One stretch as it was reduced, with what its fingerprints are drawn against."""
+
+    session: str
+    run: str
+    phase: str
+    key: GroupKey
+    columns: Array  # (n, features), float32
+    taut: BoolArray
+    time: Array
+    coordinates: Mapping[str, Array]
+    levers: tuple[Array, Array] | None  # of the contact force about MCP and PIP, m
+
+
+@dataclass(frozen=True)
+class Curves:
+    """All that is drawn."""
+
+    comparisons: tuple[Comparison, ...]
+    fingerprints: Mapping[str, Fingerprint]
+    failure: Failure | None
+
+
+@dataclass
+class Display:
+    """Keeps the stretches that pass by while the sessions are reduced, and draws from them afterwards."""
+
+    stretches: list[Kept] = field(default_factory=list)
+
+    def keep(self, session: Session, run: Run, low: Narrow) -> None:
+        """Called by the reduction for every stretch."""
+        if len(self.stretches) >= SHOWN_STRETCHES:
+            return
+        motion = low.wide
+        levers = None
+        if motion.force is not None:
+            finger, q = motion.finger_and_joints
+            both = np.stack(
+                (
+                    nominal.contact_lever_mcp(finger, q.mcp, q.pip),
+                    nominal.contact_lever_pip(finger, q.mcp, q.pip),
+                )
+            )
+            both = narrow(both[:, counted(motion)])
+            levers = (both[0], both[1])
+        kept = Kept(
+            str(session.path), run.name, run.phase, group_key(run), low.columns.astype(np.float32), low.taut,
+            low.time, _coordinates(motion), levers,
+        )  # fmt: skip
+        self.stretches.append(kept)
+
+    def curves(self, study: Study, evidence: Evidence) -> Curves:
+        """Comparisons of the model as given, and the fingerprint of every effect tried beside it."""
+        groups = {g.key: g for g in study.reduced.groups}
+        comparisons: list[Comparison] = []
+        for kept in self.stretches:
+            comparisons += _comparisons(study, evidence.base, groups[kept.key], kept)
+        prints = {}
+        for trial in evidence.trials:
+            one = trial.model.choices[-1].effect
+            drawn = _fingerprint(one, evidence.base, trial, groups, self.stretches, study.reduced.on_bench)
+            if drawn is not None:
+                prints[one.id] = drawn
+        best = int(np.argmax(evidence.probabilities)) if evidence.trials else -1
+        slack = best >= 0 and evidence.trials[best].model.slack_free
+        return Curves(tuple(comparisons), prints, _failure(comparisons, self.stretches, slack))
+
+
+def _coordinates(motion: Motion) -> dict[str, Array]:
+    wide = {
+        "time": motion.time,
+        "motor speed": motion.velocity,
+        "motor angle": motion.position,
+        "motor acceleration": motion.acceleration,
+        "tension": motion.tension,
+        "tension times direction of travel": motion.tension * winding_state(motion),
+    }
+    if motion.joints is not None:
+        q = motion.joints
+        wide |= {
+            "joint speed mcp": q.mcp_velocity,
+            "joint speed pip": q.pip_velocity,
+            "joint angle mcp": q.mcp,
+            "joint angle pip": q.pip,
+            "joint acceleration mcp": q.mcp_acceleration,
+            "joint acceleration pip": q.pip_acceleration,
+            "difference of joint angles": q.mcp - q.pip,
+        }
+    if motion.force is not None:
+        wide["force"] = motion.force
+    narrowed = narrow(np.stack([v[counted(motion)] for v in wide.values()]))
+    return {name: narrowed[i] for i, name in enumerate(wide)}
+
+
+def _residuals(trial: Trial, group: Group, kept: Kept) -> dict[Row, Array]:
+    """Residual of every equation over a stretch, in the fit's own units (N, m or N m)."""
+    h, _ = trial.model.coefficients(trial.fit.values, group)
+    rows = trial.model.rows
+    columns = kept.columns[:, trial.model.pick.signals]
+    return {row: columns[:, rows == row] @ h[rows == row] for row in Row if np.any(rows == row)}
+
+
+def _residual(trial: Trial, group: Group, kept: Kept, row: Row) -> Array:
+    """As :func:`_residuals`, of one equation: a fingerprint is drawn for each of dozens of effects."""
+    h, _ = trial.model.coefficients(trial.fit.values, group)
+    chosen = trial.model.rows == row
+    return np.asarray(kept.columns[:, trial.model.pick.signals[chosen]] @ h[chosen], dtype=float)
+
+
+def _arms(trial: Trial, group: Group) -> tuple[float, float]:
+    routing = CABLE_NAMES[group.cable_sign]
+    index = trial.model.index
+    return (
+        group.cable_sign * float(trial.fit.values[index[f"arm_mcp@{routing}"]]),
+        group.cable_sign * float(trial.fit.values[index[f"arm_pip@{routing}"]]),
+    )
+
+
+def _measured(trial: Trial, group: Group, kept: Kept, row: Row) -> Array:
+    """The measured side: tension without the rotor's inertia (N), cable wound (m), torque (N m)."""
+    h, _ = trial.model.coefficients(trial.fit.values, group)
+    chosen = []
+    for k, i in enumerate(trial.model.active):
+        f = trial.model.layout.features[i]
+        measured = f.constant == -1.0 and f.owner is None and f.scale == "direct"
+        inertia = f.parameter == "rotor_inertia" and f.scale == "direct"
+        if f.row == row and (measured or inertia):
+            chosen.append(k)
+    return np.asarray(kept.columns[:, trial.model.pick.signals[chosen]] @ h[chosen], dtype=float)
+
+
+def _comparisons(study: Study, trial: Trial, group: Group, kept: Kept) -> list[Comparison]:
+    residuals = _residuals(trial, group, kept)
+    noise = floor_covariance(trial.model, trial.fit.values, group, study.weights[group.key])
+
+    def one(equation: str, measured: Array, modelled: Array, unit: str, variance: float) -> Comparison:
+        return Comparison(
+            equation, kept.session, kept.run, kept.phase, kept.time, measured, modelled, unit,
+            float(np.sqrt(max(variance, 0.0))), held_out=False, coordinates=kept.coordinates,
+        )  # fmt: skip
+
+    if group.on_bench:
+        torque = _measured(trial, group, kept, Row.BENCH)
+        return [one("motor_torque", torque, torque - residuals[Row.BENCH], "N m", noise[3, 3])]
+    a, b = _arms(trial, group)
+    pull = _measured(trial, group, kept, Row.MCP)
+    wound = _measured(trial, group, kept, Row.CABLE)
+    length = wound - residuals[Row.CABLE]
+    if trial.model.slack_free:
+        length = np.where(kept.taut, length, np.nan)
+    mean = 0.5 * (residuals[Row.MCP] + residuals[Row.PIP])
+    radius = study.reduced.radius
+    spread = 0.25 * (noise[0, 0] + noise[1, 1] + 2 * noise[0, 1])
+    result = [
+        one("mcp_torque", a * pull, a * (pull - residuals[Row.MCP]), "N m", a**2 * noise[0, 0]),
+        one("pip_torque", b * pull, b * (pull - residuals[Row.PIP]), "N m", b**2 * noise[1, 1]),
+        one("cable_kinematics", wound, length, "m", noise[2, 2]),
+        one("motor_torque", radius * pull, radius * (pull - mean), "N m", radius**2 * spread),
+    ]
+    if kept.levers is not None:
+        force = _force(study, kept)
+        for equation, arm, lever, row in (
+            ("endpoint_force_pip", b, kept.levers[1], Row.PIP),
+            ("endpoint_force_mcp", a, kept.levers[0], Row.MCP),
+        ):
+            scale = arm / lever
+            variance = float(np.mean(scale**2)) * noise[row, row]
+            result.append(one(equation, force, force + scale * residuals[row], "N", variance))
+    return result
+
+
+def _force(study: Study, kept: Kept) -> Array:
+    layout = study.reduced.layout
+    return np.asarray(kept.columns[:, layout.signals[layout.features.index(FORCE)]], dtype=float)
+
+
+def _coordinate(effect: Effect, kept: Kept) -> Array | None:
+    joint = {Row.MCP: " mcp", Row.PIP: " pip"}.get(effect.equation, " pip")
+    return kept.coordinates.get(effect.coordinate, kept.coordinates.get(effect.coordinate + joint))
+
+
+def _fingerprint(
+    effect: Effect,
+    base: Trial,
+    trial: Trial,
+    groups: Mapping[GroupKey, Group],
+    stretches: Iterable[Kept],
+    bench: bool,
+) -> Fingerprint | None:
+    """The base model's residual over the effect's own coordinate, with what the effect explains."""
+    row = Row.BENCH if bench else effect.equation
+    places, residuals, explained = [], [], []
+    for kept in stretches:
+        where = _coordinate(effect, kept)
+        if where is None or (effect.phases and kept.phase not in effect.phases):
+            continue
+        group = groups[kept.key]
+        if group.on_bench != bench:  # one axis cannot hold two equations
+            continue
+        before, after = _residual(base, group, kept, row), _residual(trial, group, kept, row)
+        scale = 1.0 if row in (Row.CABLE, Row.BENCH, Row.TIP) else _arms(base, group)[int(row)]
+        # Torque of the joint in the direction of its angle, whichever way the cable pulls.
+        places.append(where)
+        residuals.append(scale * before)
+        explained.append(scale * (before - after))
+    if not places:
+        return None
+    return _binned(effect, row, np.concatenate(places), np.concatenate(residuals), np.concatenate(explained))
+
+
+def _binned(effect: Effect, row: Row, place: Array, residual: Array, explained: Array) -> Fingerprint | None:
+    edges = np.linspace(float(np.quantile(place, 0.005)), float(np.quantile(place, 0.995)), BINS + 1)
+    if not edges[-1] > edges[0]:
+        return None
+    number = np.clip(np.digitize(place, edges) - 1, 0, BINS - 1)
+    counts = np.bincount(number, minlength=BINS)
+    full = counts >= 4
+    divisor = np.maximum(counts, 1)
+
+    def mean(values: Array) -> Array:
+        return np.bincount(number, values, BINS) / divisor
+
+    average = mean(residual)
+    spread = np.sqrt(np.maximum(mean(residual**2) - average**2, 0.0))
+    half = Z90 * spread / np.sqrt(np.maximum(divisor * EFFECTIVE_SHARE, 1.0))
+    return Fingerprint(
+        equation=ROW_EQUATIONS[row],
+        coordinate=effect.coordinate,
+        coordinate_unit=COORDINATE_UNITS[effect.coordinate],
+        value_unit=ROW_UNITS[row],
+        centre=(0.5 * (edges[1:] + edges[:-1]))[full],
+        mean=average[full],
+        low=(average - half)[full],
+        high=(average + half)[full],
+        curve=mean(explained)[full],
+    )
+
+
+def _failure(
+    comparisons: Iterable[Comparison], stretches: Iterable[Kept], slack_counts: bool
+) -> Failure | None:
+    """The half second in which an equation misses most, in floors."""
+    worst: tuple[float, Comparison, int] | None = None
+    length = int(0.5 * NARROW_RATE_HZ)
+    for c in comparisons:
+        kept = _stretch_of(c, stretches)
+        # A cable that hangs loose for a moment is no failure, unless slack is what is missing.
+        spared = c.equation == "cable_kinematics" and not slack_counts
+        floor = np.where(kept.taut, c.floor, SLACK_SPREAD_M) if spared else c.floor
+        missed = np.nan_to_num((c.measured - c.modelled) / np.maximum(floor, 1e-12)) ** 2
+        if len(missed) < length:
+            continue
+        running = np.convolve(missed, np.ones(length) / length, mode="valid")
+        k = int(np.argmax(running))
+        if worst is None or running[k] > worst[0]:
+            worst = (float(running[k]), c, k)
+    if worst is None:
+        return None
+    floors, c, k = float(np.sqrt(worst[0])), worst[1], worst[2]
+    start, stop = float(c.time[k]), float(c.time[k + length - 1])
+    moment = _moment(_stretch_of(c, stretches), slice(k, k + length))
+    place = f"{EQUATION_TITLES[c.equation]} of run {c.run} at {start:.1f} to {stop:.1f} s"
+    text = f"{place}: {moment}; the model misses {floors:.1f} times the floor there"
+    return Failure(text, c.equation, c.run, start, stop, c.session, moment)
+
+
+def _stretch_of(comparison: Comparison, stretches: Iterable[Kept]) -> Kept:
+    return next(
+        s
+        for s in stretches
+        if (s.session, s.run) == (comparison.session, comparison.run) and s.time[0] == comparison.time[0]
+    )
+
+
+def _moment(kept: Kept, part: slice) -> str:
+    """What the finger does there, in words."""
+    name = "joint speed pip" if "joint speed pip" in kept.coordinates else "motor speed"
+    speed = kept.coordinates[name]
+    now, usual = float(np.mean(speed[part])), float(np.sqrt(np.mean(speed**2))) + 1e-12
+    words = {"joint speed pip": ("flexing", "extending"), "motor speed": ("winding in", "paying out")}[name]
+    pace = "slowly" if abs(now) < 0.7 * usual else "fast"
+    motion = (
+        "near standstill or reversing" if abs(now) < 0.2 * usual else f"{words[0 if now > 0 else 1]} {pace}"
+    )
+    pull = kept.coordinates["tension"]
+    low, high = np.quantile(pull, (0.25, 0.75))
+    level = float(np.mean(pull[part]))
+    load = "low" if level < low else "high" if level > high else "middling"
+    return f"{motion}, at {load} load"

@@ -1,0 +1,192 @@
+"""What a diagnosis says, as plain frozen objects; the JSON of ``cli.md`` is made from them here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from fingerlab.models.file import ParameterEstimate
+from fingerlab.sessions.model import Array
+
+Verdict = Literal["nothing_missing", "missing_effect", "not_in_catalogue"]
+
+EQUATION_TITLES = {
+    "mcp_torque": "MCP torque",
+    "pip_torque": "PIP torque",
+    "cable_kinematics": "Cable kinematics",
+    "endpoint_force_pip": "Endpoint force (PIP equation)",
+    "endpoint_force_mcp": "Endpoint force (MCP equation)",
+    "motor_torque": "Motor torque",
+}
+"""The comparisons of ``physics.md``: id and title."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One equation over one run: what was measured and what the model says, shapes (n,).
+
+    ``measured`` and ``modelled`` are in ``unit`` (SI), low-passed and decimated; both hold NaN where
+    the equation says nothing (start-up, filter edges, slack cable). ``floor`` is the repeatability
+    of the bench for this equation, in ``unit``. ``coordinates`` tell at the same times, each (n,) in SI,
+    what :mod:`fingerlab.diagnosis.where` asks for: "tension", "motor angle", "joint speed mcp" and so on.
+    """
+
+    equation: str
+    session: str
+    run: str
+    phase: str
+    time: Array
+    measured: Array
+    modelled: Array
+    unit: str
+    floor: float
+    held_out: bool = True
+    coordinates: Mapping[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class EquationError:
+    """Error of one equation family on held-out runs; ``rmse`` and ``floor`` in ``unit``."""
+
+    unit: str
+    rmse: float
+    r2: float
+    floor: float
+
+
+@dataclass(frozen=True)
+class Fingerprint:
+    """Residual of the model as given, binned over the coordinate in which an effect shows best.
+
+    All arrays of shape (bins,). ``mean``, ``low``, ``high`` (90 % interval of the mean) and ``curve``
+    (the fitted effect's own contribution in each bin) are in ``value_unit``.
+    """
+
+    equation: str
+    coordinate: str
+    coordinate_unit: str
+    value_unit: str
+    centre: Array
+    mean: Array
+    low: Array
+    high: Array
+    curve: Array
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect of the catalogue, judged on these sessions. ``score`` is the whole model's with it added."""
+
+    effect: str
+    title: str
+    score: float
+    probability: float
+    in_set: bool
+    parameters: Mapping[str, ParameterEstimate]
+    equations: tuple[str, ...]
+    explanation: str
+    detectable: bool
+    fingerprint: Fingerprint | None = None
+
+
+@dataclass(frozen=True)
+class PathStep:
+    """One step of the error path; ``added`` is None for the model as given."""
+
+    added: str | None
+    score: float
+
+
+@dataclass(frozen=True)
+class HeldOutRuns:
+    """The model as given on runs that were told one motion, each left out of the fit that is scored on it.
+
+    Attributes:
+        runs: their names. phase, cable, trajectory: as in the session format.
+        score: error over all equations in units of the floor; 1.0 is the floor.
+    """
+
+    runs: tuple[str, ...]
+    phase: str
+    cable: str
+    trajectory: Mapping[str, Any]
+    score: float
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Where the model fails worst, in words, with the stretch that shows it (seconds into a run).
+
+    ``text`` is the whole sentence, ``moment`` only what the finger does there.
+    """
+
+    text: str
+    equation: str
+    run: str
+    start: float
+    stop: float
+    session: str = ""
+    moment: str = ""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer to: which effect, if any, explains the reproducible part of what the model misses?
+
+    ``parameters`` are those of the model as given, ``final_parameters`` those of ``final_model``: all
+    unknowns, an effect's own as ``effect.gain``, those of a cable routing as ``name@routing``. ``repeats``:
+    some motion came again, which tells the floor; else it is what the last model of the path leaves.
+    """
+
+    sessions: tuple[str, ...]
+    model: tuple[str, ...]
+    errors: Mapping[str, EquationError]
+    score: float
+    verdict: Verdict
+    candidates: tuple[Candidate, ...]
+    set: tuple[str, ...]
+    path: tuple[PathStep, ...]
+    final_model: tuple[str, ...]
+    next_experiment: Mapping[str, Any] | None
+    seconds: float
+    probability_nothing: float = 0.0
+    probability_unknown: float = 0.0
+    parameters: Mapping[str, ParameterEstimate] = field(default_factory=dict)
+    final_parameters: Mapping[str, ParameterEstimate] = field(default_factory=dict)
+    comparisons: tuple[Comparison, ...] = ()
+    failure: Failure | None = None
+    held_out: tuple[HeldOutRuns, ...] = ()
+    repeats: bool = True
+
+    def to_json(self) -> dict[str, Any]:
+        """The object of ``cli.md``, "diagnose --json", ready for ``json.dumps``."""
+        return {
+            "schema": 1,
+            "sessions": list(self.sessions),
+            "model": list(self.model),
+            "errors": {name: vars(error) for name, error in self.errors.items()},
+            "score": self.score,
+            "verdict": self.verdict,
+            "probability_nothing_missing": self.probability_nothing,
+            "probability_not_in_catalogue": self.probability_unknown,
+            "candidates": [
+                {
+                    "effect": c.effect,
+                    "score": c.score,
+                    "probability": c.probability,
+                    "in_set": c.in_set,
+                    "parameters": {name: vars(p) for name, p in c.parameters.items()},
+                    "equations": list(c.equations),
+                    "explanation": c.explanation,
+                    "detectable": c.detectable,
+                }
+                for c in self.candidates
+            ],
+            "set": list(self.set),
+            "path": [{"added": step.added, "score": step.score} for step in self.path],
+            "final_model": list(self.final_model),
+            "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
+            "seconds": self.seconds,
+            "floor_from_repetition": self.repeats,
+        }

@@ -1,0 +1,233 @@
+"""Where a model fails: the residual of an equation over phase, speed, angle, tension, motor angle, time, run.
+
+What is missing from a model shows in the place where it fails: friction at a speed, a spring at an angle, a
+wrong sensor in one run alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.sessions.model import Array
+
+IntArray = NDArray[np.int_]
+
+BINS = 15
+PHASE_BINS = 12
+LEAST_SAMPLES = 4
+"""A bin with fewer says nothing."""
+OUTLYING = 0.005
+"""Share of the samples at either end that does not widen the range."""
+SHORTEST_S = 0.04
+"""Stretches shorter than this, s, are joined with their neighbours where they lie as close."""
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """What a residual can be drawn against.
+
+    Attributes:
+        id, title: name in the code, and for people.
+        unit: SI. sources: names in ``Comparison.coordinates``, the first that is there; ``{}`` is the joint.
+    """
+
+    id: str
+    title: str
+    unit: str
+    sources: tuple[str, ...] = ()
+
+
+COORDINATES = {
+    one.id: one
+    for one in (
+        Coordinate("phase", "Phase of the stroke", "rad"),
+        Coordinate("speed", "Joint speed", "rad/s", ("joint speed {}",)),
+        Coordinate("angle", "Joint angle", "rad", ("joint angle {}",)),
+        Coordinate("tension", "Cable tension", "N", ("tension",)),
+        Coordinate("motor_angle", "Motor angle", "rad", ("motor angle",)),
+        Coordinate("motor_speed", "Motor speed", "rad/s", ("motor speed",)),
+        Coordinate("time", "Time in the run", "s", ("time",)),
+        Coordinate("run", "Run", ""),
+    )
+}
+JOINTS = {"mcp_torque": "mcp", "endpoint_force_mcp": "mcp"}
+"""Joint whose speed and angle count for an equation; the PIP joint's for the others."""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The residual of one equation over one coordinate. Arrays have the shape (bins,); NaN: too few samples.
+
+    Attributes:
+        edges: shape (bins + 1,), in the coordinate's unit; 0, 1, 2 ... where bins are runs.
+        runs: (session, run, phase) of each bin where bins are runs, else empty.
+        mean, half: mean residual and half of its 90 % interval; rms: root mean square; in ``unit``.
+        floor: repeatability of the bench, in ``unit``.
+        worst: the bin with the largest root mean square.
+    """
+
+    equation: str
+    coordinate: Coordinate
+    unit: str
+    floor: float
+    edges: Array
+    runs: tuple[tuple[str, str, str], ...]
+    mean: Array
+    half: Array
+    rms: Array
+    worst: int
+
+    @property
+    def centres(self) -> Array:
+        """Middles of the bins."""
+        return np.asarray(0.5 * (self.edges[1:] + self.edges[:-1]))
+
+
+def profile(comparisons: Sequence[Comparison], equation: str, coordinate: str) -> Profile | None:
+    """The residual of an equation over all runs, in bins of a coordinate.
+
+    The interval counts only as many samples as are independent, behind the low-pass.
+
+    Args:
+        comparisons: of a diagnosis, all equations. coordinate: id in :data:`COORDINATES`.
+
+    Returns:
+        None where the runs do not tell the coordinate (a bench has no joint) or never vary it.
+    """
+    from fingerlab.diagnosis.answer.wording import Z90
+    from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
+
+    chosen = COORDINATES[coordinate]
+    placed = [
+        (one, place) for one in comparisons
+        if one.equation == equation and (place := _place(one, chosen, comparisons)) is not None
+    ]  # fmt: skip
+    if not placed:
+        return None
+    residual = np.concatenate([one.measured - one.modelled for one, _ in placed])
+    place = np.concatenate([place for _, place in placed])
+    known = np.isfinite(residual) & np.isfinite(place)
+    residual, place = residual[known], place[known]
+    runs = _runs(comparisons) if coordinate == "run" else ()
+    edges = _edges(place, chosen, len(runs))
+    if edges is None or not len(residual):
+        return None
+    count = len(edges) - 1
+    number = _numbers(place, edges)
+    many = np.bincount(number, minlength=count).astype(float)
+    many[many < LEAST_SAMPLES] = np.nan
+    if not np.isfinite(many).any():
+        return None
+    mean = np.bincount(number, residual, count) / many
+    square = np.bincount(number, residual**2, count) / many
+    spread = np.sqrt(np.maximum(square - mean**2, 0.0))
+    rms = np.sqrt(square)
+    return Profile(
+        equation, chosen, placed[0][0].unit,
+        float(np.average([one.floor for one, _ in placed], weights=[len(one.time) for one, _ in placed])),
+        edges, runs, mean, Z90 * spread / np.sqrt(np.maximum(many * EFFECTIVE_SHARE, 1.0)), rms,
+        int(np.nanargmax(rms)),
+    )  # fmt: skip
+
+
+def stretches_in(found: Profile, bin_: int, comparison: Comparison) -> list[tuple[float, float]]:
+    """When a run was in a bin: starts and ends, s. All of it, or nothing, where bins are runs."""
+    time = comparison.time
+    if found.runs:
+        here = (comparison.session, comparison.run) == found.runs[bin_][:2]
+        return [(float(time[0]), float(time[-1]))] if here and len(time) else []
+    place = _place(comparison, found.coordinate, (comparison,))
+    if place is None or len(time) < 2:
+        return []
+    inside = np.isfinite(place) & np.isfinite(comparison.measured - comparison.modelled)
+    inside &= _numbers(np.nan_to_num(place), found.edges) == bin_
+    change = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])).astype(np.int8)))
+    half = 0.5 * float(np.median(np.diff(time)))
+    joined: list[tuple[float, float]] = []
+    for start, stop in zip(change[::2], change[1::2], strict=True):
+        begin, end = float(time[start]) - half, float(time[stop - 1]) + half
+        if joined and begin - joined[-1][1] < SHORTEST_S:
+            begin = joined.pop()[0]
+        joined.append((begin, end))
+    return joined
+
+
+def worst_run(found: Profile, bin_: int, comparisons: Sequence[Comparison]) -> Comparison | None:
+    """The comparison of the profile's equation that misses most within a bin; None where none was in it."""
+    best: tuple[float, Comparison] | None = None
+    for one in comparisons:
+        if one.equation != found.equation:
+            continue
+        square = np.square(one.measured - one.modelled)
+        inside = np.zeros(len(one.time), dtype=bool)
+        for start, stop in stretches_in(found, bin_, one):
+            inside |= (one.time >= start) & (one.time <= stop)
+        inside &= np.isfinite(square)
+        if inside.sum() >= LEAST_SAMPLES and (best is None or float(square[inside].mean()) > best[0]):
+            best = float(square[inside].mean()), one
+    return best[1] if best is not None else None
+
+
+def _numbers(place: Array, edges: Array) -> IntArray:
+    """The bin of each sample; what lies beyond the edges belongs to the outermost ones."""
+    return np.clip(np.digitize(place, edges) - 1, 0, len(edges) - 2)
+
+
+def _runs(comparisons: Sequence[Comparison]) -> tuple[tuple[str, str, str], ...]:
+    return tuple(dict.fromkeys((one.session, one.run, one.phase) for one in comparisons))
+
+
+def _place(one: Comparison, chosen: Coordinate, everything: Sequence[Comparison]) -> Array | None:
+    """The coordinate at the comparison's times."""
+    if chosen.id == "run":
+        return np.full(len(one.time), float(_runs(everything).index((one.session, one.run, one.phase))))
+    if chosen.id == "time":
+        return one.time
+    if chosen.id == "phase":
+        return _phase(one)
+    joint = JOINTS.get(one.equation, "pip")
+    names = [source.format(joint) for source in chosen.sources]
+    return next((one.coordinates[name] for name in names if name in one.coordinates), None)
+
+
+def _phase(one: Comparison) -> Array | None:
+    """Where in its stroke the motor is, rad, 0 to 2 pi; of a sine the sine's own phase.
+
+    From position and speed, each over its range, so that no command needs to be known: 0 in the middle of the
+    way forth, pi/2 at the far end, pi in the middle of the way back.
+    """
+    if not {"motor angle", "motor speed"} <= one.coordinates.keys():
+        return None
+    position, speed = one.coordinates["motor angle"], one.coordinates["motor speed"]
+    low, high = np.quantile(position, (OUTLYING, 1 - OUTLYING))
+    fastest = float(np.quantile(np.abs(speed), 1 - OUTLYING))
+    if not (high > low and fastest > 0):
+        return None
+    across = (position - 0.5 * (low + high)) / (0.5 * (high - low))
+    return np.asarray(np.mod(np.arctan2(across, speed / fastest), 2 * np.pi))
+
+
+def _edges(place: Array, chosen: Coordinate, runs: int) -> Array | None:
+    if chosen.id == "run":
+        return np.arange(runs + 1, dtype=float) - 0.5 if runs > 1 else None
+    if chosen.id == "phase":
+        return np.linspace(0.0, 2 * np.pi, PHASE_BINS + 1)
+    if not len(place):
+        return None
+    low, high = np.quantile(place, (OUTLYING, 1 - OUTLYING))
+    return np.linspace(low, high, BINS + 1) if high > low else None
+
+
+def most_orderly(profiles: Mapping[str, Profile]) -> str:
+    """The coordinate whose bins' means explain the largest share of the residual."""
+
+    def order(found: Profile) -> float:
+        known = np.isfinite(found.rms)
+        return float(np.sum(found.mean[known] ** 2) / max(float(np.sum(found.rms[known] ** 2)), 1e-300))
+
+    return max(profiles, key=lambda name: order(profiles[name]), default="")

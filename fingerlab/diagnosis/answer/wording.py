@@ -1,0 +1,150 @@
+"""Parameters with intervals, and the sentences that explain an effect."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fingerlab.diagnosis.score.evidence import Evidence
+from fingerlab.diagnosis.score.fitted_model import Trial, own_keys
+from fingerlab.effects.base import Effect, Row
+from fingerlab.models.file import ParameterEstimate
+
+Z90 = 1.645  # two-sided 90 % of a normal distribution
+
+SCREEN_UNITS = {
+    "N m": (1e3, "mN m"),
+    "m/N": (1e6, "um/N"),
+    "s": (1e3, "ms"),
+    "kg": (1e3, "g"),
+    "N m s/rad": (1e3, "mN m s/rad"),
+    "m s/N": (1e6, "um s/N"),
+    "rad": (180.0 / np.pi, "deg"),
+    "rad/s": (180.0 / np.pi, "deg/s"),
+    "kg m^2": (1e7, "g cm^2"),
+    "m": (1e3, "mm"),
+}
+"""SI unit -> factor and unit in which a person reads it."""
+
+
+def deviations(trial: Trial, heat: float) -> dict[str, float]:
+    """Standard deviation of every unknown, given what else is unknown; SI units."""
+    spread = trial.fit.deviations * np.sqrt(heat)
+    return dict(zip((u.key for u in trial.model.unknowns), (float(s) for s in spread), strict=True))
+
+
+def parameters(trial: Trial, effect: Effect, heat: float) -> dict[str, ParameterEstimate]:
+    """The effect's parameters with 90 % intervals; a grid parameter's interval is to its neighbours."""
+    values = dict(zip((u.key for u in trial.model.unknowns), trial.fit.values, strict=True))
+    gains = {u.key: u.gain for u in trial.model.unknowns}
+    spread = deviations(trial, heat)
+    result = {}
+    for name, key in own_keys(trial, effect).items():
+        gain, value = gains[key], float(values[key])
+        low = max(gain.low, value - Z90 * spread[key])
+        high = min(gain.high, value + Z90 * spread[key])
+        result[name] = ParameterEstimate(value, gain.unit, low, high)
+    choice = next(c for c in trial.model.choices if c.effect is effect)
+    for name, unit in effect.shape_units.items():
+        grid = sorted({float(s[name]) for s in effect.shapes})
+        value = float(effect.shapes[choice.shape][name])
+        at = grid.index(value)
+        result[name] = ParameterEstimate(value, unit, grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)])
+    return result
+
+
+def every_parameter(trial: Trial, heat: float) -> dict[str, ParameterEstimate]:
+    """All unknowns of the model by key, SI, with 90 % intervals that no bound cuts."""
+    spread = deviations(trial, heat)
+    return {
+        u.key: ParameterEstimate(
+            float(v), u.gain.unit, float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
+        )
+        for u, v in zip(trial.model.unknowns, trial.fit.values, strict=True)
+    }
+
+
+def would_have_shown(trial: Trial, effect: Effect, least: float) -> str:
+    """The strength from which on an effect would have shown, in words; empty where none would.
+
+    Args:
+        least: multiple of its typical strength (see ``evidence.least_strength``).
+    """
+    names = {key: name for name, key in own_keys(trial, effect).items()}
+    gains = {u.key: u.gain for u in trial.model.unknowns}
+    said = [
+        f"{_title(effect, names[key])} {_amount(least * strength, gains[key].unit)}"
+        for key, strength in trial.reach.strengths.items()
+        if least * strength <= MOST_NAMED * max(abs(gains[key].high), abs(gains[key].low))
+    ]
+    return " and ".join(said) if len(said) == len(trial.reach.strengths) else ""
+
+
+MOST_NAMED = 1.0
+"""A strength beyond this share of its plausible range is not named: none that is plausible would show."""
+
+
+def _amount(value: float, unit: str) -> str:
+    factor, shown = SCREEN_UNITS.get(unit, (1.0, unit))
+    rounded = float(f"{value * factor:.2g}")
+    return f"{rounded:g}" + ("" if shown == "1" else f" {shown}")  # 1300, where .2g would write 1.3e+03
+
+
+def quantity(estimate: ParameterEstimate) -> str:
+    """Value with half its 90 % interval, with as many digits as that allows, in a unit for the screen."""
+    factor, unit = SCREEN_UNITS.get(estimate.unit, (1.0, estimate.unit))
+    half = 0.5 * (estimate.high - estimate.low) * factor
+    value = estimate.value * factor
+    shown = "" if unit == "1" else f" {unit}"
+    if half <= 0 or not np.isfinite(half):
+        return f"{value:.3g}{shown}"
+    digits = min(int(1 - np.floor(np.log10(half))), 6)
+    places = max(digits, 0)
+    return f"{round(value, digits):.{places}f} ± {round(half, digits):.{places}f}{shown}"
+
+
+def explanation(evidence: Evidence, trial: Trial, effect: Effect, shown: bool, least: float) -> str:
+    """One or two plain sentences with the evidence in numbers.
+
+    Args:
+        shown: whether it would have shown at a typical strength. least: the multiple of that from which on.
+    """
+    fall = f"{evidence.base.score:.2f} to {trial.score:.2f} floors"
+    said = _said(trial, effect)
+    if not shown:
+        strength = would_have_shown(trial, effect, least)
+        from_there = f" (it would have shown from {strength} on)" if strength else ""
+        return (
+            f"{said} These data could not show it at a plausible strength{from_there}; {effect.reveal} would."
+        )
+    if trial.misfit > evidence.base.misfit * 0.98:
+        return f"{said} Nothing of that is seen: the held-out error goes from {fall}."
+    numbers = [
+        f"{_title(effect, name)} {quantity(p) if name not in effect.shape_units else _grid_value(p)}"
+        for name, p in parameters(trial, effect, evidence.temperature).items()
+    ]
+    found = f" ({'; '.join(numbers)})" if numbers else ""
+    return f"{said[:-1]}{found}. With it the held-out error goes from {fall}."
+
+
+def _said(trial: Trial, effect: Effect) -> str:
+    """The effect's sentence; a motor bench has no joints to speak of."""
+    on_bench = all(f.row == Row.BENCH for f in trial.model.layout.features)
+    return effect.explanation.replace(BOTH_JOINTS, ON_BENCH) if on_bench else effect.explanation
+
+
+BOTH_JOINTS, ON_BENCH = "Both joints miss the same tension", "The motor's equation misses a torque"
+
+
+def _grid_value(estimate: ParameterEstimate) -> str:
+    """A value that was only tried on a grid has no interval worth a sign."""
+    factor, unit = SCREEN_UNITS.get(estimate.unit, (1.0, estimate.unit))
+    if estimate.unit == "s" and estimate.value >= 1.0:
+        factor, unit = 1.0, "s"
+    return f"about {estimate.value * factor:.3g} {unit}"
+
+
+def _title(effect: Effect, name: str) -> str:
+    gain = effect.unknowns.get(name)
+    title = gain.title if gain is not None and gain.title else name.removesuffix("_deg").replace("_", " ")
+    joint = {"mcp": "MCP ", "pip": "PIP "}.get(name.rsplit("_", 1)[-1], "")
+    return f"{joint}{title}"

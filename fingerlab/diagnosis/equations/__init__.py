@@ -1,0 +1,1 @@
+"""The equations of motion as features with coefficients: columns, parameters, models."""

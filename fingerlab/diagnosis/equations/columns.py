@@ -1,0 +1,118 @@
+"""Which columns a run is asked for, in which order, and which of them are one signal.
+
+The order is decided here and nowhere else: a layout is made from the first run of a kind, and every later
+reading of any run meets the same columns in the same order. A delay keeps the motor's channels at several
+shifts; what lies between them is interpolated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from fingerlab.diagnosis.equations.features import (
+    NO_SHIFT,
+    SLOPE,
+    Feature,
+    IntArray,
+    Layout,
+    base_columns,
+    beside_a_finger,
+    shifted_columns,
+    turned_columns,
+)
+from fingerlab.diagnosis.equations.parameters import nuisance_ranges, spread_of
+from fingerlab.effects import CATALOGUE
+from fingerlab.effects.base import Effect, Term
+from fingerlab.physics.motion import Motion
+from fingerlab.sessions.model import Array, Session
+
+Column = tuple[Array, int | None, bool, Callable[[], Feature]]
+"""Values at the wide rate, shift, whether a user's own effect brings them, and what makes their feature."""
+
+
+def all_columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
+    """All features in order: those of every model, then those of the effects."""
+    yield from _common_columns(motion)
+    yield from effect_columns(motion, effects)
+
+
+def _common_columns(motion: Motion) -> Iterator[Column]:
+    """A motor channel comes once for every shift, with the same values."""
+    for feature, values in base_columns(motion):
+        yield values, None, False, partial(replace, feature)
+    for feature, values in shifted_columns(motion):
+        shifts: Sequence[int | None] = [None] if motion.finger is None else range(SLOPE + 1)
+        for k in shifts:
+            yield values, k, False, partial(replace, feature, shift=k)
+
+
+def effect_columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
+    """The features of the effects that act in such a run, in order."""
+    alone = motion.finger is None
+    for effect in effects:
+        if alone and not effect.bench:
+            continue
+        own = of_the_user(effect)
+        for index, shape in enumerate(effect.shapes):
+            for t in effect.columns(motion, shape):
+                yield t.values, None, own, partial(_feature, t, effect.id, index)
+            for feature, values in turned_columns(motion, effect, index):
+                yield values, None, False, partial(replace, feature)
+
+
+def _feature(term: Term, owner: str, shape: int) -> Feature:
+    return Feature(term.row, term.gain, term.constant, term.scale, owner=owner, shape=shape)
+
+
+def of_the_user(effect: Effect) -> bool:
+    """Whether it is none of the built-in effects; those may come with shapes for a second look."""
+    known = CATALOGUE.get(effect.id)
+    return known is None or known.columns is not effect.columns
+
+
+def layout_of(
+    motion: Motion, session: Session, effects: Sequence[Effect], beside_finger: bool = False
+) -> Layout:
+    """The features in the order in which :func:`all_columns` gives them.
+
+    ``beside_finger``: if it is a run of the motor alone, the motor is that of a finger's runs.
+    """
+    features: list[Feature] = []
+    signals: list[int] = []
+    known: dict[tuple[int, int | None], int] = {}
+    kept: list[Array] = []  # so that no array's identity is given to a later one
+    count = base = 0
+    for values, shift, own, make in all_columns(motion, effects):
+        feature = make()
+        if beside_finger and motion.finger is None:
+            feature = beside_a_finger(feature, session.rig)
+        base += feature.owner is None
+        kept.append(values)
+        # What is one array in two equations is one signal; a user's own code is not relied on for that.
+        key = id(values), None if shift == NO_SHIFT else shift
+        place = count if own else known.setdefault(key, count)
+        count = max(count, place + 1)
+        features.append(feature)
+        signals.append(place)
+    return Layout(
+        tuple(features), nuisance_ranges(session.rig), tuple(effects), np.arange(base), np.array(signals),
+        spread_of(session.rig),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of a run: its kind's features as signals, of which the first ``common`` every model has.
+
+    ``signals`` (features,) count from ``start``, the kind's first signal among those of all runs.
+    ``seek_cycle``: no run says how often its motion repeats.
+    """
+
+    signals: IntArray
+    common: int
+    start: int
+    seek_cycle: bool = False

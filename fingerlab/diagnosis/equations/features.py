@@ -1,0 +1,367 @@
+"""Which columns stand in which equation, and how their coefficients depend on the unknowns.
+
+The residual of every equation is a linear combination of *features*: measured signals, the nominal
+model's parts, nuisances that every model carries, and the terms of the effects. A feature's coefficient is
+
+    h = -(constant + parameter) * scale * shift weight
+
+with ``scale`` 1, the signed moment arm, or its inverse. All that depends on the unknowns sits in h, so that
+one Gram matrix of the features serves every model, every grid point and every fold.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fingerlab.diagnosis.equations.parameters import SLIP_STIFFNESSES, TIP_LAWS, TORQUE_ZERO, USUAL_SPREAD
+from fingerlab.effects.base import Effect, Gain, Row, Scale
+from fingerlab.effects.contact_compliance import SIDEWAYS_STIFFNESSES
+from fingerlab.effects.joints import lateral_levers
+from fingerlab.physics import nominal
+from fingerlab.physics.motion import Motion
+from fingerlab.physics.tip import dragged_tip, pressed, tip_depth, tip_reach, while_pressed
+from fingerlab.rig.constants import Finger, Rig
+from fingerlab.sessions.model import Array
+
+IntArray = np.ndarray[Any, np.dtype[np.int64]]
+BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+
+
+@dataclass(frozen=True)
+class Pick:
+    """Some features in order: the signal that each is, and the equation it stands in; shapes (k,)."""
+
+    signals: IntArray
+    rows: IntArray
+
+    @cached_property
+    def cable(self) -> BoolArray:
+        """Which of them stand in the cable equation, (k,)."""
+        return np.asarray(self.rows == Row.CABLE)
+
+    @cached_property
+    def square(self) -> tuple[IntArray, IntArray]:
+        """Index of their square matrix among the signals."""
+        return self.signals[:, None], self.signals[None, :]
+
+    @cached_property
+    def in_cable(self) -> Array:
+        """1 where one of two features stands in the cable equation, (k, k)."""
+        return np.logical_or.outer(self.cable, self.cable).astype(float)
+
+    @cached_property
+    def both_cable(self) -> Array:
+        """1 where both do, (k, k)."""
+        return np.logical_and.outer(self.cable, self.cable).astype(float)
+
+    def __getitem__(self, chosen: Any) -> Pick:
+        return Pick(self.signals[chosen], self.rows[chosen])
+
+
+LIFTED_M = 1e-4
+"""A tip that is higher or lower than this (twice this: for certain) than where it presses has let go, m;
+assumed: several times what the joint angles' noise moves it by."""
+
+
+TIP_STIFFNESS = 1 / 3e-5
+"""Sideways force over the friction coefficient that a tip which sticks takes on with travel, N/m: 1 N over
+about one angle step at the tip; assumed."""
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A column: the equation it stands in and how its coefficient is made.
+
+    ``parameter`` names the unknown that multiplies it (None: none), ``constant`` what it has without.
+    ``shift`` is an index into ``SHIFTS_S``, or ``SLOPE``, for a motor channel. ``routed`` unknowns have one
+    value for each cable routing. ``owner`` is the effect that brings it (None: nominal model and
+    nuisances) at the grid point ``shape``. ``borrowed``: its unknown is one of the nuisances, no own gain.
+    ``factor`` multiplies the coefficient, too.
+    """
+
+    row: Row
+    parameter: str | None = None
+    constant: float = 0.0
+    scale: Scale = "direct"
+    shift: int | None = None
+    routed: bool = False
+    owner: str | None = None
+    shape: int = 0
+    borrowed: bool = False
+    factor: float = 1.0
+
+
+FORCE = Feature(Row.TIP)
+"""The load cell's reading, N: kept for scale, without a coefficient."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The features in order, and the plausible range of every unknown of nominal model and nuisances."""
+
+    features: tuple[Feature, ...]
+    nuisances: dict[str, Gain]
+    effects: tuple[Effect, ...]
+    base: IntArray = field(repr=False)  # indices of the features without an owner
+    signals: IntArray = field(repr=False)  # (features,): which signal a feature is; some are the same one
+    arm_spread: float = USUAL_SPREAD  # of the ratio of flexion to extension arms
+
+    @cached_property
+    def _rows(self) -> IntArray:
+        return np.array([int(f.row) for f in self.features])
+
+    @cached_property
+    def _owned(self) -> dict[tuple[str | None, int], IntArray]:
+        places: dict[tuple[str | None, int], list[int]] = {}
+        for i, feature in enumerate(self.features):
+            places.setdefault((feature.owner, feature.shape), []).append(i)
+        return {key: np.array(found, dtype=int) for key, found in places.items()}
+
+    def rows(self) -> IntArray:
+        """Equation of each feature, shape (features,)."""
+        return self._rows
+
+    @cached_property
+    def every(self) -> Pick:
+        """All features, for sums over samples."""
+        return Pick(self.signals, self._rows)
+
+    def signals_of(self, bench: bool) -> IntArray:
+        """The signals of the features that runs of the motor alone have, or of those that a finger's have."""
+        return np.asarray(self.signals[(self._rows == Row.BENCH) == bench])
+
+    @property
+    def signal_count(self) -> int:
+        """How many different signals there are."""
+        return int(self.signals.max()) + 1
+
+    def indices(self, owner: str, shape: int) -> IntArray:
+        """Features that the effect ``owner`` brings at its grid point ``shape``."""
+        return self._owned.get((owner, shape), np.zeros(0, dtype=int))
+
+
+def _part(finger: Finger, **changes: float) -> Finger:
+    values = {**vars(finger), **changes}
+    return Finger(**values)
+
+
+def _joint_parts(finger: Finger, motion: Motion) -> list[tuple[Row, str, Array]]:
+    """LHS of each joint split by the constant that it is proportional to; torques in N m."""
+    _, q = motion.finger_and_joints
+    names = ("mcp_stiffness", "pip_stiffness", "proximal_inertia", "distal_inertia")
+    still = dict.fromkeys(names, 0.0)
+    proximal = _part(finger, distal_mass=0.0, **{**still, "proximal_inertia": finger.proximal_inertia})
+    distal = _part(finger, proximal_mass=0.0, **{**still, "distal_inertia": finger.distal_inertia})
+    return [
+        (Row.MCP, "proximal_mass", nominal.mcp_torque(proximal, q).total),
+        (Row.MCP, "distal_mass", nominal.mcp_torque(distal, q).total),
+        (Row.MCP, "mcp_stiffness", finger.mcp_stiffness * q.mcp),
+        (Row.PIP, "distal_mass", nominal.pip_torque(distal, q).total),
+        (Row.PIP, "pip_stiffness", finger.pip_stiffness * q.pip),
+    ]
+
+
+def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
+    """Features of nominal model and nuisances, shifted motor channels excepted."""
+    if motion.finger is None:
+        load = motion.load if motion.load is not None else np.zeros_like(motion.time)
+        return [
+            (Feature(Row.BENCH, "bench_inertia"), motion.acceleration),
+            (Feature(Row.BENCH, "bench_gain"), load),
+            (Feature(Row.BENCH, "bench_offset"), np.ones_like(motion.time)),
+            (Feature(Row.BENCH, "bench_trace"), motion.velocity),
+        ]
+    finger, q = motion.finger_and_joints
+    one = np.ones_like(motion.time)
+    minus = -one
+    force = np.zeros_like(one) if motion.force is None else motion.force
+    columns = [
+        (Feature(row, name, constant=1.0, scale="joint"), values)
+        for row, name, values in _joint_parts(finger, motion)
+    ]
+    contact_mcp, contact_pip = motion.contact_torques
+    columns += [
+        (Feature(Row.MCP, "force_gain", constant=1.0, scale="joint"), contact_mcp),
+        (Feature(Row.PIP, "force_gain", constant=1.0, scale="joint"), contact_pip),
+        (Feature(Row.MCP, "loss_mcp", scale="joint", routed=True), minus),
+        (Feature(Row.PIP, "loss_pip", scale="joint", routed=True), minus),
+        (Feature(Row.MCP, "trace_mcp", scale="joint"), q.mcp_velocity),
+        (Feature(Row.PIP, "trace_pip", scale="joint"), q.pip_velocity),
+        (Feature(Row.CABLE, constant=1.0, scale="arm_mcp"), q.mcp),
+        (Feature(Row.CABLE, constant=1.0, scale="arm_pip"), q.pip),
+        (Feature(Row.CABLE, "offset", routed=True), one),
+        *_tip_columns(motion, force),
+    ]
+    columns += [(Feature(row, name, scale="joint"), values) for row, name, values in _along_the_face(motion)]
+    return columns
+
+
+def turned_columns(motion: Motion, effect: Effect, shape: int) -> list[tuple[Feature, Array]]:
+    """What changes of the tip's forces along the load cell's face where the effect has turned the face.
+
+    The levers turn with the face; how strong the forces are, the nuisances say. A share of the normal force
+    is left out: turned, it is a change of that force.
+    """
+    if effect.turns is None or motion.finger is None:
+        return []
+    angle = effect.turns(effect.shapes[shape])
+    if angle == 0.0:
+        return []
+    parts = (
+        (math.cos(angle) - 1.0, _along_the_face(motion)),
+        (-math.sin(angle), _along_the_face(motion, turned=True)),
+    )
+    return [
+        (
+            Feature(row, name, scale="joint", owner=effect.id, shape=shape, borrowed=True, factor=factor),
+            values,
+        )
+        for factor, columns in parts
+        for row, name, values in columns
+        if name != "lateral"
+    ]
+
+
+def _along_the_face(motion: Motion, turned: bool = False) -> list[tuple[Row, str, Array]]:
+    """Row, name and torque (N m) of the unknown forces along the face, or of those at right angles to it."""
+    places = [(row, name) for name in _LATERAL for row in (Row.MCP, Row.PIP)]
+    keys = [("along the face", *place, turned) for place in places]
+
+    def torques() -> list[Array]:
+        forces = _tangential_forces(motion)
+        along = [term.values for term in lateral_levers(motion, "")]
+        levers = dict(zip((Row.MCP, Row.PIP), motion.contact_levers if turned else along, strict=True))
+        return [forces[name] * levers[row] for row, name in places]
+
+    return [
+        (*place, motion.remember_each(key, keys, torques)) for place, key in zip(places, keys, strict=True)
+    ]
+
+
+def _tip_columns(motion: Motion, force: Array) -> list[tuple[Feature, Array]]:
+    """The equation of the pressing tip's depth (m): where the face is, its slope and its give; else zero.
+
+    The load cell's reading (N) stands beside them without a coefficient, for scale.
+    """
+    return [
+        (Feature(Row.TIP, constant=-1.0), while_pressed(motion, tip_depth(motion))),
+        (Feature(Row.TIP, "tip_tilt"), while_pressed(motion, tip_reach(motion))),
+        (Feature(Row.TIP, "tip_compliance"), while_pressed(motion, force)),
+        (FORCE, force),
+    ]
+
+
+def _tangential_forces(motion: Motion) -> dict[str, Array]:
+    """Shapes of the unknown force along the load cell's face in contact, where the tip sticks and drags.
+
+    A share of the normal force (N), a constant that the tip was set down with (times 1 N), a spring on the
+    travel of a tip that sticks (m, times a stiffness), and the friction of one that slides (N):
+    by the tip's own travel, which the angle sensors hardly resolve where it turns round, and by the normal
+    force, with which the sideways one changes in proportion until the tip gives way.
+    """
+    if motion.force is None:
+        return dict.fromkeys(_LATERAL, np.zeros_like(motion.time))
+    tip, touching = tip_reach(motion), _touching(motion)
+    touched = max(float(touching.sum()), 1.0)
+    set_down = float(tip @ touching) / touched
+    columns = (
+        motion.force,
+        touching * (tip - set_down),
+        -dragged_tip(motion, TIP_STIFFNESS, (TIP_STIFFNESS, *SIDEWAYS_STIFFNESSES)),
+        *(motion.slipping(stiffness, SLIP_STIFFNESSES) for stiffness in SLIP_STIFFNESSES),
+        touching,
+    )
+    return dict(zip(_LATERAL, columns, strict=True))
+
+
+_LATERAL = ("lateral", "lateral_spring", "lateral_rub", *(name for law in TIP_LAWS.values() for name in law))
+
+
+def _touching(motion: Motion) -> Array:
+    """1 where the tip is on the load cell, 0 where it is off, shape (n,).
+
+    A force of zero is not enough to let go: a tip that stays at the same height still sticks sideways.
+    """
+    share = pressed(motion)
+    on = share >= 1.0
+    if not on.any() or on.all():
+        return share
+    depth = tip_depth(motion)
+    away = np.abs(depth - np.median(depth[on])) / LIFTED_M
+    return np.asarray(np.maximum(share, np.clip(2.0 - away, 0.0, 1.0)))
+
+
+def shifted_columns(motion: Motion) -> list[tuple[Feature, Array]]:
+    """Motor channels that a delay moves against the joints' channels; the shift is applied by the caller."""
+    if motion.finger is None:
+        return [(Feature(Row.BENCH, constant=-1.0), motion.torque)]
+    tension, pull = motion.tension, motion.inertial_pull
+    rate = np.gradient(tension, 1.0 / motion.sample_rate_hz)
+    inertia = motion.motor.inertia or 0.0
+    columns: list[tuple[Feature, Array]] = []
+    for row in (Row.MCP, Row.PIP):
+        columns.append((Feature(row, "torque_gain", constant=-1.0), tension))
+        columns.append((Feature(row, "rotor_inertia", constant=inertia), pull))
+    columns.append((Feature(Row.CABLE, constant=-1.0), motion.radius * motion.position))
+    columns.append((Feature(Row.CABLE, "torque_gain", constant=-1.0, scale="compliance"), tension))
+    columns.append((Feature(Row.CABLE, "rotor_inertia", constant=inertia, scale="compliance"), pull))
+    columns.append((Feature(Row.CABLE, "cable_damping"), rate))
+    return columns
+
+
+def beside_a_finger(feature: Feature, rig: Rig) -> Feature:
+    """A feature of the bench's equation where a finger's runs stand beside it.
+
+    Alone, the bench fits all that its equation holds. Beside a finger it is the same motor as the finger's,
+    with the rig's constants within their tolerances and one value of each in all runs.
+    """
+    if feature.owner is not None:
+        return feature
+    if feature.parameter == "bench_inertia":
+        return replace(feature, parameter="rotor_inertia", constant=rig.motor.inertia or 0.0)
+    if feature.parameter == "bench_gain":
+        return replace(feature, parameter="load_gain", constant=1.0)
+    if feature.parameter == "bench_offset":
+        return replace(feature, parameter=TORQUE_ZERO)
+    return feature if feature.parameter else replace(feature, parameter="torque_gain")
+
+
+SHIFTS_S = tuple(0.024 * k for k in range(-2, 10))
+"""Delays (s) at which the motor's channels are kept; values between them are interpolated."""
+INTERPOLATION_POINTS = 6
+SLOPE = len(SHIFTS_S)
+"""Index of a motor channel's time derivative, which replaces the shifts below a delay of 1 ms."""
+NO_SHIFT = SHIFTS_S.index(0.0)
+
+
+def shift_weights(delay: float) -> tuple[Array, Array]:
+    """Weights of the kept shifts that interpolate at ``delay`` (s), and their derivative (1/s).
+
+    Lagrange interpolation on the six nearest shifts: at 24 ms spacing a 3 Hz tone is off by less than
+    0.01 %, an 8 Hz tone by 1.4 %, and a delay that is itself a kept shift by nothing.
+    """
+    spacing = SHIFTS_S[1] - SHIFTS_S[0]
+    count = INTERPOLATION_POINTS
+    place = (delay - SHIFTS_S[0]) / spacing
+    first = min(max(int(np.floor(place)) - count // 2 + 1, 0), len(SHIFTS_S) - count)
+    powers = (place - first) ** np.arange(count)
+    weights, slopes = np.zeros(SLOPE + 1), np.zeros(SLOPE + 1)
+    weights[first : first + count] = _LAGRANGE @ powers
+    slopes[first : first + count] = _LAGRANGE[:, 1:] @ (np.arange(1, count) * powers[:-1]) / spacing
+    return weights, slopes
+
+
+def slope_weights(delay: float) -> tuple[Array, Array]:
+    """The same for a delay so small that the channel's value and time derivative are enough."""
+    weights, slopes = np.zeros(SLOPE + 1), np.zeros(SLOPE + 1)
+    weights[NO_SHIFT], weights[SLOPE], slopes[SLOPE] = 1.0, -delay, -1.0
+    return weights, slopes
+
+
+_LAGRANGE = np.linalg.inv(np.vander(np.arange(float(INTERPOLATION_POINTS)), increasing=True)).T
+"""Row k: coefficients, by rising power, of the polynomial that is 1 at node k and 0 at the others."""

@@ -1,0 +1,1 @@
+"""The run that would separate what the data leave open."""

@@ -1,0 +1,289 @@
+"""The runs that the rig can do, and the motion that they would show as far as the fitted model can tell.
+
+A free finger is taken as quasi-static: at each moment springs, gravity and cable are in balance. A pressing
+one is taken to move as it was seen to move when it pressed. That is enough to know where a column of an
+effect is large, and costs milliseconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.diagnosis.equations.model import CABLE_NAMES
+from fingerlab.diagnosis.gram.sums import Reduced
+from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ, narrow
+from fingerlab.diagnosis.signals.segments import SETTLING_S, stretches
+from fingerlab.physics import nominal
+from fingerlab.physics.motion import Motion
+from fingerlab.physics.nominal import JointMotion
+from fingerlab.rig.constants import Finger, Rig
+from fingerlab.sessions.model import Array, Session
+
+BENCH_LOADS_NM = (0.0, 0.05, 0.1)
+"""Known loads that a motor bench is proposed with, N m; assumed."""
+DURATION_S = 20.0
+"""Length of a motion that is looked at, s."""
+BALANCE_STEPS = 12
+BALANCED_RAD = 1e-6
+LEAST_PULL_N, MOST_PULL_N = 0.1, 60.0
+"""A run is proposed where the cable pulls between these, N; assumed: it neither hangs loose nor hurts."""
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A run from the menu: what the rig would be told, and the motion that the model expects.
+
+    ``motion`` lasts ``DURATION_S``, the run ``seconds``.
+    """
+
+    phase: str
+    cable: str
+    trajectory: Mapping[str, Any]
+    motion: Motion
+    seconds: float = DURATION_S
+
+    def told(self, separates: list[str], expected: float) -> dict[str, Any]:
+        """The proposal as in ``cli.md``, with the two answers that it separates and by how much."""
+        return {
+            "trajectory": {**self.trajectory, "duration_s": self.seconds},
+            "phase": self.phase,
+            "cable": self.cable,
+            "separates": separates,
+            "expected_separation": float(expected),
+        }
+
+
+def _wave(kind: str, frequency: float, amplitude: float, **more: float) -> dict[str, Any]:
+    return {"kind": kind, "frequency_hz": frequency, "amplitude_deg": amplitude, **more}
+
+
+FREE = (
+    ("sine", 0.2, 1.0, 0.0), ("sine", 0.5, 0.3, 0.0), ("sine", 1.0, 0.25, 0.0), ("sine", 2.0, 0.9, 0.0),
+    ("sine", 3.0, 0.5, 0.0), ("chirp", 0.3, 0.8, 0.0), ("steps", 0.4, 1.0, 0.0), ("ramp_hold", 0.2, 1.0, 0.0),
+    ("multisine", 1.0, 1.0, 0.0), ("sine", 0.5, 0.5, -0.5), ("sine", 0.5, 0.5, 0.5),
+)  # fmt: skip
+"""Kind, frequency (Hz), share of the amplitude and shift of the offset (in amplitudes) of the free runs on
+the menu. All stay within the angles that were recorded: what the rig did once it can do again."""
+FREE_ROOM = {-1: (14.0, 22.0), 1: (9.0, 15.0)}
+"""Amplitude and offset of free runs, degrees at the pulley, by cable, where none were recorded: those of the
+rich protocol."""
+PRESSED = (
+    ("sine", 0.25, 1.0),
+    ("sine", 1.0, 0.5),
+    ("sine", 2.5, 0.8),
+    ("steps", 0.5, 1.0),
+    ("chirp", 0.3, 0.8),
+)
+"""The same for pressing runs; the amplitude is a share of the one that was recorded."""
+
+
+BENCH = (("sine", 0.5, 30.0), ("sine", 2.0, 20.0), ("ramp_hold", 0.2, 60.0))
+"""The motor alone: kind, frequency (Hz), amplitude (degrees at the pulley)."""
+
+
+def menu(sessions: Sequence[Session], reduced: Reduced, values: Mapping[str, float]) -> Iterator[Proposal]:
+    """Runs that the rig can do: free ones on each known routing, pressing ones, and the motor alone.
+
+    Beside a finger's runs a bench needs no known load: one is only proposed where there is nothing else.
+    ``values`` are the fitted unknowns by key.
+    """
+    rig = sessions[0].rig
+    if reduced.on_bench:
+        yield from bench_menu(rig, BENCH_LOADS_NM)
+        return
+    signs = sorted({g.cable_sign for g in reduced.groups if g.cable_sign})
+    for sign in signs:
+        amplitude, offset = _room(sessions, sign)
+        for kind, frequency, share, shift in FREE:
+            about = round(offset + amplitude * shift, 2)
+            trajectory = _wave(kind, frequency, round(amplitude * share, 2), offset_deg=about)
+            motion = finger_motion(rig, sign, trajectory, values)
+            if motion is not None:
+                yield Proposal("on_air", {1: "flexion", -1: "extension"}[sign], trajectory, motion)
+    press = seen_press(sessions)
+    if press is not None and 1 in signs:
+        yield from _pressing_menu(rig, press)
+    # Last: taking the finger off its cable is worth it only where no run with it tells as much.
+    yield from bench_menu(rig, BENCH_LOADS_NM[:1])
+
+
+def _room(sessions: Sequence[Session], sign: int) -> tuple[float, float]:
+    """Amplitude and offset, degrees at the pulley, of the widest free run on a cable."""
+    seen = [
+        (float(amplitude), float(run.trajectory.get("offset_deg", 0.0)))
+        for session in sessions
+        for run in session.runs
+        if run.cable_sign == sign and run.phase == "on_air"
+        and isinstance(amplitude := run.trajectory.get("amplitude_deg"), int | float)
+    ]  # fmt: skip
+    return max(seen, default=FREE_ROOM[sign])
+
+
+def _pressing_menu(rig: Rig, press: Press) -> Iterator[Proposal]:
+    for kind, frequency, share in PRESSED:
+        trajectory = _wave(kind, frequency, round(share * press.commanded_deg, 2))
+        motion = pressing_motion(rig, 1, trajectory, press)
+        if motion is not None:
+            yield Proposal("contact", "flexion", trajectory, motion)
+
+
+def bench_menu(rig: Rig, loads: Sequence[float]) -> Iterator[Proposal]:
+    for load in loads:
+        for kind, frequency, amplitude in BENCH:
+            trajectory = _wave(kind, frequency, amplitude, offset_deg=amplitude + 5.0)
+            loaded = {**trajectory, "load_torque": load} if load else trajectory
+            yield Proposal("motor_bench", "none", loaded, bench_motion(rig, trajectory, load))
+
+
+def commanded(trajectory: Mapping[str, object]) -> tuple[Array, Array]:
+    """Time (s) and motor angle (rad) of a trajectory after its ramp, shapes (n,)."""
+    time = np.arange(0.0, DURATION_S, 1.0 / WIDE_RATE_HZ)
+    position = read_trajectory({**trajectory, "duration_s": DURATION_S}).command(time)
+    settled = time >= SETTLING_S
+    return time[settled], position[settled]
+
+
+def bench_motion(rig: Rig, trajectory: Mapping[str, object], load: float) -> Motion:
+    """Motor alone against a constant load (N m)."""
+    time, position = commanded(trajectory)
+    velocity, acceleration = _derivatives(position)
+    inertia = rig.motor.inertia or 0.0
+    return Motion(
+        phase="motor_bench", cable_sign=0, sample_rate_hz=WIDE_RATE_HZ, time=time, position=position,
+        velocity=velocity, acceleration=acceleration, torque=inertia * acceleration + load, motor=rig.motor,
+        load=np.full_like(time, load),
+    )  # fmt: skip
+
+
+def finger_motion(
+    rig: Rig, cable_sign: int, trajectory: Mapping[str, object], values: Mapping[str, float]
+) -> Motion | None:
+    """Free finger on a cable; None: the cable would hang loose, or pull too hard.
+
+    ``values`` are the fitted unknowns by key.
+    """
+    finger, radius = rig.finger, rig.motor.pulley_radius
+    if finger is None or radius is None:
+        return None
+    time, position = commanded(trajectory)
+    routing = CABLE_NAMES[cable_sign]
+    a, b = values[f"arm_mcp@{routing}"], values[f"arm_pip@{routing}"]
+    wound = radius * position - values.get(f"offset@{routing}", 0.0)
+    mcp, pip, pull = _balance(finger, cable_sign, a, b, wound)
+    if np.min(pull) < LEAST_PULL_N or np.max(pull) > MOST_PULL_N:
+        return None
+    return _motion(rig, cable_sign, time, position, pull, (mcp, pip), None)
+
+
+@dataclass(frozen=True)
+class Press:
+    """How a finger was seen to press in a contact run: means, and changes with the motor's angle.
+
+    Attributes:
+        commanded_deg: amplitude that the motor was told, degrees at the pulley.
+        follows: share of it by which the motor moved: against a load cell its loop gives way.
+        mean: motor (rad), cable tension (N), force (N), MCP and PIP (rad); (5,).
+        slopes: change of the last four for each rad of the motor, (4,).
+    """
+
+    commanded_deg: float
+    follows: float
+    mean: Array
+    slopes: Array
+
+
+def seen_press(sessions: Sequence[Session]) -> Press | None:
+    """How the finger pressed in the first contact run that moved; None where there is none."""
+    for session in sessions:
+        for run in session.runs:
+            told = run.trajectory.get("amplitude_deg")
+            if run.phase != "contact" or not isinstance(told, int | float) or told <= 0:
+                continue
+            press = _press(next(iter(stretches(run, session.rig))), float(told))
+            if press is not None:
+                return press
+    return None
+
+
+def _press(motion: Motion, told: float) -> Press | None:
+    joints, force, inertia = motion.joints, motion.force, motion.motor.inertia or 0.0
+    if joints is None or force is None:
+        return None
+    pull = motion.tension - inertia * motion.inertial_pull
+    # A pressing finger hardly moves: at the wide bandwidth the motion would be half noise.
+    seen = narrow(np.stack((motion.position, pull, force, joints.mcp, joints.pip))[:, motion.lead :])
+    mean = seen.mean(axis=1)
+    around = seen - mean[:, None]
+    square = float(around[0] @ around[0])
+    if square <= 0:
+        return None
+    reach = float(np.sqrt(2.0 * square / around.shape[1]))  # of the sine that moves as much
+    return Press(told, reach / np.radians(told), mean, around[1:] @ around[0] / square)
+
+
+def pressing_motion(
+    rig: Rig, cable_sign: int, trajectory: Mapping[str, object], press: Press
+) -> Motion | None:
+    """Finger that presses about where it was seen to; None: its cable would hang loose.
+
+    The trajectory needs no offset: the operator's approach finds it.
+    """
+    time, about = commanded({**trajectory, "offset_deg": 0.0})
+    about = press.follows * about
+    pull, force, mcp, pip = press.mean[1:, None] + press.slopes[:, None] * about
+    if np.min(pull) < LEAST_PULL_N:
+        return None
+    return _motion(rig, cable_sign, time, press.mean[0] + about, pull, (mcp, pip), np.maximum(force, 0.0))
+
+
+def _motion(
+    rig: Rig,
+    cable_sign: int,
+    time: Array,
+    position: Array,
+    pull: Array,
+    angles: tuple[Array, Array],
+    force: Array | None,
+) -> Motion:
+    velocity, acceleration = _derivatives(position)
+    torque = (rig.motor.pulley_radius or 1.0) * pull + (rig.motor.inertia or 0.0) * acceleration
+    return Motion(
+        phase="on_air" if force is None else "contact", cable_sign=cable_sign, sample_rate_hz=WIDE_RATE_HZ,
+        time=time, position=position, velocity=velocity, acceleration=acceleration, torque=torque,
+        motor=rig.motor, finger=rig.finger, joints=JointMotion(*angles, *_pairwise(*angles)), force=force,
+    )  # fmt: skip
+
+
+def _derivatives(values: Array) -> tuple[Array, Array]:
+    first = np.gradient(values, 1.0 / WIDE_RATE_HZ)
+    return first, np.gradient(first, 1.0 / WIDE_RATE_HZ)
+
+
+def _pairwise(mcp: Array, pip: Array) -> tuple[Array, Array, Array, Array]:
+    (v1, a1), (v2, a2) = _derivatives(mcp), _derivatives(pip)
+    return v1, v2, a1, a2
+
+
+def _balance(finger: Finger, sign: int, a: float, b: float, wound: Array) -> tuple[Array, Array, Array]:
+    """Angles (rad) and tension (N) where springs and gravity balance the cable, by fixed-point iteration.
+
+    With gravity held all is linear: s (a t1 + b t2) = wound, K1 t1 = s a T - g1, K2 t2 = s b T - g2.
+    """
+    k1, k2 = finger.mcp_stiffness, finger.pip_stiffness
+    mcp, pip = np.zeros_like(wound), np.zeros_like(wound)
+    pull = np.zeros_like(wound)
+    zero = np.zeros_like(wound)
+    for _ in range(BALANCE_STEPS):
+        still = JointMotion(mcp, pip, zero, zero, zero, zero)
+        g1, g2 = nominal.mcp_torque(finger, still).gravity, nominal.pip_torque(finger, still).gravity
+        pull = (wound + sign * (a * g1 / k1 + b * g2 / k2)) / (a * a / k1 + b * b / k2)
+        before = mcp
+        mcp, pip = (sign * a * pull - g1) / k1, (sign * b * pull - g2) / k2
+        if np.max(np.abs(mcp - before)) < BALANCED_RAD:
+            break
+    return mcp, pip, pull

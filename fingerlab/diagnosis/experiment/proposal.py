@@ -1,0 +1,375 @@
+"""The run, of those that the rig can do, that would best separate the effects that these data leave closest.
+
+What a run is expected to bring is told in the log odds that the diagnosis itself would give after it: for the
+effects of a set among each other, or for an effect that could not be seen against nothing.
+
+Predicted separation: if one effect were true, what would the other leave unexplained in the new run, wherever
+its unknowns go, given what the old runs say of them? What the two predictions differ by, less what the other
+can take up at a price that the old runs set, is whitened (Hunter and Reiner, "Designs for discriminating
+between two rival models", 1965).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fingerlab.diagnosis.equations.columns import layout_of
+from fingerlab.diagnosis.equations.features import Layout
+from fingerlab.diagnosis.equations.model import CABLE_NAMES, Choice, Model, build
+from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
+from fingerlab.diagnosis.experiment.predicted_runs import DURATION_S, Proposal, menu
+from fingerlab.diagnosis.fit.noise import LEAST_TORQUE_SPREAD, torque_noise
+from fingerlab.diagnosis.fit.solver import scaled_inverse
+from fingerlab.diagnosis.fit.weights import feature_weights, own_to_a_run
+from fingerlab.diagnosis.gram.decimation import narrow_columns
+from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums
+from fingerlab.diagnosis.score.evidence import Evidence, against_nothing
+from fingerlab.diagnosis.score.fitted_model import Trial, condition_weights, hidden_values
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.score.selection import (
+    DECIDING_LOG_ODDS,
+    LEAST_EXCESS,
+    LEAST_FALL,
+    by_what_is_left,
+    left_for,
+    small_excess,
+)
+from fingerlab.diagnosis.signals.conditions import kind_of
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
+from fingerlab.diagnosis.signals.segments import SETTLING_S
+from fingerlab.effects.base import Effect, Row
+from fingerlab.physics.motion import Motion
+from fingerlab.sessions.model import Array, Session
+
+LEAST_SEPARATION = 0.2
+"""A run that is expected to bring less (nats) is not worth the operator's time."""
+RIVALS = 4
+"""So many effects of the set are separated from its first by one run; more are rarely left."""
+LOOK_ROUND = 3  # steps of a fit
+DECISIVE = 10.0
+"""A separation beyond this (nats) is worth no more: the effect is out of the set."""
+
+
+LENGTHS_S = (DURATION_S, 60.0)
+"""Lengths of a run, s; the longer one is proposed where the shorter would not decide. Assumed: an operator
+spends a minute on a question rather than come back with half an answer."""
+
+
+def propose(
+    sessions: Sequence[Session], study: Study, evidence: Evidence, chosen: Sequence[int]
+) -> dict[str, Any] | None:
+    """The proposed run as in ``cli.md``; None where nothing needs to be separated or nothing would.
+
+    The run that takes most of the set away from its first member is proposed; it is said for the rival that
+    comes off worst.
+    """
+    if len(chosen) < 2:
+        return None
+    first, *rivals = [evidence.trials[i] for i in chosen[: 1 + RIVALS]]
+    runs = list(_runs(sessions, study, first, [first, *rivals]))
+    best: tuple[tuple[float, float], Proposal, Trial, float] | None = None
+    for seconds in LENGTHS_S:
+        for proposal, run in _lasting(runs, seconds):
+            gains = [_expected(study, run, evidence, chosen[0], i) for i in chosen[1 : 1 + RIVALS]]
+            worth = (sum(min(g, DECISIVE) for g in gains), min(gains))
+            if best is None or worth > best[0]:
+                worst = int(np.argmin(gains))
+                best = (worth, proposal, rivals[worst], gains[worst])
+        if best is not None and best[3] >= DECISIVE:
+            break
+    if best is None or best[3] < LEAST_SEPARATION:
+        return None
+    _, proposal, rival, gain = best
+    return proposal.told([t.model.choices[-1].effect.id for t in (first, rival)], gain)
+
+
+def reveal(
+    sessions: Sequence[Session], study: Study, evidence: Evidence, unseen: Sequence[int]
+) -> dict[str, Any] | None:
+    """The run that would show most of the effects that these data could not; None where none would.
+
+    What is expected is told for the likeliest effect that the run would show at its typical strength.
+    """
+    base = evidence.base
+    unseen = [i for i in unseen if evidence.trials[i].reach.strengths][:RIVALS]
+    shares = [evidence.unseen[i] for i in unseen]
+    pairs = [_present_and_absent(study, base, evidence.trials[i]) for i in unseen]
+    runs = list(_runs(sessions, study, base, [p for p, _ in pairs]))
+    best: tuple[float, Proposal, list[Shown]] | None = None
+    for seconds in LENGTHS_S:
+        for proposal, run in _lasting(runs, seconds):
+            gains = [_shown(study, run, evidence, i, *pair) for i, pair in zip(unseen, pairs, strict=True)]
+            worth = sum(s * min(g.decides, DECISIVE) for s, g in zip(shares, gains, strict=True))
+            if gains and (best is None or worth > best[0]):
+                best = worth, proposal, gains
+        if best is not None and min(g.decides for g in best[2]) >= DECISIVE:
+            break
+    if best is None:
+        return None
+    _, proposal, gains = best
+    told = next((k for k, gain in enumerate(gains) if gain.decides >= DECIDING_LOG_ODDS), None)
+    if told is None:
+        return None
+    shown = pairs[told][0].model.choices[-1].effect.id
+    return proposal.told([shown, "nothing_missing"], gains[told].expected)
+
+
+def _present_and_absent(study: Study, base: Trial, trial: Trial) -> tuple[Trial, Trial]:
+    """The trial if its last effect were there at its typical strength and the rest hid it; and without it."""
+    without = study.fit_like(base.model.choices, trial, LOOK_ROUND)
+    known = dict(zip((u.key for u in without.model.unknowns), without.fit.values, strict=True))
+    start = np.array([known.get(u.key, 0.0) for u in trial.model.unknowns])
+    absent = replace(without, misfits=base.misfits)
+    return replace(trial, fit=replace(trial.fit, values=hidden_values(trial, start))), absent
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a run would say of an effect that could not be seen, if it were there.
+
+    Attributes:
+        decides: on the scale on which ``DECIDING_LOG_ODDS`` is where the verdict changes.
+        expected: gain in the log odds against nothing.
+    """
+
+    decides: float
+    expected: float
+
+
+def _shown(study: Study, run: Imagined, evidence: Evidence, i: int, truth: Trial, without: Trial) -> Shown:
+    """What the run would bring for trial ``i``; LEAST_FALL in the run's own condition decides."""
+    base = evidence.base
+    gain = separation(study, run, truth, without, 1.0)
+    values = _values(run)
+    counts = np.append(base.misfits[:, 1], values)
+    needed = LEAST_FALL * float(counts.sum()) / float(condition_weights(counts)[-1])
+    decides = gain * 2.0 * DECIDING_LOG_ODDS / max(needed, 2.0 * DECIDING_LOG_ODDS)
+    usual, count = base.misfit / base.count, float(counts.sum())
+    left = count * _after(base, run, usual, usual * values)
+    misfit = count * _after(base, run, usual, usual * values + 2.0 * gain)
+    after = against_nothing(base, misfit, left, count) - np.log(len(evidence.trials))
+    before = np.log(max(float(evidence.unseen[i]), LEAST_SHARE) / max(evidence.nothing, LEAST_SHARE))
+    return Shown(decides, float(after - before))
+
+
+LEAST_SHARE = 1e-12
+"""Probabilities are compared down to here."""
+
+
+def _values(run: Imagined) -> float:
+    """Independent values that a run would have."""
+    return EFFECTIVE_SHARE * run.group.equations * run.sums.samples
+
+
+def _after(like: Trial, run: Imagined, left: float, misfit: float) -> float:
+    """What a model leaves of each value with one more run, of which it leaves ``misfit``.
+
+    Now it leaves ``left`` of each, in conditions as ``like`` has them.
+    """
+    counts = np.append(like.misfits[:, 1], _values(run))
+    misfits = np.append(left * like.misfits[:, 1], misfit)
+    return float(misfits @ condition_weights(counts) / counts.sum())
+
+
+def _expected(study: Study, run: Imagined, evidence: Evidence, first: int, second: int) -> float:
+    """Expected gain in the log odds of the one of two effects that is true, as likely as they are now."""
+    shares = evidence.probabilities[[first, second]]
+    gains = [_gain(study, run, evidence, *ways) for ways in ((first, second), (second, first))]
+    return float(shares @ gains / max(float(shares.sum()), LEAST_SHARE))
+
+
+def _gain(study: Study, run: Imagined, evidence: Evidence, true: int, other: int) -> float:
+    """Gain in the log odds of the true effect: by what its rival leaves, and by the constants it needs."""
+    truth, rival = evidence.trials[true], evidence.trials[other]
+    alone = run.group.on_bench and not any(g.on_bench for g in study.reduced.groups)
+    found = apart(study, run, _with_offsets(truth) if alone else truth, rival, evidence.temperature)
+    odds = evidence.log_odds[[true, other]]
+    left = [left_for(float(one), evidence.least_left) for one in odds - odds.max()]
+    usual = _values(run) * left[0]
+    after = [
+        _after(truth, run, left[0], usual),
+        _after(truth, run, left[1], usual + found.left * evidence.temperature),
+    ]
+    gain = by_what_is_left(np.array(after)) - by_what_is_left(np.array(left))
+    return float(gain[0] - gain[1]) + (0.5 * found.zero + _constants(study, truth, rival) if alone else 0.0)
+
+
+def _constants(study: Study, truth: Trial, rival: Trial) -> float:
+    """Log odds that a first run of the motor alone brings by what the constants are known to be then."""
+    gain = 0.5 * (study.narrowed(rival) - study.narrowed(truth))
+    if rival.model.choices[-1].effect.offsets and not truth.model.choices[-1].effect.offsets:
+        gain += small_excess(rival, study.zero_spread) - small_excess(rival)
+    return gain + (small_excess(truth) if truth.model.choices[-1].effect.offsets else 0.0)
+
+
+def _with_offsets(trial: Trial) -> Trial:
+    """The trial with the constants of its last effect, which no run has told, as large as they may well be.
+
+    If the effect is there, they are at least what one would speak of.
+    """
+    effect, index = trial.model.choices[-1].effect, trial.model.index
+    values = trial.fit.values.copy()
+    for name in effect.offsets:
+        place, under = index[f"{effect.id}.{name}"], index[f"{effect.id}.{effect.excess[name]}"]
+        size = np.hypot(values[place], trial.fit.deviations[place])
+        size = np.clip(size, LEAST_EXCESS * values[under], values[under])
+        values[place] = np.copysign(size, values[place])
+    return replace(trial, fit=replace(trial.fit, values=values))
+
+
+def _runs(
+    sessions: Sequence[Session], study: Study, like: Trial, trials: Sequence[Trial]
+) -> Iterator[tuple[Proposal, Imagined]]:
+    """Every run of the menu, as the model ``like`` would move, with the columns of all ``trials``."""
+    values = dict(zip((u.key for u in like.model.unknowns), map(float, like.fit.values), strict=True))
+    for proposal in menu(sessions, study.reduced, values):
+        motion = proposal.motion
+        yield (
+            proposal,
+            imagine(sessions[0], motion, held_by(trials, motion), not study.reduced.on_bench),
+        )
+
+
+def _lasting(
+    runs: Sequence[tuple[Proposal, Imagined]], seconds: float
+) -> Iterator[tuple[Proposal, Imagined]]:
+    times = (seconds - SETTLING_S) / (DURATION_S - SETTLING_S)
+    for proposal, run in runs:
+        yield replace(proposal, seconds=seconds), run.lasting(times)
+
+
+WEAKEST_PRIOR = 1e-4
+"""Weight of the prior, in the new run alone, of what nothing is known of: arms, offsets, gains of effects."""
+
+
+@dataclass(frozen=True)
+class Imagined:
+    """A run that was not taken: its motion, and the sums over the signals that it would give."""
+
+    motion: Motion
+    layout: Layout
+    sums: Sums
+    group: Group
+
+    def lasting(self, times: float) -> Imagined:
+        """The same motion so many times as long, again and again: it tells so many times as much."""
+        longer = Sums(self.sums.products * times, taut_samples=round(self.sums.taut_samples * times))
+        return replace(self, sums=longer)
+
+
+def imagine(
+    session: Session, motion: Motion, effects: Sequence[Effect], beside_finger: bool = False
+) -> Imagined:
+    """A run with this motion; ``beside_finger``: if it is of the motor alone, beside a finger's runs."""
+    layout = layout_of(motion, session, effects, beside_finger)
+    low = narrow_columns(motion, effects, layout.signals)
+    # A trace of friction may hold a standing finger anywhere: what is seen at rest decides little.
+    columns = low.columns[~low.rest]
+    return Imagined(motion, layout, Sums(columns.T @ columns, taut_samples=len(columns)), _group(motion))
+
+
+@dataclass(frozen=True)
+class Apart:
+    """How far apart two models are in a run, as the second would come to explain it; in twice log density.
+
+    ``left`` is what it would leave unexplained of the first's prediction or would have to pay for with the
+    unknowns of the old runs; ``zero`` what it would pay for another zero of the current.
+    """
+
+    left: float
+    zero: float
+
+
+def separation(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) -> float:
+    """Expected gain in log evidence of ``truth`` over ``rival`` from one more run, at a temperature."""
+    found = apart(study, run, truth, rival, heat)
+    return 0.5 * (found.left + found.zero)
+
+
+def apart(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) -> Apart:
+    """What ``rival`` would leave of one more run if ``truth`` were true, over the temperature."""
+    right = build(run.layout, [run.group], _choices(truth, run), truth.model.tip_law)
+    wrong = build(run.layout, [run.group], _choices(rival, run), rival.model.tip_law)
+    values = values_in(wrong, rival)
+    told, slopes = wrong.coefficients(values, run.group)
+    wander = own_to_a_run(wrong, values, told, run.group)
+    slopes = np.concatenate((slopes, wander), axis=1)
+    every = np.union1d(right.active, wrong.active)
+    gap, reach = np.zeros(len(every)), np.zeros((len(every), slopes.shape[1]))
+    gap[np.searchsorted(every, right.active)] = right.features(values_in(right, truth), run.group)
+    gap[np.searchsorted(every, wrong.active)] -= told
+    reach[np.searchsorted(every, wrong.active)] = slopes
+    pick = run.layout.every[every]
+    share = EFFECTIVE_SHARE / heat
+    products = run.sums.of(pick) * feature_weights(_weights(study, run), pick.rows) * share
+    pull = gap @ products @ reach
+    system = reach.T @ products @ reach
+    old = len(wrong.unknowns)
+    system[:old, :old] += known_of(wrong, rival, heat)
+    system[old:, old:] += np.eye(wander.shape[1])
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(system), 1e-300))
+    moved = scale * np.linalg.solve(system * np.outer(scale, scale) + 1e-9 * np.eye(len(scale)), pull * scale)
+    zero = 0.0
+    if TORQUE_ZERO in wrong.index and TORQUE_ZERO not in rival.model.index:
+        place = wrong.index[TORQUE_ZERO]
+        zero = float(moved[place] / wrong.spread[place]) ** 2
+    return Apart(max(float(gap @ products @ gap - pull @ moved) - zero, 0.0), zero)
+
+
+def held_by(trials: Sequence[Trial], motion: Motion) -> list[Effect]:
+    """Effects of all the models, each once, that act in such a run."""
+    every = {c.effect.id: c.effect for t in trials for c in t.model.choices}
+    return [e for e in every.values() if e.bench or motion.finger is not None]
+
+
+def _choices(trial: Trial, run: Imagined) -> list[Choice]:
+    return [c for c in trial.model.choices if c.effect in run.layout.effects]
+
+
+def _group(motion: Motion) -> Group:
+    return Group(
+        (CABLE_NAMES[motion.cable_sign], kind_of(motion.phase)), motion.cable_sign, [], np.zeros((0, 0))
+    )
+
+
+def _weights(study: Study, run: Imagined) -> Array:
+    """Weights of the group that the run would belong to, or of the most similar one there is."""
+    key = run.group.key
+    if run.group.on_bench and key not in study.weights:
+        return _bench_weights(study.reduced)
+    same_kind = [w for k, w in study.weights.items() if k[1] == key[1]]
+    return study.weights.get(key, (same_kind or list(study.weights.values()))[0])
+
+
+def _bench_weights(reduced: Reduced) -> Array:
+    """Weights of a motor alone, of which a finger's runs tell how noisy its torque is, (5, 5)."""
+    weights = np.zeros((5, 5))
+    weights[Row.BENCH, Row.BENCH] = 1.0 / max(torque_noise(reduced), LEAST_TORQUE_SPREAD**2)
+    return weights
+
+
+def values_in(model: Model, trial: Trial) -> Array:
+    """The trial's values for a model of another run; what it does not know starts at nothing."""
+    known = dict(zip((u.key for u in trial.model.unknowns), trial.fit.values, strict=True))
+    return np.array([known.get(u.key, start) for u, start in zip(model.unknowns, model.start(), strict=True)])
+
+
+def known_of(model: Model, trial: Trial, heat: float) -> Array:
+    """What the old runs say of the rival's unknowns, (p, p); of those that they do not have, their range."""
+    old = {u.key: i for i, u in enumerate(trial.model.unknowns)}
+    size = len(model.unknowns)
+    result = np.zeros((size, size))
+    places = [(i, old[u.key]) for i, u in enumerate(model.unknowns) if u.key in old]
+    mine, theirs = [p[0] for p in places], [p[1] for p in places]
+    # Unknowns of the old runs that the new one lacks are integrated out, not held.
+    if mine:
+        covariance = trial.fit.covariance[np.ix_(theirs, theirs)] * heat
+        result[np.ix_(mine, mine)] = scaled_inverse(covariance)
+    for i, unknown in enumerate(model.unknowns):
+        if unknown.key not in old:
+            result[i, i] = (WEAKEST_PRIOR if unknown.open else 1.0) / unknown.gain.typical**2
+    return result

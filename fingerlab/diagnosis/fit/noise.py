@@ -1,0 +1,246 @@
+"""How much of a group's products is noise, and how far an equation can be trusted.
+
+What does not repeat from cycle to cycle was set apart in the reading; here it is told for one sample, cut
+back where it would exceed what the recordings hold, and taken from other runs where nothing repeats. The
+weights of the equations follow from the bench's own repeatability. Where nothing repeats, noise and misfit
+look alike. All that a model leaves is its noise then: its weights are those of greatest likelihood, and a
+model that leaves less is rewarded by its density alone.
+
+Two things are open at rest that are not in motion. An encoder that does not move shows its own step instead
+of noise that averages out. And friction that sticks may hold any torque up to that at which it slides; where
+in between depends on the last few hundredths of a degree, which no sensor of the rig tells. Both are a
+covariance that the equations get on top of their noise, at those moments alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, Layout
+from fingerlab.diagnosis.equations.model import Model
+from fingerlab.diagnosis.gram.sums import Group, Reduced
+from fingerlab.effects.base import Row
+from fingerlab.sessions.model import Array
+
+MOST_NOISE = 0.995
+"""Noise may make up at most this share of any combination of features."""
+RIDGE = 1e-9
+"""Share of its own size below which a combination of features is rounding."""
+
+
+def noise_of_a_sample(group: Group) -> Array:
+    """What noise adds to the products of signals at one sample, (signals, signals)."""
+    return group.noise / max(group.noise_samples, 1.0)
+
+
+def limit_noise(group: Group) -> None:
+    """Cut the group's noise back to what its own recordings hold, in every combination of signals.
+
+    The noise is read from the runs with a cycle; in a combination that those runs happen to excite more
+    than the others it would exceed the whole, and a fit could run away along it.
+    """
+    if group.noise_samples <= 0:
+        return
+    whole = group.whole
+    noise = _limited(noise_of_a_sample(group), whole.products / whole.samples)
+    group.noise = noise * group.noise_samples
+    if whole.loose is not None:
+        # Few taut moments hold little of it; what is not in them says nothing of how noisy the others are.
+        group.taut_noise = _limited(noise, whole.taut() / max(whole.taut_samples, 1))
+
+
+def _limited(noise: Array, whole: Array) -> Array:
+    """``noise`` cut back to a share of ``whole`` in every direction; both (n, n), of one sample."""
+    size = np.diag(whole)
+    live = np.flatnonzero(size > 0)
+    scale = 1.0 / np.sqrt(size[live])
+    among = np.ix_(live, live)
+    units = np.outer(scale, scale)
+    # In units of the whole (its Cholesky factor) the noise is a share between 0 and 1 in every direction.
+    factor = _factor(whole[among] * units)
+    half = np.linalg.solve(factor, noise[among] * units)
+    shares, directions = np.linalg.eigh(np.linalg.solve(factor, half.T))
+    # Put together from its parts: what is cut off may be so much that a difference would be rounding.
+    reach = factor @ directions
+    limited = np.zeros_like(noise)
+    limited[among] = (reach * np.clip(shares, 0.0, MOST_NOISE)) @ reach.T / units
+    return limited
+
+
+def _factor(products: Array) -> Array:
+    """Cholesky factor of products with ones on the diagonal, lifted to be definite, (n, n)."""
+    ridge = RIDGE * np.eye(len(products))
+    try:
+        return np.asarray(np.linalg.cholesky(products + ridge))
+    except np.linalg.LinAlgError:
+        # Products of the taut moments are those of all less those of the slack ones: where nearly all is
+        # slack, what is left of a signal may be rounding, which is no product of anything.
+        sizes, directions = np.linalg.eigh(products)
+        return np.asarray(np.linalg.cholesky((directions * np.maximum(sizes, 0.0)) @ directions.T + ridge))
+
+
+def fill_missing_noise(reduced: Reduced) -> None:
+    """Groups without a repeated cycle take the noise of the others with the same equations, per sample.
+
+    A bench that never repeats takes that of the current, which is the same in a finger's runs.
+    """
+    for on_bench in (False, True):
+        alike = [g for g in reduced.groups if g.on_bench == on_bench]
+        known = [g for g in alike if g.noise_samples > 0]
+        if known:
+            total = sum(g.noise_samples for g in known)
+            pooled = sum((g.noise for g in known[1:]), known[0].noise) / total
+            _give(alike, pooled * total, total)
+        elif on_bench and alike:
+            variance = torque_noise(reduced)
+            signal = _signal(reduced.layout, Row.BENCH, None)
+            noise = np.zeros((reduced.layout.signal_count,) * 2)
+            noise[signal, signal] = variance
+            _give(alike if variance > 0 else [], noise, 1.0)
+
+
+def torque_noise(reduced: Reduced) -> float:
+    """Variance of the motor's torque that does not repeat in a finger's runs, (N m)^2; 0: not known."""
+    known = [g for g in reduced.groups if g.noise_samples > 0 and not g.on_bench]
+    if not known:
+        return 0.0
+    signal = _signal(reduced.layout, Row.MCP, NO_SHIFT)
+    pull = min(float(g.noise[signal, signal]) / g.noise_samples for g in known)
+    return max(pull, 0.0) * reduced.radius**2
+
+
+def _give(groups: Sequence[Group], noise: np.ndarray, samples: float) -> None:
+    for group in groups:
+        if group.noise_samples <= 0:
+            group.noise, group.noise_samples = noise.copy(), samples
+
+
+def _signal(layout: Layout, row: Row, shift: int | None) -> int:
+    """The signal of the motor's torque as an equation has it."""
+    return next(
+        int(layout.signals[i])
+        for i in layout.base
+        if (f := layout.features[i]).row == row and f.constant == -1.0 and f.shift == shift
+        and f.scale == "direct"
+    )  # fmt: skip
+
+
+def row_covariance(
+    model: Model, values: Array, group: Group, products: Array, samples: float, only: BoolArray | None = None
+) -> Array:
+    """Covariance (5, 5) of the equations' residuals.
+
+    Args:
+        products: of the model's active features, (k, k), over ``samples``.
+        only: picks active features, (k,); None takes all.
+    """
+    h = model.features(values, group)
+    if only is not None:
+        h = np.where(only, h, 0.0)
+    spread = np.zeros((len(h), len(Row)))
+    spread[np.arange(len(h)), model.rows] = h
+    return np.asarray(spread.T @ products @ spread / max(samples, 1.0))
+
+
+def noise_covariance(model: Model, values: Array, group: Group) -> Array:
+    """Covariance (5, 5) of what does not repeat in the equations' residuals, of one sample."""
+    if not group.repeats:
+        return row_covariance(model, values, group, group.whole.of(model.pick), group.samples)
+    return row_covariance(model, values, group, group.noise[model.pick.square], group.noise_samples)
+
+
+def floor_covariance(model: Model, values: Array, group: Group, weights: Array) -> Array:
+    """The same for the floor that an answer tells, (5, 5): where nothing repeats, that of the ``weights``.
+
+    They are the last model's, whose misfit counts as noise for all others.
+    """
+    if group.repeats:
+        return noise_covariance(model, values, group)
+    exist = np.flatnonzero(np.diag(weights) > 0)
+    floor = np.zeros_like(weights)
+    floor[np.ix_(exist, exist)] = np.linalg.inv(weights[np.ix_(exist, exist)])
+    return floor
+
+
+HELD_SHARE = 1.0 / 3.0
+"""Mean square of a friction anywhere between its extremes, as a share of its square when it slides."""
+
+
+def encoder_spread(variance: float) -> Array:
+    """Covariance (5, 5) of the equations from a standing encoder; ``variance`` in m^2 of cable."""
+    spread = np.zeros((5, 5))
+    spread[Row.CABLE, Row.CABLE] = variance
+    return spread
+
+
+def change_of_weight(weights: Array, spread: Array) -> Array:
+    """By how much an additional covariance changes the inverse covariance ``weights``; all (5, 5)."""
+    # inverse(inverse(W) + S) = W - W S (1 + W S)^-1 W, which needs no inverse of W
+    return np.asarray(-weights @ spread @ np.linalg.solve(np.eye(len(weights)) + weights @ spread, weights))
+
+
+def log_widening(weights: Array, spread: Array) -> float:
+    """By how much an additional covariance raises the logarithm of the covariance's determinant."""
+    return float(np.linalg.slogdet(np.eye(len(weights)) + weights @ spread)[1])
+
+
+TIP_FRICTION_SPREAD = 0.3
+"""Share of its friction at the fingertip that a tip which slides holds back or adds at will, one standard
+deviation; assumed. It is as good as noise to all else: only the tip's own law could tell it."""
+LEAST_TENSION_SPREAD_N = 1e-3
+LEAST_LENGTH_SPREAD_M = 5e-7
+LEAST_TORQUE_SPREAD = 1e-6
+"""No equation is trusted beyond these spreads (N, m, N m): about a tenth of the sensors' resolution."""
+LEAST_DEPTH_SPREAD_M = 3e-5
+"""Nor is where a tip stands that presses, m; assumed: it is rough, and rolls, and half an angle step moves it
+by as much."""
+
+
+def first_weights() -> Array:
+    """Weights before anything is known of the noise: 20 mN, 2 um, 1 mN m, 30 um; only their order matters."""
+    return np.diag([1 / 0.02**2, 1 / 0.02**2, 1 / 2e-6**2, 1 / 1e-3**2, 1 / LEAST_DEPTH_SPREAD_M**2])
+
+
+def noise_weights(model: Model, values: Array, group: Group) -> Array:
+    """Inverse covariance of what a model's equations leave between cycles, (5, 5).
+
+    Args:
+        values: of the model's unknowns, (p,).
+    """
+    covariance = noise_covariance(model, values, group)
+    if group.in_contact:
+        covariance = covariance + TIP_FRICTION_SPREAD**2 * _rubbing(model, values, group)
+    return _inverse(covariance, group.on_bench)
+
+
+def _rubbing(model: Model, values: Array, group: Group) -> Array:
+    """Mean products of what the tip's friction does to the equations, (5, 5).
+
+    A tip that sticks rubs, too, and is not known better than one that slides: a usual friction at least.
+    """
+    values = values.copy()
+    if model.tip_law == "sticks":
+        k = model.index["lateral_rub"]
+        values[k] = max(values[k], model.unknowns[k].gain.typical)
+    mine = [
+        (model.layout.features[i].parameter or "").startswith(("lateral_rub", "lateral_slip"))
+        for i in model.active
+    ]
+    products = group.whole.of(model.pick)
+    return row_covariance(model, values, group, products, group.samples, np.array(mine))
+
+
+def _inverse(covariance: Array, on_bench: bool) -> Array:
+    """Inverse of the noise covariance over the equations that exist, zero elsewhere; shape (5, 5)."""
+    result = np.zeros((5, 5))
+    if on_bench:
+        result[Row.BENCH, Row.BENCH] = 1.0 / max(covariance[Row.BENCH, Row.BENCH], LEAST_TORQUE_SPREAD**2)
+        return result
+    spreads = [LEAST_TENSION_SPREAD_N, LEAST_TENSION_SPREAD_N, LEAST_LENGTH_SPREAD_M, LEAST_DEPTH_SPREAD_M]
+    rows = np.ix_([Row.MCP, Row.PIP, Row.CABLE, Row.TIP], [Row.MCP, Row.PIP, Row.CABLE, Row.TIP])
+    block = covariance[rows] + np.diag(spreads) ** 2
+    scale = np.sqrt(np.diag(block))
+    result[rows] = np.linalg.inv(block / np.outer(scale, scale)) / np.outer(scale, scale)
+    return result

@@ -1,0 +1,426 @@
+"""Fitting a model to Gram matrices: Gauss-Newton within bounds, priors as extra observations.
+
+A fit starts with moment arms from a straight regression, as no rig file gives them. What the constants in the
+joints' equations cost: every joint has a constant loss of its own for each routing, so a constant torque of
+the motor could be four losses just as well, and no misfit tells. But it would be a strange chance if four
+losses had the sizes and the signs that one torque through four moment arms gives them. How strange follows
+from the losses' own scatter. The motor alone has no joint to hide behind: there a constant torque is the
+friction's or the current's zero, and how far that may be off is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+
+from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, Layout
+from fingerlab.diagnosis.equations.model import CABLE_NAMES, Model
+from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
+from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, feature_weights
+from fingerlab.diagnosis.gram.sums import Group, Sums
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
+from fingerlab.effects.base import Row
+from fingerlab.sessions.model import Array
+
+
+def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
+    """Moment arms (m) of each routing from a straight regression of tension on joint torque."""
+    arms: dict[str, float] = {}
+    for group in sorted(groups, key=lambda g: g.in_contact):
+        routing = CABLE_NAMES[group.cable_sign]
+        if group.on_bench or f"arm_mcp@{routing}" in arms:
+            continue
+        for row, name in ((Row.MCP, "arm_mcp"), (Row.PIP, "arm_pip")):
+            slope = _tension_over_torque(layout, group.whole, row, group.cable_sign)
+            arms[f"{name}@{routing}"] = float(np.clip(1.0 / slope if slope > 1e-9 else 0.01, 0.003, 0.035))
+    return arms
+
+
+def _tension_over_torque(layout: Layout, sums: Sums, row: Row, cable_sign: int) -> float:
+    """How the cable's tension goes with a joint's torque, 1/m."""
+
+    def pick(wanted: set[str], shift: int | None = None) -> list[int]:
+        return [
+            i
+            for i in layout.base
+            if (f := layout.features[i]).row == row and f.parameter in wanted and f.shift == shift
+        ]
+
+    torque = pick({"proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness", "force_gain"})
+    loss = pick({"loss_mcp", "loss_pip"})
+    pull = pick({"torque_gain"}, shift=NO_SHIFT)
+    inertia = pick({"rotor_inertia"}, shift=NO_SHIFT)
+    # One line for each feature that takes part: what it adds to torque, loss and tension.
+    parts = [
+        *((i, (cable_sign, 0.0, 0.0)) for i in torque),
+        *((i, (0.0, 1.0, 0.0)) for i in loss),
+        *((i, (0.0, 0.0, 1.0)) for i in pull),
+        *((i, (0.0, 0.0, -layout.features[i].constant)) for i in inertia),
+    ]
+    share = np.array([line for _, line in parts], dtype=float)
+    products = share.T @ sums.of(layout.every[np.array([i for i, _ in parts])]) @ share
+    return float(np.linalg.lstsq(products[:2, :2], products[:2, 2], rcond=None)[0][0])
+
+
+USUAL_LOSS_NM = 2e-4
+"""Scatter of losses that count as none, N m; assumed: 0.2 degrees of a joint's zero on 60 mN m/rad."""
+SIMPLER_FIRST = 2.0
+"""What a gain costs of which the data tell nothing: the simpler effect comes first, both are in the set."""
+
+
+def surprise(
+    model: Model, values: Array, radius: float, routings: Collection[str], zero_spread: float | None = None
+) -> float:
+    """Minus twice the log density of a model's losses, their unknown scatter integrated out.
+
+    A gain in ``offsets`` of an effect pays for its freedom: the share of its range that the losses leave it.
+
+    Args:
+        values: of the model's unknowns, (p,). radius: of the pulley, m. routings: those with free motion; in
+            contact, what a loss seems to be may be the tip's friction as well.
+        zero_spread: of the current's zero, N m, where a run of the motor alone is to be counted on.
+    """
+    known = {u.key: float(v) for u, v in zip(model.unknowns, values, strict=True)}
+
+    def free(name: str) -> Array:
+        return np.array(
+            [v for key, v in known.items() if key.startswith(name) and key.split("@")[-1] in routings]
+        )
+
+    zeros = {u.key: u.gain.typical for u in model.unknowns if u.key == TORQUE_ZERO}
+    spreads = [*zeros.values(), *([] if zero_spread is None or zeros else [zero_spread])]
+    losses = free("loss_")
+    if len(losses) == 0:  # a bench, whose own offset could be the difference with no chance involved
+        return sum(SIMPLER_FIRST * len(c.effect.offsets) for c in model.choices)
+    variance = np.mean(losses**2) + USUAL_LOSS_NM**2
+    result = len(losses) * np.log(variance / USUAL_LOSS_NM**2)
+    result += sum((known[key] / spread) ** 2 for key, spread in zeros.items())
+    levers = free("arm_") / radius
+    told = levers @ levers / variance + sum(1.0 / spread**2 for spread in spreads)
+    for choice in model.choices:
+        for name in choice.effect.offsets:
+            # Friction opposes the motion in either direction, so that the difference stays within the mean.
+            width = max(2.0 * known[f"{choice.effect.id}.{choice.effect.excess[name]}"], 1e-12)
+            result += max(2.0 * np.log(width * np.sqrt(told / (2 * np.pi))), SIMPLER_FIRST)
+    return float(result)
+
+
+SETTLING_ITERATIONS = 4
+"""With fewer, a fit only looks round, and friction at rest is taken as it was at the start."""
+LEAST_GAIN = 1e-3
+LEAST_SHARE = 1e-6
+"""A step that lowers the cost by less than this, or by less than this share of it, is the last; the cost is
+twice a log probability."""
+
+WEAK_PRIOR = 0.01
+"""Weight of the prior of what nothing is known of: arms, offsets, and gains of effects."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Best values and their inverse covariance (information), with the cost reached."""
+
+    values: Array
+    information: Array
+    cost: float
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of the unknowns, (p, p)."""
+        return scaled_inverse(self.information)
+
+    @cached_property
+    def deviations(self) -> Array:
+        """Standard deviation of every unknown, given what else is unknown, (p,)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What the runs but those of one turn tell.
+
+    Attributes:
+        values: of the unknowns, (p,). information: how well they are known, (p, p).
+        free: those that no bound holds, (p,).
+    """
+
+    values: Array
+    information: Array
+    free: BoolArray
+
+
+class Fitter:
+    """Fits one model; keeps the weighted Gram matrices that all its iterations share."""
+
+    def __init__(self, model: Model, data: Data, weights: Weights) -> None:
+        self.model = model
+        self.data = data
+        self.weights = weights
+        self._parts: dict[tuple[int, FoldNumbers | None], Weighted] = {}
+        self._stacked: Weighted | None = None
+        self._cables = tuple(g.cable_sign for g in data.groups)
+        self._whole: tuple[Array, tuple[Array, Array], tuple[Array, Array]] | None = None
+        self.sticks = bool(model.sticking) and any(g.whole.rest is not None for g in data.groups)
+        self.widening = 0.0  # see Data.held, all groups together
+        self._held: list[Array | None] = [None] * len(data.groups)
+        self._still: dict[int, Array] = {}
+        self._weight: dict[int, Array] = {}
+        self._change: dict[int, Array] = {}
+        self._mean = model.start()
+        self._stiffness = self._prior_weight() / model.spread**2
+        self._low, self._high = model.low, model.high
+
+    @property
+    def sums(self) -> list[Weighted]:
+        """Weighted products over each group."""
+        return [self.part(i, None) for i in range(len(self.data.groups))]
+
+    def stacked(self) -> Weighted:
+        """The same for all groups together, (groups, k, k)."""
+        if self._stacked is None:
+            sums = self.sums
+            self._stacked = Weighted(
+                np.stack([s.curvature for s in sums]), np.stack([s.matrix for s in sums])
+            )
+        return self._stacked
+
+    def part(self, i: int, part: FoldNumbers | None) -> Weighted:
+        """Weighted products over group ``i``, or over some of its folds."""
+        if (i, part) not in self._parts:
+            if i not in self._weight:
+                self._weight[i] = self._of_products(self.weights[self.data.groups[i].key])
+            self._parts[i, part] = self.data.weighted(
+                i, part, self.model, self._weight[i], partial(self._less, i)
+            )
+        return self._parts[i, part]
+
+    def _of_products(self, weights: Array) -> Array:
+        """Weight of each product of the model's features, (k, k), from that of the equations, (5, 5)."""
+        return EFFECTIVE_SHARE * feature_weights(weights, self.model.rows)
+
+    def _less(self, i: int) -> Array:
+        """How the weight of each product changes where the motor stands, (k, k)."""
+        if i not in self._change:
+            self._change[i] = self._of_products(self.standing(i))
+        return self._change[i]
+
+    def standing(self, i: int) -> Array:
+        """How the weights of group ``i`` change where the motor stands, (5, 5)."""
+        if i not in self._still:
+            self._still[i] = self.data.standing(i, self.weights[self.data.groups[i].key])
+        held = self._held[i]
+        return self._still[i] if held is None else self._still[i] + held
+
+    def hold(self, values: Array) -> None:
+        """Weigh the moments at rest as the friction of ``values`` allows."""
+        if not self.sticks:
+            return
+        found = [
+            self.data.held(i, self.model, values, self.weights[g.key]) for i, g in enumerate(self.data.groups)
+        ]
+        self._held = [None if one is None else one[0] for one in found]
+        self.widening = sum(one[1] for one in found if one is not None)
+        self._parts.clear()
+        self._change.clear()
+        self._stacked = self._whole = None
+
+    def cost(self, values: Array) -> float:
+        """Minus twice the log posterior, up to a constant."""
+        result = float(np.sum((values - self._mean) ** 2 * self._stiffness))
+        if self.model.tie is not None:
+            result += self.model.tie.cost(values)
+        for h, matrix in zip(
+            self.model.features_of(values, self._cables), self.stacked().matrix, strict=True
+        ):
+            result += float(h @ matrix @ h)
+        return result
+
+    def _prior_weight(self) -> Array:
+        """1 for nuisances; weak for moment arms, offsets and effects, of which nothing is known.
+
+        A loss that is seen in contact alone may be the tip's friction as well, and is as free.
+        """
+        groups = self.data.groups
+        pressed = {g.key[0] for g in groups} - {g.key[0] for g in groups if not g.in_contact}
+        losses = tuple(f"loss_{joint}@{routing}" for joint in ("mcp", "pip") for routing in pressed)
+        weak = [
+            u.open or u.key.startswith(losses) or (u.key == "delay" and u.gain.high > 0.01)
+            for u in self.model.unknowns
+        ]
+        return np.where(weak, WEAK_PRIOR, 1.0)
+
+    def run(self, start: Array | None = None, iterations: int = 12) -> Fit:
+        """Newton steps with halving from ``start``; stops when the cost no longer falls.
+
+        What a friction may hold at rest follows from its size, so that size is found first.
+        """
+        known = self._mean if start is None else start
+        if not self.sticks:
+            return self._run(known, iterations)
+        self.hold(known)
+        fit = self._run(known, iterations)
+        if iterations < SETTLING_ITERATIONS:
+            return fit
+        self.hold(fit.values)
+        return self._run(fit.values, iterations)
+
+    def _run(self, start: Array, iterations: int) -> Fit:
+        values = np.clip(start, self._low, self._high)
+        cost = self.cost(values)
+        information = np.eye(len(values))
+        for _ in range(iterations):
+            gradient, information, bend = self._expansion(values)
+            # The cost's own curvature, which lacks the noise, converges in a few steps; where it is too weak
+            # to be trusted, the one with noise takes shorter ones.
+            least = max(LEAST_GAIN, LEAST_SHARE * cost)
+            values, gain = self._improve(values, cost, gradient, bend, least)
+            if gain < -least:
+                values, gain = self._improve(values, cost, gradient, information, least)
+            cost -= max(gain, 0.0)
+            if gain < least:
+                break
+        return Fit(values, information, cost)
+
+    def _improve(
+        self, values: Array, cost: float, gradient: Array, curvature: Array, least: float
+    ) -> tuple[Array, float]:
+        """The best point found along the step that ``curvature`` tells, and by how much the cost falls there.
+
+        A change by less than ``least`` either way is taken for the end. Where the curvature is that of no
+        minimum there is no such step, and the gain is minus infinity.
+        """
+        if not np.all(np.diag(curvature) > 0):  # what was taken away as noise is more than there was
+            return values, -np.inf
+        step = bounded_step(values, gradient, curvature, self._low, self._high)
+        gain = 0.0
+        for fraction in (1.0, 0.5, 0.2, 0.05):
+            trial = np.clip(values + fraction * step, self._low, self._high)
+            gain = cost - self.cost(trial)
+            if gain > 0.0:
+                return trial, gain
+            if gain > -least:
+                break
+        return values, gain
+
+    def without(self, values: Array, turn: int) -> LeftOut:
+        """One step from the fit ``values`` to that of the runs without the folds of a turn.
+
+        A group of which nothing would be left stays in.
+        """
+        if self._whole is None or not np.array_equal(self._whole[0], values):
+            coefficients = self.model.coefficients_of(values, self._cables)
+            self._whole = (values, coefficients, self.normal_equations(values))
+        _, (features, jacobians), (gradient, information) = self._whole
+        for i, group in enumerate(self.data.groups):
+            for k in group.of_turn(turn):
+                fold = self.part(i, (k,))
+                h, jacobian = features[i], jacobians[i]
+                gradient = gradient - (h @ fold.matrix) @ jacobian
+                information = information - jacobian.T @ (fold.curvature @ jacobian)
+        step = bounded_step(values, gradient, information, self._low, self._high)
+        values = np.clip(values + step, self._low, self._high)
+        return LeftOut(values, information, (values > self._low) & (values < self._high))
+
+    def normal_equations(self, values: Array) -> tuple[Array, Array]:
+        """Half the gradient of the cost, (p,), and its Gauss-Newton curvature with noise, (p, p)."""
+        gradient, information, _ = self._expansion(values)
+        return gradient, information
+
+    def _expansion(self, values: Array) -> tuple[Array, Array, Array]:
+        """Half the gradient of the cost, (p,); its Gauss-Newton curvature with noise and without, (p, p)."""
+        gradient = self._stiffness * (values - self._mean)
+        information = np.diag(self._stiffness)
+        if self.model.tie is not None:
+            pull, hold = self.model.tie.expansion(values)
+            gradient, information = gradient + pull, information + hold
+        sums = self.stacked()
+        h, jacobian = self.model.coefficients_of(values, self._cables)
+        across = jacobian.reshape(-1, len(values)).T
+        slopes = (sums.matrix @ jacobian).reshape(-1, len(values))
+        bent = (sums.curvature @ jacobian).reshape(-1, len(values))
+        return gradient + h.reshape(-1) @ slopes, information + across @ bent, information + across @ slopes
+
+
+def bounded_step(values: Array, gradient: Array, information: Array, low: Array, high: Array) -> Array:
+    """Minimiser of the quadratic model inside the bounds (active set with release, as in BVLS)."""
+    scale = 1.0 / np.sqrt(np.diag(information))
+    matrix = information * np.outer(scale, scale) + 1e-9 * np.eye(len(values))
+    slope = gradient * scale
+    floor, ceiling = (low - values) / scale, (high - values) / scale
+    quick = _pivoted(matrix, slope, floor, ceiling)
+    if quick is not None:
+        return quick * scale
+    step = np.zeros(len(values))
+    # What stands at a bound and is pushed outwards starts fixed; it is let go below if that was wrong.
+    fixed = ((floor > -1e-12) & (slope > 0)) | ((ceiling < 1e-12) & (slope < 0))
+    for _ in range(6 * len(values)):
+        free = np.flatnonzero(~fixed)
+        target = step.copy()
+        if len(free):
+            rest = slope[free] + matrix[free][:, fixed] @ step[fixed]
+            target[free] = np.linalg.solve(matrix[free][:, free], -rest)
+        out = ~fixed & ((target < floor - 1e-12) | (target > ceiling + 1e-12))
+        if out.any():
+            # Go as far as the first bound on the way, and stay there.
+            change = target - step
+            with np.errstate(divide="ignore", invalid="ignore"):
+                room = np.where(change > 0, (ceiling - step) / change, (floor - step) / change)
+            room[~out] = np.inf
+            first = int(np.argmin(room))
+            step = step + max(0.0, float(room[first])) * change
+            step[first] = ceiling[first] if change[first] > 0 else floor[first]
+            fixed[first] = True
+            continue
+        step = target
+        pull = slope + matrix @ step
+        wrong = fixed & (((step <= floor) & (pull < -1e-6)) | ((step >= ceiling) & (pull > 1e-6)))
+        if not wrong.any():
+            break
+        fixed[int(np.argmax(np.where(wrong, np.abs(pull), -1.0)))] = False
+    return step * scale
+
+
+PIVOTING_ROUNDS = 40
+
+
+def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array) -> Array | None:
+    """The same minimiser by exchanging all wrong bounds at once; None where that does not settle.
+
+    Block principal pivoting (Judice and Pires 1994): nearly always two or three solves. Where their number
+    does not fall, only the last of the wrong bounds is exchanged, which cannot go in circles. What stands at
+    a bound starts there: between two steps of a fit, or two models that are alike, that hardly changes.
+    """
+    at_floor = floor > -1e-12
+    at_ceiling = (ceiling < 1e-12) & ~at_floor
+    fewest = len(slope) + 1
+    for _ in range(PIVOTING_ROUNDS):
+        step = np.where(at_floor, floor, 0.0)
+        step[at_ceiling] = ceiling[at_ceiling]
+        held = at_floor | at_ceiling
+        free = (~held).nonzero()[0]
+        if len(free):
+            rest = slope + matrix @ step
+            step[free] = np.linalg.solve(matrix[free[:, None], free], -rest[free])
+        pull = slope + matrix @ step
+        now_floor = (at_floor & (pull > -1e-6)) | (~held & (step < floor - 1e-12))
+        now_ceiling = (at_ceiling & (pull < 1e-6)) | (~held & (step > ceiling + 1e-12))
+        wrong = ((now_floor != at_floor) | (now_ceiling != at_ceiling)).nonzero()[0]
+        if len(wrong) == 0:
+            return np.asarray(step)
+        if len(wrong) < fewest:
+            fewest = len(wrong)
+            at_floor, at_ceiling = now_floor, now_ceiling
+        else:
+            last = wrong[-1]
+            at_floor[last], at_ceiling[last] = now_floor[last], now_ceiling[last]
+    return None
+
+
+def scaled_inverse(matrix: Array) -> Array:
+    """Pseudo-inverse of a symmetric matrix, (p, p), whose rows have units of their own."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = np.linalg.pinv(matrix * np.outer(scale, scale), hermitian=True)
+    return np.asarray(scaled * np.outer(scale, scale))

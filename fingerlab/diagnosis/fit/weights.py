@@ -1,0 +1,225 @@
+"""What a fit is shown of the recordings: products of its model's features, without noise, weighted.
+
+The weights are the inverse covariance of the equations' noise, other ones where the motor stands, and what a
+slack cable costs. Friction differs from run to run by a share of itself, a tip that sticks by how it was set
+down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fingerlab.diagnosis.equations.features import IntArray
+from fingerlab.diagnosis.equations.model import Model
+from fingerlab.diagnosis.equations.parameters import SET_DOWN
+from fingerlab.diagnosis.fit.noise import (
+    HELD_SHARE,
+    change_of_weight,
+    encoder_spread,
+    log_widening,
+    noise_of_a_sample,
+)
+from fingerlab.diagnosis.gram.sums import Group, Sums, total
+from fingerlab.diagnosis.signals.conditions import GroupKey
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
+from fingerlab.sessions.model import Array
+
+SLACK_SPREAD_M = 1e-4
+"""Cable that may hang loose at no tension before that is called slack, m; assumed."""
+
+Weights = Mapping[GroupKey, Array]
+"""Inverse covariance of the equations' noise for each group, (5, 5) over :class:`Row`."""
+
+
+FoldNumbers = tuple[int, ...]
+"""Folds of a group, by number."""
+
+
+def change(before: Weights, after: Weights) -> float:
+    """By how much the weight of an equation changed most: 0.1 is by a tenth, up or down."""
+    return max((_change(before[key], after[key]) for key in after), default=0.0)
+
+
+def _change(before: Array, after: Array) -> float:
+    exist = np.diag(after) > 0  # an equation exists in a group of runs or does not, whatever its weight
+    ratios = np.diag(after)[exist] / np.diag(before)[exist]
+    return float(np.max(np.maximum(ratios, 1.0 / ratios), initial=1.0)) - 1.0
+
+
+@dataclass(frozen=True)
+class Weighted:
+    """Weighted products of a model's features, (k, k) each.
+
+    ``curvature`` holds noise, so that it is positive; ``matrix`` does not: it gives cost and gradient.
+    """
+
+    curvature: Array
+    matrix: Array
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """Products of a model's features in one group or fold, (k, k) each: see :class:`Sums`.
+
+    All samples with noise and without, those at rest with noise and without, and those of a slack cable.
+    """
+
+    raw: Array
+    clean: Array
+    still: Array | None
+    quiet: Array | None
+    slack: Array | None
+
+
+class Data:
+    """Sums over the runs that a fit may see, with noise and without.
+
+    Taking the noise away keeps noisy regressors from being pulled towards zero (Fuller, "Measurement Error
+    Models", 1987, section 2.2): a tension that carries current noise would otherwise hide cable stretch.
+    """
+
+    def __init__(self, groups: Sequence[Group]) -> None:
+        self.groups = groups
+        self._noise = [noise_of_a_sample(g) for g in groups]
+        self._taut_noise = [
+            noise if g.taut_noise is None else g.taut_noise
+            for g, noise in zip(groups, self._noise, strict=True)
+        ]
+        self._kept: dict[tuple[int, int], tuple[Model, Gathered]] = {}
+        self._joined: dict[tuple[int, FoldNumbers], Sums] = {}
+        self._at_rest: dict[int, tuple[Array, Array, float]] = {}
+
+    @property
+    def count(self) -> float:
+        """Decimated samples of all groups, as independent values of one equation."""
+        return EFFECTIVE_SHARE * sum(group.samples for group in self.groups)
+
+    def raw(self, i: int, part: FoldNumbers | None) -> Sums:
+        """Sums over some folds of group ``i``, or over all."""
+        group = self.groups[i]
+        if part is None or len(part) == len(group.folds):
+            return group.whole
+        if len(part) == 1:
+            return group.folds[part[0]]
+        if (i, part) not in self._joined:
+            self._joined[i, part] = total([group.folds[k] for k in part])
+        return self._joined[i, part]
+
+    @cached_property
+    def noiseless(self) -> list[Sums]:
+        """All folds of every group as one, without noise."""
+        noises = zip(self._noise, self._taut_noise, strict=True)
+        return [g.whole.without(*noise) for g, noise in zip(self.groups, noises, strict=True)]
+
+    def weighted(
+        self, i: int, part: FoldNumbers | None, model: Model, weight: Array, standing: Callable[[], Array]
+    ) -> Weighted:
+        """What a fit needs of group ``i``, or of a part of it; a slack cable costs unless it may be so.
+
+        ``weight`` of each product of the model's features, (k, k); ``standing`` gives by how much it changes
+        where the motor stands, if it ever does.
+        """
+        found = self.gathered(i, part, model)
+        curvature, matrix = found.raw * weight, found.clean * weight
+        if found.still is not None and found.quiet is not None:
+            less = standing()
+            curvature += found.still * less
+            matrix += found.quiet * less
+        if found.slack is not None and not model.slack_free:
+            charge = found.slack * (EFFECTIVE_SHARE / SLACK_SPREAD_M**2)
+            curvature += charge
+            matrix += charge
+        return Weighted(curvature, matrix)
+
+    def gathered(self, i: int, part: FoldNumbers | None, model: Model) -> Gathered:
+        """Products of the model's features; those over whole groups are kept: they are asked for often."""
+        whole = part is None or len(part) == len(self.groups[i].folds)
+        known = self._kept.get((id(model), i)) if whole else None
+        if known is not None:
+            return known[1]
+        sums, pick = self.raw(i, part), model.pick
+        noise = self._noise[i][pick.square]
+        found = Gathered(
+            sums.of(pick),
+            sums.of(pick, noise, self._taut_noise[i][pick.square]),
+            sums.at_rest(pick),
+            sums.at_rest(pick, noise),
+            sums.slack(pick),
+        )
+        if whole:
+            self._kept[id(model), i] = model, found  # with the model, so that its identity stays its own
+        return found
+
+    def standing(self, i: int, weights: Array) -> Array:
+        """How the encoder's step changes the weights of group ``i`` where the motor stands, (5, 5)."""
+        return self._standing(i, weights)[0]
+
+    def _standing(self, i: int, weights: Array) -> tuple[Array, float]:
+        """The same, and the log widening that goes with it; kept while the weights stay the same array."""
+        known = self._at_rest.get(i)
+        if known is None or known[0] is not weights:
+            spread = encoder_spread(self.groups[i].encoder_variance)
+            known = weights, change_of_weight(weights, spread), log_widening(weights, spread)
+            self._at_rest[i] = known
+        return known[1:]
+
+    def held(self, i: int, model: Model, values: Array, weights: Array) -> tuple[Array, float] | None:
+        """What friction that sticks does to group ``i`` where the motor stands; None: nothing.
+
+        The change of the weights, (5, 5), beside the encoder's, and by how much the logarithm of the density
+        falls at all those moments together because the residual may lie further out.
+        """
+        group = self.groups[i]
+        if group.whole.rest is None or not model.sticking:
+            return None
+        products = self.gathered(i, None, model).raw
+        spread = encoder_spread(group.encoder_variance)
+        h, own = model.features(values, group), np.zeros((5, 5))
+        for mine in map(np.flatnonzero, model.sticking):
+            share = np.zeros((len(mine), 5))
+            share[np.arange(len(mine)), model.rows[mine]] = h[mine]
+            own += share.T @ products[mine[:, None], mine] @ share
+        own *= HELD_SHARE / max(group.samples, 1.0)
+        usual, wide = self._standing(i, weights)
+        change = change_of_weight(weights, spread + own) - usual
+        widening = log_widening(weights, spread + own) - wide
+        return change, EFFECTIVE_SHARE * group.whole.rest_samples * widening
+
+
+def feature_weights(weights: Array, rows: IntArray) -> Array:
+    """Weight of each product of features, (k, k)."""
+    return weights.take(rows, axis=0).take(rows, axis=1)
+
+
+WANDER = 0.05
+"""Friction differs from run to run by this share, one standard deviation; assumed ("some per cent")."""
+SET_DOWN_N = 0.02
+"""Force along the load cell's face that a tip which sticks is set down with, from run to run, one standard
+deviation; assumed: a tenth of what friction of 0.2 holds at 1 N."""
+
+
+LEAST_REPEATS = 3
+"""Runs of one condition from which on their differences are known to be the runs', not the condition's."""
+
+
+def own_to_a_run(model: Model, values: Array, told: Array, group: Group, condition: int = 0) -> Array:
+    """What one standard deviation of all that a run has of its own adds to the features, (k, parts).
+
+    Args:
+        values: of the model's unknowns, (p,).
+        told: the features' coefficients at these values, (k,).
+        group, condition: to which the run belongs.
+    """
+    parts = [np.where(mine, WANDER * told, 0.0) for mine in model.wandering]
+    place = model.index.get(SET_DOWN)
+    repeated = len(group.of_condition(condition)) >= LEAST_REPEATS
+    if group.in_contact and repeated and place is not None:
+        once = values.copy()
+        once[place] = SET_DOWN_N  # the column is linear in it
+        parts.append(np.where(model.set_down, model.features(once, group), 0.0))
+    parts = [part for part in parts if part.any()]
+    return np.stack(parts, axis=1) if parts else np.zeros((len(told), 0))

@@ -1,0 +1,1 @@
+"""Products of features summed over runs: decimation, sums, groups, reduction."""

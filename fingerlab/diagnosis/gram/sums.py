@@ -1,0 +1,255 @@
+"""Products of signals, summed over samples, by groups of runs: all that a fit needs of the recordings.
+
+A signal may stand in several equations (the tension in all three), so that far fewer signals than features
+need to be filtered and multiplied. What an equation sees of them depends on the cable: the cable equation
+says nothing at moments when the cable may be slack.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fingerlab.diagnosis.equations.features import IntArray, Layout, Pick
+from fingerlab.diagnosis.signals.conditions import Fold, GroupKey
+from fingerlab.diagnosis.signals.segments import Senses
+from fingerlab.effects.base import Row
+from fingerlab.sessions.model import Array
+
+
+@dataclass
+class Sums:
+    """Products of signals over some samples.
+
+    ``products`` (signals, signals) counts all samples, ``loose`` those where the cable may be slack (None:
+    there are none), ``rest`` those where the motor stands and the cable is taut.
+    """
+
+    products: Array
+    loose: Array | None = None
+    taut_samples: int = 0
+    slack_samples: int = 0
+    rest: Array | None = None
+    rest_samples: int = 0
+    runs: list[str] = field(default_factory=list)  # names of the runs that hold the samples
+
+    @property
+    def samples(self) -> int:
+        return self.taut_samples + self.slack_samples
+
+    def add(self, other: Sums, live: IntArray | None = None) -> None:
+        """Count the samples of ``other`` too; it may hold the products of the signals ``live`` alone."""
+        among: Any = slice(None) if live is None else np.ix_(live, live)
+        self.products[among] += other.products
+        if other.loose is not None:
+            if self.loose is None:
+                self.loose = np.zeros_like(self.products)
+            self.loose[among] += other.loose
+        if other.rest is not None:
+            if self.rest is None:
+                self.rest = np.zeros_like(self.products)
+            self.rest[among] += other.rest
+        self.rest_samples += other.rest_samples
+        self.taut_samples += other.taut_samples
+        self.slack_samples += other.slack_samples
+        self.runs += other.runs
+
+    def of(self, pick: Pick, noise: Array | None = None, taut_noise: Array | None = None) -> Array:
+        """Products of features, (k, k), as the equations see them: none of the cable at slack moments.
+
+        Args:
+            noise: what it adds to the features' products at one sample, (k, k), to be taken away.
+            taut_noise: the same at a taut moment; None: no other.
+        """
+        found = self.products[pick.square]
+        if self.loose is not None:
+            found -= self.loose[pick.square] * pick.in_cable
+        if noise is not None:
+            taut = noise if taut_noise is None else taut_noise
+            found -= np.where(pick.in_cable, self.taut_samples * taut, self.samples * noise)
+        return found
+
+    def slack(self, pick: Pick) -> Array | None:
+        """Products of the cable equation's features at slack moments, (k, k); None: there are none."""
+        return None if self.loose is None else self.loose[pick.square] * pick.both_cable
+
+    def at_rest(self, pick: Pick, noise: Array | None = None) -> Array | None:
+        """Products of features where the motor stands, (k, k), less noise; None: it never does."""
+        if self.rest is None:
+            return None
+        found = self.rest[pick.square]
+        return found if noise is None else found - self.rest_samples * noise
+
+    def taut(self) -> Array:
+        """Products where the cable is taut, (signals, signals)."""
+        return self.products if self.loose is None else self.products - self.loose
+
+    def without(self, noise: Array, taut_noise: Array) -> Sums:
+        """The sums less what noise adds to one sample, and to a taut one, (signals, signals)."""
+        added = self.samples * noise
+        loose = None if self.loose is None else self.loose - (added - self.taut_samples * taut_noise)
+        rest = None if self.rest is None else self.rest - self.rest_samples * noise
+        return replace(self, products=self.products - added, loose=loose, rest=rest)
+
+    def across(
+        self, left: Array, pick: Pick, weights: Array, other: Pick, at_rest: Array | None = None
+    ) -> Array:
+        """Weighted products of combinations of features with single ones, (m, n).
+
+        Args:
+            left: combinations, (m, k), of the features ``pick``.
+            weights: of the equations, (5, 5); ``at_rest`` comes on top of them where the motor stands.
+            other: the single features, n of them.
+        """
+        result = np.zeros((len(left), len(other.rows)))
+        for row in np.unique(other.rows):
+            here = other.rows == row
+            weighted = left * weights[pick.rows, row]
+            found = weighted @ self.products[pick.signals]
+            if self.loose is not None:
+                unseen = weighted if row == Row.CABLE else weighted * pick.cable
+                found -= unseen @ self.loose[pick.signals]
+            if at_rest is not None and self.rest is not None:
+                found += (left * at_rest[pick.rows, row]) @ self.rest[pick.signals]
+            result[:, here] = found[:, other.signals[here]]
+        return result
+
+
+def total(parts: Sequence[Sums]) -> Sums:
+    """Their sum, one after the other: stacking them first would copy all of them."""
+    result = empty(len(parts[0].products))
+    for part in parts:
+        result.add(part)
+    return result
+
+
+def empty(size: int) -> Sums:
+    """Sums over no samples of ``size`` signals."""
+    return Sums(np.zeros((size, size)))
+
+
+@dataclass
+class Part:
+    """Sums over one or more stretches in which the same signals are ``live``, and of those alone.
+
+    ``noise`` is None where nothing repeats.
+    """
+
+    live: IntArray
+    sums: Sums
+    noise: Array | None = None
+    noise_samples: float = 0.0
+
+
+@dataclass
+class RunSums:
+    """Sums of signal products over one run.
+
+    ``trends`` holds for each stretch that repeats its live signals and their slow trends, (live, degrees);
+    ``senses`` what its free stretches say of the channels' signs.
+    """
+
+    run: str
+    parts: list[Part] = field(default_factory=list)
+    trends: list[tuple[IntArray, Array]] = field(default_factory=list)
+    senses: list[Senses] = field(default_factory=list)
+    encoder_variance: float = 0.0
+
+    def add(self, part: Part) -> None:
+        """Count another stretch; what is alike is added up, so that a long run takes no more room."""
+        for mine in self.parts:
+            if np.array_equal(mine.live, part.live) and (mine.noise is None) == (part.noise is None):
+                mine.sums.add(part.sums)
+                if mine.noise is not None and part.noise is not None:
+                    mine.noise += part.noise
+                mine.noise_samples += part.noise_samples
+                return
+        self.parts.append(part)
+
+
+@dataclass
+class Group:
+    """Runs of one routing and phase: they share moment arms, losses and noise.
+
+    ``noise`` (signals, signals) holds products of what does not repeat from cycle to cycle. ``dealt`` says of
+    every fold which runs it holds; empty: every fold has its turn, all runs are of one condition.
+    """
+
+    key: GroupKey
+    cable_sign: int
+    folds: list[Sums]
+    noise: Array
+    noise_samples: float = 0.0
+    taut_noise: Array | None = None
+    """What noise adds to the products at one taut moment, (signals, signals); None: as at any other."""
+    encoder_variance: float = 0.0  # m^2 of cable: what a standing encoder's step leaves open
+    dealt: list[Fold] = field(default_factory=list)
+    trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)
+    """While runs are read: slow trends by condition and stretch, (signals, degrees) for each run."""
+
+    def __post_init__(self) -> None:
+        self.dealt = self.dealt or [Fold(0, k) for k in range(len(self.folds))]
+
+    @cached_property
+    def whole(self) -> Sums:
+        """Sums over all folds; asked for when all runs are in."""
+        return total(self.folds)
+
+    @property
+    def conditions(self) -> list[int]:
+        """The conditions that its runs were recorded under."""
+        return sorted({fold.condition for fold in self.dealt})
+
+    def of_turn(self, turn: int) -> list[int]:
+        """Indices of the folds that are left out in this turn; none where nothing else would be left."""
+        found = [k for k, fold in enumerate(self.dealt) if fold.turn == turn]
+        return found if len(found) < len(self.folds) else []
+
+    def without(self, k: int) -> Group:
+        """The group less one of its folds."""
+        folds, dealt = list(self.folds), list(self.dealt)
+        del folds[k], dealt[k]
+        return replace(self, folds=folds, dealt=dealt)
+
+    def of_condition(self, condition: int) -> list[int]:
+        """Indices of a condition's folds."""
+        return [k for k, fold in enumerate(self.dealt) if fold.condition == condition]
+
+    @property
+    def repeats(self) -> bool:
+        """Whether anything comes again in these runs or others, so that noise is told from what is missed."""
+        return self.noise_samples > 0
+
+    @property
+    def on_bench(self) -> bool:
+        """Whether these are runs of the motor alone, which have the motor's equation and no other."""
+        return self.cable_sign == 0
+
+    @property
+    def in_contact(self) -> bool:
+        """Whether these are runs that press on the load cell."""
+        return self.key[1] == "contact"
+
+    @property
+    def equations(self) -> int:
+        """How many equations its runs have."""
+        return 1 if self.on_bench else 3
+
+    @property
+    def samples(self) -> int:
+        """Decimated samples in the group."""
+        return sum(f.samples for f in self.folds)
+
+
+@dataclass
+class Reduced:
+    """All that the diagnosis needs of the sessions; ``on_bench``: all runs are of the motor alone."""
+
+    layout: Layout
+    groups: list[Group]
+    on_bench: bool
+    radius: float  # of the pulley, m; 1 on a bench without one

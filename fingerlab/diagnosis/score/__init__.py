@@ -1,0 +1,1 @@
+"""What a model fitted to the runs leaves, and what that says."""

@@ -1,0 +1,1 @@
+"""Which effect next, how many, and at which points of their grids."""

@@ -1,0 +1,1 @@
+"""From a run's channels to the motion that the equations see: filters, segments, conditions."""

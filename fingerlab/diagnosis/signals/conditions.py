@@ -1,0 +1,135 @@
+"""Which runs are analysed, which belong together, and which are left out of a fit together.
+
+Runs of one routing and phase are a group: they share moment arms, losses and noise. Within a group, runs that
+were told the same motion are one condition. What no model explains of a bench repeats from run to run of one
+condition, so more of them are not new evidence about physics; another frequency or amplitude is. A group's
+runs are dealt to folds, which are held out of a fit one turn at a time.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fingerlab.core.errors import UserError
+from fingerlab.sessions.model import Run, Session
+
+TOLD = ("frequency_hz", "amplitude_deg", "offset_deg", "load_torque")
+"""What tells one motion from another of its kind."""
+SAME_SHARE = 0.15
+"""Numbers that differ by less than this share are the same condition; an approach is never found twice."""
+SAME_DIFFERENCE = {"frequency_hz": 0.02, "amplitude_deg": 1.0, "offset_deg": 3.0, "load_torque": 0.002}
+"""... or by less than this (Hz, degrees at the pulley, N m)."""
+MOST_FOLDS = 30
+"""Folds of a group, whatever the number of its conditions: beyond, conditions share folds."""
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Runs that are held out together.
+
+    Attributes:
+        condition: number of the motion that they were told, within the group.
+        turn: folds of one turn, of all groups, are left out at the same time.
+    """
+
+    condition: int
+    turn: int
+
+
+def deal(runs: Sequence[Run], most: int) -> tuple[list[Fold], list[int]]:
+    """The folds of a group, and the fold of each of its runs.
+
+    Args:
+        runs: of one routing and phase. most: folds of one condition, and turns.
+    """
+    seen: list[Run] = []
+    conditions = [_condition(run, seen) for run in runs]
+    totals = Counter(conditions)
+    folds: list[Fold] = []
+    own: dict[int, list[int]] = {}
+    met: Counter[int] = Counter()
+    places = []
+    for condition in conditions:
+        mine = own.setdefault(condition, [])
+        if len(mine) < min(most, totals[condition]) and len(folds) < MOST_FOLDS:
+            mine.append(len(folds))
+            folds.append(Fold(condition, len(folds) % most))
+        place = mine[met[condition] % len(mine)] if mine else (condition + met[condition]) % len(folds)
+        met[condition] += 1
+        places.append(place)
+    return folds, places
+
+
+def _condition(run: Run, seen: list[Run]) -> int:
+    """Which of the motions ``seen`` the run was told; a new one is appended."""
+    for number, other in enumerate(seen):
+        if _alike(run.trajectory, other.trajectory):
+            return number
+    seen.append(run)
+    return len(seen) - 1
+
+
+def _alike(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    if one.get("kind") != other.get("kind"):
+        return False
+    return all(_close(one.get(name), other.get(name), SAME_DIFFERENCE[name]) for name in TOLD)
+
+
+def _close(one: object, other: object, difference: float) -> bool:
+    if not isinstance(one, int | float) or not isinstance(other, int | float):
+        return one == other
+    return abs(one - other) <= max(difference, SAME_SHARE * max(abs(one), abs(other)))
+
+
+FOLDS = 10
+"""Runs of a condition are dealt to at most this many folds; ten runs or fewer are held out one by one."""
+
+GroupKey = tuple[str, str]
+
+
+def runs_to_analyse(sessions: Sequence[Session]) -> tuple[list[tuple[Session, Run]], bool]:
+    """Finger runs of all sessions and the motor-bench runs beside them; whether there are only the latter.
+
+    Raises:
+        UserError: there is no run at all, or finger runs without the finger's constants.
+    """
+    every = [(s, r) for s in sessions for r in s.runs]
+    bench = [(s, r) for s, r in every if r.phase == "motor_bench"]
+    finger = [(s, r) for s, r in every if r.phase != "motor_bench" and r.cable_sign != 0]
+    if finger:
+        for session, _ in finger:
+            if session.rig.finger is None:
+                raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
+        return finger + bench, False
+    if not bench:
+        names = ", ".join(str(s.path) for s in sessions)
+        raise UserError(
+            f"{names} holds no run with a cable and no motor-bench run; there is nothing to compare."
+        )
+    return bench, True
+
+
+def group_key(run: Run) -> GroupKey:
+    """Runs of one cable and phase belong together."""
+    return (run.cable, kind_of(run.phase))
+
+
+def kind_of(phase: str) -> str:
+    """Second part of a group's key: whether its runs press on something."""
+    return "contact" if phase == "contact" else "free"
+
+
+def deal_runs(runs: Sequence[Run]) -> tuple[dict[GroupKey, list[Fold]], list[int]]:
+    """The folds of every group of runs, and for each run which of its group's folds holds it."""
+    members: dict[GroupKey, list[int]] = {}
+    for number, run in enumerate(runs):
+        members.setdefault(group_key(run), []).append(number)
+    folds, places = {}, [0] * len(runs)
+    for key, mine in members.items():
+        folds[key], found = deal([runs[i] for i in mine], FOLDS)
+        for i, place in zip(mine, found, strict=True):
+            places[i] = place
+    return folds, places

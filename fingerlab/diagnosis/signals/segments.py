@@ -1,0 +1,300 @@
+"""From a run to segments of high-bandwidth motion, each short enough to hold in memory, and their senses.
+
+Channels must have the sense that the session format gives them; a turned one fits no law. A joint follows
+its cable, a cable pulls, and no finger joint turns by more than half a turn. What a recording says otherwise
+in every free run is a matter of its file, not of physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.signals.filters import wide_kernels, widen
+from fingerlab.physics.motion import Motion
+from fingerlab.physics.nominal import JointMotion
+from fingerlab.rig.constants import Rig
+from fingerlab.sessions.model import Array, Run, whole_pieces
+
+LONGEST_STRETCH_S = 60.0
+"""A longer run is cut, so that memory does not grow with its length, s."""
+SETTLING_S = 2.0
+"""Left out at the start of a run: the ramp from rest (1.5 s on the bench) and the end of its transient, s."""
+SHORTEST_STRETCH_S = 2.0
+CLEARLY_HELPING = 0.4
+"""Correlation of torque with speed beyond which a bench's torque is read as a reaction; assumed."""
+
+USUAL_INERTIA = 2e-4
+"""Inertia of a rotor, gearbox and pulley of which nothing is known, kg m^2; assumed: the bench's order."""
+
+FINGER_CHANNELS = ("motor_position", "motor_torque", "mcp_angle", "pip_angle")
+BENCH_CHANNELS = ("motor_position", "motor_torque")
+
+
+def stretches(run: Run, rig: Rig) -> Iterator[Motion]:
+    """The run's motion after its start-up ramp, in stretches of at most a minute without a gap.
+
+    Raises:
+        UserError: a channel is missing, holds NaN, or the run is too short to analyse.
+    """
+    on_bench = run.phase == "motor_bench"
+    needed = BENCH_CHANNELS if on_bench else FINGER_CHANNELS
+    for name in needed:
+        if not run.has(name):
+            raise UserError(
+                f"Run {run.name} has no channel '{name}'; a {run.phase} run needs {', '.join(needed)}."
+            )
+    rate = run.sample_rate_hz
+    first = int(SETTLING_S * rate)
+    if run.length - first < SHORTEST_STRETCH_S * rate:
+        raise UserError(
+            f"Run {run.name} lasts {run.length / rate:.1f} s; "
+            f"a diagnosis needs at least {SETTLING_S + SHORTEST_STRETCH_S:g} s."
+        )
+    length = int(LONGEST_STRETCH_S * rate)
+    none = True
+    for start in range(first, run.length, length):
+        stop = min(start + length, run.length)
+        if stop - start >= SHORTEST_STRETCH_S * rate:
+            for motion in _without_gaps(run, rig, start, stop, on_bench, first):
+                none = False
+                yield motion
+    if none:
+        raise UserError(
+            f"Run {run.name} has so many gaps that no {SETTLING_S + SHORTEST_STRETCH_S:g} s of it are whole; "
+            "record it again, or leave it out."
+        )
+
+
+def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int) -> Iterator[Motion]:
+    """Samples ``start:stop`` and the ``lead`` before them, in pieces between gaps of the recording."""
+    lead -= lead % wide_kernels(run.sample_rate_hz)[1]
+    names = [*(BENCH_CHANNELS if on_bench else FINGER_CHANNELS)]
+    extra = "load_torque" if on_bench else "endpoint_force" if run.phase == "contact" else ""
+    names += [extra] if run.has(extra) else []
+    samples = run.load(["time", *names], start - lead, stop)  # the file is opened once
+    for piece, its_lead in _whole(samples["time"], run.sample_rate_hz, lead):
+        mine = {name: values[piece] for name, values in samples.items()}
+        motion = _motion(run, rig, start - lead + piece.start, mine, on_bench, its_lead)
+        lost = float(mine["time"][0] - samples["time"][0]) - piece.start / run.sample_rate_hz
+        yield replace(motion, time=motion.time + lost) if piece.start else motion
+
+
+def _whole(time: Array, rate: float, lead: int) -> Iterator[tuple[slice, int]]:
+    """Pieces of a block without a gap, and how many samples at the start of each only set its state.
+
+    Behind a gap nobody knows what rubs or creeps: it finds its state as it does at the start of a run.
+    """
+    step = wide_kernels(rate)[1]
+    for piece in whole_pieces(time, rate):
+        its_lead = lead
+        if piece.start:
+            its_lead = max(lead - piece.start, int(SETTLING_S * rate))
+            its_lead -= its_lead % step
+        if piece == slice(0, len(time)) or _counts(piece, its_lead, rate):
+            yield piece, its_lead
+
+
+def _counts(piece: slice, lead: int, rate: float) -> bool:
+    """Whether enough of a piece is left behind its lead."""
+    return bool(piece.stop - piece.start - lead >= SHORTEST_STRETCH_S * rate)
+
+
+def _motion(
+    run: Run, rig: Rig, first: int, samples: Mapping[str, Array], on_bench: bool, lead: int
+) -> Motion:
+    """What ``samples`` hold, of which ``first`` is the number of the first one in the run.
+
+    What rubs, creeps or has play remembers how it came here: its state is followed through the ``lead``,
+    where no equation is counted.
+    """
+    kernels, step = wide_kernels(run.sample_rate_hz)
+
+    def read(name: str) -> Array:
+        _check_numbers(run, name, samples[name], first)
+        return widen(samples[name], kernels, step)
+
+    position, torque = read("motor_position"), read("motor_torque")
+    joints = force = load = None
+    if on_bench:
+        load = read("load_torque")[0] if run.has("load_torque") else np.zeros(position.shape[1])
+        torque = _drive_sign(torque[0][lead // step :], position[:, lead // step :]) * torque
+    else:
+        mcp, pip = read("mcp_angle"), read("pip_angle")
+        joints = JointMotion(mcp[0], pip[0], mcp[1], pip[1], mcp[2], pip[2])
+        force = _force(run, samples, lead, kernels, step)
+    half = len(kernels) // 2
+    return Motion(
+        phase=run.phase,
+        cable_sign=run.cable_sign,
+        sample_rate_hz=run.sample_rate_hz / step,
+        time=(first + half + step * np.arange(position.shape[1])) / run.sample_rate_hz,
+        position=position[0],
+        velocity=position[1],
+        acceleration=position[2],
+        torque=torque[0],
+        motor=rig.motor,
+        finger=None if on_bench else rig.finger,
+        joints=joints,
+        force=force,
+        load=load,
+        lead=lead // step,
+        position_step=_smallest_step(samples["motor_position"][lead:]),
+        inertia_spread=_inertia_spread(rig),
+    )
+
+
+def _inertia_spread(rig: Rig) -> float:
+    """One standard deviation of the rotor's inertia, kg m^2; where the rig gives none, it may be any."""
+    inertia = rig.motor.inertia
+    return USUAL_INERTIA if inertia is None else inertia * rig.tolerance_of("inertia")
+
+
+def _check_numbers(run: Run, name: str, values: Array, first: int) -> None:
+    """``values`` from the sample ``first`` on.
+
+    Raises:
+        UserError: one of them is not a number.
+    """
+    if not np.all(np.isfinite(values)):
+        bad = first + int(np.flatnonzero(~np.isfinite(values))[0])
+        raise UserError(
+            f"Run {run.name}, channel '{name}' holds a value that is not a number at sample {bad}; "
+            "only endpoint_force may, where no load cell was read."
+        )
+
+
+def _smallest_step(values: Array) -> float:
+    """Smallest change from sample to sample: the step of an encoder, next to nothing without one."""
+    changes = np.abs(np.diff(values))
+    return float(np.min(changes, where=changes > 0, initial=np.inf)) if np.any(changes > 0) else 0.0
+
+
+def _drive_sign(torque: Array, motion: Array) -> float:
+    """-1 where a bench's torque helps the motion of a passive machine, else +1.
+
+    What is left of the torque beside a constant, a spring and inertia must oppose the motion, since
+    a machine that only rubs cannot give work back. Where it clearly helps instead, the recording shows the
+    reaction, and its sign is turned.
+
+    Args:
+        torque: N m, shape (n,). motion: position, velocity and acceleration, shape (3, n).
+    """
+    held = np.stack((np.ones_like(torque), motion[0], motion[2]), axis=1)
+    rest = torque - held @ np.linalg.lstsq(held, torque, rcond=None)[0]
+    alike = float(rest @ motion[1]) / max(float(np.linalg.norm(rest) * np.linalg.norm(motion[1])), 1e-300)
+    return -1.0 if alike < -CLEARLY_HELPING else 1.0
+
+
+def _force(run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, step: int) -> Array | None:
+    """Contact force, N; None in free motion, where the load cell shows only its noise."""
+    if run.phase != "contact":
+        return None
+    if not run.has("endpoint_force"):
+        raise UserError(
+            f"Run {run.name} is a contact run without 'endpoint_force'; it needs the load cell's force in N."
+        )
+    values = samples["endpoint_force"]
+    if not np.all(np.isfinite(values[lead:])):
+        raise UserError(
+            f"Run {run.name} is a contact run, but 'endpoint_force' holds values that are not numbers; "
+            "it needs the load cell's force in N."
+        )
+    return widen(np.nan_to_num(values), kernels[:, :1], step)[0]
+
+
+NO_TORQUE = 1e-9
+"""A torque that changes by less is a constant, N m: rounding."""
+MOVED_DEG = 3.0
+"""A joint that moves by less says little of its sense, degrees; assumed."""
+AGAINST = -0.7
+"""Correlation with what its cable does below which a joint turns against it; assumed."""
+PUSHES_N = -0.5
+"""A mean tension below it is no zero of the current, N; assumed."""
+ALWAYS = 0.9
+"""Share of a run in which a cable would have to push to be called turned; assumed."""
+
+
+@dataclass(frozen=True)
+class Senses:
+    """What a free stretch says: ``follows`` its cable, -1 to 1, for MCP and PIP (NaN: hardly moves).
+
+    ``tension`` is its mean, N, and ``pushes`` the share of the time at which it is negative.
+    """
+
+    run: str
+    cable: str
+    follows: tuple[float, float]
+    tension: float
+    pushes: float
+
+
+def senses(run: Run, motion: Motion) -> Senses | None:
+    """Of a stretch of a run; None where the finger is not free.
+
+    Raises:
+        UserError: a joint turns further than any does, or the torque is one number.
+    """
+    if motion.joints is None:
+        return None
+    for name, angle in (("mcp_angle", motion.joints.mcp), ("pip_angle", motion.joints.pip)):
+        most = float(np.max(np.abs(angle)))
+        if most > np.pi:
+            raise UserError(
+                f"Run {run.name}, channel '{name}' goes to {most:.3g} rad, more than half a turn; write "
+                "it in rad, not in degrees."
+            )
+    if float(np.ptp(motion.torque)) < NO_TORQUE:
+        raise UserError(
+            f"Run {run.name}, channel 'motor_torque' never changes; a current that is not connected reads so."
+        )
+    if motion.force is not None or motion.cable_sign == 0:
+        return None
+    follows = tuple(_follows(motion, angle) for angle in (motion.joints.mcp, motion.joints.pip))
+    pull = motion.tension[motion.lead :]
+    return Senses(run.name, run.cable, (follows[0], follows[1]), float(pull.mean()), float(np.mean(pull < 0)))
+
+
+def _follows(motion: Motion, angle: Array) -> float:
+    mine, wound = angle[motion.lead :], motion.position[motion.lead :]
+    if np.ptp(mine) < np.radians(MOVED_DEG) or not np.ptp(wound) > 0:
+        return float("nan")
+    return motion.cable_sign * float(np.corrcoef(mine, wound)[0, 1])
+
+
+def check_senses(seen: Sequence[Senses]) -> None:
+    """Refuse recordings in which every free run says that a channel's sense is turned.
+
+    Raises:
+        UserError: with the channel, and what would be right.
+    """
+    if not seen:
+        return
+    first = seen[0]
+    turned = [_turned([one.follows[k] for one in seen]) for k in (0, 1)]
+    cable = f"the {first.cable} cable" if len({one.cable for one in seen}) == 1 else "the cable"
+    if all(turned):
+        raise UserError(
+            f"Both joints turn against {cable} in every free run (run {first.run}, for one); name the other "
+            "cable, or turn the sign of motor_position or of both angles."
+        )
+    if any(turned):
+        joint = "MCP" if turned[0] else "PIP"
+        raise UserError(
+            f"The {joint} angle turns against {cable} in every free run (run {first.run}, for one) while the "
+            "other joint follows it; turn its sign, flexion is positive."
+        )
+    if all(one.tension < PUSHES_N and one.pushes > ALWAYS for one in seen):
+        raise UserError(
+            f"The motor's torque would push the cable in every free run (run {first.run}: "
+            f"{first.tension:.3g} N on average), which no cable can; turn the sign of motor_torque."
+        )
+
+
+def _turned(follows: Sequence[float]) -> bool:
+    """Whether a joint turns against its cable wherever it moves."""
+    known = [one for one in follows if np.isfinite(one)]
+    return bool(known) and max(known) < AGAINST

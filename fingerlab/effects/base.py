@@ -1,0 +1,218 @@
+"""What an effect is: one small object that the fit, the ranking, the plots and the report work from.
+
+An effect adds *terms* to the equations. Every equation is written as measured minus modelled, and a
+term is a column of the modelled side times an unknown gain:
+
+* ``MCP`` and ``PIP``: cable tension (N) that the motor channel gives, minus the tension that the joint's
+  torque balance implies. A term with ``scale="joint"`` is a torque at the joint (N m); the fit divides it
+  by the signed moment arm. A term with ``scale="direct"`` is a tension (N).
+* ``CABLE``: cable wound on the pulley (m) minus the length that the joints call for. A term with
+  ``scale="direct"`` is a length (m), one with ``scale="arm_mcp"`` or ``"arm_pip"`` an angle (rad) that the
+  signed moment arm turns into a length.
+  One with ``scale="compliance"`` is a tension (N) that the motor gives and the cable never sees; the cable's
+  compliance turns it into a length.
+* ``BENCH``: motor torque (N m) of a motor-bench run minus its nominal equation.
+* ``TIP``: depth of the pressing fingertip (m) from the joint angles minus that of the load cell's face.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import InitVar, dataclass, field, replace
+from enum import IntEnum
+from typing import Final, Literal
+
+from fingerlab.effects.example import Example
+from fingerlab.physics.motion import Motion
+from fingerlab.physics.parameter import Parameter, Role
+from fingerlab.sessions.model import Array
+
+
+class Row(IntEnum):
+    """The equation that a term stands in."""
+
+    MCP = 0
+    PIP = 1
+    CABLE = 2
+    BENCH = 3
+    TIP = 4
+
+
+EQUATION_FAMILIES = ("joint_torque", "cable_kinematics", "motor_torque", "endpoint_force")
+BESIDE_A_FINGER: Final = "beside a finger"
+COORDINATE_UNITS = {
+    "time": "s",
+    "joint speed": "rad/s",
+    "joint angle": "rad",
+    "joint acceleration": "rad/s^2",
+    "difference of joint angles": "rad",
+    "motor speed": "rad/s",
+    "motor angle": "rad",
+    "motor acceleration": "rad/s^2",
+    "tension": "N",
+    "tension times direction of travel": "N",
+    "force": "N",
+}
+"""What a residual can be plotted against to see an effect -> SI unit. A joint's is that of the
+joint whose equation is drawn."""
+Scale = Literal["joint", "direct", "arm_mcp", "arm_pip", "compliance"]
+
+
+@dataclass(frozen=True)
+class Term:
+    """One column of an equation: ``values`` of shape (n,) times (``constant`` + the gain named ``gain``).
+
+    An empty ``gain`` leaves the constant alone.
+    """
+
+    row: Row
+    gain: str
+    values: Array
+    scale: Scale = "direct"
+    constant: float = 0.0
+
+
+Gain = Parameter
+"""An unknown strength, as files of users name it."""
+
+Shape = Mapping[str, float]
+Columns = Callable[[Motion, Shape], list[Term]]
+Closer = Callable[[Shape], Sequence[Shape]]
+
+
+def as_found(shape: Shape) -> Sequence[Shape]:
+    """The shape alone: there is nothing between the points of the grid."""
+    return (shape,)
+
+
+FAMILIES = (
+    "Joint friction",
+    "Springs of the joints",
+    "Mass and gravity",
+    "Cable",
+    "Motor and gearbox",
+    "Sensors",
+    "Contact",
+    "Others",
+)
+"""Under which an effect stands in the documents."""
+
+
+@dataclass(frozen=True)
+class Formula:
+    r"""What is printed of an effect; symbols as in ``docs/theory.md``, joint j is 1 (MCP) or 2 (PIP).
+
+    Attributes:
+        equation: LaTeX that matplotlib's mathtext can draw too.
+        symbols: what its symbols mean. source: where the law comes from.
+        values: LaTeX symbol of each unknown (gain, nuisance that is set free, or shape), by its name.
+        alike: ids of effects whose equations have nearly the same course in ordinary recordings.
+    """
+
+    equation: str
+    symbols: str
+    source: str
+    values: Mapping[str, str] = field(default_factory=dict)
+    alike: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A physical effect that the nominal model leaves out.
+
+    Attributes:
+        id: fixed name of ``effects.md``. title: in an operator's words.
+        acts_on: equation families changed: joint_torque, cable_kinematics, motor_torque, endpoint_force.
+        gains: the linear unknowns, by name.
+        columns: terms from signals and one point of ``shapes``.
+        coordinate: what the residual is plotted against to see this effect (a ``Motion`` quantity).
+        equation: the row in which that fingerprint is drawn.
+        explanation: one sentence for a person, without numbers.
+        reveal: the experiment that shows the effect where these data could not.
+        shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
+        shape_units: unit of each nonlinear unknown; what ``shapes`` holds beyond these are switches, 0 or 1.
+        closer: shapes around one that was found, finer than the grid, and of other laws of the same physics
+            (what these name beyond the grid's shapes is 0 where it is missing); tried in a second look.
+        phases: phases of a run in which it can act; empty means all.
+        cables: cables that the recording must hold, each, for it to be judged.
+        bench: whether it can be told from runs of the motor alone, which it then has columns for; "beside a
+            finger": it has them, but alone it is what the bench's own equation fits.
+        special: how the fit treats it where it is not a column: "delay" or "slack".
+        relaxes: nuisances that this effect sets free (the same terms without the tight prior).
+        turns: by how much (rad) the load cell's face is turned against the finger at a point of ``shapes``;
+            what the tip does along the face turns with it.
+        family: one of ``FAMILIES``. formula: what is printed of it.
+        example: a motion and what the columns are in it.
+        wanders, sticks: as an argument, says of all gains that they differ from run to run, or hold at rest.
+    """
+
+    id: str
+    title: str
+    acts_on: tuple[str, ...]
+    gains: Mapping[str, Parameter]
+    columns: Columns
+    coordinate: str
+    equation: Row
+    explanation: str
+    reveal: str
+    shapes: Sequence[Shape] = ({},)
+    shape_units: Mapping[str, str] = field(default_factory=dict)
+    closer: Closer = as_found
+    phases: tuple[str, ...] = ()
+    cables: tuple[str, ...] = ()
+    bench: bool | Literal["beside a finger"] = False
+    special: Literal["", "delay", "slack"] = ""
+    relaxes: Mapping[str, Parameter] = field(default_factory=dict)
+    turns: Callable[[Shape], float] | None = None
+    family: str = FAMILIES[-1]
+    formula: Formula | None = None
+    example: Example | None = None
+    wanders: InitVar[bool] = False
+    sticks: InitVar[bool] = False
+
+    def __post_init__(self, wanders: bool, sticks: bool) -> None:
+        if wanders or sticks:
+            flagged = {
+                name: replace(
+                    gain,
+                    varies_between_runs=gain.varies_between_runs or wanders,
+                    holds_at_rest=gain.holds_at_rest or sticks,
+                )
+                for name, gain in self.gains.items()
+            }
+            object.__setattr__(self, "gains", flagged)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All of its unknowns, each with its name, role and symbol: gains, nuisances set free, shapes."""
+        symbols = {} if self.formula is None else self.formula.values
+        linear = [
+            replace(one, name=name, symbol=symbols.get(name, "")) for name, one in self.unknowns.items()
+        ]
+        return (*linear, *(self._shape(name, symbols.get(name, "")) for name in self.shape_units))
+
+    @property
+    def unknowns(self) -> dict[str, Parameter]:
+        """What a fit finds: the gains, then the nuisances that are set free; by name."""
+        free = {name: replace(one, role=Role.NUISANCE_OF_BENCH) for name, one in self.relaxes.items()}
+        return {**self.gains, **free}
+
+    def _shape(self, name: str, symbol: str) -> Parameter:
+        values = [float(shape[name]) for shape in self.shapes]
+        low, high, middle = min(values), max(values), values[len(values) // 2]
+        unit = self.shape_units[name]
+        return Parameter(unit, low, high, middle, "tried", "", name, middle, Role.SHAPE, symbol)
+
+    @property
+    def excess(self) -> dict[str, str]:
+        """Gains that come on top of another one, and that one's name."""
+        return {name: gain.excess_of for name, gain in self.gains.items() if gain.excess_of}
+
+    @property
+    def offsets(self) -> tuple[str, ...]:
+        """Gains of a constant that the joints' losses could be as well."""
+        return tuple(name for name, gain in self.gains.items() if gain.degenerate_with)
+
+    def gains_at(self, shape: int) -> dict[str, Parameter]:
+        """The gains with the limits that they have at one point of ``shapes``."""
+        return {name: gain.at(self.shapes[shape]) for name, gain in self.gains.items()}

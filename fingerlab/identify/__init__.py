@@ -1,1 +1,0 @@
-"""Fit, compare, diagnose, next experiment."""

@@ -1,0 +1,1 @@
+"""A fitted model: its file, and the model beside a running motor."""

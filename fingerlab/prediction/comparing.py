@@ -1,0 +1,189 @@
+"""Several saved models on the same runs, none of which the values that judge it have seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress, Watch
+from fingerlab.diagnosis.answer.errors import equation_errors
+from fingerlab.diagnosis.answer.results import EquationError
+from fingerlab.diagnosis.equations.model import Choice, Model
+from fingerlab.diagnosis.fit.solver import Fit, Fitter
+from fingerlab.diagnosis.fit.weights import Weights
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.sums import Reduced
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.effects.base import Effect
+from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, Variant
+from fingerlab.prediction.force import contact_runs
+from fingerlab.prediction.predict import RunPrediction, predict_variant
+from fingerlab.sessions import content_hash
+from fingerlab.sessions.model import Array, Session
+
+NOMINAL = "nominal model"
+
+
+@dataclass(frozen=True)
+class ComparedModel:
+    """One model on the session.
+
+    Attributes:
+        name: of its file; ``NOMINAL`` for the nominal part of the first file.
+        left_out: True where the session is one that the model was fitted to, so that each run was left out
+            of the fit that judges it; False where the whole model comes from other sessions.
+        score: error over all equations in floors of the best model compared.
+        errors: by family of equations; empty for a model from other sessions.
+        forces: contact runs; empty for a session without any.
+    """
+
+    name: str
+    effects: tuple[str, ...]
+    left_out: bool
+    score: float
+    errors: Mapping[str, EquationError] = field(default_factory=dict)
+    forces: tuple[RunPrediction, ...] = ()
+
+
+@dataclass(frozen=True)
+class ModelComparison:
+    """All models, in the order given; the nominal model first."""
+
+    session: Path
+    models: tuple[ComparedModel, ...]
+
+
+def compare_models(
+    session: Session, models: Mapping[str, ExtendedModel], progress: Progress | None = None
+) -> ModelComparison:
+    """Judge every model on the runs of ``session``, under the same weights.
+
+    Args:
+        models: by name, as shown.
+
+    Raises:
+        UserError: no model, an effect that does not apply to these runs, or a run that cannot be read.
+    """
+    if not models:
+        raise UserError("No model was given; name at least one model file written by 'diagnose --save'.")
+    tell = progress or (lambda share, what: None)
+    sha256 = content_hash(session)
+    first = next(iter(models.values()))
+    entries = {} if any(not m.effect_ids for m in models.values()) else {NOMINAL: (first, first.nominal)}
+    entries |= {name: (m, m.extended) for name, m in models.items()}
+    with threadpool_limits(limits=1, user_api="blas"):
+        effects = _union([variant for _, variant in entries.values()])
+        reduced = reduce_sessions([session], effects, Watch(lambda share, what: tell(0.6 * share, what)))
+        study = Study(reduced)
+        tell(0.6, "fitting")
+        trials = {
+            name: _Entrant(study, reduced, variant, any(h.sha256 == sha256 for h in model.sessions), name)
+            for name, (model, variant) in entries.items()
+        }
+        _take_best_weights(study, list(trials.values()))
+        rows = []
+        for number, (name, entrant) in enumerate(trials.items()):
+            tell(0.7 + 0.3 * number / len(trials), f"predicting with {name}")
+            scored = entrant.judged()
+            rows.append(
+                ComparedModel(
+                    name,
+                    tuple(c.effect.id for c in entrant.variant.effects),
+                    entrant.own,
+                    scored.score,
+                    equation_errors(study, scored) if entrant.own else {},
+                    predict_variant(entrant.variant, session, sha256, name) if contact_runs(session) else (),
+                )
+            )
+    return ModelComparison(session.path, tuple(rows))
+
+
+def _union(variants: Sequence[Variant]) -> list[Effect]:
+    """Every effect of the models once, with all shapes in which they hold it."""
+    found: dict[str, tuple[Effect, list[Mapping[str, float]]]] = {}
+    for variant in variants:
+        for chosen in variant.effects:
+            _, shapes = found.setdefault(chosen.effect.id, (chosen.effect, []))
+            if chosen.shape not in shapes:
+                shapes.append(dict(chosen.shape))
+    return [replace(one, shapes=tuple(shapes)) for one, shapes in found.values()]
+
+
+@dataclass
+class _Entrant:
+    """One variant in the study of the session; ``own`` where it was fitted to this very session."""
+
+    study: Study
+    reduced: Reduced
+    variant: Variant
+    own: bool
+    name: str
+
+    def __post_init__(self) -> None:
+        self.choices = [self._choice(c) for c in self.variant.effects]
+        model = self.study.model(self.choices)
+        self.trial = Trial(model, Fit(self._values(model), np.eye(len(model.unknowns)), 0.0))
+
+    def _choice(self, chosen: ChosenEffect) -> Choice:
+        for one in self.reduced.layout.effects:
+            if one.id == chosen.effect.id:
+                return Choice(one, [dict(s) for s in one.shapes].index(dict(chosen.shape)))
+        raise UserError(
+            f"{self.name} holds '{chosen.effect.id}', which does not apply to these runs; compare it on a "
+            "session with the runs that it was fitted to."
+        )
+
+    def _values(self, model: Model) -> Array:
+        values = self.study.start_values(model)
+        for key, place in model.index.items():
+            if key in self.variant.values:
+                values[place] = self.variant.values[key]
+            elif key.startswith("arm_"):
+                raise UserError(
+                    f"{self.name} was not fitted with the {key.partition('@')[2]} cable; compare it on "
+                    "sessions with the cables that it was fitted with."
+                )
+        return values
+
+    def settle(self) -> None:
+        """Weights that belong to this model; a model of another session only finds its motor zero."""
+        if self.own:
+            self.trial = self.study.settle(self.choices, self.trial)
+            return
+        for _ in range(2):
+            self.trial = self._zeroed(self.trial)
+            self.study.reweigh(self.trial)
+
+    def judged(self) -> Trial:
+        """Scored under the present weights on runs that its values have not seen."""
+        if self.own:
+            return self.study.hold_out(self.study.fit(self.choices, self.trial), residuals=True)
+        return self.study.count(self._zeroed(self.trial))
+
+    def _zeroed(self, trial: Trial) -> Trial:
+        """With the cable's offset fitted: the motor's zero is no physics and differs by session."""
+        model, values = trial.model, trial.fit.values.copy()
+        free = np.array([place for key, place in model.index.items() if key.startswith("offset")], dtype=int)
+        if len(free):
+            gradient, information = Fitter(model, self.study.data, self.study.weights).normal_equations(
+                values
+            )
+            values[free] -= np.linalg.solve(information[np.ix_(free, free)], gradient[free])
+        return Trial(model, Fit(values, trial.fit.information, 0.0))
+
+
+def _take_best_weights(study: Study, entrants: Sequence[_Entrant]) -> None:
+    """All are told in floors of the model that comes closest to its own."""
+    first = study.weights
+    settled: list[tuple[float, int, Weights]] = []
+    for entrant in entrants:
+        study.weights = first
+        entrant.settle()
+        settled.append((entrant.judged().score, len(settled), study.weights))
+    study.weights = min(settled)[2]

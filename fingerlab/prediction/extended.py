@@ -1,0 +1,210 @@
+"""A diagnosis' model once it has been fitted: effects with shapes, values, held-out values; and its file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, TypeVar
+
+from fingerlab.core.errors import UserError
+from fingerlab.effects import find_effect
+from fingerlab.effects.base import Effect
+from fingerlab.models.file import DIAGNOSIS_METHOD, Model, ParameterEstimate, SessionHash
+from fingerlab.prediction.judging import CELLS, Band
+
+Equation = Literal["both", "pip", "mcp"]
+EQUATIONS: tuple[Equation, ...] = ("both", "pip", "mcp")
+"""What the force follows from: one joint's equation, or the two weighed by their held-out errors."""
+
+EQUATION_WORDS: Mapping[Equation, str] = {"both": "PIP and MCP", "pip": "PIP", "mcp": "MCP"}
+
+
+@dataclass(frozen=True)
+class ChosenEffect:
+    """An effect of the model and the point of its nonlinear unknowns; ``shape`` is empty without any."""
+
+    effect: Effect
+    shape: Mapping[str, float] = field(default_factory=dict)
+
+    def alone(self) -> Effect:
+        """The effect with this shape as the only point of its grid."""
+        return replace(self.effect, shapes=(dict(self.shape),))
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Values of a fit that has not seen ``runs`` of the session with that hash."""
+
+    session_sha256: str
+    runs: tuple[str, ...]
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A model with its values by key (``arm_mcp@flexion``, ``coulomb_friction.torque_mcp`` ...), SI.
+
+    Attributes:
+        score: error on held-out runs over all equations, in floors.
+        pip_weight: share of the PIP equation in the force that follows from both; the rest is MCP's.
+        band: half width of the force's 90 % interval; None with fewer than two contact runs in the fit.
+    """
+
+    effects: tuple[ChosenEffect, ...]
+    values: Mapping[str, float]
+    held_out: tuple[HeldOut, ...]
+    score: float
+    pip_weight: float = 0.5
+    band: Band | None = None
+
+    def values_without(self, session_sha256: str, run: str) -> Mapping[str, float] | None:
+        """Values of the fit that has not seen the run; None where the run was not part of the fit."""
+        for one in self.held_out:
+            if one.session_sha256 == session_sha256 and run in one.runs:
+                return one.values
+        return None
+
+
+@dataclass(frozen=True)
+class ExtendedModel:
+    """The nominal model and the same with effects, fitted to the same runs under the same weights."""
+
+    extended: Variant
+    nominal: Variant
+    parameters: Mapping[str, ParameterEstimate]
+    sessions: tuple[SessionHash, ...]
+
+    @property
+    def effect_ids(self) -> tuple[str, ...]:
+        """Ids of the effects in the order in which they were added."""
+        return tuple(c.effect.id for c in self.extended.effects)
+
+    @property
+    def words(self) -> str:
+        """The model with effects in words, for a list."""
+        return " + ".join(["nominal model", *(c.effect.title or c.effect.id for c in self.extended.effects)])
+
+    @property
+    def variants(self) -> Mapping[str, Variant]:
+        """Both by name; the nominal model alone where no effect was added."""
+        if not self.extended.effects:
+            return {"nominal": self.nominal}
+        return {"extended": self.extended, "nominal": self.nominal}
+
+
+Part = TypeVar("Part")
+
+
+def model_of_extended(model: ExtendedModel) -> Model:
+    """The model file's content; ``details`` holds all that a prediction needs."""
+    details = {
+        "shapes": {c.effect.id: dict(c.shape) for c in model.extended.effects},
+        "extended": _variant_json(model.extended),
+        "nominal": _variant_json(model.nominal),
+    }
+    return Model(DIAGNOSIS_METHOD, model.parameters, model.sessions, model.effect_ids, details)
+
+
+def _variant_json(variant: Variant) -> dict[str, Any]:
+    return {
+        "score": variant.score,
+        "values": dict(variant.values),
+        "held_out": [
+            {"session": h.session_sha256, "runs": list(h.runs), "values": dict(h.values)}
+            for h in variant.held_out
+        ],
+        "pip_weight": variant.pip_weight,
+        "interval": None if variant.band is None else vars(variant.band),
+    }
+
+
+def extended_model(model: Model, where: str) -> ExtendedModel:
+    """The extended model that a model file of a diagnosis holds.
+
+    Args:
+        where: the model's file, for the error's sentence.
+
+    Raises:
+        UserError: another program's or method's file, effects that this program does not know, or a part
+            that is missing or damaged.
+    """
+    if model.method != DIAGNOSIS_METHOD:
+        raise UserError(
+            f"{where} is of method '{model.method}'; a model with effects is written by "
+            "'fingerlab diagnose SESSION --save M.json'."
+        )
+    shapes = _checked(
+        where, "shapes", lambda: {str(k): _numbers(v) for k, v in model.details["shapes"].items()}
+    )
+    effects = tuple(_effect(name, shapes.get(name, {}), where) for name in model.effects)
+    extended = _checked(where, "extended", lambda: _variant(model.details["extended"], effects))
+    nominal = _checked(where, "nominal", lambda: _variant(model.details["nominal"], ()))
+    return ExtendedModel(extended, nominal, model.parameters, model.sessions)
+
+
+def _effect(name: str, shape: Mapping[str, float], where: str) -> ChosenEffect:
+    found = find_effect(name)
+    if found is None:
+        raise UserError(
+            f"{where} holds the effect '{name}', which this program does not know; if it is one of your own, "
+            "let its file in first ('fingerlab effects' tells how), else use the program that wrote the file."
+        )
+    tried = [s for point in found.shapes for s in (point, *found.closer(point))]
+    wanted, known = set(found.shape_units), {key for s in tried for key in s}
+    if not wanted <= set(shape) <= known:
+        raise UserError(
+            f"{where} gives '{name}' the shape {sorted(shape)}, but that effect here has "
+            f"{sorted(known) or 'none'}; save the model again with 'fingerlab diagnose --save'."
+        )
+    return ChosenEffect(found, shape)
+
+
+def _variant(data: Mapping[str, Any], effects: tuple[ChosenEffect, ...]) -> Variant:
+    band = data["interval"]
+    return Variant(
+        effects,
+        _numbers(data["values"]),
+        tuple(
+            HeldOut(str(h["session"]), tuple(str(r) for r in h["runs"]), _numbers(h["values"]))
+            for h in data["held_out"]
+        ),
+        _number(data["score"]),
+        _number(data["pip_weight"]),
+        None if band is None else _band(band),
+    )
+
+
+def _band(data: Mapping[str, Any]) -> Band:
+    widths = tuple(_number(w) for w in data["widths"])
+    if len(widths) != CELLS or min(widths) < 0:
+        raise ValueError
+    return Band(
+        _number(data["centre"]),
+        _number(data["spread"]),
+        _number(data["rate_spread"]),
+        _number(data["reach"]),
+        widths,
+        _number(data["factor"]),
+        int(data["runs"]),
+    )
+
+
+def _numbers(data: Mapping[str, Any]) -> dict[str, float]:
+    return {str(key): _number(value) for key, value in data.items()}
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ValueError
+    return float(value)
+
+
+def _checked(where: str, part: str, make: Callable[[], Part]) -> Part:
+    try:
+        return make()
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise UserError(
+            f"{where}, 'details' lacks '{part}' or holds something else there; save the model again with "
+            "'fingerlab diagnose SESSION --save M.json'."
+        ) from None

@@ -1,0 +1,118 @@
+"""From sessions and the ids of effects to a fitted model that can be kept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from threadpoolctl import threadpool_limits
+
+from fingerlab.core.progress import Progress, Watch
+from fingerlab.diagnosis.answer.wording import every_parameter
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Study
+from fingerlab.diagnosis.score.selection import temperature
+from fingerlab.diagnosis.search.grid_refinement import closely
+from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
+from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
+from fingerlab.effects import effect
+from fingerlab.models.file import ParameterEstimate, hash_sessions
+from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, HeldOut, Variant
+from fingerlab.prediction.judging import calibrate, error_of
+from fingerlab.prediction.predict import by_run, contact_forces, equation_weight
+from fingerlab.sessions.model import Session
+
+
+def fit_extended(
+    sessions: Sequence[Session], effects: Sequence[str], progress: Progress | None = None
+) -> ExtendedModel:
+    """Fit the nominal model and the same with ``effects`` (ids, in order) to all runs of the sessions.
+
+    Every contact run is also left out once: the values without it stand in ``Variant.held_out``, and what its
+    force then misses gives the interval.
+
+    Raises:
+        UserError: an unknown effect, one that does not apply to these runs, or a run that cannot be read.
+    """
+    chosen = [effect(name) for name in dict.fromkeys(effects)]
+    tell = progress or (lambda share, what: None)
+    with threadpool_limits(limits=1, user_api="blas"):
+        study, trial = closely(sessions, chosen, Watch(lambda share, what: tell(0.5 * share, what)))
+        tell(0.6, "fitting")
+        nominal = study.fit([], study.fit([], trial), FULL_ITERATIONS)
+        hashes = {id(s): h.sha256 for s, h in zip(sessions, hash_sessions(sessions), strict=True)}
+        folds = _contact_folds(study, sessions, hashes)
+        variants = [_variant(study, t, folds) for t in (trial, nominal)]
+        parameters = _estimates(study.hold_out(trial))
+        done: list[Variant] = []
+        for number, variant in enumerate(variants):
+            tell(0.7 + 0.15 * number, "calibrating the interval")
+            done.append(_calibrated(variant, sessions, hashes))
+    if not chosen:
+        done[0] = done[1]
+    return ExtendedModel(done[0], done[1], parameters, hash_sessions(sessions))
+
+
+@dataclass(frozen=True)
+class _LeftOut:
+    """A fold of contact runs: its group and number, and the runs in it as (hash of the session, run)."""
+
+    key: GroupKey
+    fold: int
+    runs: tuple[tuple[str, str], ...]
+
+
+def _contact_folds(study: Study, sessions: Sequence[Session], hashes: Mapping[int, str]) -> list[_LeftOut]:
+    """Contact runs as :func:`deal_runs` dealt them to folds; none of a group with a single fold."""
+    names = {g.key: [f.runs for f in g.folds] for g in study.reduced.groups}
+    pairs = runs_to_analyse(sessions)[0]
+    dealt: dict[tuple[GroupKey, int], list[tuple[str, str]]] = {}
+    for (session, run), k in zip(pairs, deal_runs([run for _, run in pairs])[1], strict=True):
+        key = group_key(run)
+        if run.name not in names[key][k]:
+            raise AssertionError(f"run {run.name} is not in fold {k} of {key}")
+        if run.phase == "contact" and len(names[key]) > 1:
+            dealt.setdefault((key, k), []).append((hashes[id(session)], run.name))
+    return [_LeftOut(key, k, tuple(runs)) for (key, k), runs in dealt.items()]
+
+
+def _fitted_without(study: Study, trial: Trial, out: _LeftOut) -> Trial:
+    """The same model fitted to all runs but those of one fold, under the same weights."""
+    groups = [g.without(out.fold) if g.key == out.key else g for g in study.reduced.groups]
+    rest = Study(replace(study.reduced, groups=groups), weights=study.weights)
+    return rest.fit(trial.model.choices, trial, FULL_ITERATIONS)
+
+
+def _variant(study: Study, trial: Trial, folds: Sequence[_LeftOut]) -> Variant:
+    held_out = []
+    for out in folds:
+        values = _by_key(_fitted_without(study, trial, out))
+        for session in dict.fromkeys(sha for sha, _ in out.runs):
+            held_out.append(HeldOut(session, tuple(name for sha, name in out.runs if sha == session), values))
+    effects = tuple(
+        ChosenEffect(effect(c.effect.id), dict(c.effect.shapes[c.shape]) if len(c.effect.shapes) else {})
+        for c in trial.model.choices
+    )
+    return Variant(effects, _by_key(trial), tuple(held_out), study.hold_out(trial).score)
+
+
+def _by_key(trial: Trial) -> dict[str, float]:
+    return {u.key: float(v) for u, v in zip(trial.model.unknowns, trial.fit.values, strict=True)}
+
+
+def _estimates(trial: Trial) -> dict[str, ParameterEstimate]:
+    """All unknowns with 90 % intervals, as the diagnosis tells them."""
+    return every_parameter(trial, temperature(trial.misfit, trial.count))
+
+
+def _calibrated(variant: Variant, sessions: Sequence[Session], hashes: Mapping[int, str]) -> Variant:
+    """The variant with the weight of the two equations and the band of its held-out contact runs."""
+    forces = [
+        f for s in sessions for f in contact_forces(variant, s, hashes[id(s)], str(s.path)) if f.held_out
+    ]
+    weight = equation_weight(forces)
+    errors = [error_of(f.both(weight), f.measured, NARROW_RATE_HZ) for f in forces]
+    return Variant(
+        variant.effects, variant.values, variant.held_out, variant.score, weight,
+        calibrate(by_run(forces, errors)),
+    )  # fmt: skip

@@ -1,0 +1,245 @@
+"""Endpoint force of a contact run from the motor's channels and the joints, without the load cell.
+
+The equations' residual is a function of the force that is assumed at the fingertip: r(F) = 0 gives the
+modelled force. The residual is evaluated at a few levels of force, the same all through the run, and is taken
+for a straight line between them: all built-in terms are proportional to the force, or to whether the tip is
+held, but for the few tens of micrometres over which a rubbing tip turns round. What the load cell read takes
+no part, so that a tip is taken as held by the force alone, not by its height.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.equations.features import Feature, base_columns, shifted_columns, turned_columns
+from fingerlab.diagnosis.equations.model import CABLE_NAMES
+from fingerlab.diagnosis.equations.parameters import SLIP_STIFFNESSES
+from fingerlab.diagnosis.gram.decimation import counted
+from fingerlab.diagnosis.signals.filters import narrow
+from fingerlab.diagnosis.signals.segments import stretches
+from fingerlab.effects.base import Effect, Row
+from fingerlab.physics.motion import Motion
+from fingerlab.physics.tip import TOUCHING_FORCE_N
+from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.trajectory import named_frequency
+from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, settles
+
+LEVELS_N = (-1.0, 0.0, TOUCHING_FORCE_N, 1.0)
+"""Forces at which the residual is evaluated, N: below, between and above the bends of the built-in terms."""
+ROUNDS = 3
+"""How a tip rubs follows from the force, which follows from how it rubs: solved by turns. Each
+turn lowers what is left by the friction coefficient."""
+JOINT_ROWS = {"pip": Row.PIP, "mcp": Row.MCP}
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """One stretch of a contact run, of at most a minute.
+
+    Attributes:
+        time: s into the run, (n,). measured: force that the load cell read, N, (n,), low-passed as all is;
+            NaN where none was read.
+        motion: signals at the wide rate, without a force.
+        frequency_hz: of the cycle; 0 where the motor does not repeat one.
+    """
+
+    run: str
+    time: Array
+    measured: Array
+    motion: Motion
+    frequency_hz: float
+
+
+def contact_runs(session: Session) -> tuple[Run, ...]:
+    """Runs in contact with a cable, in the order taken; may be empty."""
+    return tuple(run for run in session.runs if run.phase == "contact" and run.cable_sign != 0)
+
+
+def contact_stretches(session: Session, run: Run) -> Iterator[Stretch]:
+    """The stretches of a contact run.
+
+    Raises:
+        UserError: the rig gives no finger, or a channel is missing, not a number, or too short.
+    """
+    if session.rig.finger is None:
+        raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
+    cell = run.has("endpoint_force") and bool(np.all(np.isfinite(run.channel("endpoint_force"))))
+    measured = (
+        [_narrowed(m, m.force) for m in stretches(run, session.rig) if m.force is not None] if cell else []
+    )
+    # Read as free motion, so that what the load cell says cannot enter the prediction.
+    for number, motion in enumerate(stretches(replace(run, phase="on_air"), session.rig)):
+        time = _narrowed(motion, motion.time)
+        read = measured[number] if measured else np.full(len(time), np.nan)
+        yield Stretch(run.name, time, read, motion, _cycle_hz(run, motion))
+
+
+def _cycle_hz(run: Run, motion: Motion) -> float:
+    """Frequency that the trajectory names, if the motor truly repeats at it; else 0."""
+    frequency = named_frequency(run)
+    if not 0 < frequency < motion.sample_rate_hz / 4:
+        return 0.0
+    period = motion.sample_rate_hz / frequency
+    position = motion.position[motion.lead :]
+    grid = PeriodGrid(0.0, period, int((len(position) - 1) // period))
+    if grid.count < MINIMUM_PERIODS:
+        return 0.0
+    return frequency if settles(position, grid) else 0.0
+
+
+def _narrowed(motion: Motion, values: Array) -> Array:
+    """What a fit would judge of a stretch: behind its lead, low-passed and decimated, (n,)."""
+    return narrow(values[counted(motion)])
+
+
+def solved_forces(
+    stretch: Stretch, effects: Sequence[Effect], values: Mapping[str, float], where: str
+) -> dict[str, Array]:
+    """Force that the PIP and the MCP equation imply, N, (n,) each; NaN where the force has no lever.
+
+    Args:
+        effects: those of the model, each with one shape. values: of the unknowns by key; nuisances that
+            were not fitted are zero. where: the model's name, for the error's sentence.
+
+    Raises:
+        UserError: the moment arms of the run's cable, or an effect's strength, are not among the values.
+    """
+    motion, rate = stretch.motion, stretch.motion.sample_rate_hz
+    force: Array | None = None
+    roots: dict[str, Array] = {}
+    for _ in range(ROUNDS):
+        wide = level_residuals(motion, effects, values, where, force)
+        narrowed = {n: [_narrowed(motion, level) for level in levels] for n, levels in wide.items()}
+        roots = {name: _root(np.stack(levels)) for name, levels in narrowed.items()}
+        force = np.interp(np.arange(len(motion.time)) / rate + motion.time[0], stretch.time, _mean(roots))
+    return roots
+
+
+def forces_of_motion(
+    motion: Motion, effects: Sequence[Effect], values: Mapping[str, float], where: str, rubs_as: Array
+) -> dict[str, Array]:
+    """The same at every sample of a motion that was not recorded but thought of: nothing is filtered.
+
+    ``rubs_as`` (N, (n,)) is the force that the motion is meant to make, by which the tip rubs.
+    """
+    levels = level_residuals(motion, effects, values, where, rubs_as)
+    return {name: _root(np.stack(level)) for name, level in levels.items()}
+
+
+def _mean(roots: Mapping[str, Array]) -> Array:
+    """Force (N, (n,)) that all equations together imply; none where none has a lever."""
+    every = np.stack(list(roots.values()))
+    known = np.isfinite(every)
+    total = np.where(known, every, 0.0).sum(axis=0)
+    return np.asarray(np.maximum(total / np.maximum(known.sum(axis=0), 1), 0.0))
+
+
+def level_residuals(
+    motion: Motion,
+    effects: Sequence[Effect],
+    values: Mapping[str, float],
+    where: str,
+    force: Array | None = None,
+) -> dict[str, list[Array]]:
+    """Residuals of both equations as tensions at each of ``LEVELS_N``, N, (n,) each.
+
+    ``force`` (N, (n,)) is the force by whose ups and downs the tip rubs; None: it does not rub.
+    """
+    zero = np.zeros_like(motion.time)
+    rubbing = replace(motion, phase="contact", force=zero if force is None else force, _memory={})
+    for stiffness in SLIP_STIFFNESSES:
+        rubbing.slipping(stiffness)
+    levels = [
+        _residuals(motion.pressed_by(np.full_like(motion.time, level), rubbing), effects, values, where)
+        for level in LEVELS_N
+    ]
+    return {name: [level[row] for level in levels] for name, row in JOINT_ROWS.items()}
+
+
+def _residuals(
+    motion: Motion, effects: Sequence[Effect], values: Mapping[str, float], where: str
+) -> dict[Row, Array]:
+    """Residual of the joints' equations as a tension, N, (n,) each: every feature times its coefficient."""
+    sums = {row: np.zeros_like(motion.time) for row in JOINT_ROWS.values()}
+    for feature, column in _features(motion, effects, values.get("delay", 0.0)):
+        if feature.row in sums:
+            strength = feature.constant + _strength(feature, motion, values, where)
+            if strength != 0.0:
+                sums[feature.row] -= strength * _scale(feature, motion, values, where) * column
+    return sums
+
+
+def _features(motion: Motion, effects: Sequence[Effect], delay: float) -> Iterator[tuple[Feature, Array]]:
+    yield from base_columns(motion)
+    for feature, column in shifted_columns(motion):
+        yield feature, _later(column, delay, motion.sample_rate_hz)
+    for one in effects:
+        for term in one.columns(motion, one.shapes[0]):
+            yield Feature(term.row, term.gain, term.constant, term.scale, owner=one.id), term.values
+        yield from turned_columns(motion, one, 0)
+
+
+def _later(values: Array, delay: float, rate: float) -> Array:
+    """A channel moved to later by ``delay`` (s); what falls out at the ends is in the margin."""
+    if delay == 0.0:
+        return values
+    whole = round(delay * rate)
+    rest = delay - whole / rate
+    return np.roll(values - rest * np.gradient(values, 1.0 / rate), whole)
+
+
+def _strength(feature: Feature, motion: Motion, values: Mapping[str, float], where: str) -> float:
+    """Value of the unknown that multiplies a feature; 0 for a nuisance that was not fitted."""
+    if not feature.parameter:
+        return 0.0
+    if feature.owner is not None and not feature.borrowed:
+        key = f"{feature.owner}.{feature.parameter}"
+        if key not in values:
+            raise UserError(
+                f"{where} lacks the value of '{key}'; save the model again with 'diagnose --save'."
+            )
+        return values[key]
+    if feature.routed:
+        return _routed(feature.parameter, motion, values, where)
+    return values.get(feature.parameter, 0.0)
+
+
+def _scale(feature: Feature, motion: Motion, values: Mapping[str, float], where: str) -> float:
+    """1 for a tension; the signed inverse of the moment arm for a torque."""
+    if feature.scale == "direct":
+        return feature.factor
+    if feature.scale != "joint":
+        raise UserError(
+            f"The effect '{feature.owner}' puts a term of scale '{feature.scale}' into a joint's equation; "
+            "its terms there should be of scale 'joint' or 'direct'."
+        )
+    arm = "arm_mcp" if feature.row == Row.MCP else "arm_pip"
+    return feature.factor * motion.cable_sign / _routed(arm, motion, values, where)
+
+
+def _routed(name: str, motion: Motion, values: Mapping[str, float], where: str) -> float:
+    cable = CABLE_NAMES[motion.cable_sign]
+    if f"{name}@{cable}" not in values:
+        raise UserError(
+            f"{where} was not fitted with the {cable} cable; fit a model to a session that has runs with it."
+        )
+    return values[f"{name}@{cable}"]
+
+
+def _root(residual: Array) -> Array:
+    """Force at which the residual, (levels, n), crosses zero; (n,), N."""
+    levels = np.array(LEVELS_N)
+    slope = np.diff(residual, axis=0) / np.diff(levels)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        places = levels[:-1, None] - residual[:-1] / slope
+    low, high = levels[:-1].copy(), levels[1:].copy()
+    low[0], high[-1] = -np.inf, np.inf
+    inside = (places >= low[:, None]) & (places <= high[:, None]) & np.isfinite(places)
+    # Where no piece holds its own root the last one, of a tip that is held, is drawn on.
+    piece = np.where(inside.any(axis=0), inside.argmax(axis=0), len(low) - 1)
+    root = places[piece, np.arange(places.shape[1])]
+    return np.asarray(np.where(np.isfinite(root), root, np.nan))

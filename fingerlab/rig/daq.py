@@ -1,0 +1,403 @@
+"""How the bench is wired: terminals, scaling and signs of its channels, and the limits it must keep.
+
+A rig carries both as plain JSON under the keys ``daq`` and ``limits``, so that a session tells under
+which wiring it was taken; what a rig leaves out has the defaults of the bench. SI units throughout.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, Literal, TypeVar
+
+from fingerlab.core.errors import UserError
+from fingerlab.core.plain_data import Mismatch, structured
+
+T = TypeVar("T")
+
+SOURCES = "sources"
+"""Key under which a section keeps the origin of its values, by dotted name."""
+
+OPTIONAL_LINES = frozenset({"dead_man", "emergency_stop", "amplifier_ready"})
+"""Digital lines without which a bench can be driven."""
+
+Timing = Literal["auto", "single-point", "buffered"]
+Wiring = Literal["default", "rse", "nrse", "diff", "pseudodiff"]
+BLOCK_RANGE = (5, 10)
+"""Samples a block of the buffered fallback: the position loop then runs at 100 to 200 Hz."""
+
+RIG_FILE = "rig file"
+"""Source of a limit that is the bench's and not the loop's."""
+
+_KMA210_GAIN = math.pi / 4.5  # 180 degrees over 5 to 95 % of 5 V
+
+
+@dataclass(frozen=True)
+class AnalogInput:
+    """A sensor on a straight line: quantity = sign * (gain * volts + offset).
+
+    Attributes:
+        terminal: of the card, such as ``ai0``; empty where the bench has no such sensor.
+        gain: SI unit of the quantity a volt. offset: SI unit. sign: +1 or -1.
+        low, high: range asked of the card, V.
+        wiring: ``default`` (the card's own), ``rse``, ``nrse``, ``diff`` or ``pseudodiff``.
+    """
+
+    terminal: str
+    gain: float
+    offset: float = 0.0
+    sign: int = 1
+    low: float = -10.0
+    high: float = 10.0
+    wiring: Wiring = "default"
+
+    def quantity(self, volts: Any) -> Any:
+        """Volts (number or array) as the quantity in SI."""
+        return self.sign * (self.gain * volts + self.offset)
+
+    def volts(self, quantity: Any) -> Any:
+        """The volts at which the sensor shows ``quantity`` (SI, number or array)."""
+        return (self.sign * quantity - self.offset) / self.gain
+
+
+@dataclass(frozen=True)
+class Encoder:
+    """The motor's encoder on a counter, four edges a line.
+
+    Attributes:
+        terminal: the counter, such as ``ctr0``.
+        counts_per_turn: counts a turn of the gearbox output. sign: +1 where counts grow while winding.
+        index: whether the index pulse sets the counter to zero.
+    """
+
+    terminal: str = "ctr0"
+    counts_per_turn: float = 8600.0
+    sign: int = 1
+    index: bool = False
+
+    def quantity(self, counts: Any) -> Any:
+        """Counts (number or array) as an angle at the gearbox output, rad."""
+        return self.sign * counts * (2.0 * math.pi / self.counts_per_turn)
+
+    def counts(self, angle: Any) -> Any:
+        """Counts, not yet whole ones, of an angle at the gearbox output (rad, number or array)."""
+        return self.sign * angle * (self.counts_per_turn / (2.0 * math.pi))
+
+
+@dataclass(frozen=True)
+class CommandOutput:
+    """The amplifier's set value: current = sign * gain * volts.
+
+    Attributes:
+        terminal: such as ``ao0``. gain: A/V. sign: +1 where positive volts wind the cable.
+        low, high: range that may be written, V.
+    """
+
+    terminal: str = "ao0"
+    gain: float = 1.0
+    sign: int = 1
+    low: float = -10.0
+    high: float = 10.0
+
+    def volts(self, current: float) -> float:
+        """Volts for a current in A, within the range that may be written."""
+        return min(max(self.sign * current / self.gain, self.low), self.high)
+
+    def current(self, volts: Any) -> Any:
+        """Current (A) that the amplifier makes of ``volts``, number or array."""
+        return self.sign * self.gain * volts
+
+
+@dataclass(frozen=True)
+class EnableLine:
+    """The digital line that enables the amplifier: ``port0/line0``, active at 5 V or at 0 V."""
+
+    terminal: str = "port0/line0"
+    active_high: bool = True
+
+
+@dataclass(frozen=True)
+class DeadManLine:
+    """A digital output that the control loop inverts once a command; see "A dead-man" in ``docs/rig.md``.
+
+    Attributes:
+        terminal: such as ``port0/line1``; empty where the bench has none.
+        hold_time: s for which the charge pump behind it holds the amplifier's enable after the last edge.
+    """
+
+    terminal: str = ""
+    hold_time: float = 0.05
+
+
+@dataclass(frozen=True)
+class EmergencyStopLine:
+    """A digital input that tells whether the emergency stop is pressed; it acts by its own contacts.
+
+    Attributes:
+        terminal: such as ``port0/line2``; empty where the bench has none.
+        active_high: whether 5 V mean "pressed"; otherwise 0 V or a broken wire do.
+    """
+
+    terminal: str = ""
+    active_high: bool = False
+
+
+@dataclass(frozen=True)
+class AmplifierReadyLine:
+    """A digital input that tells whether the amplifier is ready.
+
+    Attributes:
+        terminal: such as ``port0/line3``; empty where the bench has none.
+        active_high: whether 5 V mean "ready".
+        settling_time: s after enable within which it may still become ready.
+        needs_enable: only an enabled amplifier tells, or clears its fault; it is not asked before.
+    """
+
+    terminal: str = ""
+    active_high: bool = True
+    settling_time: float = 0.1
+    needs_enable: bool = False
+
+
+@dataclass(frozen=True)
+class SafetyLines:
+    """The digital lines beside enable that a bench may have; each has an empty terminal where it has not."""
+
+    dead_man: DeadManLine = DeadManLine()
+    emergency_stop: EmergencyStopLine = EmergencyStopLine()
+    amplifier_ready: AmplifierReadyLine = AmplifierReadyLine()
+
+
+@dataclass(frozen=True)
+class Daq:
+    """The card, how it is timed, and the channels of the bench.
+
+    Attributes:
+        device: name of the card in the driver. server: ``host:port`` of a gRPC device server, or empty
+            for the driver of this machine.
+        timing: ``single-point`` (one sample a cycle, blocking), ``buffered`` (blocks of ``block``
+            samples), or ``auto``: single-point where card and driver allow it.
+        rate_hz: sample clock, Hz.
+    """
+
+    device: str = "Dev1"
+    server: str = ""
+    timing: Timing = "auto"
+    rate_hz: float = 1000.0
+    block: int = 10
+    load_cell: AnalogInput = AnalogInput("ai0", 11.194, -5.317)
+    mcp: AnalogInput = AnalogInput("ai1", _KMA210_GAIN, -2.5 * _KMA210_GAIN)
+    pip: AnalogInput = AnalogInput("ai2", _KMA210_GAIN, -2.5 * _KMA210_GAIN)
+    current_monitor: AnalogInput = AnalogInput("ai3", 1.25, sign=-1)
+    encoder: Encoder = Encoder()
+    command: CommandOutput = CommandOutput()
+    enable: EnableLine = EnableLine()
+    dead_man: DeadManLine = DeadManLine()
+    emergency_stop: EmergencyStopLine = EmergencyStopLine()
+    amplifier_ready: AmplifierReadyLine = AmplifierReadyLine()
+    sources: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def safety_lines(self) -> SafetyLines:
+        """The digital lines beside enable."""
+        return SafetyLines(self.dead_man, self.emergency_stop, self.amplifier_ready)
+
+    @property
+    def inputs(self) -> tuple[AnalogInput, AnalogInput, AnalogInput, AnalogInput]:
+        """Load cell, MCP, PIP and current monitor: the order of a device's raw values."""
+        return self.load_cell, self.mcp, self.pip, self.current_monitor
+
+
+def _limit(default: float, unit: str, source: str = RIG_FILE) -> Any:
+    return field(default=default, metadata={"unit": unit, "source": source})
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What may not be exceeded while the amplifier is enabled, SI; angles at the gearbox output.
+
+    Unit and source of each are in the field's metadata (:func:`limits_table`). The first eleven are the
+    bench's, and a rig file that has a section ``[limits]`` states every one of them; the others are the
+    control loop's, and stand in a rig file only where a bench needs another value.
+
+    Attributes:
+        current: either direction. torque: either direction. position_low, position_high: after initialising.
+        tension_rise: of the cable. force: at the load cell. mcp_..., pip_...: joint angles.
+        sources: where the values of a rig file come from, by name.
+    """
+
+    current: float = _limit(3.0, "A")
+    torque: float = _limit(0.4, "N m")
+    position_low: float = _limit(math.radians(-20.0), "rad")
+    position_high: float = _limit(math.radians(160.0), "rad")
+    speed: float = _limit(20.0, "rad/s")
+    tension_rise: float = _limit(500.0, "N/s")
+    mcp_low: float = _limit(math.radians(-60.0), "rad")
+    mcp_high: float = _limit(math.radians(95.0), "rad")
+    pip_low: float = _limit(math.radians(-70.0), "rad")
+    pip_high: float = _limit(math.radians(95.0), "rad")
+    force: float = _limit(10.0, "N")
+    following_error: float = _limit(math.radians(25.0), "rad", "assumed")
+    following_time: float = _limit(0.1, "s", "assumed")
+    encoder_jump: float = _limit(0.1, "rad", "assumed: a sample at 100 rad/s, half of the no-load speed")
+    encoder_stuck_current: float = _limit(1.5, "A", "assumed: ten times the no-load current")
+    encoder_stuck_change: float = _limit(
+        0.5, "A", "assumed: turning under load, dry friction held a motor still for at most 0.12 A"
+    )
+    encoder_stuck_time: float = _limit(0.03, "s", "assumed: free, the pulley turns 0.5 degrees in it")
+    stuck_time: float = _limit(0.5, "s", "assumed")
+    stuck_travel: float = _limit(math.radians(10.0), "rad", "assumed: more than the cable's dead travel")
+    stuck_torque: float = _limit(0.15, "N m", "assumed: presses the load cell with newtons")
+    late_time: float = _limit(0.02, "s", "assumed: the motor may not run 20 ms without the loop")
+    late_cycles: float = _limit(50.0, "cycles", "assumed: one after the other")
+    window_time: float = _limit(0.5, "s", "assumed: a frozen window, not a long frame")
+    recorder_time: float = _limit(1.0, "s", "assumed: a stalled disk, not a long flush")
+    sources: Mapping[str, str] = field(default_factory=dict)
+
+
+LIMIT_UNITS = {spec.name: spec.metadata["unit"] for spec in fields(Limits) if spec.metadata}
+"""SI unit of each limit."""
+
+BENCH_LIMITS = tuple(spec.name for spec in fields(Limits) if spec.metadata.get("source") == RIG_FILE)
+"""Names of the limits that are the bench's own: a rig file states them and ``check-rig`` asks for each."""
+
+
+@dataclass(frozen=True)
+class LimitRow:
+    """One limit as it is shown: name, value, unit (SI), where it comes from."""
+
+    name: str
+    value: float
+    unit: str
+    source: str
+
+
+def limits_table(limits: Limits) -> tuple[LimitRow, ...]:
+    """All limits with unit and source, for the documentation."""
+    return tuple(
+        LimitRow(s.name, getattr(limits, s.name), s.metadata["unit"], s.metadata["source"])
+        for s in fields(limits)
+        if s.metadata
+    )
+
+
+CHANNEL_UNITS = {
+    "load_cell": {"gain": "N/V", "offset": "N"},
+    "mcp": {"gain": "rad/V", "offset": "rad"},
+    "pip": {"gain": "rad/V", "offset": "rad"},
+    "current_monitor": {"gain": "A/V", "offset": "A"},
+    "command": {"gain": "A/V"},
+    "dead_man": {"hold_time": "s"},
+    "amplifier_ready": {"settling_time": "s"},
+}
+"""SI unit of the scaling and times of each channel; every other number of ``[daq]`` is in volts or plain."""
+
+
+def read_daq(data: Any, where: str) -> Daq:
+    """The wiring from plain JSON; what is missing has the bench's default.
+
+    Raises:
+        UserError: an entry is unknown, of the wrong kind, or impossible.
+    """
+    daq = _section(Daq, data, where)
+    low, high = BLOCK_RANGE
+    if not low <= daq.block <= high:
+        raise UserError(f"{where} block is {daq.block}; it should be {low} to {high} samples.")
+    if not daq.rate_hz > 0:
+        raise UserError(f"{where} rate_hz is {daq.rate_hz:g}; it should be above zero, such as 1000.")
+    for name in ("load_cell", "mcp", "pip", "current_monitor", "encoder", "command"):
+        _check_channel(getattr(daq, name), f"{where} {name}")
+    for name in ("encoder", "command", "enable"):
+        if not getattr(daq, name).terminal:
+            raise UserError(f"{where} {name} has no terminal; the motor cannot be driven without it.")
+    _check_lines(daq, where)
+    return daq
+
+
+def read_limits(data: Any, where: str) -> Limits:
+    """The limits from plain JSON; what is missing has the bench's default.
+
+    Raises:
+        UserError: an entry is unknown, no finite number, or leaves no room.
+    """
+    limits = _section(Limits, data, where)
+    for name in LIMIT_UNITS:
+        if not name.endswith(("_low", "_high")) and getattr(limits, name) <= 0:
+            raise UserError(f"{where} {name} is {getattr(limits, name):g}; it should be above zero.")
+    for name in ("position", "mcp", "pip"):
+        if getattr(limits, f"{name}_low") >= getattr(limits, f"{name}_high"):
+            raise UserError(f"{where} {name}_low is not below {name}_high; nothing could move.")
+    return limits
+
+
+LEAST_HELD = 4
+"""Commands of the position loop that a dead-man has to hold at least: a charge pump is fed by every second
+edge, and one such edge may come a period late (assumed)."""
+
+
+def _check_lines(daq: Daq, where: str) -> None:
+    """No two digital lines on one terminal, and times that a bench can keep."""
+    taken: dict[str, str] = {}
+    for name in OPTIONAL_LINES | {"enable"}:
+        terminal = getattr(daq, name).terminal
+        if terminal and terminal in taken:
+            one, other = sorted((name, taken[terminal]))
+            raise UserError(
+                f"{where} {one} and {other} are both on {terminal}; each needs a line of its own."
+            )
+        taken[terminal] = name
+    command = daq.block if daq.timing != "single-point" else 1
+    least = LEAST_HELD * command / daq.rate_hz
+    if daq.dead_man.terminal and not least <= daq.dead_man.hold_time < 1.0:
+        raise UserError(
+            f"{where} dead_man hold_time is {daq.dead_man.hold_time:g} s; it should be {least:g} s "
+            f"({LEAST_HELD} commands of the position loop) to less than 1 s."
+        )
+    if not 0.0 <= daq.amplifier_ready.settling_time <= 2.0:
+        raise UserError(
+            f"{where} amplifier_ready settling_time is {daq.amplifier_ready.settling_time:g} s; it should be "
+            "0 to 2 s."
+        )
+
+
+def _section(kind: type[T], data: Any, where: str) -> T:
+    try:
+        return structured(kind, data, refuse_unknown=True)
+    except Mismatch as error:
+        raise UserError(f"{where} {error}.") from None
+
+
+def _check_channel(channel: Any, where: str) -> None:
+    if channel.sign not in (-1, 1):
+        raise UserError(f"{where} sign is {channel.sign}; it should be 1 or -1.")
+    gain = channel.counts_per_turn if isinstance(channel, Encoder) else channel.gain
+    if gain == 0 or (isinstance(channel, Encoder) and gain < 0):
+        raise UserError(f"{where} has a scaling of {gain:g}; nothing could be read from it.")
+    if not isinstance(channel, Encoder) and not channel.low < channel.high:
+        raise UserError(f"{where} low is not below high; give the range in volts.")
+    if isinstance(channel, CommandOutput) and not channel.low <= 0 <= channel.high:
+        raise UserError(f"{where} leaves out 0 V; without it the motor cannot be stopped.")
+
+
+def plain_section(section: Daq | Limits) -> dict[str, Any]:
+    """A section as plain JSON, every value stated.
+
+    Left out are lines that the bench does not have, and of the loop's own limits those that nobody changed.
+    """
+
+    def plain(value: Any) -> Any:
+        if is_dataclass(value) and not isinstance(value, type):
+            return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
+        return dict(value) if isinstance(value, Mapping) else value
+
+    result: dict[str, Any] = plain(section)
+    for name in OPTIONAL_LINES & result.keys():  # a session of a bench without them reads as it always did
+        if not result[name]["terminal"]:
+            del result[name]
+    if isinstance(section, Limits):
+        usual = {name: getattr(Limits(), name) for name in LIMIT_UNITS if name not in BENCH_LIMITS}
+        result = {key: value for key, value in result.items() if usual.get(key) != value}
+    if not result[SOURCES]:
+        del result[SOURCES]
+    return result

@@ -1,0 +1,305 @@
+"""HDF5 files as sessions need them: looked at, read, and written so that nothing is half believed.
+
+A session of a thousand runs has ten thousand objects; h5py's own objects cost several times more than what
+HDF5 itself needs to look at them, and opening is what every command does first: so groups are looked at with
+as few calls as possible. A damaged chunk shows only when it is read, a full disk only when a file is closed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from h5py import h5a, h5d, h5o, h5t
+
+from fingerlab.core.errors import UserError
+from fingerlab.sessions.format import CHANNEL_UNITS, MAY_BE_NAN, plain
+from fingerlab.sessions.model import Array
+
+
+@contextmanager
+def open_hdf5(path: Path) -> Iterator[h5py.File]:
+    """Open an HDF5 file for reading and close it on the way out.
+
+    Nothing is kept open: on Windows an open reader keeps every writer from moving a file into place.
+
+    Raises:
+        UserError: the file is missing, is not HDF5, is cut off, or cannot be read.
+    """
+    try:
+        file = _opened_file(path)
+        with file:
+            yield file
+    except (OSError, RuntimeError) as error:
+        # HDF5 reports a damaged chunk only when it is read, so the body's errors are caught here too.
+        raise UserError(f"{path} cannot be read: {_reason(error)}") from None
+
+
+def _opened_file(path: Path) -> h5py.File:
+    if path.is_dir():
+        raise UserError(f"{path} is a folder; give the session file itself, such as session.h5.")
+    if not path.exists():
+        raise UserError(f"{path} does not exist; give the path of a session file (.h5).")
+    if not h5py.is_hdf5(path):
+        raise UserError(
+            f"{path} is not an HDF5 file; a session is one (text files become one by 'fingerlab import', "
+            "or by 'Import text' in Sessions)."
+        )
+    return h5py.File(path, "r", locking="best-effort")
+
+
+def _reason(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    if "truncated file" in text:
+        return "it is cut off (copying or recording stopped early); copy it again from where it was recorded."
+    if isinstance(error, PermissionError) or "Permission denied" in text:
+        return "access is denied; ask for permission to read it."
+    if "unable to lock" in text:
+        return "another program is writing to it; try again when that has finished."
+    return f"it is damaged (HDF5 says: {text}); use another copy of it."
+
+
+@dataclass(frozen=True)
+class FileReader:
+    """Samples of one run of one file. Small and picklable, so that worker processes can have it."""
+
+    path: Path
+    run: str
+
+    def load(self, names: Sequence[str], start: int, stop: int) -> dict[str, Array]:
+        """Samples ``start:stop`` of several channels as float64, shape (n,), the file opened once.
+
+        Raises:
+            UserError: the file can no longer be read, or the samples break the format.
+        """
+        with open_hdf5(self.path) as file:
+            group = file.get(f"runs/{self.run}")
+            if group is None or any(name not in group for name in names):
+                raise UserError(f"{self.path} has changed since it was opened; open it again.")
+            result = {name: group[name].astype(np.float64)[start:stop] for name in names}
+        for name, values in result.items():
+            fault = sample_fault(name, values, start)
+            if fault:
+                raise UserError(f"{self.path}: run {self.run}, {fault}")
+        return result
+
+
+def sample_fault(name: str, values: Array, start: int = 0) -> str | None:
+    """What is wrong with samples of a channel of the contract, as the end of a sentence, or None.
+
+    Args:
+        name: channel; others than those of the contract may hold anything.
+        values: samples from index ``start`` on, shape (n,).
+    """
+    if name not in CHANNEL_UNITS:
+        return None
+    # A sum is NaN or infinite where any sample is: one pass and no temporary for the good case.
+    with np.errstate(all="ignore"):
+        suspicious = not np.isfinite(values.sum())
+    if suspicious:
+        bad = np.isinf(values) if name in MAY_BE_NAN else ~np.isfinite(values)
+        if bad.any():
+            index = int(np.argmax(bad))
+            number = "NaN" if np.isnan(values[index]) else "an infinite number"
+            return (
+                f"channel '{name}' holds {number} at sample {start + index}; "
+                "every sample should be a number (only endpoint_force may be NaN, where it was not read)."
+            )
+    if name == "time" and len(values) > 1:
+        steps = np.diff(values)
+        if steps.min() <= 0:
+            index = int(np.argmax(steps <= 0))
+            how = "stands still" if steps[index] == 0 else "runs backwards"
+            before, after = values[index], values[index + 1]
+            return (
+                f"time {how} at sample {start + index + 1} ({before:g} s, then {after:g} s); "
+                "it should increase strictly."
+            )
+    return None
+
+
+@dataclass(frozen=True)
+class DatasetFacts:
+    """Shape, whether it holds numbers, and the attribute ``units`` (None where there is none)."""
+
+    shape: tuple[int, ...]
+    numeric: bool
+    unit: str | None
+
+
+def datasets_of(group: h5py.Group) -> dict[str, DatasetFacts]:
+    """The datasets directly in a group, by name; links that lead nowhere are left out."""
+    found = {}
+    for name in group.id:
+        try:
+            item = h5o.open(group.id, name)
+        except (KeyError, OSError, RuntimeError):
+            continue
+        if isinstance(item, h5d.DatasetID):
+            kind = item.get_type().get_class()
+            found[name.decode("utf-8", errors="replace")] = DatasetFacts(
+                item.shape or (), kind in (h5t.FLOAT, h5t.INTEGER), _units(item)
+            )
+    return found
+
+
+def attributes_of(item: h5py.HLObject) -> dict[str, Any]:
+    """Attributes as plain values; one of a type that Python cannot hold is left out."""
+    found = {}
+    for name in item.attrs:
+        try:
+            found[name] = plain(item.attrs[name])
+        except TypeError:
+            continue
+    return found
+
+
+def _units(dataset: h5d.DatasetID) -> str | None:
+    if not h5a.exists(dataset, b"units"):
+        return None
+    attribute = h5a.open(dataset, b"units")
+    value = np.empty(attribute.shape, dtype=attribute.dtype)
+    attribute.read(value)
+    return str(plain(value))
+
+
+class TargetFile:
+    """The file under a session that is being written, for ``h5py.File(target, mode)``.
+
+    HDF5 1.14 and 2.0 crash the process (segmentation fault) when the disk fills up while compressed chunks
+    wait in its cache: the failure comes when objects are closed, where nobody can catch it. So HDF5 is given
+    this object in place of a path: it notes the first failure, keeps what could not be written in memory for
+    the few moments until the file is thrown away, and the writer asks it after each step.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open an existing file for reading and writing.
+
+        Raises:
+            OSError: it cannot be opened.
+        """
+        self.failure: OSError | None = None
+        self._file = path.open("r+b", buffering=0)
+        self._lost: dict[int, bytes] = {}
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """As for any file."""
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """As for any file."""
+        return self._file.tell()
+
+    def read(self, size: int = -1) -> bytes:
+        """As for any file; h5py takes an object with ``read`` and ``seek`` for a file."""
+        buffer = bytearray(size if size >= 0 else 0)
+        self.readinto(memoryview(buffer))
+        return bytes(buffer)
+
+    def readinto(self, buffer: memoryview) -> int:
+        """Read what HDF5 wrote before, what the disk did not take included."""
+        start, size = self._file.tell(), len(buffer)
+        view = memoryview(buffer).cast("B")
+        done = 0
+        while done < size and (count := self._file.readinto(view[done:])):
+            done += count
+        view[done:] = bytes(size - done)
+        for offset, lost in self._lost.items():
+            first, last = max(offset, start), min(offset + len(lost), start + size)
+            if first < last:
+                view[first - start : last - start] = lost[first - offset : last - offset]
+        return size
+
+    def write(self, data: memoryview) -> int:
+        """Write all of the data, or note why not and keep it in memory."""
+        view = memoryview(data).cast("B")
+        start = self._file.tell()
+        try:
+            done = 0
+            while self.failure is None and done < len(view):
+                done += self._file.write(view[done:]) or 0
+        except OSError as error:
+            self.failure = error
+        if self.failure is not None:
+            self._lost[start] = bytes(view)
+        return len(view)
+
+    def truncate(self, size: int) -> int:
+        """As for any file; a failure is noted."""
+        try:
+            if self.failure is None:
+                self._file.truncate(size)
+        except OSError as error:
+            self.failure = error
+        return size
+
+    def flush(self) -> None:
+        """Nothing waits: the file is unbuffered."""
+
+    def close(self) -> None:
+        """Close the file; some systems tell only now that it did not fit."""
+        try:
+            self._file.close()
+        except OSError as error:
+            self.failure = self.failure or error
+
+    def raise_failure(self) -> None:
+        """Raise the first failure, or do nothing.
+
+        Raises:
+            OSError: something could not be written.
+        """
+        if self.failure is not None:
+            raise self.failure
+
+
+_TEXT = h5py.string_dtype("utf-8")
+
+
+def write_attributes(target: h5py.HLObject, attributes: Mapping[str, Any]) -> None:
+    """Store attributes as MATLAB, xarray and HDFView read them: UTF-8 text and plain numbers.
+
+    Mappings and lists become JSON text, truth values 0 or 1; None is left out.
+    """
+    for key, value in attributes.items():
+        if value is None:
+            continue
+        if isinstance(value, Mapping):
+            value = json.dumps(dict(value), ensure_ascii=False)
+        elif isinstance(value, (list, tuple)):
+            value = json.dumps(value, ensure_ascii=False)
+        elif isinstance(value, (bool, np.bool_)):
+            value = int(value)
+        if isinstance(value, str):
+            target.attrs.create(key, value, dtype=_TEXT)
+        else:
+            target.attrs[key] = value
+
+
+@contextmanager
+def writing_to(path: Path, target: TargetFile | None = None) -> Iterator[None]:
+    """Turn what HDF5 and the system say of a full or unreachable place into one sentence.
+
+    Args:
+        path: the place as the user named it.
+        target: the file that HDF5 writes to; its failures are looked for at the end.
+
+    Raises:
+        UserError: writing failed.
+    """
+    try:
+        yield
+        if target is not None:
+            target.raise_failure()
+    except (OSError, RuntimeError) as error:
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+        raise UserError(
+            f"{path} cannot be written ({reason}); choose a place with room and write access."
+        ) from None

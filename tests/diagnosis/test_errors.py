@@ -1,0 +1,73 @@
+"""Errors and floors by equation, in the units of the contract, against noise that is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import firwin, freqz
+
+from fingerlab.diagnosis.answer.errors import equation_errors
+from fingerlab.diagnosis.answer.results import EquationError
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.score.scorer import Study
+
+from . import closed_form as made
+
+
+def errors_of(missing: made.Missing) -> dict[str, EquationError]:
+    study = Study(reduce_sessions([made.session(made.Bench(missing=missing), 4)], []))
+    return equation_errors(study, study.hold_out(study.settle([]), residuals=True))
+
+
+@pytest.fixture(scope="module")
+def plain() -> dict[str, EquationError]:
+    return errors_of(made.Missing())
+
+
+def passed(power: int) -> float:
+    """Share of the variance of white noise at 1 kHz that passes 8 Hz, differentiated ``power`` times."""
+    frequency, response = freqz(firwin(81, 8.0, fs=250.0), worN=16384, fs=250.0)
+    density = 2.0 / 1000.0 * np.abs(response) ** 2 * (2 * np.pi * frequency) ** (2 * power)
+    return float(np.trapezoid(density, frequency))
+
+
+def test_floor_of_the_cable_is_the_sensors_noise(plain: dict[str, EquationError]) -> None:
+    """Encoder over the pulley and both angle sensors over their arms, after the low-pass."""
+    bench = made.Bench()
+    arms = [np.hypot(*bench.arms[s]) for s in (-1, 1)]
+    counts = [5, 6]  # runs with either cable
+    variance = [(made.RADIUS * bench.position_noise) ** 2 + (a * bench.angle_noise) ** 2 for a in arms]
+    expected = np.sqrt(np.average(variance, weights=counts) * passed(0))
+    assert plain["cable_kinematics"].floor == pytest.approx(expected, rel=0.15)
+
+
+def test_floor_of_the_motor_is_at_least_the_noise_of_its_current(plain: dict[str, EquationError]) -> None:
+    bench = made.Bench()
+    inertial = made.INERTIA * bench.position_noise * np.sqrt(passed(2))
+    own = np.hypot(bench.torque_noise * np.sqrt(passed(0)), inertial)
+    assert own < plain["motor_torque"].floor < 1.5 * own
+
+
+def test_a_whole_model_is_at_its_floor(plain: dict[str, EquationError]) -> None:
+    assert set(plain) == {"joint_torque", "cable_kinematics", "motor_torque", "endpoint_force"}
+    for error in plain.values():
+        assert error.rmse == pytest.approx(error.floor, rel=0.25)
+        assert error.r2 > 0.99
+
+
+def test_a_lost_motor_torque_shows_in_its_own_unit() -> None:
+    """Viscous loss c times speed, of which the nuisances can hide a part but not the whole."""
+    loss = 3e-3
+    bench = made.Bench(missing=made.Missing(motor_viscous=loss))
+    speeds = [np.gradient(run.channel("motor_position"), 1e-3) for run in made.session(bench, 4).runs[:8]]
+    size = loss * np.sqrt(np.mean([np.mean(v[2000:] ** 2) for v in speeds]))
+    error = errors_of(made.Missing(motor_viscous=loss))["motor_torque"]
+    assert 0.3 * size < error.rmse < 1.1 * size
+    assert error.rmse > 5 * error.floor
+
+
+def test_an_unread_share_of_the_force_shows_in_newtons() -> None:
+    error = errors_of(made.Missing(read_share=0.85))["endpoint_force"]
+    assert error.unit == "N"
+    assert 0.002 < error.rmse < 0.2
+    assert error.rmse > 2 * error.floor

@@ -1,0 +1,194 @@
+"""Fits: steps within bounds against scipy, noisy regressors, and unknowns of an invented bench."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+from scipy.signal import firwin, freqz
+
+from fingerlab.diagnosis.answer.wording import Z90, deviations
+from fingerlab.diagnosis.fit import solver
+from fingerlab.diagnosis.fit.solver import Fitter, bounded_step
+from fingerlab.diagnosis.fit.weights import Data
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.rig.constants import Motor, Rig
+from fingerlab.sessions.model import Run, Session
+
+from . import closed_form as made
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_bounded_step_is_the_bounded_least_squares_solution(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    size = int(rng.integers(2, 30))
+    matrix = rng.standard_normal((size + 10, size)) * 10.0 ** rng.uniform(-3, 3, size)
+    wanted = rng.standard_normal(size + 10) * 10.0
+    width = 10.0 ** rng.uniform(-3, 2, size) / np.linalg.norm(matrix, axis=0)
+    low, high = -width * rng.uniform(0, 1, size), width * rng.uniform(0, 1, size)
+    values = np.clip(rng.choice([0.0, 1.0, -1.0], size) * width, low, high)  # some stand at a bound
+    gradient = matrix.T @ (matrix @ values - wanted)
+    step = bounded_step(values, gradient, matrix.T @ matrix, low, high)
+    best = lsq_linear(matrix, wanted, (low, high), method="bvls", tol=1e-14)
+    reached = values + step
+    assert np.all(reached >= low - 1e-9 * width)
+    assert np.all(reached <= high + 1e-9 * width)
+    assert 0.5 * np.sum((matrix @ reached - wanted) ** 2) == pytest.approx(best.cost, rel=1e-6)
+    assert reached == pytest.approx(best.x, abs=1e-4 * float(width.max()))
+
+
+BENCH_INERTIA, POSITION_NOISE, OMEGA, AMPLITUDE = 3e-3, 8e-3, 2 * np.pi * 0.5, 0.4
+
+
+def bench_session() -> Session:
+    """Sines of the motor alone, torque exact and position so noisy that its acceleration is drowned."""
+    rng = np.random.default_rng(5)
+    time = np.arange(30000) / 1000.0
+    runs = []
+    for number in range(4):
+        turn = OMEGA * time + number
+        position = AMPLITUDE * np.sin(turn)
+        torque = -BENCH_INERTIA * OMEGA**2 * position + 0.02 + 1e-5 * rng.standard_normal(len(time))
+        channels = {
+            "time": time,
+            "motor_command": position,
+            "motor_position": position + POSITION_NOISE * rng.standard_normal(len(time)),
+            "motor_torque": torque,
+            "load_torque": np.zeros_like(time),
+        }
+        trajectory = {"kind": "sine", "frequency_hz": 0.5}
+        runs.append(
+            Run.from_arrays(
+                channels, name=f"{number:03d}", phase="motor_bench", cable="none", trajectory=trajectory
+            )
+        )
+    return Session(Path("bench.h5"), "", "", Rig(None, Motor()), tuple(runs))
+
+
+def attenuation() -> float:
+    """Share of the acceleration's variance that is signal after the low-pass at 8 Hz (Fuller 1987, 1.1)."""
+    frequency, response = freqz(firwin(81, 8.0, fs=250.0), worN=16384, fs=250.0)
+    density = 2 * POSITION_NOISE**2 / 1000.0 * (2 * np.pi * frequency) ** 4
+    noise = np.trapezoid(np.abs(response) ** 2 * density, frequency)
+    signal = 0.5 * (AMPLITUDE * OMEGA**2) ** 2
+    return float(signal / (signal + noise))
+
+
+@pytest.mark.parametrize("corrected", [True, False])
+def test_a_noisy_regressor_is_not_pulled_to_zero(corrected: bool) -> None:
+    """Errors in variables: plain least squares finds the inertia times the attenuation."""
+    reduced = reduce_sessions([bench_session()], [])
+    if not corrected:
+        for group in reduced.groups:
+            group.noise, group.noise_samples = np.zeros_like(group.noise), 0.0
+    trial = Study(reduced).fit([])
+    found = float(trial.fit.values[trial.model.index["bench_inertia"]])
+    assert 0.6 < attenuation() < 0.9
+    assert found == pytest.approx(BENCH_INERTIA * (1.0 if corrected else attenuation()), rel=0.05)
+
+
+@dataclass(frozen=True)
+class Settled:
+    study: Study
+    trial: Trial  # scored on held-out runs
+
+
+@pytest.fixture(scope="module")
+def settled() -> list[Settled]:
+    """Three recordings of one bench with nothing missing."""
+    result = []
+    for seed in (1, 2, 3):
+        study = Study(reduce_sessions([made.session(made.Bench(), seed)], []))
+        result.append(Settled(study, study.hold_out(study.settle([]))))
+    return result
+
+
+def truths() -> dict[str, float]:
+    """The unknowns of the bench that every session has, and whose value the prior does not give away."""
+    bench = made.Bench()
+    result = {"trace_mcp": bench.trace, "trace_pip": bench.trace}
+    for cable, sign in (("extension", -1), ("flexion", 1)):
+        for i, joint in enumerate(("mcp", "pip")):
+            result[f"arm_{joint}@{cable}"] = bench.arms[sign][i]
+            result[f"loss_{joint}@{cable}"] = bench.losses[i]
+        result[f"offset@{cable}"] = 0.004
+    return result
+
+
+def test_arms_losses_and_offsets_come_back_within_their_intervals(settled: list[Settled]) -> None:
+    """Stiffness and masses are off by up to 2 %, as the tolerance allows; nine in ten hold the truth."""
+    inside, number = 0, 0
+    for one in settled:
+        spread = deviations(one.trial, 1.0)
+        for key, truth in truths().items():
+            error = abs(float(one.trial.fit.values[one.trial.model.index[key]]) - truth)
+            assert error < 3.5 * spread[key], key
+            inside += error <= Z90 * spread[key]
+            number += 1
+    assert inside / number > 0.8
+
+
+def test_arms_are_known_to_half_a_per_cent(settled: list[Settled]) -> None:
+    bench = made.Bench()
+    for one in settled:
+        for cable, sign in (("extension", -1), ("flexion", 1)):
+            for i, joint in enumerate(("mcp", "pip")):
+                found = float(one.trial.fit.values[one.trial.model.index[f"arm_{joint}@{cable}"]])
+                assert found == pytest.approx(bench.arms[sign][i], rel=5e-3)
+
+
+def test_a_true_model_scores_one_floor(settled: list[Settled]) -> None:
+    assert np.mean([one.trial.score for one in settled]) == pytest.approx(1.0, abs=0.08)
+
+
+def test_bounds_are_never_left(settled: list[Settled]) -> None:
+    for one in settled:
+        assert np.all(one.trial.fit.values >= one.trial.model.low)
+        assert np.all(one.trial.fit.values <= one.trial.model.high)
+
+
+def test_held_out_scores_are_no_better_than_scores_of_the_fit(settled: list[Settled]) -> None:
+    """Whoever has seen a run explains it better; the difference is what keeps a search honest."""
+    for one in settled:
+        in_sample = one.study.count(one.trial)
+        assert one.trial.misfit > in_sample.misfit
+        assert one.trial.count == pytest.approx(in_sample.count)
+
+
+def test_a_held_out_run_is_not_seen_by_its_fit(settled: list[Settled]) -> None:
+    """The step towards the fit without a run is that of sums which never held the run."""
+    study, trial = settled[0].study, settled[0].trial
+    values = trial.fit.values
+    rest = [replace(g, folds=g.folds[1:] if len(g.folds) > 1 else g.folds) for g in study.reduced.groups]
+    never = Fitter(trial.model, Data(rest), study.weights)
+    gradient, information = never.normal_equations(values)
+    step = bounded_step(values, gradient, information, trial.model.low, trial.model.high)
+    expected = np.clip(values + step, trial.model.low, trial.model.high)
+    found = Fitter(trial.model, study.data, study.weights).without(values, 0)
+    assert not np.allclose(found.values, values, rtol=1e-6, atol=0)
+    assert found.values == pytest.approx(expected, rel=1e-6, abs=1e-12)
+    assert found.information == pytest.approx(information, rel=1e-6, abs=1e-6)
+
+
+def test_all_bounds_at_once_give_the_same_step_as_one_after_the_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Both are minimisers of one strictly convex function over a box, so there is only one answer."""
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        size = int(rng.integers(2, 25))
+        root = rng.normal(size=(size, size))
+        problem = (
+            np.zeros(size), rng.normal(size=size) * 3, root @ root.T + 0.1 * np.eye(size),
+            -rng.uniform(0, 1, size), rng.uniform(0, 1, size),
+        )  # fmt: skip
+        quick = bounded_step(*problem)
+        with monkeypatch.context() as patch:
+            patch.setattr(solver, "_pivoted", lambda *_: None)
+            slow = bounded_step(*problem)
+        assert quick == pytest.approx(slow, abs=1e-5)

@@ -1,0 +1,77 @@
+"""Recordings that do not say, or do not have, a motion that comes again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.report.diagnosis_words import verdict_sentence
+from fingerlab.sessions import open_session
+from fingerlab.sessions.model import Run
+from fingerlab.twin.preset import load_preset
+from fingerlab.twin.session import write_session
+from fingerlab.ui.lab.wording import set_words
+
+from .test_no_alarm import shortened
+
+
+def without_trajectory(run: Run) -> Run:
+    """As a text file of another program has it."""
+    return replace(run, trajectory={})
+
+
+def only_chirps(run: Run) -> Run | None:
+    return run if run.trajectory["kind"] == "chirp" else None
+
+
+def told(
+    folder: Path, effects: Mapping[str, Mapping[str, float]], seed: int, kept: Callable[[Run], Run | None]
+) -> Diagnosis:
+    """The diagnosis of a simulated session, with each run as ``kept`` gives it."""
+    path = folder / "bench.h5"
+    write_session(path, load_preset(), "rich", shortened(20.0), effects, seed)
+    session = open_session(path)
+    runs = tuple(one for run in session.runs if (one := kept(run)) is not None)
+    return diagnose([replace(session, runs=runs)], with_curves=False)
+
+
+@pytest.mark.parametrize("seed", [101, 103])
+@pytest.mark.parametrize("kept", [without_trajectory, only_chirps])
+def test_nothing_missing_is_said_so(tmp_path: Path, kept: Callable[[Run], Run | None], seed: int) -> None:
+    answer = told(tmp_path, {}, seed, kept)
+    assert answer.verdict == "nothing_missing"
+    assert answer.score < 2.0
+
+
+@pytest.mark.parametrize("effect", ["coulomb_friction", "cable_stretch", "spring_hardening"])
+@pytest.mark.parametrize("kept", [without_trajectory, only_chirps])
+def test_what_is_missing_is_found(tmp_path: Path, kept: Callable[[Run], Run | None], effect: str) -> None:
+    answer = told(tmp_path, {effect: {}}, 104, kept)
+    assert answer.verdict == "missing_effect"
+    assert answer.candidates[0].effect == effect
+    assert answer.score > 2.0 * answer.candidates[0].score
+
+
+def test_without_repetition_the_floor_is_what_the_last_model_leaves(tmp_path: Path) -> None:
+    """Held out, a model leaves a little more than in the fit; the answer says what its floor stands on."""
+    answer = told(tmp_path, {"coulomb_friction": {}}, 104, only_chirps)
+    assert not answer.repeats
+    assert answer.to_json()["floor_from_repetition"] is False
+    assert 0.9 < answer.path[-1].score < 2.0
+    assert "times what the best model leaves" in verdict_sentence(answer)
+    assert "No motion in these runs comes again" in verdict_sentence(answer)
+    assert set_words(answer).endswith("No motion repeats: the floor is what the best model leaves.")
+    joint = answer.errors["joint_torque"]
+    assert joint.floor > 0
+    assert joint.rmse / joint.floor > 2.0  # the floor is the last model's, the error the first one's
+
+
+def test_where_a_cycle_is_found_the_floor_is_the_bench_s_own(tmp_path: Path) -> None:
+    answer = told(tmp_path, {}, 101, without_trajectory)
+    assert answer.repeats
+    assert "the bench's own repeatability" in verdict_sentence(answer)

@@ -1,0 +1,292 @@
+"""The next experiment: imagined motion in balance, and proposals that a rig can run and that separate."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.core.progress import Watch
+from fingerlab.diagnosis.equations.model import build
+from fingerlab.diagnosis.experiment import proposal as next_experiment
+from fingerlab.diagnosis.experiment.predicted_runs import (
+    bench_motion,
+    commanded,
+    finger_motion,
+    pressing_motion,
+    seen_press,
+)
+from fingerlab.diagnosis.experiment.proposal import (
+    Imagined,
+    held_by,
+    imagine,
+    known_of,
+    propose,
+    separation,
+    values_in,
+)
+from fingerlab.diagnosis.gram.decimation import narrow_columns
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.score.evidence import Evidence
+from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.search.next_effect import weigh
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, NARROW_RATE_HZ
+from fingerlab.effects import CATALOGUE
+from fingerlab.effects.base import Row
+from fingerlab.sessions.model import Session
+
+from . import closed_form as made
+
+SINE = {"kind": "sine", "frequency_hz": 0.5, "amplitude_deg": 12.0, "offset_deg": 30.0}
+VALUES = {
+    "arm_mcp@extension": 0.0104, "arm_pip@extension": 0.0083, "offset@extension": 0.002,
+    "arm_mcp@flexion": 0.0117, "arm_pip@flexion": 0.0058, "offset@flexion": 0.002,
+    "cable_compliance": 2e-5,
+}  # fmt: skip
+
+
+def gravity(mcp: np.ndarray, pip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    f = made.NOMINAL
+    second = -f.distal_mass * f.gravity * f.distal_half_length * np.cos(mcp + pip - f.wrist_angle)
+    first = (f.proximal_mass + 2 * f.distal_mass) * f.gravity * f.proximal_half_length
+    return -first * np.cos(f.wrist_angle - mcp) + second, second
+
+
+@pytest.mark.parametrize(("sign", "cable"), [(-1, "extension"), (1, "flexion")])
+def test_an_imagined_finger_hangs_in_balance_on_its_cable(sign: int, cable: str) -> None:
+    """Springs and gravity against the tension in both joints, and the cable as long as they call for."""
+    motion = finger_motion(made.RIG, sign, SINE, VALUES)
+    assert motion is not None
+    assert motion.joints is not None
+    q, f = motion.joints, made.NOMINAL
+    a, b = VALUES[f"arm_mcp@{cable}"], VALUES[f"arm_pip@{cable}"]
+    pull = (motion.torque - made.INERTIA * motion.acceleration) / made.RADIUS
+    first, second = gravity(q.mcp, q.pip)
+    assert f.mcp_stiffness * q.mcp + first == pytest.approx(sign * a * pull, abs=1e-6)
+    assert f.pip_stiffness * q.pip + second == pytest.approx(sign * b * pull, abs=1e-6)
+    wound = made.RADIUS * motion.position - VALUES[f"offset@{cable}"]
+    assert sign * (a * q.mcp + b * q.pip) == pytest.approx(wound, abs=1e-7)
+    assert pull.min() > 0
+
+
+def test_a_finger_whose_cable_would_hang_loose_is_not_imagined() -> None:
+    low = {**SINE, "offset_deg": -30.0}
+    assert finger_motion(made.RIG, -1, low, VALUES) is None
+
+
+def test_a_pressing_finger_is_imagined_as_it_was_seen() -> None:
+    """At the recorded amplitude the force swings as the cell read; at half of it, half as far."""
+    swing = 0.4
+    rng = np.random.default_rng(2)
+    run = made.contact_run(made.Bench(), 1.2, swing, 1.0, rng, 10.0, "001")
+    cycle = run.channel("motor_position").reshape(10, -1).mean(axis=0)  # no pure sine: the tip's way bends
+    told = float(np.degrees(np.sqrt(2.0) * cycle.std()))
+    run = replace(run, trajectory={**run.trajectory, "amplitude_deg": told})
+    press = seen_press([Session(Path("press.h5"), "", "", made.RIG, (run,))])
+    assert press is not None
+    assert press.follows == pytest.approx(1.0, rel=0.05)
+    assert press.mean[2] == pytest.approx(1.2, abs=0.01)
+    for share in (1.0, 0.5):
+        wave = {"kind": "sine", "frequency_hz": 0.5, "amplitude_deg": share * told}
+        pressing = pressing_motion(made.RIG, 1, wave, press)
+        assert pressing is not None
+        assert pressing.phase == "contact"
+        assert pressing.force is not None
+        assert np.ptp(pressing.force) / 2 == pytest.approx(share * swing, rel=0.06)
+        pull = (pressing.torque - made.INERTIA * pressing.acceleration) / made.RADIUS
+        seen = run.channel("motor_torque") / made.RADIUS
+        assert pull.mean() == pytest.approx(seen.mean(), rel=0.02)
+
+
+def test_a_finger_that_never_pressed_is_not_imagined_to() -> None:
+    free = made.session(made.Bench(), contact=0, seconds=4.0)
+    assert seen_press([free]) is None
+
+
+def test_an_imagined_bench_follows_its_equation() -> None:
+    motion = bench_motion(made.RIG, SINE, 0.1)
+    omega = 2 * np.pi * 0.5
+    time, position = commanded(SINE)
+    assert motion.position == pytest.approx(position)
+    inner = slice(5, -5)
+    acceleration = -(omega**2) * (position - np.radians(30.0))
+    assert motion.acceleration[inner] == pytest.approx(acceleration[inner], abs=2e-3)
+    assert motion.torque[inner] == pytest.approx((made.INERTIA * acceleration + 0.1)[inner], abs=1e-5)
+    assert time[0] >= 2.0
+
+
+@pytest.fixture(scope="module")
+def judged() -> tuple[Session, Study, Evidence]:
+    """A bench with viscous joints, and all effects judged on it, as if its data had not told them apart."""
+    session = made.session(made.Bench(missing=made.Missing(viscous=(3e-3, 2e-3))))
+    chosen = (
+        "viscous_friction",
+        "motor_viscous_friction",
+        "coulomb_friction",
+        "spring_hardening",
+        "stiffness_error",
+    )
+    study = Study(reduce_sessions([session], [CATALOGUE[n] for n in chosen]))
+    base = study.settle([])
+    evidence = weigh(study, base, study.reduced.layout.effects, Watch())
+    return session, study, replace(evidence, log_odds=np.zeros(len(evidence.trials)))
+
+
+def index(evidence: Evidence, name: str) -> int:
+    return [t.model.choices[-1].effect.id for t in evidence.trials].index(name)
+
+
+PAIRS = [
+    ("viscous_friction", "coulomb_friction"),
+    ("viscous_friction", "motor_viscous_friction"),
+    ("viscous_friction", "spring_hardening"),
+]
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_a_proposal_can_be_run_and_names_what_it_separates(
+    pair: tuple[str, str], judged: tuple[Session, Study, Evidence]
+) -> None:
+    session, study, evidence = judged
+    proposal = propose([session], study, evidence, [index(evidence, n) for n in pair])
+    assert proposal is not None
+    assert proposal["separates"] == list(pair)
+    assert np.isfinite(proposal["expected_separation"])
+    assert proposal["expected_separation"] > 0
+    assert proposal["phase"] in ("on_air", "contact", "motor_bench", "free")
+    assert read_trajectory({**proposal["trajectory"], "duration_s": 5.0}).duration == 5.0
+
+
+def test_nothing_is_proposed_where_nothing_is_left_to_separate(
+    judged: tuple[Session, Study, Evidence],
+) -> None:
+    session, study, evidence = judged
+    assert propose([session], study, evidence, [0]) is None
+    assert propose([session], study, evidence, []) is None
+
+
+def test_a_wider_set_of_speeds_separates_viscous_from_coulomb(
+    judged: tuple[Session, Study, Evidence],
+) -> None:
+    """One amplitude at one speed cannot tell them apart; the proposal is not the slow small sine."""
+    session, study, evidence = judged
+    pair = [index(evidence, n) for n in ("viscous_friction", "coulomb_friction")]
+    proposal = propose([session], study, evidence, pair)
+    assert proposal is not None
+    assert proposal["trajectory"]["frequency_hz"] != 0.2 or proposal["trajectory"]["kind"] != "sine"
+
+
+HEAT = 3.0
+
+
+@pytest.fixture(scope="module")
+def imagined(judged: tuple[Session, Study, Evidence]) -> tuple[Imagined, Study, Trial, Trial]:
+    """A run that was not taken, and two models to tell apart there."""
+    session, study, evidence = judged
+    pair = [evidence.trials[index(evidence, n)] for n in ("viscous_friction", "coulomb_friction")]
+    values = dict(zip((u.key for u in pair[0].model.unknowns), map(float, pair[0].fit.values), strict=True))
+    motion = finger_motion(made.RIG, -1, {**SINE, "amplitude_deg": 8.0}, values)
+    assert motion is not None
+    effects = [t.model.choices[-1].effect for t in pair]
+    return imagine(session, motion, effects), study, pair[0], pair[1]
+
+
+def test_a_separation_is_what_the_rival_leaves_of_every_sample(
+    imagined: tuple[Imagined, Study, Trial, Trial],
+) -> None:
+    """The same number from whitened residuals, sample by sample, and a least-squares solver."""
+    run, study, truth, rival = imagined
+    group = run.group
+    columns = narrow_columns(run.motion, run.layout.effects, run.layout.signals).columns
+    count = len(columns)
+
+    def residuals(trial: Trial) -> tuple[np.ndarray, np.ndarray]:
+        """Of the four equations, (4 n,), and their derivatives, (4 n, p)."""
+        model = build(run.layout, [group], trial.model.choices)
+        h, slopes = model.coefficients(values_in(model, trial), group)
+        told, reach = np.zeros((5, count)), np.zeros((5, count, slopes.shape[1]))
+        for i, row, signal in zip(range(len(h)), model.rows, model.pick.signals, strict=True):
+            told[row] += h[i] * columns[:, signal]
+            reach[row] += columns[:, signal, None] * slopes[i]
+        there = [Row.MCP, Row.PIP, Row.CABLE, Row.TIP]
+        root = np.linalg.cholesky(study.weights[group.key][np.ix_(there, there)] * EFFECTIVE_SHARE / HEAT).T
+        white = np.einsum("rs,sn->rn", root, told[there]), np.einsum("rs,snp->rnp", root, reach[there])
+        return white[0].ravel(), white[1].reshape(4 * count, -1)
+
+    gap = residuals(truth)[0] - residuals(rival)[0]
+    reach = residuals(rival)[1]
+    # One more unknown: Coulomb friction of this run alone, which is known to 5 % of the common value.
+    model = build(run.layout, [group], rival.model.choices)
+    common = values_in(model, rival)
+    gains = [model.index[f"coulomb_friction.{name}"] for name in rival.model.choices[-1].effect.gains]
+    reach = np.concatenate((reach, reach[:, gains] * common[gains]), axis=1)
+    known = known_of(build(run.layout, [group], rival.model.choices), rival, HEAT)
+    size, ways = np.linalg.eigh(known)
+    prior = np.zeros((len(size) + len(gains), len(size) + len(gains)))
+    prior[: len(size), : len(size)] = np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T
+    prior[len(size) :, len(size) :] = np.eye(len(gains)) / 0.05
+    stacked = np.concatenate((reach, prior))
+    scale = np.linalg.norm(stacked, axis=0)
+    wanted = np.concatenate((gap, np.zeros(len(prior))))
+    step = np.linalg.lstsq(stacked / scale, wanted, rcond=None)[0]
+    left = wanted - stacked / scale @ step
+    assert separation(study, run, truth, rival, HEAT) == pytest.approx(0.5 * left @ left, rel=1e-3)
+
+
+def test_nothing_separates_a_model_from_itself(imagined: tuple[Imagined, Study, Trial, Trial]) -> None:
+    run, study, truth, rival = imagined
+    assert separation(study, run, truth, truth, HEAT) == pytest.approx(0.0, abs=1e-6)
+    assert separation(study, run, truth, rival, HEAT) > 1e-3
+
+
+def test_the_motor_alone_tells_what_the_motor_does_from_what_the_joints_do(
+    judged: tuple[Session, Study, Evidence],
+) -> None:
+    """A viscous motor takes its torque without a finger, too; of joints such a run says nothing."""
+    session, study, evidence = judged
+    names = ("motor_viscous_friction", "viscous_friction")
+    motor, joint = (evidence.trials[index(evidence, n)] for n in names)
+    motion = bench_motion(made.RIG, {**SINE, "amplitude_deg": 30.0}, 0.0)
+    run = imagine(session, motion, held_by([motor, joint], motion), beside_finger=True)
+    assert [e.id for e in run.layout.effects] == ["motor_viscous_friction"]
+    assert separation(study, run, motor, joint, HEAT) > 1.0
+    assert separation(study, run, joint, joint, HEAT) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("nats_a_second", "seconds"), [(0.3, 60.0), (0.6, 20.0), (1e-4, None)])
+def test_a_run_that_would_not_decide_in_twenty_seconds_lasts_a_minute(
+    judged: tuple[Session, Study, Evidence],
+    nats_a_second: float,
+    seconds: float | None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A separation of 10 nats decides; one below 0.2 is not worth a run."""
+    session, study, evidence = judged
+
+    def expected(_: Study, run: Imagined, *__: object) -> float:
+        return nats_a_second * run.sums.samples / NARROW_RATE_HZ
+
+    monkeypatch.setattr(next_experiment, "_expected", expected)
+    pair = [index(evidence, name) for name in ("viscous_friction", "motor_viscous_friction")]
+    proposal = propose([session], study, evidence, pair)
+    if seconds is None:
+        assert proposal is None
+    else:
+        assert proposal is not None
+        assert proposal["trajectory"]["duration_s"] == seconds
+
+
+def test_three_times_the_time_separates_three_times_as_well(judged: tuple[Session, Study, Evidence]) -> None:
+    """Where the old runs leave the rival nothing to take up, the separation grows with the run's length."""
+    session, study, evidence = judged
+    first, second = (evidence.trials[index(evidence, n)] for n in ("viscous_friction", "coulomb_friction"))
+    motion = finger_motion(made.RIG, -1, SINE, VALUES)
+    assert motion is not None
+    run = imagine(session, motion, held_by([first, second], motion))
+    once, thrice = (separation(study, r, first, second, 1.0) for r in (run, run.lasting(3.0)))
+    assert 1.0 < thrice / once <= 3.0 + 1e-9
+    assert run.lasting(3.0).sums.samples == pytest.approx(3 * run.sums.samples, abs=1)

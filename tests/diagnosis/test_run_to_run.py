@@ -1,0 +1,55 @@
+"""What a run has of its own: by hand for one column, and only where runs are repeated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fingerlab.diagnosis.equations.model import build
+from fingerlab.diagnosis.fit.weights import SET_DOWN_N, Weighted, own_to_a_run
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.sums import Reduced
+from fingerlab.diagnosis.score.scorer import explained
+
+from . import closed_form as made
+
+
+def one_column(weight: float) -> Weighted:
+    return Weighted(np.array([[weight]]), np.array([[weight]]))
+
+
+@pytest.mark.parametrize("off", [0.01, 0.05, 1.0])
+def test_the_share_that_a_run_has_of_its_own_minimises_misfit_and_cost(off: float) -> None:
+    """min over x of w (off - s x)^2 + x^2, searched point by point."""
+    weight, spread = 1e4, 0.02
+    x = np.linspace(-60.0, 60.0, 120001)
+    least = float(np.min(weight * (off - spread * x) ** 2 + x**2))
+    found = explained(np.array([[spread]]), np.array([off]), one_column(weight))
+    assert weight * off**2 - found == pytest.approx(least, rel=1e-4)
+
+
+@pytest.fixture(scope="module")
+def reduced() -> Reduced:
+    """Contact is recorded under two conditions: in two runs and in one."""
+    return reduce_sessions([made.session(made.Bench(), 2)], [])
+
+
+@pytest.mark.parametrize("law", ["slides", "sticks"])
+def test_a_tip_has_a_share_of_its_own_where_it_sticks_and_runs_are_repeated(
+    reduced: Reduced, law: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = build(reduced.layout, reduced.groups, [], law)
+    values = model.start()
+    group = next(g for g in reduced.groups if g.in_contact)
+    told = model.features(values, group)
+    assert max(len(group.of_condition(c)) for c in group.conditions) < 3
+    assert own_to_a_run(model, values, told, group).shape == (len(told), 0)
+    monkeypatch.setattr(type(group), "of_condition", lambda *_: [0, 1, 2])
+    own = own_to_a_run(model, values, told, group)
+    if law == "slides":
+        assert own.shape == (len(told), 0)
+        return
+    pushed = values.copy()
+    pushed[model.index["lateral_constant"]] += SET_DOWN_N
+    assert own[:, 0] == pytest.approx(model.features(pushed, group) - told)
+    assert np.count_nonzero(own) == 2  # in the MCP's equation and in the PIP's

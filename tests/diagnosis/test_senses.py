@@ -1,0 +1,62 @@
+"""A channel whose sense or unit is not the format's is told in a sentence; it is no missing effect."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis import diagnose
+from fingerlab.sessions import open_session
+from fingerlab.sessions.model import Run, Session
+
+OTHER = {"extension": "flexion", "flexion": "extension"}
+
+
+def changed(session: Session, factors: Mapping[str, float], other_cable: bool = False) -> Session:
+    """The session with some channels multiplied, and maybe with the cables' names exchanged."""
+    runs = [
+        Run.from_arrays(
+            {name: factors.get(name, 1.0) * values for name, values in run.load().items()},
+            name=run.name,
+            phase=run.phase,
+            cable=OTHER[run.cable] if other_cable else run.cable,
+            sample_rate_hz=run.sample_rate_hz,
+            trajectory=run.trajectory,
+        )
+        for run in session.runs
+    ]
+    return replace(session, runs=tuple(runs))
+
+
+@pytest.mark.parametrize(
+    ("factors", "other_cable", "sentence"),
+    [
+        ({"mcp_angle": -1.0}, False, "The MCP angle turns against the cable .* turn its sign"),
+        ({"pip_angle": -1.0}, False, "The PIP angle turns against the cable .* turn its sign"),
+        (
+            {"motor_position": -1.0},
+            False,
+            "Both joints turn against the cable .* turn the sign of motor_position",
+        ),
+        ({}, True, "Both joints turn against the cable .* name the other cable"),
+        ({"motor_torque": -1.0}, False, r"would push the cable .* \(run 001: -2\.\d+ N on average\)"),
+        ({"motor_torque": 0.0}, False, "'motor_torque' never changes"),
+        ({"pip_angle": 57.3}, False, "channel 'pip_angle' goes to .* write it in rad, not in degrees"),
+    ],
+)
+def test_a_turned_channel_is_told(
+    shared_data: Path, factors: Mapping[str, float], other_cable: bool, sentence: str
+) -> None:
+    session = changed(open_session(shared_data / "bench-plain.h5"), factors, other_cable)
+    with pytest.raises(UserError, match=sentence):
+        diagnose([session], with_curves=False)
+
+
+@pytest.mark.parametrize("name", ["bench-slack", "bench-delay", "sealed-4", "bench-thesis-protocol"])
+def test_what_physics_does_to_a_channel_is_let_pass(shared_data: Path, name: str) -> None:
+    """A cable that hangs loose, an angle that comes late, a joint at its stop, friction in the sheath."""
+    assert diagnose([open_session(shared_data / f"{name}.h5")], with_curves=False).verdict == "missing_effect"

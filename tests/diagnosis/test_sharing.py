@@ -1,0 +1,100 @@
+"""Reading shared with a second process, and grid points chosen without a fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from fingerlab.cli.main import cli
+from fingerlab.core import parallel
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.search.next_effect import Sketch
+from fingerlab.effects import CATALOGUE
+from fingerlab.sessions import copy_session, open_session
+
+REDUCTION = "fingerlab.diagnosis.gram.reduction"
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("shared") / "s.h5"
+    recorded = CliRunner().invoke(
+        cli,
+        [
+            "simulate",
+            "--protocol",
+            "on-air",
+            "--effect",
+            "motor_coulomb_friction",
+            "--seed",
+            "4",
+            "--out",
+            str(path),
+        ],
+    )
+    assert recorded.exit_code == 0
+    return path
+
+
+def test_two_processes_give_what_one_gives_to_the_last_bit(
+    recorded: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(parallel, "WORTH_BYTES", 0)
+    alone = diagnose([open_session(recorded)], with_curves=False)
+    with parallel.second_process([recorded], REDUCTION) as executor:
+        assert executor is not None
+        shared = diagnose([open_session(recorded)], with_curves=False, executor=executor)
+    assert [(c.effect, c.score, c.probability) for c in shared.candidates] == [
+        (c.effect, c.score, c.probability) for c in alone.candidates
+    ]
+    assert shared.score == alone.score
+
+
+def test_a_fault_that_the_second_process_meets_is_told_in_one_sentence(
+    recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import h5py
+
+    broken = tmp_path / "broken.h5"
+    copy_session(recorded, broken)
+    with h5py.File(broken, "r+") as file:
+        for run in list(file["runs"])[1:]:
+            file["runs"][run]["mcp_angle"][5000] = np.nan
+    monkeypatch.setattr(parallel, "WORTH_BYTES", 0)
+    with (
+        parallel.second_process([broken], REDUCTION) as executor,
+        pytest.raises(UserError, match="mcp_angle"),
+    ):
+        diagnose([open_session(broken)], with_curves=False, executor=executor)
+
+
+def test_small_files_start_no_second_process(recorded: Path) -> None:
+    small = recorded.with_name("small.txt")
+    small.write_text("nothing to read")
+    with parallel.second_process([small], REDUCTION) as executor:
+        assert executor is None
+
+
+def test_the_sketch_chooses_grid_points_as_whole_fits_do(recorded: Path) -> None:
+    """A fit of every grid point is the judge: the sketch's point must reach nine tenths of the best fall."""
+    study = Study(reduce_sessions([open_session(recorded)], list(CATALOGUE.values())))
+    base = study.settle([])
+    sketch = Sketch(study, base)
+    for name in ("coulomb_friction", "motor_coulomb_friction", "motor_presliding", "torque_ripple"):
+        effect = CATALOGUE[name]
+        costs = [study.fit([Choice(effect, i)], base, 12).fit.cost for i in range(len(effect.shapes))]
+        fall = base.fit.cost - np.array(costs)
+        assert fall[sketch.promise(effect).shape] >= 0.9 * fall.max()
+
+
+def test_effects_of_contact_are_no_candidates_where_nothing_is_touched(recorded: Path) -> None:
+    ids = {c.effect for c in diagnose([open_session(recorded)], with_curves=False).candidates}
+    assert ids.isdisjoint({"contact_angle", "load_cell_gain"})
+    assert "coulomb_friction" in ids

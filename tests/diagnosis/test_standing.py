@@ -1,0 +1,70 @@
+"""What a standing motor leaves open, against sums of covariances written out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.fit.noise import change_of_weight, encoder_spread, log_widening
+from fingerlab.diagnosis.fit.solver import Fitter
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.effects import CATALOGUE
+from fingerlab.effects.base import Row
+
+from . import closed_form as made
+
+
+def random_covariance(seed: int) -> np.ndarray:
+    root = np.random.default_rng(seed).normal(size=(5, 5))
+    return root @ root.T + 0.5 * np.eye(5)
+
+
+def test_weights_are_the_inverse_of_the_sum_of_both_covariances() -> None:
+    noise, more = random_covariance(1), random_covariance(2)
+    weights = np.linalg.inv(noise)
+    assert weights + change_of_weight(weights, more) == pytest.approx(np.linalg.inv(noise + more))
+    expected = np.linalg.slogdet(noise + more)[1] - np.linalg.slogdet(noise)[1]
+    assert log_widening(weights, more) == pytest.approx(expected)
+
+
+def test_equations_that_are_not_judged_stay_so() -> None:
+    """A weight of zero has no covariance to add to."""
+    weights = np.diag([1.0, 4.0, 9.0, 0.0, 0.0])
+    changed = weights + change_of_weight(weights, encoder_spread(0.5))
+    assert np.diag(changed) == pytest.approx([1.0, 4.0, 1.0 / (1.0 / 9.0 + 0.5), 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    """An invented bench whose runs hold still for a while."""
+    return Study(reduce_sessions([made.session(made.Bench(), 2)], list(CATALOGUE.values())))
+
+
+def test_friction_at_rest_frees_its_own_equation_by_a_third_of_its_square(study: Study) -> None:
+    trial = study.fit([Choice(CATALOGUE["coulomb_friction"], 1)])
+    values = trial.fit.values.copy()
+    torque = 4e-3
+    values[trial.model.index["coulomb_friction.coulomb_mcp"]] = torque
+    values[trial.model.index["coulomb_friction.coulomb_pip"]] = 0.0
+    group = study.reduced.groups[0]
+    group.whole.rest = group.whole.products.copy()  # as if it stood all the time
+    weights = study.weights[group.key]
+    held = study.data.held(0, trial.model, values, weights)
+    assert held is not None
+    arm = values[trial.model.index["arm_mcp@extension"]]
+    # The state is nearly always at one of its extremes in these runs, so its square is nearly one.
+    spread = 1.0 / (weights + held[0])[Row.MCP, Row.MCP] - 1.0 / weights[Row.MCP, Row.MCP]
+    assert spread == pytest.approx((torque / arm) ** 2 / 3.0, rel=0.2)
+    assert (weights + held[0])[Row.PIP, Row.PIP] == pytest.approx(weights[Row.PIP, Row.PIP])
+    group.whole.rest = None
+
+
+def test_a_model_without_sticking_friction_is_weighed_as_ever(study: Study) -> None:
+    trial = study.fit([Choice(CATALOGUE["viscous_friction"])])
+    fitter = Fitter(trial.model, study.data, study.weights)
+    before = [sums.matrix.copy() for sums in fitter.sums]
+    fitter.hold(trial.fit.values)
+    assert all(np.array_equal(a, b.matrix) for a, b in zip(before, fitter.sums, strict=True))
+    assert fitter.widening == 0.0

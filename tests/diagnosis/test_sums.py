@@ -1,0 +1,126 @@
+"""Sums over signals against the same sums written out feature by feature and sample by sample."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fingerlab.diagnosis.equations.columns import layout_of
+from fingerlab.diagnosis.equations.features import Pick
+from fingerlab.diagnosis.gram.decimation import narrow_columns
+from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.sums import Sums, empty, total
+from fingerlab.diagnosis.signals.segments import stretches
+from fingerlab.effects import CATALOGUE
+from fingerlab.effects.base import Row
+
+from . import closed_form as made
+
+SIGNALS, SAMPLES = 6, 40
+
+
+@pytest.fixture
+def recorded() -> tuple[np.ndarray, np.ndarray, Sums]:
+    """Random signals, the moments at which the cable is taut, and their sums."""
+    rng = np.random.default_rng(1)
+    columns, taut = rng.normal(size=(SAMPLES, SIGNALS)), rng.random(SAMPLES) > 0.3
+    loose = columns[~taut]
+    sums = Sums(columns.T @ columns, loose.T @ loose, int(taut.sum()), int((~taut).sum()))
+    return columns, taut, sums
+
+
+PICK = Pick(np.array([0, 1, 1, 4, 0]), np.array([Row.MCP, Row.PIP, Row.CABLE, Row.CABLE, Row.PIP]))
+OTHER = Pick(np.array([5, 1, 2]), np.array([Row.CABLE, Row.MCP, Row.PIP]))
+
+
+def features(columns: np.ndarray, taut: np.ndarray, pick: Pick) -> np.ndarray:
+    """What the equations see of the signals: nothing of the cable's at slack moments."""
+    seen = columns[:, pick.signals].copy()
+    seen[np.ix_(~taut, pick.cable)] = 0.0
+    return seen
+
+
+def test_products_are_those_of_the_features(recorded: tuple[np.ndarray, np.ndarray, Sums]) -> None:
+    columns, taut, sums = recorded
+    seen = features(columns, taut, PICK)
+    assert sums.of(PICK) == pytest.approx(seen.T @ seen)
+
+
+def test_slack_moments_count_for_the_cable_alone(recorded: tuple[np.ndarray, np.ndarray, Sums]) -> None:
+    columns, taut, sums = recorded
+    hanging = columns[~taut][:, PICK.signals] * PICK.cable
+    slack = sums.slack(PICK)
+    assert slack is not None
+    assert slack == pytest.approx(hanging.T @ hanging)
+    assert Sums(sums.products).slack(PICK) is None
+
+
+def test_weighted_products_across_two_sets_of_features(
+    recorded: tuple[np.ndarray, np.ndarray, Sums],
+) -> None:
+    columns, taut, sums = recorded
+    rng = np.random.default_rng(2)
+    left, root = rng.normal(size=(3, len(PICK.rows))), rng.normal(size=(5, 5))
+    weights = root @ root.T
+    mine, theirs = features(columns, taut, PICK), features(columns, taut, OTHER)
+    expected = left @ (mine.T @ theirs * weights[np.ix_(PICK.rows, OTHER.rows)])
+    assert sums.across(left, PICK, weights, OTHER) == pytest.approx(expected)
+
+
+def test_noise_is_taken_from_every_sample_that_counts(
+    recorded: tuple[np.ndarray, np.ndarray, Sums],
+) -> None:
+    _, _, sums = recorded
+    noise = np.eye(SIGNALS)
+    less = sums.of(PICK) - sums.without(noise, noise).of(PICK)
+    # Signal 1 stands in a joint's equation, where every sample counts, and in the cable's, where taut do.
+    assert less[1, 1] == pytest.approx(SAMPLES)
+    assert less[1, 2] == pytest.approx(sums.taut_samples)
+    assert less[2, 2] == pytest.approx(sums.taut_samples)
+    assert less[0, 1] == 0.0
+
+
+def test_noise_of_the_taut_moments_may_differ(recorded: tuple[np.ndarray, np.ndarray, Sums]) -> None:
+    _, _, sums = recorded
+    noise, taut_noise = np.eye(SIGNALS), 0.25 * np.eye(SIGNALS)
+    for less in (
+        sums.of(PICK) - sums.without(noise, taut_noise).of(PICK),
+        sums.of(PICK) - sums.of(PICK, noise[PICK.square], taut_noise[PICK.square]),
+    ):
+        assert less[1, 1] == pytest.approx(SAMPLES)
+        assert less[1, 2] == pytest.approx(0.25 * sums.taut_samples)
+
+
+def test_a_total_is_the_sum_of_its_parts(recorded: tuple[np.ndarray, np.ndarray, Sums]) -> None:
+    columns, taut, whole = recorded
+    halves = []
+    for part in (slice(0, 20), slice(20, None)):
+        some, here = columns[part], taut[part]
+        loose = some[~here]
+        halves.append(Sums(some.T @ some, loose.T @ loose, int(here.sum()), int((~here).sum())))
+    added = total([*halves, empty(SIGNALS)])
+    assert added.of(PICK) == pytest.approx(whole.of(PICK))
+    assert (added.taut_samples, added.slack_samples) == (whole.taut_samples, whole.slack_samples)
+
+
+def test_a_shared_signal_is_the_same_in_every_run_and_phase() -> None:
+    """Features that the layout takes for one signal must be one in runs that the layout has not seen."""
+    session = made.session(made.Bench(), 1, contact=1)
+    effects = list(CATALOGUE.values())
+    layout = reduce_sessions([session], effects).layout
+    assert layout.signal_count < 0.7 * len(layout.features)
+    for run in (session.runs[0], session.runs[-1]):
+        motion = next(stretches(run, session.rig))
+        shared = narrow_columns(motion, effects, layout.signals).columns[:, layout.signals]
+        apart = narrow_columns(motion, effects, np.arange(len(layout.features))).columns
+        assert np.array_equal(shared, apart)
+
+
+def test_a_layout_does_not_depend_on_the_run_it_is_made_from() -> None:
+    session = made.session(made.Bench(), 1, contact=1)
+    effects = list(CATALOGUE.values())
+    layouts = [
+        layout_of(next(stretches(run, session.rig)).glimpse(), session, effects)
+        for run in (session.runs[0], session.runs[-1])
+    ]
+    assert np.array_equal(layouts[0].signals, layouts[1].signals)

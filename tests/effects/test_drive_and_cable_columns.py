@@ -1,0 +1,247 @@
+"""Torque lost on the motor side, cable lengths and bent sensors: each column against a closed form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fingerlab.effects import CATALOGUE
+from fingerlab.effects.base import Row, Term
+from fingerlab.effects.sensor_drift import STEADY_S
+from fingerlab.physics import nominal
+from fingerlab.physics.nominal import JointMotion
+
+from .moving import FINGER, MOTOR, bench, column, moving
+from .test_hysteresis import looped_stop
+
+DRIVE = sorted(name for name, e in CATALOGUE.items() if e.acts_on == ("motor_torque",))
+RADIUS = 0.015
+
+
+def by_row(terms: list[Term]) -> dict[Row, list[Term]]:
+    return {row: [t for t in terms if t.row == row] for row in Row if any(t.row == row for t in terms)}
+
+
+@pytest.mark.parametrize("name", DRIVE)
+def test_a_motor_torque_is_the_same_tension_in_both_joints(name: str) -> None:
+    """Torque over pulley radius, in MCP and PIP alike; the cable feels that much less and stretches less."""
+    effect, motion = CATALOGUE[name], moving()
+    for shape in effect.shapes:
+        rows = by_row(effect.columns(motion, shape))
+        assert set(rows) == {Row.MCP, Row.PIP, Row.CABLE}
+        for mcp, pip, cable in zip(rows[Row.MCP], rows[Row.PIP], rows[Row.CABLE], strict=True):
+            assert mcp.gain == pip.gain == cable.gain
+            assert mcp.scale == pip.scale == "direct"
+            assert cable.scale == "compliance"
+            assert np.array_equal(mcp.values, pip.values)
+            assert np.array_equal(mcp.values, cable.values)
+        if effect.bench:
+            on_bench = effect.columns(bench(), shape)
+            for term, alone in zip(rows[Row.MCP], on_bench, strict=True):
+                assert alone.values == pytest.approx(RADIUS * term.values)
+
+
+SHARP = CATALOGUE["motor_coulomb_friction"].shapes[0]
+"""Friction that builds up over the least travel, as the other effects of the drive take it."""
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in DRIVE if "friction" in n or "presliding" in n or "stribeck" in n]
+)
+def test_motor_friction_costs_work_in_either_direction(name: str) -> None:
+    motion = moving(seconds=8.0)
+    for shape in CATALOGUE[name].shapes:
+        for term in CATALOGUE[name].columns(motion, shape):
+            if term.row != Row.MCP or term.gain in CATALOGUE[name].offsets:
+                continue
+            power = (term.values * motion.velocity)[1000:]  # three whole cycles
+            assert power.sum() > 0
+            # Only where it builds up over a travel does a little come back after each reversal.
+            sharp = name in ("motor_viscous_friction", "motor_coulomb_friction", "asymmetric_friction")
+            if sharp and shape.get("travel_deg", 0.0) < 0.2:
+                assert power.min() > -0.05 * power.max()
+
+
+def test_motor_columns_have_their_closed_forms() -> None:
+    motion = bench()
+    t = motion.time
+
+    def of(name: str, shape: dict[str, float] | None = None, gain: str | None = None) -> np.ndarray:
+        return column(CATALOGUE[name].columns(motion, shape or CATALOGUE[name].shapes[0]), Row.BENCH, gain)
+
+    angle = 0.5 + 0.4 * np.sin(2 * np.pi * 0.75 * t + 0.8)
+    omega = 2 * np.pi * 0.75
+    speed = 0.4 * omega * np.cos(omega * t + 0.8)
+    assert of("motor_viscous_friction") == pytest.approx(speed)
+    assert of("motor_inertia") == pytest.approx(-(omega**2) * (angle - 0.5))
+    assert of("motor_spring") == pytest.approx(angle)
+    for shape in CATALOGUE["torque_ripple"].shapes:
+        n = shape["order"]
+        assert of("torque_ripple", shape, "sine") == pytest.approx(np.sin(n * angle))
+        assert of("torque_ripple", shape, "cosine") == pytest.approx(np.cos(n * angle))
+        assert of("torque_ripple", shape, "double_sine") == pytest.approx(np.sin(2 * n * angle))
+        assert of("torque_ripple", shape, "double_cosine") == pytest.approx(np.cos(2 * n * angle))
+    fast = (np.abs(speed) > 0.6) & (t > 0.1)  # several travels behind every reversal
+    assert of("motor_coulomb_friction")[fast] == pytest.approx(np.sign(speed[fast]), abs=0.02)
+    load = 0.05 + 0.02 * np.sin(2 * np.pi * 0.25 * t) - (motion.motor.inertia or 0.0) * motion.acceleration
+    assert of("load_dependent_friction")[fast] == pytest.approx((load * np.sign(speed))[fast], abs=0.0015)
+
+
+def test_load_dependent_friction_takes_the_known_load_where_there_is_one() -> None:
+    """A spring of 0.1 N m over half the travel of 0.6 degrees, that slides at the load of 0.09 N m."""
+    motion = bench(load=np.full(1000, -0.09))
+    shape = {"travel_deg": 0.6, "sharpness": 1.0}
+    share = column(CATALOGUE["load_dependent_friction"].columns(motion, shape), Row.BENCH)
+    assert share == pytest.approx(0.09 * looped_stop(motion.position, 0.9 * np.radians(0.3)))
+
+
+def test_asymmetric_friction_has_the_sum_one_way_and_the_difference_the_other() -> None:
+    """6 mN m winding in and 2 paying out are 4 and half of 4."""
+    motion = moving()
+    shape, settled = SHARP, motion.time > 0.1
+    terms = CATALOGUE["asymmetric_friction"].columns(motion, shape)
+    torque = RADIUS * (4e-3 * column(terms, Row.PIP, "coulomb") + 2e-3 * column(terms, Row.PIP, "difference"))
+    assert torque[settled & (motion.velocity > 0.6)] == pytest.approx(6e-3, rel=0.02)
+    assert torque[settled & (motion.velocity < -0.6)] == pytest.approx(-2e-3, rel=0.05)
+    both = column(terms, Row.PIP, "coulomb")
+    assert both == pytest.approx(column(CATALOGUE["motor_coulomb_friction"].columns(motion, shape), Row.PIP))
+
+
+def test_capstan_loss_is_a_share_of_the_tension_against_the_travel() -> None:
+    """Euler-Eytelwein to first order: winding in, the motor pulls more than the finger feels.
+
+    What the rotor's inertia takes never reaches the sheath; the cable stretches before or behind it.
+    """
+    motion = moving()
+    fast = (np.abs(motion.velocity) > 0.6) & (motion.time > 0.1)
+    tension = (motion.torque - (motion.motor.inertia or 0.0) * motion.acceleration) / RADIUS
+    expected = (tension * np.sign(motion.velocity))[fast]
+    for shape in CATALOGUE["capstan_friction"].shapes:
+        if shape["travel_deg"] < 0.2:
+            terms = CATALOGUE["capstan_friction"].columns(motion, shape)
+            for row in (Row.MCP, Row.PIP):
+                error = column(terms, row)[fast] - expected
+                assert np.abs(error).max() < 0.02 * np.abs(expected).max()
+            assert any(t.row == Row.CABLE for t in terms) == bool(shape["stretch_behind"])
+
+
+def test_a_cable_that_sticks_in_its_sheath_keeps_its_friction_while_the_tension_rises() -> None:
+    """Wound in by three degrees it slides; then it stands, and the motor pulls half as hard again."""
+    time = np.arange(500) / 250.0
+    position = np.radians(3.0) * np.minimum(time, 1.0)
+    torque = RADIUS * np.where(time < 1.2, 4.0, 6.0)
+    velocity = np.gradient(position, time)
+    motion = moving(seconds=2.0, position=position, velocity=velocity, acceleration=0 * time, torque=torque)
+    shape = {"travel_deg": 0.6, "stretch_behind": 1.0, "sharpness": 1.0}
+    for held, after in ((0.0, 6.0), (1.0, 4.0)):
+        terms = CATALOGUE["capstan_friction"].columns(motion, shape | {"held": held})
+        lost = column(terms, Row.PIP)
+        assert lost[(time > 0.9) & (time < 1.1)] == pytest.approx(4.0)
+        assert lost[time > 1.3] == pytest.approx(after)
+    # A spring of 5 N over half the travel: 4 N, and sliding, after 0.24 degrees of its 0.3.
+    way = np.degrees(position)
+    assert lost[way < 0.23] == pytest.approx(5.0 * way[way < 0.23] / 0.3, abs=1e-9)
+    assert lost[(way > 0.25) & (time < 1.0)] == pytest.approx(4.0)
+
+
+def test_play_follows_the_last_reversal() -> None:
+    """While the motor winds in it is ahead of the cable by half the play, and behind while it pays out."""
+    motion = moving()
+    for shape in CATALOGUE["backlash"].shapes:
+        play = column(CATALOGUE["backlash"].columns(motion, shape), Row.CABLE)
+        half = 0.5 * np.radians(shape["gap_deg"])
+        settled = (np.abs(motion.velocity) > 0.6) & (motion.time > 0.4)
+        away = np.minimum(np.abs(motion.position - 0.9), np.abs(motion.position - 0.1)) > 2 * half
+        chosen = settled & away
+        assert chosen.sum() > 100
+        assert play[chosen] == pytest.approx(RADIUS * np.sign(motion.velocity[chosen]))
+        assert np.abs(play).max() <= RADIUS * (1 + 1e-9)
+
+
+def test_varying_arm_obeys_virtual_work() -> None:
+    """The arm is the slope of the cable length with the angle, to first order in the growth.
+
+    The cable column is d(length)/d(growth); the torque column is d(tension)/d(growth) times the arm. With a
+    torque tau = s a(theta) T and a(theta) = d(length)/d(theta), both follow from one length.
+    """
+    motion = moving(force=1.0)
+    q = motion.joints
+    assert q is not None
+    terms = CATALOGUE["varying_moment_arm"].columns(motion, {})
+    cable = {t.gain: t for t in terms if t.row == Row.CABLE}
+    assert {t.scale for t in cable.values()} == {"arm_mcp", "arm_pip"}
+    growth, arm = 1e-5, 0.01
+    for row, gain, angle, lhs in (
+        (Row.MCP, "growth_mcp", q.mcp, nominal.mcp_torque(FINGER, q).total),
+        (Row.PIP, "growth_pip", q.pip, nominal.pip_torque(FINGER, q).total),
+    ):
+        length = np.polynomial.Polynomial.fit(angle, arm * (angle + growth * cable[gain].values), 4)
+        torque = lhs + contact_lever(row, q) * motion.force
+        expected = (torque / length.deriv()(angle) - torque / arm) / growth
+        found = column(terms, row, gain) / arm
+        assert found == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
+
+
+def contact_lever(row: Row, q: JointMotion) -> np.ndarray:
+    """Tip travel with a joint's angle, downwards: written out from the finger's geometry."""
+    distal = 2 * FINGER.distal_half_length * np.cos(q.mcp + q.pip - FINGER.wrist_angle)
+    if row == Row.PIP:
+        return distal
+    return distal + 2 * FINGER.proximal_half_length * np.cos(q.mcp - FINGER.wrist_angle)
+
+
+@pytest.mark.parametrize("time_constant", [s["time_constant"] for s in CATALOGUE["cable_stretch"].shapes])
+def test_a_lagging_stretch_is_a_first_order_lag(time_constant: float) -> None:
+    """Under a tension sine: 1 / (1 + i w tau) times the tension stretches the cable."""
+    seconds, omega = 8.0, 2 * np.pi * 2.0
+    time = np.arange(round(250 * seconds)) / 250.0
+    still = np.zeros_like(time)
+    motion = moving(seconds=seconds, torque=RADIUS * (3 + np.sin(omega * time)), acceleration=still)
+    terms = CATALOGUE["cable_stretch"].columns(motion, {"time_constant": time_constant})
+    if time_constant == 0:
+        assert not terms
+        return
+    # constant -1 on scale "compliance": minus the compliance times minus (lagging - present) is added.
+    change = -np.sum([t.constant * t.values for t in terms if t.constant == -1.0], axis=0)
+    expected = np.imag(np.exp(1j * omega * time) / (1 + 1j * omega * time_constant)) - np.sin(omega * time)
+    assert change[-1000:] == pytest.approx(expected[-1000:], abs=0.03)
+    assert {t.scale for t in terms} == {"compliance"}
+    assert [t.constant for t in terms] == [-1.0, MOTOR.inertia]
+
+
+def test_a_bent_angle_sensor_bends_spring_torque_and_cable_alike() -> None:
+    """The sensor reads e too much: spring torque falls by K e and cable length by the arm times e.
+
+    Without weight: what gravity and contact make of it is in ``test_sensing_columns``.
+    """
+    motion = moving(finger=replace(FINGER, gravity=0.0))
+    q = motion.joints
+    assert q is not None
+    for shape in CATALOGUE["angle_sensor_nonlinearity"].shapes:
+        terms = CATALOGUE["angle_sensor_nonlinearity"].columns(motion, shape)
+        for part, function in (("sine", np.sin), ("cosine", np.cos)):
+            error = {"mcp": function(shape["harmonic"] * q.mcp), "pip": function(shape["harmonic"] * q.pip)}
+            check_angle_error(terms, part, error)
+    for warm in (5.0, 40.0):
+        drift = CATALOGUE["sensor_drift"].columns(motion, {"time_constant": warm})
+        error = warm * (1.0 - np.exp(-motion.time / warm))
+        check_angle_error(drift, "rate", {"mcp": error, "pip": error})
+
+
+def test_a_sensor_that_warms_up_slowly_drifts_steadily() -> None:
+    motion = moving()
+    terms = CATALOGUE["sensor_drift"].columns(motion, {"time_constant": STEADY_S})
+    (cable,) = [t for t in terms if t.row == Row.CABLE and t.gain == "rate_mcp"]
+    assert -cable.values == pytest.approx(motion.time, rel=motion.time.max() / STEADY_S)
+
+
+def check_angle_error(terms: list[Term], gain: str, error: dict[str, np.ndarray]) -> None:
+    stiffness = {"mcp": FINGER.mcp_stiffness, "pip": FINGER.pip_stiffness}
+    for joint, row in (("mcp", Row.MCP), ("pip", Row.PIP)):
+        torque = column(terms, row, f"{gain}_{joint}")
+        assert torque == pytest.approx(-stiffness[joint] * error[joint])
+        (cable,) = [t for t in terms if t.row == Row.CABLE and t.gain == f"{gain}_{joint}"]
+        assert cable.scale == f"arm_{joint}"
+        assert cable.values == pytest.approx(-error[joint])
