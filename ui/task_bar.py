@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QPushButton, QWidget
 
+from .acquire.fields import STEPS
 from .tasks import TaskRunner
 from .widgets.labels import ElidedLabel
 
-STEPS = 1000
 TELLS_FROM_S = 2.0
 TELLS_FROM_SHARE = 0.05
 """Time left is told after so long and so much: before, it would be a guess."""

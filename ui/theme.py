@@ -10,7 +10,7 @@ from string import Template
 from typing import Literal
 
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QColor, QFont, QGuiApplication, QPalette
+from PySide6.QtGui import QColor, QFont, QGuiApplication, QPalette, QPen
 from PySide6.QtWidgets import QApplication, QWidget
 
 Appearance = Literal["system", "light", "dark"]
@@ -121,6 +121,21 @@ def _framed_palette(colours: Colours) -> QPalette:
     lighter = QColor.fromHsv(max(outline.hue(), 0), outline.saturation(), value)
     palette.setColor(QPalette.ColorRole.Window, lighter)
     return palette
+
+
+def line(colour: str, width: float = 1.0, dashed: bool = False) -> QPen:
+    """A pen whose width (device pixels) does not change with zoom."""
+    style = Qt.PenStyle.DashLine if dashed else Qt.PenStyle.SolidLine
+    pen = QPen(QColor(colour), width, style)
+    pen.setCosmetic(True)
+    return pen
+
+
+def tint(colour: str, alpha: float) -> QColor:
+    """A see-through colour for bands."""
+    result = QColor(colour)
+    result.setAlphaF(alpha)
+    return result
 
 
 def large_font() -> QFont:

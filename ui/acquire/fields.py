@@ -1,4 +1,4 @@
-"""Small makers of buttons and fields for the side panel."""
+"""Buttons and fields to enter something, and the keyboard's focus, which does not move by itself."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from ..task_bar import STEPS
 from ..widgets.focus import set_usable
+
+STEPS = 1000
+"""Of a progress bar."""
 
 
 class ActionButton(QPushButton):

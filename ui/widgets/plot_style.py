@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from PySide6.QtCore import Qt
-from PySide6.QtGui import QColor, QFontMetricsF, QPen
+import pyqtgraph as pg
+from PySide6.QtGui import QColor, QFontMetricsF
 
 from fingerlab.core.text import ScreenUnit
 
 from ..theme import Colours, small_font
-
-if TYPE_CHECKING:
-    import pyqtgraph as pg
+from .number_axis import NumberAxis
 
 FULL_LABEL = "full_label"
 """Attribute of an axis with its whole label, which a low plot shortens."""
@@ -20,8 +16,6 @@ FULL_LABEL = "full_label"
 
 def prepare_plot(plot: pg.PlotItem) -> None:
     """Once for each plot: no auto-ranging, readable ticks."""
-    from .number_axis import NumberAxis  # with pyqtgraph, which is imported where plots are
-
     plot.setAxisItems({name: NumberAxis(name) for name in ("left", "bottom")})
     plot.hideButtons()
     plot.getViewBox().disableAutoRange()
@@ -57,18 +51,3 @@ def label_left(plot: pg.PlotItem, quantity: str, unit: ScreenUnit) -> None:
 def bottom_axis_height() -> int:
     """Room for ticks and label of a time axis; pyqtgraph's own guess leaves a gap."""
     return round(2.6 * QFontMetricsF(small_font()).height())
-
-
-def line(colour: str, width: float = 1.0, dashed: bool = False) -> QPen:
-    """A pen whose width (device pixels) does not change with zoom."""
-    style = Qt.PenStyle.DashLine if dashed else Qt.PenStyle.SolidLine
-    pen = QPen(QColor(colour), width, style)
-    pen.setCosmetic(True)
-    return pen
-
-
-def tint(colour: str, alpha: float) -> QColor:
-    """A see-through colour for bands."""
-    result = QColor(colour)
-    result.setAlphaF(alpha)
-    return result
