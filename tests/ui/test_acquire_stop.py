@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtTest import QTest
@@ -9,7 +11,7 @@ from PySide6.QtWidgets import QLabel, QLineEdit
 from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.machine import Mode
-from fingerlab.devices.faults import Faults
+from fingerlab.devices.faults import Faults, LineFault
 from fingerlab.sessions import open_session
 from fingerlab.ui.acquire.details_dialog import DetailsDialog
 from fingerlab.ui.registry import TABS
@@ -173,3 +175,23 @@ def test_a_fault_is_one_sentence_and_only_a_reset_leads_on(connect_rig) -> None:
     rig.click("resetFault")
     rig.run(0.1)
     assert rig.mode is Mode.IDLE
+
+
+def test_the_emergency_stop_is_shown_in_words_and_holds_its_buttons_back(
+    connect_rig: Callable[[Faults], Rig],
+) -> None:
+    rig = connect_rig(Faults(lines=(LineFault("emergency_stop", 1500, True, 2000),)))
+    assert rig.label("safetyLines") == "Emergency stop released · Amplifier ready · Dead-man not wired"
+    rig.start()
+    rig.run(2.0)
+    assert rig.mode is Mode.FAULT
+    assert rig.bench.device.driven_current == 0.0  # type: ignore[attr-defined]
+    assert rig.label("safetyLines").startswith("Emergency stop pressed · ")
+    assert not rig.button("resetFault").isEnabled()
+    assert "emergency stop is pressed" in rig.button("resetFault").toolTip()
+    rig.run(2.5)
+    assert rig.label("safetyLines").startswith("Emergency stop released · ")
+    rig.click("resetFault")
+    rig.run(0.1)
+    rig.settle()
+    rig.enable()
