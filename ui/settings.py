@@ -9,7 +9,7 @@ from PySide6.QtCore import QByteArray, QPoint, QRect, QSettings, QSize
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QWidget
 
-from .theme import Appearance
+from .widgets.theme import Appearance
 
 MAX_RECENT = 8
 MINIMUM_VISIBLE = 64

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QPushButton, QWidget
 
-from .acquire.fields import STEPS
 from .tasks import TaskRunner
+from .widgets.fields import PROGRESS_STEPS
 from .widgets.labels import ElidedLabel
 
 TELLS_FROM_S = 2.0
@@ -30,7 +30,7 @@ class TaskBar(QWidget):
         self.progress = QProgressBar()
         self.progress.setObjectName("progress")
         self.progress.setAccessibleName("Progress")
-        self.progress.setRange(0, STEPS)
+        self.progress.setRange(0, PROGRESS_STEPS)
         self.progress.setFixedWidth(200)
         self.cancel = QPushButton("Cancel")
         self.cancel.setObjectName("cancel")
@@ -72,7 +72,7 @@ class TaskBar(QWidget):
         self._show_work(True)
 
     def _on_progress(self, share: float, what: str) -> None:
-        self.progress.setValue(round(share * STEPS))
+        self.progress.setValue(round(share * PROGRESS_STEPS))
         words = f"{self._title}: {what}" if what else self._title
         left = time_left(share, self._clock() - self._began)
         self.say(f"{words}, {left}" if left else words)
