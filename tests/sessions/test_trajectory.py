@@ -1,11 +1,11 @@
-"""What a motor was told, read from its command or its motion."""
+"""What a motor was told: read from its command or its motion, and in words."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from fingerlab.sessions.trajectory import found_frequency, recognised
+from fingerlab.sessions.trajectory import found_frequency, recognised, trajectory_words
 
 RATE = 100.0
 TIME = np.arange(0.0, 18.0, 1.0 / RATE)
@@ -63,3 +63,15 @@ def test_steps_that_repeat_are_no_sine() -> None:
 @pytest.mark.parametrize("command", [np.zeros(20000), np.full(20000, np.nan), np.zeros(10), np.zeros(0)])
 def test_what_says_nothing_is_not_recognised(command: np.ndarray) -> None:
     assert recognised(command, 1000.0) is None
+
+
+def test_a_few_numbers_of_a_list_are_told_with_their_unit() -> None:
+    told = {"kind": "multisine", "amplitude_deg": 14, "frequency_hz": 1, "frequencies_hz": [0.4, 0.9, 2.3]}
+    assert trajectory_words(told) == "multisine, 14°, 1 Hz, frequencies 0.4, 0.9, 2.3 Hz"
+
+
+def test_a_long_list_is_cut() -> None:
+    words = trajectory_words({"kind": "multisine", "ratios": [1.5] * 40})
+    assert words.startswith("multisine, ratios [1.5, ")
+    assert words.endswith("...")
+    assert len(words) < 70
