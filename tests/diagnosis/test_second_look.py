@@ -10,10 +10,10 @@ import pytest
 from fingerlab.core.progress import SILENT
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
-from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search import grid_refinement as second_look
-from fingerlab.diagnosis.search.grid_refinement import settled, worth_a_look
-from fingerlab.diagnosis.search.path import density
+from fingerlab.diagnosis.search.grid_refinement import fit_effects, can_refine
+from fingerlab.diagnosis.search.path import
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.closer import either, every, plus, rubbing, times
 
@@ -25,12 +25,12 @@ from . import closed_form as made
     [("viscous_friction", False), ("cable_slack", False), ("joint_stop", True), ("backlash", True)],
 )
 def test_a_look_is_worth_it_where_a_shape_has_neighbours(name: str, worth: bool) -> None:
-    assert worth_a_look([Choice(CATALOGUE[name], 0)]) == worth
+    assert can_refine([Choice(CATALOGUE[name], 0)]) == worth
 
 
 def test_one_effect_is_enough() -> None:
-    assert not worth_a_look([])
-    assert worth_a_look([Choice(CATALOGUE["viscous_friction"]), Choice(CATALOGUE["joint_stop"], 3)])
+    assert not can_refine([])
+    assert can_refine([Choice(CATALOGUE["viscous_friction"]), Choice(CATALOGUE["joint_stop"], 3)])
 
 
 def test_shapes_around_one() -> None:
@@ -57,9 +57,9 @@ def test_in_what_order_effects_are_given_does_not_matter() -> None:
     densities, tilts = [], []
     for names in (("gravity_tilt", "cable_stretch"), ("cable_stretch", "gravity_tilt")):
         effects = [CATALOGUE[name] for name in names]
-        study = Study(reduce_sessions([session], effects))
-        found = settled(study, effects)
-        densities.append(density(study, found))
+        scorer = Scorer(reduce_sessions([session], effects))
+        found = fit_effects(scorer, effects)
+        densities.append(scorer.deviance(found))
         tilts.append(found.fit.values[found.model.index["gravity_tilt.tilt"]])
     assert densities[0] == pytest.approx(densities[1], abs=1.0)
     assert tilts == pytest.approx([0.25, 0.25], abs=0.03)
@@ -83,12 +83,12 @@ def test_a_path_that_goes_on_begins_with_what_was_given(monkeypatch: pytest.Monk
             return holding(len(chosen))
 
     monkeypatch.setattr(second_look, "reduce_sessions", lambda *_, **__: None)
-    monkeypatch.setattr(second_look, "Study", lambda _: Fits())
+    monkeypatch.setattr(second_look, "Scorer", lambda _: Fits())
     monkeypatch.setattr(second_look, "settled", lambda _, given: holding(len(given)))
     monkeypatch.setattr(second_look, "least_fall", lambda _: 0.0)
-    monkeypatch.setattr(second_look, "weigh", lambda *_: None)
+    monkeypatch.setattr(second_look, "judge_all", lambda *_: None)
     monkeypatch.setattr(second_look, "forward", lambda *_: [holding(2), holding(3)])
     monkeypatch.setattr(second_look, "look_again_along", lambda _, path, *__: (None, path))
-    longer = second_look.look_beyond([], [], cast(Any, [holding(1), holding(2)]), SILENT)
+    longer = second_look.extend_path([], [], cast(Any, [holding(1), holding(2)]), SILENT)
     assert longer is not None
     assert [len(step.model.choices) for step in longer[1]] == [1, 2, 3]
