@@ -79,7 +79,7 @@ def _motion(phase: str) -> Motion:
 def _missing(effect: Effect, terms: list[Term]) -> tuple[Array, str]:
     """What the terms add to their equation, on screen units, and its name."""
     factor = {"joint": 1e3, "direct": 1.0, "arm_mcp": -ARM_M, "arm_pip": -ARM_M, "compliance": COMPLIANCE}
-    gains = {**effect.gains, **effect.relaxes}
+    gains = effect.unknowns
     total = np.zeros_like(terms[0].values)
     for term in terms:
         share = 1.0 if term.gain == terms[0].gain else 0.5

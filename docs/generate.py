@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -20,19 +20,7 @@ import click
 
 from fingerlab.cli.main import COMMANDS, cli
 from fingerlab.diagnosis.equations.parameters import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD, nuisance_ranges
-from fingerlab.effects import (
-    CATALOGUE,
-    Effect,
-    Gain,
-    cable,
-    contact,
-    drive,
-    elastic,
-    friction,
-    mass,
-    sensing,
-)
-from fingerlab.report.equation import effect_equations
+from fingerlab.effects import CATALOGUE, Effect, Gain
 from fingerlab.report.equation_text import markdown_words
 from fingerlab.rig.daq import Limits, limits_table
 from fingerlab.rig.file import CONSTANT_UNITS, default_rig, sources_of
@@ -45,15 +33,6 @@ from fingerprints import picture  # noqa: E402  (stands beside this file, in no 
 from stated import page as decisions  # noqa: E402
 from summary import MARK, summary  # noqa: E402
 
-FAMILIES = {
-    "Joint friction": friction,
-    "Springs of the joints": elastic,
-    "Mass and gravity": mass,
-    "Cable": cable,
-    "Motor and gearbox": drive,
-    "Sensors": sensing,
-    "Contact": contact,
-}
 ACTS_ON = {
     "joint_torque": "joint torque (MCP and PIP)",
     "cable_kinematics": "cable length",
@@ -76,9 +55,8 @@ COMMENT = "<!-- Made by docs/generate.py from the program; do not edit. -->\n\n"
 
 def pages() -> dict[str, str]:
     """Every generated page: path below ``docs/`` -> Markdown."""
-    notes = equation_notes()
     made = {"catalogue/index.md": _index()}
-    made |= {f"catalogue/{e.id}.md": _effect_page(e, notes[e.id]) for e in CATALOGUE.values()}
+    made |= {f"catalogue/{e.id}.md": _effect_page(e) for e in CATALOGUE.values()}
     made |= {
         "commands.md": _commands(),
         "limits.md": _limits(),
@@ -89,53 +67,58 @@ def pages() -> dict[str, str]:
     return {path: COMMENT + text for path, text in made.items()}
 
 
-def equation_notes() -> dict[str, Mapping[str, Any]]:
-    """Equation, symbols, source, look-alikes of each effect, by id; the report prints the same equations."""
-    return dict(effect_equations())
+def families() -> dict[str, list[Effect]]:
+    """The effects of each family, in the order of the catalogue."""
+    found: dict[str, list[Effect]] = {}
+    for effect in CATALOGUE.values():
+        found.setdefault(effect.family, []).append(effect)
+    return found
 
 
 def _index() -> str:
     lines = [
         "# Catalogue of effects",
         "",
-        f"{len(CATALOGUE)} effects that the nominal model leaves out. Each page is made from the object that "
-        "the fit, the ranking, the plots and the report use; only the printed equation, its source and "
-        "the list of look-alikes are written by hand. `fingerlab effects` prints the same list.",
+        f"{len(CATALOGUE)} effects that the nominal model leaves out. Each page is made from the effect's "
+        "file, `fingerlab/effects/ID.py`, from which the fit, the ranking, the plots and the report work "
+        "too. `fingerlab effects` prints the same list.",
         "",
         "An effect adds a torque τ₁, τ₂ to the joint equations, a length x to the cable equation, or a "
         "torque τₘ on the motor side; these equations are in [theory](../theory.md).",
     ]
-    for family, module in FAMILIES.items():
+    for family, effects in families().items():
         lines += ["", f"## {family}", "", "| effect | id | changes |", "|---|---|---|"]
-        for effect in module.EFFECTS:
+        for effect in effects:
             changes = ", ".join(ACTS_ON[name] for name in effect.acts_on)
             lines.append(f"| [{effect.title}]({effect.id}.md) | `{effect.id}` | {changes} |")
     return "\n".join(lines) + "\n"
 
 
-def _effect_page(effect: Effect, note: Mapping[str, Any]) -> str:
+def _effect_page(effect: Effect) -> str:
+    formula = effect.formula
+    assert formula is not None, effect.id
     changes = ", ".join(ACTS_ON[name] for name in effect.acts_on)
     parts = [
         f"# {effect.title}",
         f"`{effect.id}` changes: {changes}.",
         effect.explanation,
         "## Equation",
-        f"$$\n{note['equation']}\n$$",
-        f"{markdown_words(note['symbols'])} The other symbols are those of [theory](../theory.md).",
-        f"Source: {note['source']}",
+        f"$$\n{formula.equation}\n$$",
+        f"{markdown_words(formula.symbols)} The other symbols are those of [theory](../theory.md).",
+        f"Source: {formula.source}",
     ]
     if effect.special:
         parts.append(SPECIAL[effect.special])
     parts += ["## Unknowns", *_unknowns(effect)]
     parts += ["## How it shows", *_fingerprint(effect)]
     parts += ["## How to tell", f"What reveals it: {effect.reveal}."]
-    parts += _look_alikes(note["alike"])
+    parts += _look_alikes(formula.alike)
     parts += _behaviour(effect)
     return "\n\n".join(parts) + "\n"
 
 
 def _unknowns(effect: Effect) -> Iterator[str]:
-    gains = {**effect.gains, **effect.relaxes}
+    gains = effect.unknowns
     if gains:
         yield gain_table(gains)
         yield '"Typical" is a strength that would matter; it scales the fit and its prior.'
@@ -180,7 +163,7 @@ def _fingerprint(effect: Effect) -> list[str]:
     return [said, f'<div class="fingerprint">{drawn}</div>', made_up]
 
 
-def _look_alikes(ids: list[str]) -> list[str]:
+def _look_alikes(ids: Sequence[str]) -> list[str]:
     if not ids:
         return ["Nothing else in the catalogue has a course like this one."]
     links = ", ".join(f"[{CATALOGUE[name].title}]({name}.md)" for name in ids)
@@ -306,13 +289,13 @@ def on_config(config: Any) -> Any:
 
 def navigation(nav: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The navigation of ``mkdocs.yml`` with what is only known when the pages are built."""
-    families = [
-        {family: [{effect.title: f"catalogue/{effect.id}.md"} for effect in module.EFFECTS]}
-        for family, module in FAMILIES.items()
+    pages = [
+        {family: [{effect.title: f"catalogue/{effect.id}.md"} for effect in effects]}
+        for family, effects in families().items()
     ]
     named = set(_named(nav))
     others = [path.name for path in sorted(DOCS.glob("*.md")) if path.name not in named]
-    more: dict[str, list[Any]] = {"Catalogue": ["catalogue/index.md", *families], "Validation": others}
+    more: dict[str, list[Any]] = {"Catalogue": ["catalogue/index.md", *pages], "Validation": others}
     result = []
     for entry in nav:
         for title, part in entry.items():

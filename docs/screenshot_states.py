@@ -16,9 +16,9 @@ from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.calibration import StepTiming
 from fingerlab.cli.main import cli
+from fingerlab.core.text import estimate_text, score_text
 from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.report import diagnosis_words as words
-from fingerlab.report.screen import estimate_text, score_text
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS

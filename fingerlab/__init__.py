@@ -18,19 +18,19 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-__all__ = ["UserError", "__version__", "diagnose", "effects", "fit", "load_model", "open", "simulate"]
+__all__ = ["UserError", "__version__", "catalogue", "diagnose", "fit", "load_model", "open", "simulate"]
 
 _HOMES = {
     "UserError": "fingerlab.core.errors",
     **dict.fromkeys(
-        ("diagnose", "effects", "fit", "load_model", "open", "simulate"), "fingerlab.notebook.calls"
+        ("catalogue", "diagnose", "fit", "load_model", "open", "simulate"), "fingerlab.notebook.calls"
     ),
 }
 """Where what ``import fingerlab`` offers lives; imported when it is asked for."""
 
 if TYPE_CHECKING:
     from fingerlab.core.errors import UserError
-    from fingerlab.notebook.calls import diagnose, effects, fit, load_model, open, simulate
+    from fingerlab.notebook.calls import catalogue, diagnose, fit, load_model, open, simulate
 else:
 
     def __getattr__(name: str) -> Any:

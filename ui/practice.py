@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fingerlab.core.errors import Cancelled
+from fingerlab.core.text import estimate_text
 from fingerlab.models.file import ParameterEstimate
-from fingerlab.report.screen import estimate_text
 from fingerlab.sessions.model import Session
 
 from .tasks import IsCancelled, Progress
@@ -107,7 +107,7 @@ def hidden_effects(session: Session) -> tuple[str, ...]:
 
 def _told(name: str, values: dict[str, float]) -> str:
     from fingerlab.report.diagnosis_words import effect_title, in_sentence, parameter_titles
-    from fingerlab.twin.effect_table import EFFECTS
+    from fingerlab.twin.effects import EFFECTS
 
     units = {p.name: p.unit for p in EFFECTS[name].parameters} if name in EFFECTS else {}
     titles = parameter_titles(name, list(values))

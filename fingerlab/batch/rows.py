@@ -14,10 +14,10 @@ from typing import Any
 
 import fingerlab
 from fingerlab.core.errors import UserError
+from fingerlab.core.units import ParameterEstimate
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.effects.own import OwnSource, only_these
-from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions import Session, file_hash, open_session
 
 SOFTWARE = f"fingerlab {fingerlab.__version__}"

@@ -1,12 +1,11 @@
 """Volts to units: a straight line from a stepped recording, compared with the sensor's data sheet."""
 
-from fingerlab.calibration.line import Calibration, Estimate, Step, StepTiming, calibrate_steps, find_steps
+from fingerlab.calibration.line import Calibration, Step, StepTiming, calibrate_steps, find_steps
 from fingerlab.calibration.sensors import SENSORS, Sensor
 
 __all__ = [
     "SENSORS",
     "Calibration",
-    "Estimate",
     "Sensor",
     "Step",
     "StepTiming",

@@ -16,6 +16,7 @@ from fingerlab.calibration.offline import Progress
 from fingerlab.calibration.store import CalibrationStore, Record
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import claim, move_into_place
+from fingerlab.core.units import factor
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import AnalogInput, plain_section
 from fingerlab.sessions.hdf5 import TargetFile, write_attributes, writing_to
@@ -31,7 +32,6 @@ CHANNELS = {
 
 READING, COPIED = 0.5, 0.7
 """Shares of the work after which the volts are read, and the session is copied."""
-_VOLTS = {"V": 1.0, "mV": 1e-3, None: 1.0}
 NO_REFERENCE = 1e-5
 """A channel that differs from its own line by less than this share was not tared (single precision)."""
 
@@ -137,10 +137,11 @@ def _recalculated(
         for name, record in records.items():
             entry, channel, names = CHANNELS[name]
             raw = next((one for one in names if one in run.units), None)
-            if raw is None or not run.has(channel) or run.units[raw] not in _VOLTS:
+            times = None if raw is None else factor(run.units[raw], "V")
+            if raw is None or times is None or not run.has(channel):
                 continue
             samples = run.load([raw, channel])
-            volts = samples[raw] * _VOLTS[run.units[raw]]
+            volts = samples[raw] * times
             old: AnalogInput = getattr(rig.daq, entry)
             pieces.append((run.name, name, _anew(volts, samples[channel], old, record)))
     return pieces

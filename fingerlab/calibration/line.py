@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 
 from fingerlab.calibration.sensors import Limit, Sensor
 from fingerlab.core.errors import UserError
+from fingerlab.core.units import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 
@@ -101,16 +102,6 @@ Assumed: a reading that wanders by a quarter of a step cannot tell neighbouring 
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """A value with its 90 % interval ``low`` to ``high``, all in ``unit``."""
-
-    value: float
-    unit: str
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
 class Calibration:
     """quantity = gain * volts + offset, from the means of steps at known values.
 
@@ -127,8 +118,8 @@ class Calibration:
     """
 
     sensor: Sensor
-    gain: Estimate
-    offset: Estimate
+    gain: ParameterEstimate
+    offset: ParameterEstimate
     r2: float
     rms: float
     known: tuple[float, ...]
@@ -199,8 +190,8 @@ def calibrate_steps(sensor: Sensor, steps: Sequence[Step], marks: Sequence[float
     total = float(((known - known.mean()) ** 2).sum())
     return Calibration(
         sensor=sensor,
-        gain=Estimate(gain, sensor.gain.unit, gain - gain_error, gain + gain_error),
-        offset=Estimate(offset, sensor.unit, offset - offset_error, offset + offset_error),
+        gain=ParameterEstimate(gain, sensor.gain.unit, gain - gain_error, gain + gain_error),
+        offset=ParameterEstimate(offset, sensor.unit, offset - offset_error, offset + offset_error),
         r2=1.0 - float(residuals @ residuals) / total,
         rms=float(np.sqrt(np.mean(residuals**2))),
         known=tuple(known.tolist()),

@@ -13,6 +13,7 @@ from fingerlab.calibration.line import Step, StepTiming, count_steps, find_steps
 from fingerlab.calibration.outcome import Outcome, outcome_of
 from fingerlab.calibration.sensors import FIRST, LOADING, SECOND, Move, Plan, Sensor, standard_plan
 from fingerlab.core.errors import UserError
+from fingerlab.core.units import factor
 from fingerlab.sessions.hdf5 import sample_fault
 from fingerlab.sessions.mapping import split_header
 from fingerlab.sessions.model import Array, Run
@@ -24,9 +25,6 @@ PIECE = 1 << 20
 
 Progress = Callable[[float, str], None]
 """Told the share done (0 to 1) and what is being done; stops the work by raising ``Cancelled``."""
-
-_TIME_FACTORS = {"s": 1.0, "sec": 1.0, "ms": 1e-3}
-_VOLT_FACTORS = {"V": 1.0, "v": 1.0, "volt": 1.0, "volts": 1.0, "mV": 1e-3}
 
 
 @dataclass(frozen=True)
@@ -82,13 +80,13 @@ def _from_session(
         channel = _raw_channel(run, sensor, column)
         if channel is not None:
             unit = run.units[channel]
-            factor = _VOLT_FACTORS.get(unit or "V")
-            if factor is None:
+            times = factor(unit or "V", "V")
+            if times is None:
                 raise UserError(
                     f"{path}: run {run.name}, '{channel}' is in '{unit}'; it should be in V or mV."
                 )
             time, volts = _loaded(run, channel, progress)
-            return Recording(time, volts * factor, f"{path}, run {run.name}, {channel}")
+            return Recording(time, volts * times, f"{path}, run {run.name}, {channel}")
     wanted = f"'{column}'" if column else f"the raw volts of the {sensor.name} sensor"
     raise UserError(
         f"{path} does not hold {wanted}; a calibration needs volts as read, such as "
@@ -116,8 +114,8 @@ def _raw_channel(run: Run, sensor: Sensor, column: str | None) -> str | None:
 def _from_text(path: Path, sensor: Sensor, column: str | None, progress: Progress) -> Recording:
     table = inspect_table(path)
     index = _text_column(table, sensor, column)
-    time_factor = _factor(table, 0, _TIME_FACTORS, "s or ms")
-    volt_factor = _factor(table, index, _VOLT_FACTORS, "V or mV")
+    time_factor = _factor(table, 0, "s", "s or ms")
+    volt_factor = _factor(table, index, "V", "V or mV")
     blocks = read_blocks(table, progress=lambda share: progress(share, f"reading {path.name}"))
     values = np.concatenate([block[:, (0, index)] for block in blocks])
     header = f" '{table.header[index]}'" if table.header else ""
@@ -157,13 +155,14 @@ def _says(name: str, sensor: Sensor) -> bool:
     return any(word in name.lower() for word in sensor.column_words)
 
 
-def _factor(table: TextTable, index: int, factors: dict[str, float], wanted: str) -> float:
+def _factor(table: TextTable, index: int, si: str, wanted: str) -> float:
     unit = split_header(table.header[index])[1] if table.header else None
     if unit is None:
         return 1.0
-    if unit not in factors:
+    times = factor(unit, si)
+    if times is None:
         raise UserError(f"{table.path}, column {index + 1} is in '{unit}'; it should be in {wanted}.")
-    return factors[unit]
+    return times
 
 
 def outcome_from_files(

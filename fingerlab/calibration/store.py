@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,6 +13,8 @@ from typing import Any, Literal
 from fingerlab.calibration.outcome import Outcome
 from fingerlab.calibration.sensors import SENSORS
 from fingerlab.core.errors import UserError
+from fingerlab.core.reading import structured
+from fingerlab.core.units import ParameterEstimate
 
 Verdict = Literal["accepted", "accepted with a reason", "rejected"]
 ACCEPTED, WITH_REASON, REJECTED = "accepted", "accepted with a reason", "rejected"
@@ -145,34 +146,29 @@ def read_record(path: Path) -> Record:
     """
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-        return record_of(data, path)
+        found = structured(_Stored, data)
+        if found.sensor not in SENSORS or found.gain.value == 0:
+            raise ValueError("its sensor or its line is impossible")
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}).") from None
-    except (ValueError, KeyError, TypeError) as error:
+    except ValueError as error:
         raise UserError(
             f"{path} is no stored calibration ({error}); move it out of the folder, then the others count."
         ) from None
-
-
-def record_of(data: Any, path: Path | None = None) -> Record:
-    """A record from the JSON of its file.
-
-    Raises:
-        ValueError, KeyError, TypeError: it is no calibration.
-    """
-    record = Record(
-        str(data["sensor"]),
-        int(data["version"]),
-        str(data["created"]),
-        data["verdict"],
-        str(data["reason"]),
-        str(data["source"]),
-        data,
-        path,
+    return Record(
+        found.sensor, found.version, found.created, found.verdict, found.reason, found.source, data, path
     )
-    numbers = [float(data[name][key]) for name in ("gain", "offset") for key in ("value", "low", "high")]
-    if record.sensor not in SENSORS or not all(map(math.isfinite, numbers)) or record.gain == 0:
-        raise ValueError("its sensor or its line is impossible")
-    if record.verdict not in (ACCEPTED, WITH_REASON, REJECTED):
-        raise ValueError(f"its verdict is {record.verdict!r}")
-    return record
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """What every file of a calibration holds."""
+
+    sensor: str
+    version: int
+    created: str
+    verdict: Verdict
+    reason: str
+    source: str
+    gain: ParameterEstimate
+    offset: ParameterEstimate

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from fingerlab.batch.rows import Row, recorded_at
 from fingerlab.batch.table import LEAST_TIMES, Contents, Trend, ageing_rows
+from fingerlab.core.text import decimals_for, fixed, largest_of, score_text, screen_unit, with_minus
 from fingerlab.report.diagnosis_words import (
     NOTHING_WORDS,
     UNKNOWN_WORDS,
@@ -16,7 +17,6 @@ from fingerlab.report.diagnosis_words import (
     in_sentence,
     listed,
 )
-from fingerlab.report.screen import decimals_for, fixed, largest_of, score_text, screen_unit, with_minus
 
 if TYPE_CHECKING:
     from rich.table import Table

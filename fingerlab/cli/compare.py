@@ -14,12 +14,11 @@ from fingerlab.cli.common import json_option, progress_bar, tell_own_effects
 from fingerlab.cli.output import refuse_taken_early, table_console, write_results
 from fingerlab.cli.predict_extended import NUMBERS, spread_over
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import number, score_text
 from fingerlab.models.file import load_model, without_nan
 from fingerlab.prediction import ExtendedModel, extended_model
 from fingerlab.prediction.comparing import ComparedModel, ModelComparison, compare_models
-from fingerlab.prediction.interval import LEVEL
-from fingerlab.report.estimates import number
-from fingerlab.report.screen import score_text
+from fingerlab.prediction.judging import LEVEL
 from fingerlab.sessions import open_session
 from fingerlab.thesis.onair import Spread
 

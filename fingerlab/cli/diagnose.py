@@ -118,8 +118,8 @@ def print_diagnosis(result: Diagnosis) -> None:
 def _errors(result: Diagnosis) -> Table:
     from rich.table import Table
 
+    from fingerlab.core.text import score_text
     from fingerlab.report.page_tables import error_rows
-    from fingerlab.report.screen import score_text
 
     table = Table(box=None, pad_edge=False, title_justify="left", title_style="")
     table.title = f"Error on runs left out of the fit: {score_text(result.score)} times the floor"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +14,9 @@ from fingerlab.core.errors import UserError
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from fingerlab.effects.base import Effect, Gain
+    from fingerlab.effects.base import Effect
     from fingerlab.effects.own import OwnFile, OwnSource
+    from fingerlab.physics.parameter import Parameter
 
 SHOWN_LINES = 60
 """Lines of a file that are shown before it is confirmed; a longer one is looked at in an editor."""
@@ -132,7 +132,7 @@ def _effect_json(effect: Effect, file: str | None) -> dict[str, Any]:
             "source": gain.source,
             "title": gain.title,
         }
-        for name, gain in _gains(effect).items()
+        for name, gain in effect.unknowns.items()
     }
     grid = {
         name: {"unit": unit, "values": [float(s[name]) for s in effect.shapes]}
@@ -152,10 +152,6 @@ def _effect_json(effect: Effect, file: str | None) -> dict[str, Any]:
         "parameters": gains,
         "grid": grid,
     }
-
-
-def _gains(effect: Effect) -> Mapping[str, Gain]:
-    return {**effect.gains, **effect.relaxes}
 
 
 def _print(files: tuple[OwnFile, ...]) -> None:
@@ -187,7 +183,7 @@ def _paragraph(effect: Effect, mark: str) -> Text:
         text.append(f"  {mark}\n", style="italic")
     where = ", ".join(FAMILY_TITLES[family].lower() for family in effect.acts_on)
     text.append(f"  acts on {where}; seen against {effect.coordinate}\n")
-    gains = _gains(effect)
+    gains = effect.unknowns
     titles = parameter_titles(effect.id, list(gains))
     for name, gain in gains.items():
         text.append(f"  {titles[name]}: {_range_words(gain)} ({gain.source})\n")
@@ -198,8 +194,8 @@ def _paragraph(effect: Effect, mark: str) -> Text:
     return text
 
 
-def _range_words(gain: Gain) -> str:
-    from fingerlab.report.screen import largest_of, screen_unit, with_minus
+def _range_words(gain: Parameter) -> str:
+    from fingerlab.core.text import largest_of, screen_unit, with_minus
 
     unit = screen_unit(gain.unit, largest_of((gain.low, gain.high)))
     low, high = (with_minus(f"{value * unit.factor:.4g}") for value in (gain.low, gain.high))

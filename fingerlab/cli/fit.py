@@ -11,8 +11,8 @@ from rich.table import Table
 from fingerlab.cli.common import json_option, progress_bar
 from fingerlab.cli.output import refuse_taken_early, table_console, write_results
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import in_words, mean_and_deviation, number
 from fingerlab.models.file import Model, estimate_to_json, without_nan
-from fingerlab.report.estimates import in_words, mean_and_deviation, number
 from fingerlab.sessions import Session, open_session
 from fingerlab.signals.periods import REGION_TITLES, THRESHOLDS_PERCENT
 from fingerlab.thesis.fitting import SessionFit, delay_estimate, fit_session, model_of_fit

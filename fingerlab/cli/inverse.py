@@ -13,7 +13,7 @@ from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.prediction.inverse import TorquePlan
-    from fingerlab.prediction.pose import ContactPose
+    from fingerlab.prediction.target import ContactPose
     from fingerlab.sessions import Session
 
 PATH = click.Path(path_type=Path)
@@ -50,9 +50,8 @@ def inverse(
     'fingerlab record --trajectory FILE', in the simulated rig, and in the Acquire tab.
     """
     from fingerlab.models.file import load_model
-    from fingerlab.prediction.inverse import needed_torque, plan_json
-    from fingerlab.prediction.predictors import predictors
-    from fingerlab.prediction.wanted import wanted_force
+    from fingerlab.prediction.inverse import needed_torque, plan_json, predictors
+    from fingerlab.prediction.target import wanted_force
     from fingerlab.sessions import open_session
 
     if out is not None:
@@ -77,7 +76,7 @@ def _pose(session: Session, run_name: str | None, angles: tuple[float, float] | 
     import math
 
     from fingerlab.prediction.force import contact_runs
-    from fingerlab.prediction.pose import pose_by_hand, pose_of_run
+    from fingerlab.prediction.target import pose_by_hand, pose_of_run
 
     if angles is not None:
         if run_name is not None:
@@ -95,7 +94,7 @@ def _pose(session: Session, run_name: str | None, angles: tuple[float, float] | 
 
 
 def _print(plan: TorquePlan, name: str, out: Path | None) -> None:
-    from fingerlab.prediction.pose import words_of
+    from fingerlab.prediction.target import words_of
 
     angles = words_of(plan.pose)
     click.echo(f"Predictor: {name}.")

@@ -12,9 +12,8 @@ from rich.table import Table
 
 from fingerlab.cli.common import json_option, progress_bar
 from fingerlab.cli.output import refuse_taken_early, table_console, write_results
+from fingerlab.core.text import mean_and_deviation, number, r2_text
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model, load_model, without_nan
-from fingerlab.report.estimates import mean_and_deviation, number
-from fingerlab.report.screen import r2_text
 from fingerlab.sessions import Session, content_hash, open_session
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.contact import ContactRun, SessionPrediction, parameter_sets, predict_session

@@ -12,13 +12,13 @@ from rich.table import Table
 
 from fingerlab.cli.common import progress_bar
 from fingerlab.cli.output import table_console, write_results
+from fingerlab.core.text import mean_and_deviation, number
 from fingerlab.models.file import Model, without_nan
 from fingerlab.prediction import EQUATIONS, extended_model, predict_extended
 from fingerlab.prediction.extended import EQUATION_WORDS, Equation, ExtendedModel
-from fingerlab.prediction.interval import LEVEL
+from fingerlab.prediction.judging import LEVEL
 from fingerlab.prediction.predict import ExtendedPrediction, RunPrediction
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
-from fingerlab.report.estimates import mean_and_deviation, number
 from fingerlab.sessions import Session, content_hash
 from fingerlab.thesis.onair import Spread
 from fingerlab.thesis.prediction import FORCE_PHASES

@@ -87,7 +87,7 @@ def simulate(
 @json_option
 def reveal(session: Path, json_target: str | None) -> None:
     """Tell which effects a simulated SESSION has."""
-    from fingerlab.twin.effect_table import EFFECTS
+    from fingerlab.twin.effects import EFFECTS
     from fingerlab.twin.session import reveal_session
 
     told = reveal_session(session)

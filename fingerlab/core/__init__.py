@@ -1,1 +1,1 @@
-"""What every part needs: the errors that reach a user, a second process, what a user has confirmed."""
+"""What every part needs: errors that reach a user, units, text, files, a second process, own files."""

@@ -11,6 +11,7 @@ from typing import Literal
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import whole_file
+from fingerlab.core.reading import structured
 
 SETTINGS_VARIABLE = "FINGERLAB_SETTINGS_DIR"
 """Environment variable that puts the settings into another folder than the system's usual one."""
@@ -56,16 +57,21 @@ def read_settings(kind: Kind = "effects") -> OwnSettings:
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"{path} cannot be read ({error}); {_REPAIR[kind]}.") from None
     try:
-        data = json.loads(text)
-        if data["format"] != _format(kind):
-            raise ValueError(f"its format is {data['format']!r}")
-        folder = data["folder"]
-        if folder is not None and not isinstance(folder, str):
-            raise ValueError("its folder is no text")
-        trusted = {str(key): str(value) for key, value in data["trusted"].items()}
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        stored = structured(_Stored, json.loads(text))
+        if stored.format != _format(kind):
+            raise ValueError(f"its format is {stored.format!r}")
+    except ValueError as error:
         raise UserError(f"{path} is damaged ({error}); {_REPAIR[kind]}.") from None
-    return OwnSettings(None if folder is None else Path(folder), trusted)
+    return OwnSettings(None if stored.folder is None else Path(stored.folder), stored.trusted)
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """The file as it is."""
+
+    format: str
+    folder: str | None
+    trusted: dict[str, str]
 
 
 _REPAIR: Mapping[Kind, str] = {

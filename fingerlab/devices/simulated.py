@@ -21,12 +21,12 @@ from fingerlab.devices.protocol import DeviceFault, DeviceLost, Sample
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import AnalogInput, Daq
 from fingerlab.rig.file import default_rig
-from fingerlab.twin.effects import CONTACT, ON_AIR, check_effects
+from fingerlab.twin.effects import check_effects
 from fingerlab.twin.layout import OUTPUTS
+from fingerlab.twin.plant import CONTACT, ON_AIR
 from fingerlab.twin.preset import PRACTICE, Preset, load_preset
 from fingerlab.twin.protocols import RATE_HZ, RunPlan, setup_of
-from fingerlab.twin.sealing import pick_hidden, seal
-from fingerlab.twin.session import SEALED, SIMULATION
+from fingerlab.twin.session import SEALED, SIMULATION, pick_hidden, seal
 from fingerlab.twin.streaming import BenchStream, seeded_truth
 
 NAME = "simulated rig"

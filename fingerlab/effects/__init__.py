@@ -1,18 +1,33 @@
-"""The catalogue: every physical effect that the nominal model may miss, each defined in one place."""
+"""The catalogue: every physical effect that the nominal model may miss, each in a file of its own.
+
+A module of this package that defines ``EFFECT`` is an effect. Nothing else names it: the command line, the
+window, the report, the documents and the blind trials take it from :data:`CATALOGUE`.
+"""
 
 from __future__ import annotations
 
+from fingerlab.core.catalogue import found_in
 from fingerlab.core.errors import UserError
-from fingerlab.effects import cable, contact, drive, elastic, friction, mass, own, sensing
-from fingerlab.effects.base import Effect, Gain, Row, Term
-from fingerlab.effects.motion import Motion
+from fingerlab.effects import own
+from fingerlab.effects.base import Effect, Formula, Gain, Row, Term
+from fingerlab.effects.example import Example
+from fingerlab.physics.motion import Motion
 
-CATALOGUE: dict[str, Effect] = {
-    effect.id: effect
-    for family in (friction, elastic, mass, cable, drive, sensing, contact)
-    for effect in family.EFFECTS
-}
-"""Effect by id, in the order of the families."""
+ORDER = (
+    *("viscous_friction", "coulomb_friction", "stribeck_friction", "presliding_hysteresis"),
+    *("spring_hardening", "stiffness_error", "joint_coupling", "viscoelastic_creep", "joint_stop"),
+    *("gravity_tilt", "added_mass", "distal_rotation"),
+    *("cable_slack", "cable_stretch", "backlash", "varying_moment_arm", "capstan_friction"),
+    *("motor_coulomb_friction", "motor_viscous_friction", "motor_inertia", "motor_stribeck_friction"),
+    *("motor_presliding", "asymmetric_friction", "load_dependent_friction", "motor_spring", "torque_ripple"),
+    *("transport_delay", "angle_sensor_nonlinearity", "sensor_drift", "load_cell_gain"),
+    *("contact_angle", "contact_compliance", "routing_change"),
+)
+"""Order of the catalogue, by family. An effect that is not named here comes behind these, by its id."""
+
+
+CATALOGUE: dict[str, Effect] = found_in(__path__, __name__, ORDER)
+"""Effect by id."""
 
 
 def whole_catalogue() -> dict[str, Effect]:
@@ -49,6 +64,8 @@ def find_effect(name: str) -> Effect | None:
 __all__ = [
     "CATALOGUE",
     "Effect",
+    "Example",
+    "Formula",
     "Gain",
     "Motion",
     "Row",

@@ -22,9 +22,8 @@ from dataclasses import InitVar, dataclass, field, replace
 from enum import IntEnum
 from typing import Final, Literal
 
-import numpy as np
-
-from fingerlab.effects.motion import Motion
+from fingerlab.effects.example import Example
+from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter, Role
 from fingerlab.sessions.model import Array
 
@@ -39,13 +38,23 @@ class Row(IntEnum):
     TIP = 4
 
 
-def nothing(length: int) -> Array:
-    """Zeros, shape (length,), read-only and without memory of their own; another array at every call."""
-    return np.ndarray((length,), np.float64, bytes(8), 0, (0,))
-
-
 EQUATION_FAMILIES = ("joint_torque", "cable_kinematics", "motor_torque", "endpoint_force")
 BESIDE_A_FINGER: Final = "beside a finger"
+COORDINATE_UNITS = {
+    "time": "s",
+    "joint speed": "rad/s",
+    "joint angle": "rad",
+    "joint acceleration": "rad/s^2",
+    "difference of joint angles": "rad",
+    "motor speed": "rad/s",
+    "motor angle": "rad",
+    "motor acceleration": "rad/s^2",
+    "tension": "N",
+    "tension times direction of travel": "N",
+    "force": "N",
+}
+"""What a residual can be plotted against to see an effect -> SI unit. A joint's is that of the
+joint whose equation is drawn."""
 Scale = Literal["joint", "direct", "arm_mcp", "arm_pip", "compliance"]
 
 
@@ -133,6 +142,7 @@ class Effect:
         turns: by how much (rad) the load cell's face is turned against the finger at a point of ``shapes``;
             what the tip does along the face turns with it.
         family: one of ``FAMILIES``. formula: what is printed of it.
+        example: a motion and what the columns are in it.
         wanders, sticks: as an argument, says of all gains that they differ from run to run, or hold at rest.
     """
 
@@ -156,6 +166,7 @@ class Effect:
     turns: Callable[[Shape], float] | None = None
     family: str = FAMILIES[-1]
     formula: Formula | None = None
+    example: Example | None = None
     wanders: InitVar[bool] = False
     sticks: InitVar[bool] = False
 

@@ -15,6 +15,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.effects.base import (
     BESIDE_A_FINGER,
+    COORDINATE_UNITS,
     EQUATION_FAMILIES,
     FAMILIES,
     Columns,
@@ -24,8 +25,7 @@ from fingerlab.effects.base import (
     Shape,
     Term,
 )
-from fingerlab.effects.coordinates import COORDINATE_UNITS
-from fingerlab.effects.motion import Motion
+from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.physics.parameter import LOSS, Parameter, Role
 from fingerlab.rig.file import default_rig

@@ -25,6 +25,8 @@ from typing import Any
 import fingerlab
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import claim, move_into_place
+from fingerlab.core.reading import Mismatch, structured
+from fingerlab.core.units import ParameterEstimate as ParameterEstimate
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.reading import content_hash
 
@@ -39,16 +41,6 @@ SIGN_CONVENTION = (
     "LHS = s a T + L on air, LHS2 = s b T + L2 - 2 l2 F cos(theta1 + theta2 - alpha) in contact; "
     "a delay is positive where the joint angles come later than the tension."
 )
-
-
-@dataclass(frozen=True)
-class ParameterEstimate:
-    """A fitted parameter with its 90 % interval ``low`` to ``high``, all in ``unit``."""
-
-    value: float
-    unit: str
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -157,23 +149,42 @@ def load_model(path: str | Path) -> Model:
             f"'{FORMAT}'); write one with 'fingerlab fit SESSION --model {path.name}'."
         )
     _check_version(path, data.get("format_version"))
-    parameters = _part(path, data, "parameters", dict)
     try:
-        sessions = tuple(
-            SessionHash(str(s["name"]), str(s["sha256"])) for s in _part(path, data, "sessions", list)
-        )
-    except (KeyError, TypeError):
-        raise UserError(f"{path}, 'sessions' should hold objects with 'name' and 'sha256'.") from None
+        found = structured(_Document, data)
+    except Mismatch as error:
+        what = error.place[0] if error.place else str(error).split("'")[1]
+        if what == "sessions" and len(error.place) > 1:
+            raise UserError(f"{path}, 'sessions' should hold objects with 'name' and 'sha256'.") from None
+        raise UserError(f"{path} lacks '{what}'; a model file holds {_HELD[what]} there.") from None
     return Model(
-        _part(path, data, "method", str),
-        {str(name): _estimate(path, name, p) for name, p in parameters.items()},
-        sessions,
-        tuple(str(effect) for effect in data.get("effects") or ()),
-        _part(path, data, "details", dict) if "details" in data else {},
-        _part(path, data, "created", str),
-        _part(path, data, "software", str),
-        str(data.get("sign_convention", SIGN_CONVENTION)),
+        found.method,
+        {name: _estimate(path, name, p) for name, p in found.parameters.items()},
+        tuple(found.sessions),
+        tuple(str(effect) for effect in found.effects or ()),
+        found.details,
+        found.created,
+        found.software,
+        str(found.sign_convention),
     )
+
+
+@dataclass(frozen=True)
+class _Document:
+    """The file as it is, but for the parameters, of which each has a sentence of its own."""
+
+    method: str
+    parameters: dict[str, Any]
+    sessions: list[SessionHash]
+    created: str
+    software: str
+    effects: Any = ()
+    details: dict[str, Any] = field(default_factory=dict)
+    sign_convention: Any = SIGN_CONVENTION
+
+
+_HELD = {"parameters": "an object", "details": "an object", "sessions": "a list"} | dict.fromkeys(
+    ("method", "created", "software"), "text"
+)
 
 
 def _read_object(path: Path) -> dict[str, Any]:
@@ -205,13 +216,6 @@ def _check_version(path: Path, version: Any) -> None:
             f"{path} is a model file of version {version}, this program reads up to version "
             f"{FORMAT_VERSION}; open it with a newer FingerLab."
         )
-
-
-def _part(path: Path, data: Mapping[str, Any], key: str, kind: type) -> Any:
-    words: dict[type, str] = {dict: "an object", list: "a list", str: "text"}
-    if not isinstance(data.get(key), kind):
-        raise UserError(f"{path} lacks '{key}'; a model file holds {words[kind]} there.")
-    return data[key]
 
 
 def _estimate(path: Path, name: str, data: Any) -> ParameterEstimate:

@@ -114,7 +114,7 @@ def simulate(
     return open(path)
 
 
-def effects() -> Catalogue:
+def catalogue() -> Catalogue:
     """The catalogue of effects by id, with those of one's own that have been confirmed."""
     from fingerlab.effects import whole_catalogue
 

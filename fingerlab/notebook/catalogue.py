@@ -31,7 +31,7 @@ class EffectView(Shown):
         changes = listed([FAMILY_TITLES.get(e, e).lower() for e in one.acts_on])
         rows = [
             (name, gain.title or name, gain.unit, f"{gain.low:g} to {gain.high:g}", gain.source)
-            for name, gain in {**one.gains, **one.relaxes}.items()
+            for name, gain in one.unknowns.items()
         ]
         parts: list[Part] = [f"{one.title} ({one.id}), changes {changes}", one.explanation]
         if rows:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from fingerlab.core.text import screen_unit
 from fingerlab.report.figure_style import MEASURED, label, new_figure
-from fingerlab.report.screen import screen_unit
 from fingerlab.sessions.model import Run
 
 USUAL = ("motor_torque", "mcp_angle", "pip_angle", "endpoint_force")

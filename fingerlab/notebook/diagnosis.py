@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import printed, score_text
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.notebook.figures import Figures
 from fingerlab.notebook.layout import Part, Shown, Table
 from fingerlab.notebook.model import ModelView
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import error_rows, short_ranking
-from fingerlab.report.screen import printed, score_text
 from fingerlab.sessions.model import Session
 
 

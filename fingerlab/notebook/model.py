@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import estimate_text, mean_and_deviation
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model, ParameterEstimate, save_model
 from fingerlab.notebook.figures import Figures
 from fingerlab.notebook.layout import Part, Shown, Table
 from fingerlab.report import diagnosis_words as words
-from fingerlab.report.estimates import mean_and_deviation
 from fingerlab.report.page_tables import model_rows
-from fingerlab.report.screen import estimate_text
 
 if TYPE_CHECKING:
     from fingerlab.notebook.session import SessionView

@@ -1,9 +1,8 @@
 """Endpoint force of contact runs from a model that a diagnosis fitted, with an interval that holds."""
 
-from fingerlab.prediction.extended import EQUATIONS, ExtendedModel, Variant
+from fingerlab.prediction.extended import EQUATIONS, ExtendedModel, Variant, extended_model, model_of_extended
 from fingerlab.prediction.fit import fit_extended
 from fingerlab.prediction.predict import ExtendedPrediction, predict_extended
-from fingerlab.prediction.storing import extended_model, model_of_extended
 
 __all__ = [
     "EQUATIONS",

@@ -11,11 +11,9 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model
-from fingerlab.prediction.extended import ExtendedModel
+from fingerlab.prediction.extended import ExtendedModel, extended_model
 from fingerlab.prediction.judging import ForceNumbers, fine_grid, judge_stretches
-from fingerlab.prediction.leaning import swept
-from fingerlab.prediction.predict import RunPrediction, predict_extended
-from fingerlab.prediction.storing import extended_model
+from fingerlab.prediction.predict import RunPrediction, predict_extended, swept
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Array, Session
 from fingerlab.signals.periods import REGION_TITLES, PeriodGrid, normalise, usable

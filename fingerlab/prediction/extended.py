@@ -1,14 +1,17 @@
-"""What a diagnosis' model is once it has been fitted: effects with their shapes, values, held-out values."""
+"""A diagnosis' model once it has been fitted: effects with shapes, values, held-out values; and its file."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
+from fingerlab.core.errors import UserError
+from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect
-from fingerlab.models.file import ParameterEstimate, SessionHash
-from fingerlab.prediction.interval import Band
+from fingerlab.models.file import DIAGNOSIS_METHOD, Model, ParameterEstimate, SessionHash
+from fingerlab.prediction.judging import CELLS, Band
 
 Equation = Literal["both", "pip", "mcp"]
 EQUATIONS: tuple[Equation, ...] = ("both", "pip", "mcp")
@@ -88,3 +91,120 @@ class ExtendedModel:
         if not self.extended.effects:
             return {"nominal": self.nominal}
         return {"extended": self.extended, "nominal": self.nominal}
+
+
+Part = TypeVar("Part")
+
+
+def model_of_extended(model: ExtendedModel) -> Model:
+    """The model file's content; ``details`` holds all that a prediction needs."""
+    details = {
+        "shapes": {c.effect.id: dict(c.shape) for c in model.extended.effects},
+        "extended": _variant_json(model.extended),
+        "nominal": _variant_json(model.nominal),
+    }
+    return Model(DIAGNOSIS_METHOD, model.parameters, model.sessions, model.effect_ids, details)
+
+
+def _variant_json(variant: Variant) -> dict[str, Any]:
+    return {
+        "score": variant.score,
+        "values": dict(variant.values),
+        "held_out": [
+            {"session": h.session_sha256, "runs": list(h.runs), "values": dict(h.values)}
+            for h in variant.held_out
+        ],
+        "pip_weight": variant.pip_weight,
+        "interval": None if variant.band is None else vars(variant.band),
+    }
+
+
+def extended_model(model: Model, where: str) -> ExtendedModel:
+    """The extended model that a model file of a diagnosis holds.
+
+    Args:
+        where: the model's file, for the error's sentence.
+
+    Raises:
+        UserError: another program's or method's file, effects that this program does not know, or a part
+            that is missing or damaged.
+    """
+    if model.method != DIAGNOSIS_METHOD:
+        raise UserError(
+            f"{where} is of method '{model.method}'; a model with effects is written by "
+            "'fingerlab diagnose SESSION --save M.json'."
+        )
+    shapes = _checked(
+        where, "shapes", lambda: {str(k): _numbers(v) for k, v in model.details["shapes"].items()}
+    )
+    effects = tuple(_effect(name, shapes.get(name, {}), where) for name in model.effects)
+    extended = _checked(where, "extended", lambda: _variant(model.details["extended"], effects))
+    nominal = _checked(where, "nominal", lambda: _variant(model.details["nominal"], ()))
+    return ExtendedModel(extended, nominal, model.parameters, model.sessions)
+
+
+def _effect(name: str, shape: Mapping[str, float], where: str) -> ChosenEffect:
+    found = find_effect(name)
+    if found is None:
+        raise UserError(
+            f"{where} holds the effect '{name}', which this program does not know; if it is one of your own, "
+            "let its file in first ('fingerlab effects' tells how), else use the program that wrote the file."
+        )
+    tried = [s for point in found.shapes for s in (point, *found.closer(point))]
+    wanted, known = set(found.shape_units), {key for s in tried for key in s}
+    if not wanted <= set(shape) <= known:
+        raise UserError(
+            f"{where} gives '{name}' the shape {sorted(shape)}, but that effect here has "
+            f"{sorted(known) or 'none'}; save the model again with 'fingerlab diagnose --save'."
+        )
+    return ChosenEffect(found, shape)
+
+
+def _variant(data: Mapping[str, Any], effects: tuple[ChosenEffect, ...]) -> Variant:
+    band = data["interval"]
+    return Variant(
+        effects,
+        _numbers(data["values"]),
+        tuple(
+            HeldOut(str(h["session"]), tuple(str(r) for r in h["runs"]), _numbers(h["values"]))
+            for h in data["held_out"]
+        ),
+        _number(data["score"]),
+        _number(data["pip_weight"]),
+        None if band is None else _band(band),
+    )
+
+
+def _band(data: Mapping[str, Any]) -> Band:
+    widths = tuple(_number(w) for w in data["widths"])
+    if len(widths) != CELLS or min(widths) < 0:
+        raise ValueError
+    return Band(
+        _number(data["centre"]),
+        _number(data["spread"]),
+        _number(data["rate_spread"]),
+        _number(data["reach"]),
+        widths,
+        _number(data["factor"]),
+        int(data["runs"]),
+    )
+
+
+def _numbers(data: Mapping[str, Any]) -> dict[str, float]:
+    return {str(key): _number(value) for key, value in data.items()}
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ValueError
+    return float(value)
+
+
+def _checked(where: str, part: str, make: Callable[[], Part]) -> Part:
+    try:
+        return make()
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise UserError(
+            f"{where}, 'details' lacks '{part}' or holds something else there; save the model again with "
+            "'fingerlab diagnose SESSION --save M.json'."
+        ) from None

@@ -18,8 +18,8 @@ from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
 from fingerlab.effects import effect
 from fingerlab.models.file import ParameterEstimate, hash_sessions
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, HeldOut, Variant
-from fingerlab.prediction.held_out import by_run, contact_forces, equation_weight
-from fingerlab.prediction.interval import calibrate, error_of
+from fingerlab.prediction.judging import calibrate, error_of
+from fingerlab.prediction.predict import by_run, contact_forces, equation_weight
 from fingerlab.sessions.model import Session
 
 

@@ -22,8 +22,8 @@ from fingerlab.diagnosis.gram.decimation import counted
 from fingerlab.diagnosis.signals.filters import narrow
 from fingerlab.diagnosis.signals.segments import stretches
 from fingerlab.effects.base import Effect, Row
-from fingerlab.effects.motion import Motion
-from fingerlab.effects.tip import TOUCHING_FORCE_N
+from fingerlab.physics.motion import Motion
+from fingerlab.physics.tip import TOUCHING_FORCE_N
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import named_frequency
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, settles

@@ -8,7 +8,7 @@ predicts also inverts. The interval is the force's, divided by what a newton met
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,17 +17,20 @@ import numpy as np
 from fingerlab.acquisition.torque import most_torque
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ
-from fingerlab.effects.motion import Motion
+from fingerlab.models.file import DIAGNOSIS_METHOD, Model
 from fingerlab.physics import nominal
-from fingerlab.prediction.extended import Variant
+from fingerlab.physics.motion import Motion
+from fingerlab.prediction.extended import Variant, extended_model
 from fingerlab.prediction.force import forces_of_motion
-from fingerlab.prediction.interval import force_rate
-from fingerlab.prediction.pose import ContactPose, words_of
-from fingerlab.prediction.wanted import WantedForce
+from fingerlab.prediction.judging import force_rate
+from fingerlab.prediction.target import ContactPose, WantedForce, words_of
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import Limits
 from fingerlab.sessions.model import Array
+from fingerlab.signals.periods import REGION_TITLES
+from fingerlab.thesis.contact import parameter_sets
 from fingerlab.thesis.prediction import ParameterSet
+from fingerlab.thesis.traces import JOINT_TITLES
 
 Predictor = ParameterSet | Variant
 
@@ -286,4 +289,30 @@ def plan_json(plan: TorquePlan) -> dict[str, Any]:
         "limit": {"torque": plan.torque_limit, "current": plan.current_limit},
         "beyond": list(plan.beyond),
         "warnings": list(plan.warnings),
+    }
+
+
+FIRST = ("extension", "whole", "flexion")
+"""Regions in the order of trust: the thesis ended with those of extension."""
+
+
+def predictors(model: Model, where: str, cable: str = "flexion") -> Mapping[str, Predictor]:
+    """Predictors that do not switch with the region, by words for a list; the best first.
+
+    Args:
+        where: the model's file, for the error's sentence. cable: of the contact; its sets come first.
+
+    Raises:
+        UserError: the model predicts no force.
+    """
+    if model.method == DIAGNOSIS_METHOD:
+        found = extended_model(model, where)
+        return {
+            found.words if name == "extended" else "nominal model": v for name, v in found.variants.items()
+        }
+    sets = [one for one in parameter_sets(model, where).values() if not one.switches]
+    sets.sort(key=lambda one: (one.joint != "pip", one.cable != cable, FIRST.index(one.name)))
+    return {
+        f"{JOINT_TITLES[one.joint]}, {REGION_TITLES.get(one.name, one.name)}, {one.cable} cable": one
+        for one in sets
     }

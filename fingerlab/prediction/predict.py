@@ -1,7 +1,12 @@
-"""Endpoint force of a session's contact runs from an extended model, beside the nominal one's."""
+"""Endpoint force of a session's contact runs from an extended model, beside the nominal one's.
+
+Every run is predicted by values that have not seen it, wherever there are such; and as the contact force
+leans further and further (thesis figure 5.2).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,12 +17,84 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
 from fingerlab.prediction.extended import EQUATIONS, Equation, ExtendedModel, Variant
-from fingerlab.prediction.force import contact_runs
-from fingerlab.prediction.held_out import StretchForces, by_run, contact_forces
-from fingerlab.prediction.interval import Band, calibrate, error_of, force_rate
-from fingerlab.prediction.judging import ForceNumbers, judge_stretches
+from fingerlab.prediction.force import contact_runs, contact_stretches, solved_forces
+from fingerlab.prediction.judging import (
+    Band,
+    ForceNumbers,
+    RunError,
+    calibrate,
+    error_of,
+    force_rate,
+    judge_stretches,
+)
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Array, Session
+from fingerlab.thesis.prediction import SWEEP_DEG, AngleStep
+from fingerlab.thesis.regression import coefficient_of_determination
+
+
+@dataclass(frozen=True)
+class StretchForces:
+    """Forces of one stretch of a contact run, N, (n,): by the two equations, and what the cell read."""
+
+    session_sha256: str
+    run: str
+    cable: str
+    time: Array
+    measured: Array
+    pip: Array
+    mcp: Array
+    frequency_hz: float
+    held_out: bool
+
+    def both(self, pip_weight: float) -> Array:
+        """The two equations weighed; one alone where the other has no lever."""
+        mixed = pip_weight * self.pip + (1.0 - pip_weight) * self.mcp
+        return np.where(np.isfinite(mixed), mixed, np.where(np.isfinite(self.pip), self.pip, self.mcp))
+
+
+def contact_forces(variant: Variant, session: Session, sha256: str, where: str) -> list[StretchForces]:
+    """Forces of every contact run, each by values that have not seen it wherever there are such.
+
+    Args:
+        where: the model's name, for the errors' sentences.
+    """
+    effects = [c.alone() for c in variant.effects]
+    result = []
+    for run in contact_runs(session):
+        without = variant.values_without(sha256, run.name)
+        values = variant.values if without is None else without
+        for one in contact_stretches(session, run):
+            forces = solved_forces(one, effects, values, where)
+            result.append(
+                StretchForces(
+                    sha256, run.name, run.cable, one.time, one.measured, forces["pip"], forces["mcp"],
+                    one.frequency_hz, without is not None,
+                )
+            )  # fmt: skip
+    return result
+
+
+def by_run(forces: Sequence[StretchForces], errors: Sequence[RunError | None]) -> list[RunError]:
+    """Errors of the stretches, those of one run joined."""
+    runs: dict[tuple[str, str], list[RunError]] = {}
+    for one, error in zip(forces, errors, strict=True):
+        if error is not None:
+            runs.setdefault((one.session_sha256, one.run), []).append(error)
+    return [
+        RunError(*(np.concatenate([getattr(e, part) for e in parts]) for part in ("force", "rate", "error")))
+        for parts in runs.values()
+    ]
+
+
+def equation_weight(forces: Sequence[StretchForces]) -> float:
+    """Share of the PIP equation that makes the mean square of the held-out error least, 0 to 1."""
+    pip = np.concatenate([f.pip - f.measured for f in forces] or [np.zeros(0)])
+    mcp = np.concatenate([f.mcp - f.measured for f in forces] or [np.zeros(0)])
+    good = np.isfinite(pip) & np.isfinite(mcp)
+    apart = pip[good] - mcp[good]
+    size = float(apart @ apart)
+    return float(np.clip(-(apart @ mcp[good]) / size, 0.0, 1.0)) if size > 1e-12 else 0.5
 
 
 @dataclass(frozen=True)
@@ -144,3 +221,36 @@ def _half_width(band: Band | None, force: Array) -> Array:
     if band is None:
         return np.full_like(force, np.nan)
     return band.half_width(force, force_rate(force, NARROW_RATE_HZ))
+
+
+def swept(variant: Variant, session: Session, sha256: str, where: str) -> Mapping[str, tuple[AngleStep, ...]]:
+    """Peak and R2 at each angle, for every contact run that repeats, by its name.
+
+    The load cell reads the force along its axis; leaning towards the base by an angle, the fingertip also
+    pushes along the cell's face with ``-tan(angle)`` of it, beside what the model found there already.
+
+    As in a prediction, a run that the fit has seen is judged by values that have not seen it.
+
+    Args:
+        sha256: hash of the session's file. where: the model's name, for the errors' sentences.
+    """
+    effects = [chosen.alone() for chosen in variant.effects]
+    result = {}
+    for run in contact_runs(session):
+        stretch = max(contact_stretches(session, run), key=lambda one: len(one.time))
+        if stretch.frequency_hz == 0.0:
+            continue
+        values = variant.values_without(sha256, run.name) or variant.values
+        steps = []
+        for angle in SWEEP_DEG:
+            lateral = values.get("lateral", 0.0) - math.tan(math.radians(angle))
+            forces = solved_forces(stretch, effects, {**values, "lateral": lateral}, where)
+            mixed = variant.pip_weight * forces["pip"] + (1.0 - variant.pip_weight) * forces["mcp"]
+            force = np.where(np.isfinite(mixed), mixed, forces["pip"])
+            found = judge_stretches(
+                [stretch.measured], [force], NARROW_RATE_HZ, stretch.frequency_hz
+            ).prediction
+            r2 = coefficient_of_determination(found.measured, found.modelled)
+            steps.append(AngleStep(angle, found.modelled, found.peak_modelled, r2))
+        result[run.name] = tuple(steps)
+    return result

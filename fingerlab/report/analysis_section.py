@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 
 from fingerlab.core.errors import UserError
-from fingerlab.report.estimates import in_words, plus_minus
+from fingerlab.core.text import estimate_text, in_words, plus_minus, r2_text, with_minus
 from fingerlab.report.figure_style import LABEL_SIZE
-from fingerlab.report.screen import estimate_text, r2_text, with_minus
 from fingerlab.report.thesis_figures import FIGURES
 from fingerlab.sessions.model import Session
 from fingerlab.signals.periods import REGION_TITLES

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from fingerlab.core.text import ScreenUnit, score_text, screen_unit, with_minus
 from fingerlab.diagnosis.answer.results import (
     EQUATION_TITLES,
     Comparison,
@@ -30,7 +31,6 @@ from fingerlab.report.figure_style import (
     legend_below,
     new_figure,
 )
-from fingerlab.report.screen import ScreenUnit, score_text, screen_unit, with_minus
 from fingerlab.report.where_figures import where_figure
 from fingerlab.sessions.model import Array
 

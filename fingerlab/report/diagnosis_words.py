@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from fingerlab.core.text import percent, score_text
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure
 from fingerlab.effects import find_effect
-from fingerlab.report.screen import percent, score_text
 from fingerlab.sessions.trajectory import trajectory_words
 
 FAMILY_TITLES = {
@@ -290,7 +290,7 @@ def parameter_titles(effect: str, names: Sequence[str]) -> dict[str, str]:
 
 def _parameter_title(effect: str, name: str) -> str:
     one = find_effect(effect)
-    gain = None if one is None else one.gains.get(name) or one.relaxes.get(name)
+    gain = None if one is None else one.unknowns.get(name)
     title = gain.title if gain is not None and gain.title else _plain(name)
     joint = _JOINT_ENDINGS.get(name.rsplit("_", 1)[-1], "")
     return f"{joint} {title}" if joint and not title.upper().startswith(joint) else title

@@ -8,12 +8,8 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from importlib import resources
-from typing import Any
 
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel
@@ -48,13 +44,6 @@ class FinalEquation:
 
     parts: tuple[Part, ...]
     values: tuple[Value, ...]
-
-
-@cache
-def effect_equations() -> Mapping[str, Mapping[str, Any]]:
-    """Equation, symbols and look-alikes of each effect of the catalogue, by id (``equations.toml``)."""
-    place = resources.files("fingerlab.resources").joinpath("report", "equations.toml")
-    return tomllib.loads(place.read_text(encoding="utf-8"))
 
 
 Estimates = Mapping[str, ParameterEstimate]
@@ -103,12 +92,12 @@ def _told_apart(chosen: Sequence[ChosenEffect], of_effects: Sequence[Sequence[Va
 
 def _added_symbols(one: ChosenEffect) -> Iterator[str]:
     """What an effect adds to the nominal equations: a torque at the joints or the motor, a length."""
-    entry = effect_equations().get(one.effect.id)
-    if entry is None:
+    formula = one.effect.formula
+    if formula is None:
         names = {"joint_torque": r"\tau_j", "motor_torque": r"\tau_m", "cable_kinematics": "x"}
         yield from (names[row] for row in one.effect.acts_on if row in names)
         return
-    text = str(entry["equation"])
+    text = formula.equation
     if re.search(r"\\tau_[j12]", text):
         yield r"\tau_j"
     if r"\tau_m" in text:
@@ -284,12 +273,12 @@ def _bench_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> Pa
 
 
 def _effect_part(one: ChosenEffect) -> Part:
-    entry = effect_equations().get(one.effect.id)
-    if entry is None:
+    formula = one.effect.formula
+    if formula is None:
         return Part(one.effect.title, (), "An effect of your own; its terms stand in its own file.")
-    text = str(entry["equation"]).replace(r"\begin{align*}", "").replace(r"\end{align*}", "")
+    text = formula.equation.replace(r"\begin{align*}", "").replace(r"\end{align*}", "")
     lines = tuple(line.replace("&", "").strip() for line in text.split(r"\\"))
-    return Part(one.effect.title, lines, re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", str(entry["symbols"])))
+    return Part(one.effect.title, lines, re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", formula.symbols))
 
 
 _MODEL_SYMBOLS = {
@@ -317,11 +306,10 @@ def _model_values(found: Mapping[str, ParameterEstimate]) -> Iterator[Value]:
 
 def _effect_values(one: ChosenEffect, found: Estimates, seen: Estimates) -> Iterator[Value]:
     """Gains of an effect with their interval, then its shape, which was chosen from a grid: see ``seen``."""
-    effect, entry = one.effect, effect_equations().get(one.effect.id, {})
-    symbols: Mapping[str, str] = entry.get("values", {})
-    gains = {**effect.gains, **effect.relaxes}
-    titles = parameter_titles(effect.id, [*gains, *one.shape])
-    for name in gains:
+    effect = one.effect
+    symbols = {parameter.name: parameter.symbol for parameter in effect.parameters}
+    titles = parameter_titles(effect.id, [*effect.unknowns, *one.shape])
+    for name in effect.unknowns:
         estimate = found.get(f"{effect.id}.{name}") or found.get(name)
         if estimate is not None and name not in _MODEL_SYMBOLS:
             yield Value(symbols.get(name, ""), _upper(titles[name]), estimate)

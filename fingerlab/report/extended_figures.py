@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from fingerlab.core.text import score_text
 from fingerlab.prediction.comparing import ComparedModel, ModelComparison
 from fingerlab.prediction.predict import Curve, ExtendedPrediction, RunPrediction
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
@@ -22,7 +23,6 @@ from fingerlab.report.figure_style import (
     new_figure,
 )
 from fingerlab.report.force_figures import amplitude_bars, normalised_force
-from fingerlab.report.screen import score_text
 from fingerlab.sessions.model import Array
 
 STRETCH_S = 5.0

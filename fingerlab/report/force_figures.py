@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from fingerlab.core.text import r2_text
 from fingerlab.report.figure_style import (
     CANDIDATE,
     FLOOR,
@@ -22,7 +23,6 @@ from fingerlab.report.figure_style import (
     new_figure,
 )
 from fingerlab.report.onair_figures import region_patches, run_ticks, shade
-from fingerlab.report.screen import r2_text
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import Labels, normalise
 from fingerlab.thesis.prediction import AngleStep, Prediction

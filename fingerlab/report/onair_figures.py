@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from fingerlab.core.text import r2_text
 from fingerlab.report.figure_style import (
     CANDIDATE,
     FLOOR,
@@ -26,7 +27,6 @@ from fingerlab.report.figure_style import (
     legend_below,
     new_figure,
 )
-from fingerlab.report.screen import r2_text
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import (
     REGION_TITLES,

@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.core.files import OutputSet
+from fingerlab.core.text import estimate_text, score_text
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
 from fingerlab.report import diagnosis_words as words
@@ -42,7 +43,6 @@ from fingerlab.report.pdf import pdf_of_page
 from fingerlab.report.pictures import NamedFigure, Pictures, save_figures
 from fingerlab.report.prediction_section import Prediction
 from fingerlab.report.provenance import calibration_rows, calibration_sentence, rig_hash, versions
-from fingerlab.report.screen import estimate_text, score_text
 from fingerlab.report.where_figures import where_figure
 from fingerlab.sessions.model import Session
 

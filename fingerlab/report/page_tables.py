@@ -7,6 +7,16 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
+from fingerlab.core.text import (
+    decimals_for,
+    estimate_text,
+    fixed,
+    percent,
+    printed,
+    r2_text,
+    score_text,
+    screen_unit,
+)
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, EquationError
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.report.diagnosis_words import (
@@ -16,16 +26,6 @@ from fingerlab.report.diagnosis_words import (
     UNKNOWN_WORDS,
     parameter_titles,
     shown_best_first,
-)
-from fingerlab.report.screen import (
-    decimals_for,
-    estimate_text,
-    fixed,
-    percent,
-    printed,
-    r2_text,
-    score_text,
-    screen_unit,
 )
 from fingerlab.rig.constants import Finger, Motor
 from fingerlab.rig.file import CONSTANT_UNITS, sources_of

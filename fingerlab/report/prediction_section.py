@@ -9,13 +9,12 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import mean_and_deviation, plus_minus, r2_text, with_minus
 from fingerlab.prediction import fit_extended, predict_extended
 from fingerlab.prediction.extended import EQUATION_WORDS, EQUATIONS, ExtendedModel
 from fingerlab.prediction.force import contact_runs
 from fingerlab.prediction.predict import ExtendedPrediction, RunPrediction
-from fingerlab.report.estimates import mean_and_deviation, plus_minus
 from fingerlab.report.extended_figures import force_figure
-from fingerlab.report.screen import r2_text, with_minus
 from fingerlab.sessions.model import Session
 from fingerlab.thesis.onair import Spread
 

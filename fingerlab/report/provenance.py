@@ -13,7 +13,7 @@ from typing import Any
 
 import fingerlab
 from fingerlab.calibration.sensors import SENSORS
-from fingerlab.report.screen import r2_text, with_minus
+from fingerlab.core.text import r2_text, with_minus
 from fingerlab.sessions.model import Session
 
 LIBRARIES = ("numpy", "scipy", "h5py")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from fingerlab.core.text import ScreenUnit, decimals_for, fixed, largest_of, score_text, screen_unit
 from fingerlab.diagnosis.answer.where import JOINTS, Profile
 from fingerlab.report.diagnosis_words import PHASE_WORDS
-from fingerlab.report.screen import ScreenUnit, decimals_for, fixed, largest_of, score_text, screen_unit
 
 CLEARLY = 1.2
 """From so many floors on a bin says that something is missed."""

@@ -7,11 +7,15 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, TypeVar
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.reading import WANTED, Mismatch, structured
 from fingerlab.rig.daq import Daq, Limits, read_daq, read_limits
+
+T = TypeVar("T")
 
 DEFAULT_TOLERANCE = 0.02
 """Relative tolerance of a rig constant that the file says nothing about (session format, version 1)."""
@@ -106,8 +110,8 @@ class Rig:
                 f"{where} is not a JSON object; it should hold 'finger', 'motor' and 'tolerance'."
             )
         finger_data = data.get("finger")
-        finger = Finger(**_numbers(Finger, finger_data, f"{where}, 'finger'")) if finger_data else None
-        motor = Motor(**_numbers(Motor, data.get("motor") or {}, f"{where}, 'motor'"))
+        finger = _constants(Finger, finger_data, f"{where}, 'finger'") if finger_data else None
+        motor = _constants(Motor, data.get("motor") or {}, f"{where}, 'motor'")
         tolerance = data.get("tolerance") or {}
         if not isinstance(tolerance, dict):
             raise UserError(
@@ -117,20 +121,12 @@ class Rig:
         return cls(finger, motor, {k: float(v) for k, v in tolerance.items()}, extra)
 
 
-def _numbers(kind: type, data: Any, where: str) -> dict[str, float]:
-    if not isinstance(data, dict):
-        raise UserError(f"{where} is not an object of named numbers.")
-    result: dict[str, float] = {}
-    for spec in fields(kind):
-        value = data.get(spec.name)
-        if value is None:
-            has_default = spec.default is not spec.default_factory  # MISSING is MISSING for both when absent
-            if has_default:
-                continue
-            raise UserError(f"{where} lacks '{spec.name}'; it should be a number in SI units.")
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            raise UserError(
-                f"{where} holds '{spec.name}' = {value!r}; it should be a finite number in SI units."
-            )
-        result[spec.name] = float(value)
-    return result
+def _constants(kind: type[T], data: Any, where: str) -> T:
+    """Finger or motor from its numbers; null is as good as absent."""
+    stated = {k: v for k, v in data.items() if v is not None} if isinstance(data, Mapping) else data
+    try:
+        return structured(kind, stated)
+    except Mismatch as error:
+        right = " in SI units" if error.wanted == WANTED["float"] else ""
+        right = "; it should be a number in SI units" if "lacks" in str(error) else right
+        raise UserError(f"{where} {error}{right}.") from None

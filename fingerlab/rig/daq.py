@@ -9,15 +9,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any
+from typing import Any, Literal, TypeVar
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.reading import Mismatch, structured
+
+T = TypeVar("T")
 
 SOURCES = "sources"
 """Key under which a section keeps the origin of its values, by dotted name."""
 
-TIMINGS = ("auto", "single-point", "buffered")
-WIRINGS = ("default", "rse", "nrse", "diff", "pseudodiff")
+Timing = Literal["auto", "single-point", "buffered"]
+Wiring = Literal["default", "rse", "nrse", "diff", "pseudodiff"]
 BLOCK_RANGE = (5, 10)
 """Samples a block of the buffered fallback: the position loop then runs at 100 to 200 Hz."""
 
@@ -44,7 +47,7 @@ class AnalogInput:
     sign: int = 1
     low: float = -10.0
     high: float = 10.0
-    wiring: str = "default"
+    wiring: Wiring = "default"
 
     def quantity(self, volts: Any) -> Any:
         """Volts (number or array) as the quantity in SI."""
@@ -125,7 +128,7 @@ class Daq:
 
     device: str = "Dev1"
     server: str = ""
-    timing: str = "auto"
+    timing: Timing = "auto"
     rate_hz: float = 1000.0
     block: int = 10
     load_cell: AnalogInput = AnalogInput("ai0", 11.194, -5.317)
@@ -232,8 +235,7 @@ def read_daq(data: Any, where: str) -> Daq:
     Raises:
         UserError: an entry is unknown, of the wrong kind, or impossible.
     """
-    daq = _read(Daq, Daq(), data, where)
-    _one_of(daq.timing, TIMINGS, f"{where} timing")
+    daq = _section(Daq, data, where)
     low, high = BLOCK_RANGE
     if not low <= daq.block <= high:
         raise UserError(f"{where} block is {daq.block}; it should be {low} to {high} samples.")
@@ -253,7 +255,7 @@ def read_limits(data: Any, where: str) -> Limits:
     Raises:
         UserError: an entry is unknown, no finite number, or leaves no room.
     """
-    limits = _read(Limits, Limits(), data, where)
+    limits = _section(Limits, data, where)
     for name in LIMIT_UNITS:
         if not name.endswith(("_low", "_high")) and getattr(limits, name) <= 0:
             raise UserError(f"{where} {name} is {getattr(limits, name):g}; it should be above zero.")
@@ -261,6 +263,13 @@ def read_limits(data: Any, where: str) -> Limits:
         if getattr(limits, f"{name}_low") >= getattr(limits, f"{name}_high"):
             raise UserError(f"{where} {name}_low is not below {name}_high; nothing could move.")
     return limits
+
+
+def _section(kind: type[T], data: Any, where: str) -> T:
+    try:
+        return structured(kind, data, refuse_unknown=True)
+    except Mismatch as error:
+        raise UserError(f"{where} {error}.") from None
 
 
 def _check_channel(channel: Any, where: str) -> None:
@@ -271,49 +280,8 @@ def _check_channel(channel: Any, where: str) -> None:
         raise UserError(f"{where} has a scaling of {gain:g}; nothing could be read from it.")
     if not isinstance(channel, Encoder) and not channel.low < channel.high:
         raise UserError(f"{where} low is not below high; give the range in volts.")
-    if isinstance(channel, AnalogInput):
-        _one_of(channel.wiring, WIRINGS, f"{where} wiring")
     if isinstance(channel, CommandOutput) and not channel.low <= 0 <= channel.high:
         raise UserError(f"{where} leaves out 0 V; without it the motor cannot be stopped.")
-
-
-def _one_of(value: str, allowed: tuple[str, ...], where: str) -> None:
-    if value not in allowed:
-        raise UserError(f"{where} is {value!r}; it should be one of {', '.join(allowed)}.")
-
-
-def _read(kind: type[Any], default: Any, data: Any, where: str) -> Any:
-    """A dataclass from a JSON object, entry by entry over ``default``."""
-    if not isinstance(data, Mapping):
-        raise UserError(
-            f"{where} is not a section; it should hold {', '.join(f.name for f in fields(kind))}."
-        )
-    known = {f.name: getattr(default, f.name) for f in fields(kind)}
-    values = dict(known)
-    for name, value in data.items():
-        if name not in known:
-            raise UserError(f"{where} holds the unknown '{name}'; it knows {', '.join(known)}.")
-        values[name] = _entry(known[name], value, f"{where} {name}")
-    return kind(**values)
-
-
-def _entry(default: Any, value: Any, where: str) -> Any:
-    if is_dataclass(default) and not isinstance(default, type):
-        return _read(type(default), default, value, where)
-    if isinstance(default, Mapping):
-        return {str(k): str(v) for k, v in value.items()} if isinstance(value, Mapping) else {}
-    if isinstance(default, bool | str):
-        if type(value) is not type(default):
-            kind = "true or false" if isinstance(default, bool) else "text in quotes"
-            raise UserError(f"{where} is {value!r}; it should be {kind}.")
-        return value
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise UserError(f"{where} is {value!r}; it should be a finite number.")
-    if isinstance(default, int):
-        if value != int(value):
-            raise UserError(f"{where} is {value!r}; it should be a whole number.")
-        return int(value)
-    return float(value)
 
 
 def plain_section(section: Daq | Limits) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.units import factor
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.rig.daq import CHANNEL_UNITS, LIMIT_UNITS, SOURCES, plain_section, read_daq, read_limits
 
@@ -42,24 +43,6 @@ CONSTANT_UNITS = {
     "inertia": "kg m^2",
 }
 """SI unit of each constant of the rig; the empty unit is a plain number."""
-
-_CONVERSIONS = {
-    ("g", "kg"): 1e-3,
-    ("mm", "m"): 1e-3,
-    ("cm", "m"): 1e-2,
-    ("deg", "rad"): math.pi / 180.0,
-    ("g cm^2", "kg m^2"): 1e-7,
-    ("g mm^2", "kg m^2"): 1e-9,
-    ("mN m/A", "N m/A"): 1e-3,
-    ("N mm/rad", "N m/rad"): 1e-3,
-    ("mN m/rad", "N m/rad"): 1e-3,
-    ("N m/deg", "N m/rad"): 180.0 / math.pi,
-    ("mA", "A"): 1e-3,
-    ("mN m", "N m"): 1e-3,
-    ("deg/s", "rad/s"): math.pi / 180.0,
-    ("deg/V", "rad/V"): math.pi / 180.0,
-    ("mA/V", "A/V"): 1e-3,
-}
 
 
 def default_rig() -> Rig:
@@ -180,10 +163,10 @@ def _constant(wanted: str, entry: Any, where: str) -> tuple[float, str, float | 
     value = _number(entry["value"], where)
     unit = str(entry.get("unit", wanted))
     if unit != wanted:
-        factor = _CONVERSIONS.get((unit, wanted))
-        if factor is None:
+        times = factor(unit, wanted)
+        if times is None:
             raise UserError(f"{where} is in '{unit}'; it should be in '{wanted or 'a plain number'}'.")
-        value = float(f"{value * factor:.15g}")  # 13 g is 0.013 kg, not 0.013000000000000001 kg
+        value = float(f"{value * times:.15g}")  # 13 g is 0.013 kg, not 0.013000000000000001 kg
     relative = entry.get("tolerance")
     return value, str(entry.get("source", "")), None if relative is None else _relative(relative, where)
 

@@ -54,13 +54,6 @@ RATE_TOLERANCE = 0.5
 Half a sample: less cannot be a lost sample, more cannot be jitter of a hardware-timed task. Assumed.
 """
 
-_SAME_UNIT = {"N m": {"N m", "Nm", "N.m", "N*m", "N·m"}, "rad": {"rad", "radian", "radians"}}
-
-
-def same_unit(found: str, wanted: str) -> bool:
-    """Whether two spellings mean the same unit (``Nm`` and ``N m``), without any conversion."""
-    return found.strip() in _SAME_UNIT.get(wanted, {wanted})
-
 
 def plain(value: Any) -> Any:
     """An HDF5 attribute as a plain Python value: bytes become text, arrays of one element a scalar.

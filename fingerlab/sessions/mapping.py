@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.units import FACTORS, factor
 from fingerlab.sessions.format import CHANNEL_UNITS
 from fingerlab.sessions.text_table import TextTable
 
@@ -30,16 +31,6 @@ BENCH_ORDER = (
     "endpoint_force",
 )
 """Columns of the bench's own text files, which have the same order with and without a header."""
-
-_FACTORS: dict[str, dict[str, float]] = {
-    "s": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
-    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180, "degrees": math.pi / 180},
-    "A": {"A": 1.0, "mA": 1e-3},
-    "N m": {"N m": 1.0, "Nm": 1.0, "N·m": 1.0, "N*m": 1.0, "mNm": 1e-3, "mN m": 1e-3, "N mm": 1e-3,
-            "Nmm": 1e-3, "N cm": 1e-2, "Ncm": 1e-2},
-    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3},
-}  # fmt: skip
-"""Factor from a unit to the channel's SI unit."""
 
 _ASSUMED_UNIT = {"rad": "deg"}
 """Unit taken where nothing is said: the bench's text files hold angles in degrees (session format)."""
@@ -197,13 +188,13 @@ def _column(
     if not unit:
         unit = _ASSUMED_UNIT.get(target, target)
         source += ", unit assumed"
-    factor = _FACTORS[target].get(unit)
-    if factor is None:
+    times = factor(unit, target)
+    if times is None:
         raise UserError(
             f"{table.path}, column {index + 1} is taken as '{channel}' in '{unit}'; it should be in one of "
-            f"{', '.join(_FACTORS[target])}."
+            f"{', '.join(FACTORS[target])}."
         )
-    return Column(channel, index, unit, target, factor * scale, source)
+    return Column(channel, index, unit, target, times * scale, source)
 
 
 def _refuse_twice(columns: tuple[Column, ...] | list[Column], table: TextTable) -> None:

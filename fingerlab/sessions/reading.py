@@ -12,6 +12,7 @@ from typing import Any
 import h5py
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.units import same_unit
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.format import (
     CABLES,
@@ -23,7 +24,6 @@ from fingerlab.sessions.format import (
     REQUIRED_CHANNELS,
     REQUIRED_ROOT_ATTRIBUTES,
     REQUIRED_RUN_ATTRIBUTES,
-    same_unit,
 )
 from fingerlab.sessions.hdf5 import DatasetFacts, FileReader, attributes_of, datasets_of, open_hdf5
 from fingerlab.sessions.model import Run, Session

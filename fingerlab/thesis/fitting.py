@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.models.file import Model, ParameterEstimate, hash_sessions
+from fingerlab.core.units import ParameterEstimate
+from fingerlab.models.file import Model, hash_sessions
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import named_frequency
 from fingerlab.thesis.onair import CableFit, OnAirRun, Spread, pool, reduce_run

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.models.file import ParameterEstimate
+from fingerlab.core.units import ParameterEstimate
 from fingerlab.physics.nominal import cable_wound
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Session

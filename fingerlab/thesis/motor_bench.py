@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.models.file import Model, ParameterEstimate, hash_sessions
+from fingerlab.core.units import ParameterEstimate
+from fingerlab.models.file import Model, hash_sessions
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.signals.periods import usable

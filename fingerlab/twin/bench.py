@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from scipy.optimize import fsolve
 
 from fingerlab.twin.layout import CONTROL, FRICTION, MCP, MOTOR, PIP, PLANT
 from fingerlab.twin.mechanics import cable_path, finger_bias, fingertip, joint_elastic, pose
+from fingerlab.twin.plant import Bench, Sensors, Truth
 from fingerlab.twin.preset import Preset
 
 TRUNCATION = 2.0
@@ -18,54 +18,6 @@ TRUNCATION = 2.0
 
 NEVER_MEASURED = ("wrist_angle", "gravity")
 """Finger constants that carry no tolerance of their own: a tilt is an effect."""
-
-
-@dataclass(frozen=True)
-class Truth:
-    """What one bench really is, drawn once a session; nothing of it is told to the rig file.
-
-    Attributes:
-        factors: true over nominal value, by rig constant.
-        arms: (MCP, PIP) moment arms in m, by cable. pretravel: m of cable left loose, by cable.
-        posture: (MCP, PIP), rad, where the finger meets the load cell.
-        sign: +1 or -1 for effects whose direction is chance. phase: rad, of periodic effects.
-    """
-
-    factors: dict[str, float]
-    arms: dict[str, tuple[float, float]]
-    pretravel: dict[str, float]
-    posture: tuple[float, float]
-    sign: float
-    phase: float
-
-
-@dataclass
-class Sensors:
-    """What stands between the plant and the recording; SI units."""
-
-    angle_step: float
-    angle_noise: float
-    force_step: float
-    force_noise: float
-    current_step: float
-    current_noise: float
-    delay: float = 0.0  # s, joint angles and force against the motor's channels
-    bridge_offset: float = 0.0  # relative offset of the angle sensors' bridges
-    bridge_mismatch: float = 0.0  # relative amplitude mismatch of the two bridges
-    drift: float = 0.0  # rad over a run, MCP sensor
-    force_gain: float = 1.0
-
-
-@dataclass
-class Bench:
-    """The plant of one run, ready to be changed by effects and then simulated."""
-
-    plant: Any  # record of PLANT
-    friction: Any  # array (3,) of FRICTION
-    control: Any  # record of CONTROL
-    sensors: Sensors
-    truth: Truth
-    cable: str
 
 
 def draw_truth(preset: Preset, rng: np.random.Generator) -> Truth:

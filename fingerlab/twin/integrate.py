@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from fingerlab.twin.compiling import compiled
 from fingerlab.twin.layout import MCP, MOTOR, PIP
 from fingerlab.twin.mechanics import (
     Pose,
     Record,
     cable_path,
+    compiled,
     dry_friction,
     finger_bias,
     finger_mass,

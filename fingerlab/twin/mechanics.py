@@ -11,9 +11,11 @@ Soom 1990. None of these is a smooth function of the speed's sign.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
-from fingerlab.twin.compiling import compiled
+import numba
+
 from fingerlab.twin.layout import SPREAD_ELEMENTS
 
 Record = Any
@@ -24,6 +26,19 @@ REFERENCE_LOAD = 0.05
 
 Pose = tuple[float, float, float, float, float, float, float, float]
 """Cosine and sine of: MCP angle, PIP angle, proximal body's slope, distal body's slope (upwards)."""
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a numeric function to native code on its first call.
+
+    The code is kept beside the source, or in the user's cache folder where the package is read-only
+    (numba looks for both). Where neither can be written, or the source is inside an archive, the
+    function is compiled anew in each process: slower to start, same numbers.
+    """
+    try:
+        return numba.njit(cache=True, error_model="numpy")(function)
+    except RuntimeError:  # "no locator available": nowhere to keep the code
+        return numba.njit(error_model="numpy")(function)
 
 
 @compiled

@@ -13,6 +13,7 @@ from typing import Any
 
 from fingerlab.core.errors import UserError
 from fingerlab.rig.constants import Rig
+from fingerlab.twin.effects import check_effects
 
 PRACTICE = "practice"
 AS_BUILT = "as-built"
@@ -107,8 +108,6 @@ def parse_preset(text: str, name: str) -> Preset:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise UserError(f"The preset {name} is not TOML ({error}).") from None
-    from fingerlab.twin.effects import check_effects  # which needs the bench, which needs presets
-
     unknown = set(data) - set(SECTIONS) - {"title", "rig", "effects"}
     if unknown:
         raise UserError(

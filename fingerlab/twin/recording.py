@@ -14,10 +14,11 @@ from fingerlab.acquisition.torque import braked
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Array
-from fingerlab.twin.bench import Bench, Sensors, Truth, build_bench, draw_truth, place_bench
+from fingerlab.twin.bench import build_bench, draw_truth, place_bench
 from fingerlab.twin.effects import Effects, apply_effects
 from fingerlab.twin.integrate import run_loop, run_sample
 from fingerlab.twin.layout import BRISTLES, OUTPUTS, STATE
+from fingerlab.twin.plant import Bench, Sensors, Truth
 from fingerlab.twin.preset import Preset
 from fingerlab.twin.protocols import RATE_HZ, RunPlan
 

@@ -1,9 +1,16 @@
-"""Simulated sessions as files: written run by run, sealed where asked, revealed later."""
+"""Simulated sessions as files: written run by run, sealed where asked, revealed later.
+
+A seal keeps an honest person honest: a look at the file's attributes does not give the effects away. It is
+not cryptography; whoever reads this module can open it.
+"""
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 import secrets
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,14 +21,22 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.sessions import Run, Session, SessionWriter, open_session
 from fingerlab.sessions.format import CHANNEL_UNITS
-from fingerlab.twin.effects import check_effects
+from fingerlab.twin.effects import EFFECTS, check_effects
 from fingerlab.twin.preset import Preset
 from fingerlab.twin.protocols import RATE_HZ, RunPlan
 from fingerlab.twin.recording import Recorded, simulate_session
-from fingerlab.twin.sealing import pick_hidden, seal, unseal
 
 SEALED = "sealed"
 SIMULATION = "simulation"
+NOTHING = 0.15
+"""Probability that ``--hidden`` leaves the bench as the nominal model has it."""
+
+STRENGTH_RANGE = (0.6, 1.6)
+"""A hidden effect has between these times its default strength, evenly in the logarithm."""
+
+DIGEST_CHARACTERS = 16
+SEAL_CHARACTERS = 1200
+"""Every seal is filled up to this length, so that its length says nothing."""
 
 Progress = Callable[[float, str], None]
 
@@ -160,3 +175,42 @@ def reveal_session(path: Path) -> dict[str, Any]:
 def _hidden_rng(seed: int) -> np.random.Generator:
     """Independent of the bench and its noise: the same seed without ``hidden`` draws the same bench."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2**31,)))
+
+
+def pick_hidden(phases: Sequence[str], rng: np.random.Generator) -> dict[str, dict[str, float]]:
+    """One effect that acts in at least one of ``phases``, all equally likely, or none."""
+    possible = [e for e in EFFECTS.values() if e.phases & set(phases)]
+    effect = possible[int(rng.integers(len(possible)))]
+    factor = float(np.exp(rng.uniform(*np.log(STRENGTH_RANGE))))
+    if rng.random() < NOTHING:
+        return {}
+    values = effect.defaults()
+    first = effect.parameters[0]
+    values[first.name] = float(np.clip(values[first.name] * factor, first.low, first.high))
+    return {effect.id: values}
+
+
+def seal(content: Mapping[str, Any]) -> str:
+    """Seal a JSON object into text of constant length."""
+    text = json.dumps(content, sort_keys=True).encode("utf-8")
+    digest = hashlib.sha256(text).hexdigest()[:DIGEST_CHARACTERS]
+    body = base64.b64encode(zlib.compress(text, 9)).decode("ascii")
+    filler = hashlib.shake_256(text).hexdigest(SEAL_CHARACTERS // 2)
+    return (digest + body + "." + filler)[:SEAL_CHARACTERS]
+
+
+def unseal(text: str, where: str) -> dict[str, Any]:
+    """Open a seal.
+
+    Raises:
+        UserError: the text is no seal, or was changed.
+    """
+    digest, body = text[:DIGEST_CHARACTERS], text[DIGEST_CHARACTERS:].partition(".")[0]
+    try:
+        content = zlib.decompress(base64.b64decode(body, validate=True))
+        if hashlib.sha256(content).hexdigest()[:DIGEST_CHARACTERS] != digest:
+            raise ValueError("its digest does not match")
+        result: dict[str, Any] = json.loads(content)
+    except (ValueError, zlib.error) as error:
+        raise UserError(f"The seal of {where} is damaged ({error}); simulate the session again.") from None
+    return result

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.twin.bench import Sensors, Truth, draw_truth
+from fingerlab.twin.bench import draw_truth
 from fingerlab.twin.effects import Effects
 from fingerlab.twin.integrate import run_sample
 from fingerlab.twin.layout import BRISTLES, OUTPUTS
+from fingerlab.twin.plant import Sensors, Truth
 from fingerlab.twin.preset import Preset
 from fingerlab.twin.protocols import RATE_HZ, RunPlan
 from fingerlab.twin.recording import STEPS, prepare_bench, state_at_rest

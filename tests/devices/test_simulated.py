@@ -17,7 +17,7 @@ from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import RunPlan
 from fingerlab.twin.recording import simulate_session
-from fingerlab.twin.sealing import unseal
+from fingerlab.twin.session import unseal
 
 from .loops import SINE, follow
 

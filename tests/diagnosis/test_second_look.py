@@ -15,7 +15,7 @@ from fingerlab.diagnosis.search import grid_refinement as second_look
 from fingerlab.diagnosis.search.grid_refinement import fit_effects, can_refine
 from fingerlab.diagnosis.search.path import
 from fingerlab.effects import CATALOGUE
-from fingerlab.effects.closer import either, every, plus, rubbing, times
+from fingerlab.effects.grids import either, every, plus, rubbing, times
 
 from . import closed_form as made
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from fingerlab.diagnosis.fit.noise import MOST_NOISE, RIDGE, _factor, _limited
 from fingerlab.diagnosis.gram.decimation import SLACK_TENSION_N, counted, taut_moments
-from fingerlab.effects.motion import Motion
+from fingerlab.physics.motion import Motion
 from tests.effects.moving import MOTOR, moving
 
 ACCELERATION = 40.0  # rad/s^2: what a chirp of 3 Hz over 7 degrees asks of the motor at its turns

@@ -37,6 +37,7 @@ RUN_ELSEWHERE = {
     "mkdocs": ("tests/docs/test_documents.py", "build.build(config)"),
     "pip install": (".ci/run", "start.py"),  # the starter installs what these lines name
     "python docs/hidden_effect_story.py": ("tests/notebook/test_story.py", "hidden_effect_story.py"),
+    "python -m tests.goldens": ("tests/goldens/test_goldens.py", "[command, str(folder), *words, *more]"),
     "python packaging/bundle.py": (".ci/run", "packaging/bundle.py"),
     "python packaging/distribution.py": ("tests/packaging/test_packages.py", "distribution.build_both"),
     "python packaging/licences.py": ("tests/docs/test_documents.py", "licences.locked()"),

@@ -166,7 +166,7 @@ def test_the_catalogue_has_a_page_for_each_effect_with_all_that_its_object_holds
         page = pages[f"catalogue/{effect.id}.md"]
         for said in (effect.title, effect.explanation, effect.reveal, effect.coordinate):
             assert said in page, effect.id
-        for name, gain in {**effect.gains, **effect.relaxes}.items():
+        for name, gain in effect.unknowns.items():
             row = next(line for line in page.splitlines() if line.startswith(f"| `{name}` |"))
             cells = [cell.strip() for cell in row.strip("|").split("|")]
             assert cells[2] == gain.unit
@@ -194,17 +194,17 @@ def test_every_page_of_the_catalogue_has_all_its_parts(pages: dict[str, str]) ->
         assert "| source |" in page or name == "cable_slack", name  # which has no unknown
 
 
-def test_every_effect_has_an_equation_and_look_alikes_that_exist(generate: ModuleType) -> None:
-    notes = generate.equation_notes()
-    assert set(notes) == set(CATALOGUE)
+def test_every_effect_has_an_equation_and_look_alikes_that_exist() -> None:
     theory = (DOCS / "theory.md").read_text(encoding="utf-8")
-    for name, note in notes.items():
-        assert note["equation"], name
-        assert note["symbols"], name
-        for year in re.findall(r"\b1[5-9]\d\d\b|\b20[012]\d\b", f"{note['symbols']} {note['source']}"):
+    for name, effect in CATALOGUE.items():
+        note = effect.formula
+        assert note is not None, name
+        assert note.equation, name
+        assert note.symbols, name
+        for year in re.findall(r"\b1[5-9]\d\d\b|\b20[012]\d\b", f"{note.symbols} {note.source}"):
             assert year in theory, (name, year)  # named in full among its sources
-        assert name not in note["alike"]
-        assert set(note["alike"]) <= set(CATALOGUE), name
+        assert name not in note.alike
+        assert set(note.alike) <= set(CATALOGUE), name
 
 
 def test_fingerprints_show_the_course_of_the_effect(pages: dict[str, str]) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from fingerlab.effects.base import Row, Term
-from fingerlab.effects.motion import Motion
+from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Finger, Motor
 

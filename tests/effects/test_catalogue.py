@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from itertools import pairwise
 from pathlib import Path
@@ -11,12 +12,12 @@ import pytest
 
 from fingerlab.core.errors import UserError
 from fingerlab.effects import CATALOGUE, effect
-from fingerlab.effects.base import Row
-from fingerlab.effects.coordinates import COORDINATE_UNITS
-from fingerlab.twin.effect_table import EFFECTS as PLANT_EFFECTS
+from fingerlab.effects.base import COORDINATE_UNITS, Row
+from fingerlab.twin.effects import EFFECTS as PLANT_EFFECTS
 
 from .moving import bench, moving
 
+ROOT = Path(__file__).parents[2]
 FAMILIES = {"joint_torque", "cable_kinematics", "motor_torque", "endpoint_force"}
 SI_UNITS = {
     "1", "tan", "rad", "rad/s", "1/rad", "s", "m", "m/N", "m s/N", "kg", "kg m^2", "N m", "N m/rad",
@@ -27,7 +28,7 @@ OF_BENCH = sorted(name for name, e in CATALOGUE.items() if e.bench is True)
 
 
 def test_ids_are_those_of_the_contract() -> None:
-    contract = Path(__file__).parents[3] / "shared" / "contracts" / "effects.md"
+    contract = ROOT.parent / "shared" / "contracts" / "effects.md"
     if not contract.is_file():
         pytest.skip(f"the contract is not at {contract}")
     ids = re.findall(r"^\| ([a-z_]+) \|", contract.read_text(encoding="utf-8"), re.MULTILINE)
@@ -36,6 +37,22 @@ def test_ids_are_those_of_the_contract() -> None:
 
 def test_ids_are_those_of_the_simulated_bench() -> None:
     assert set(CATALOGUE) == set(PLANT_EFFECTS)
+
+
+@pytest.mark.parametrize(("room", "other"), [("effects", "twin"), ("twin", "effects")])
+def test_what_is_put_in_and_what_is_looked_for_do_not_know_each_other(room: str, other: str) -> None:
+    """A blind trial is one only while the simulated bench shares no law of an effect with the diagnosis."""
+    files = sorted((ROOT / "fingerlab" / room).rglob("*.py"))
+    assert len(files) > len(CATALOGUE)
+    for path in files:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names: list[str] = []
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0, path
+                names = [f"{node.module}.{alias.name}" for alias in node.names]
+            assert not [name for name in names if f"{name}.".startswith(f"fingerlab.{other}.")], path
 
 
 def test_an_unknown_effect_is_told_with_the_known_ones() -> None:

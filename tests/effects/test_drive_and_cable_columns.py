@@ -9,7 +9,7 @@ import pytest
 
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row, Term
-from fingerlab.effects.sensing import STEADY_S
+from fingerlab.effects.sensor_drift import STEADY_S
 from fingerlab.physics import nominal
 from fingerlab.physics.nominal import JointMotion
 

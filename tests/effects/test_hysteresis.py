@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.effects.hysteresis import (
+from fingerlab.physics.friction_states import (
     dahl_state,
     dahl_states,
     first_order_lag,

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
-from fingerlab.effects.sensing import lateral_levers
+from fingerlab.effects.joints import lateral_levers
 from fingerlab.physics import nominal
 
 from .moving import FINGER, RATE, column, moving, wave

@@ -208,7 +208,7 @@ def test_a_fault_on_data_that_no_probe_had_is_told_with_its_line(folder: Path) -
 def test_data_classes_and_helpers_of_the_catalogue_work_in_a_file(folder: Path) -> None:
     text = (
         "from __future__ import annotations\nfrom dataclasses import dataclass\n"
-        "from fingerlab.effects.friction import joint_terms\n"
+        "from fingerlab.effects.joints import joint_terms\n"
         "@dataclass(frozen=True)\nclass Law:\n    power: float\n"
         + GOOD.replace("np.tanh(motion.velocity)", "Law(2.0).power * motion.velocity")
     )

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.equations.parameters import SLIP_STIFFNESSES
-from fingerlab.effects.hysteresis import rubbing_force
-from fingerlab.effects.motion import Motion
+from fingerlab.physics.friction_states import rubbing_force
+from fingerlab.physics.motion import Motion
 from fingerlab.rig.constants import Motor
 
 STIFFNESS = 6.0

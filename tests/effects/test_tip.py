@@ -7,9 +7,9 @@ import pytest
 
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
-from fingerlab.effects.sensing import STEADY_S
-from fingerlab.effects.tip import pressed, tip_depth, tip_reach, while_pressed
+from fingerlab.effects.sensor_drift import STEADY_S
 from fingerlab.physics.nominal import JointMotion
+from fingerlab.physics.tip import pressed, tip_depth, tip_reach, while_pressed
 
 from .moving import FINGER, column, moving
 

@@ -157,7 +157,7 @@ def test_wrong_words_get_one_sentence(make_session: MakeSession, tmp_path: Path)
 
 
 def test_the_catalogue_prints_every_effect() -> None:
-    catalogue = fingerlab.effects()
+    catalogue = fingerlab.catalogue()
     assert len(catalogue) > 25
     text = repr(catalogue)
     assert all(name in text for name in catalogue)

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from fingerlab.core.text import in_words, r2_text, with_minus
 from fingerlab.report.analysis_section import analyse
-from fingerlab.report.estimates import in_words
-from fingerlab.report.screen import r2_text, with_minus
 from fingerlab.sessions import open_session
 
 

@@ -17,7 +17,7 @@ from fingerlab.effects import CATALOGUE
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.physics import nominal
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, Variant
-from fingerlab.report.equation import effect_equations, final_equation, fitted_finger, number, signed
+from fingerlab.report.equation import final_equation, fitted_finger, number, signed
 from fingerlab.report.equation_text import (
     check_ending,
     equation_figures,
@@ -163,15 +163,17 @@ def test_latex_is_balanced_and_every_line_can_be_drawn() -> None:
 
 @pytest.mark.parametrize("name", sorted(CATALOGUE))
 def test_every_effect_can_be_printed_with_a_symbol_for_each_unknown(name: str) -> None:
-    effect, entry = CATALOGUE[name], effect_equations()[name]
-    assert set(entry["values"]) == {*effect.gains, *effect.relaxes, *effect.shape_units}
+    effect = CATALOGUE[name]
+    assert effect.formula is not None
+    symbols = {parameter.name: parameter.symbol for parameter in effect.parameters}
+    assert set(effect.formula.values) == set(symbols) == {*effect.unknowns, *effect.shape_units}
     shape = dict(effect.shapes[0]) if len(effect.shapes) else {}
     equation = final_equation(model(ChosenEffect(effect, shape)), default_rig())
     part = next(p for p in equation.parts if p.title == effect.title)
     parser = MathTextParser("path")
-    for line in (*part.lines, *entry["values"].values()):
+    for line in (*part.lines, *symbols.values()):
         parser.parse(f"${line}$")
-    body = str(entry["equation"]) + str(entry["symbols"])
+    body = effect.formula.equation + effect.formula.symbols
     assert len(part.lines) >= 1
     assert body.strip()
 

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from fingerlab.report.screen import printed
+from fingerlab.core.text import printed
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import RunPlan

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.twin.effect_table import EFFECTS
-from fingerlab.twin.effects import parse_effects
+from fingerlab.twin.effects import EFFECTS, parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import RunPlan
 from fingerlab.twin.recording import Recorded, simulate_session

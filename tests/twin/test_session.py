@@ -14,11 +14,10 @@ from click.testing import CliRunner
 from fingerlab.cli.simulate import reveal, simulate
 from fingerlab.core.errors import UserError
 from fingerlab.sessions import open_session
-from fingerlab.twin.effect_table import EFFECTS
+from fingerlab.twin.effects import EFFECTS
 from fingerlab.twin.preset import load_preset, parse_preset
 from fingerlab.twin.protocols import PROTOCOLS, RunPlan, single_run
-from fingerlab.twin.sealing import pick_hidden, seal, unseal
-from fingerlab.twin.session import reveal_session, write_session
+from fingerlab.twin.session import pick_hidden, reveal_session, seal, unseal, write_session
 
 SHORT = [
     RunPlan(

@@ -126,7 +126,7 @@ def test_simulated_rig_with_a_hidden_effect_and_a_fault(unconnected) -> None:  #
 
 
 def test_every_effect_and_every_fault_is_offered(unconnected) -> None:  # type: ignore[no-untyped-def]
-    from fingerlab.twin.effect_table import EFFECTS
+    from fingerlab.twin.effects import EFFECTS
 
     page = unconnected(on_virtual_clock).tab.connect_page
     assert {page.effect.itemData(row) for row in range(page.effect.count())} == {"", "hidden", *EFFECTS}

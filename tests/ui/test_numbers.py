@@ -6,8 +6,8 @@ import math
 
 import pytest
 
+from fingerlab.core.text import estimate_text, fixed, percent, score_text, screen_unit
 from fingerlab.models.file import ParameterEstimate
-from fingerlab.report.screen import estimate_text, fixed, percent, score_text, screen_unit
 
 
 @pytest.mark.parametrize(

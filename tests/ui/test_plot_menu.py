@@ -16,7 +16,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QFileDialog, QMenu, QSplitter, QWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.report.screen import ScreenUnit
+from fingerlab.core.text import ScreenUnit
 from fingerlab.ui.acquire.canvas import Canvas
 from fingerlab.ui.acquire.channels import Trace
 from fingerlab.ui.acquire.curves import Part

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fingerlab.report.screen import DEGREES, ScreenUnit, fixed
+from fingerlab.core.text import DEGREES, ScreenUnit, fixed
 
 DEGREE = ScreenUnit("°", DEGREES)
 DEGREE_A_SECOND = ScreenUnit("°/s", DEGREES)

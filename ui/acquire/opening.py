@@ -175,7 +175,7 @@ def find_devices(rig_file: Path | None) -> tuple[Found, ...]:
 def effect_choices() -> tuple[tuple[str, str], ...]:
     """Id and title of every effect that the simulated rig can have."""
     from fingerlab.report.diagnosis_words import effect_title
-    from fingerlab.twin.effect_table import EFFECTS
+    from fingerlab.twin.effects import EFFECTS
 
     return tuple(sorted(((name, effect_title(name)) for name in EFFECTS), key=lambda pair: pair[1]))
 

@@ -11,7 +11,7 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QScrollBar, QVBoxLayout, QWidget
 
 from fingerlab.acquisition.trigger import crossings
-from fingerlab.report.screen import with_minus
+from fingerlab.core.text import with_minus
 
 from .channels import PLOTS, QUANTITIES
 from .history import History

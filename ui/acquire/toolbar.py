@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
     QWidgetAction,
 )
 
-from fingerlab.report.screen import ScreenUnit
+from fingerlab.core.text import ScreenUnit
 
 from ..widgets.labels import ElidedLabel
 from .channels import QUANTITIES, SHOWN

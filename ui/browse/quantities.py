@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fingerlab.report.screen import DEGREES, ScreenUnit, fixed
+from fingerlab.core.text import DEGREES, ScreenUnit, fixed
 
 DEGREE = ScreenUnit("°", DEGREES)
 MILLI_NEWTON_METRE = ScreenUnit("mN m", 1e3)

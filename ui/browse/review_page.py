@@ -16,9 +16,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from fingerlab.core.text import with_minus
 from fingerlab.library.index import started_at
 from fingerlab.library.reviewing import Cycles, markers_of, period_of
-from fingerlab.report.screen import with_minus
 from fingerlab.sessions.model import Run, Session
 
 from ..widgets.labels import ElidedLabel, remark

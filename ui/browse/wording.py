@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from datetime import datetime
 
+from fingerlab.core.text import percent, score_text
 from fingerlab.library.index import UNWRITTEN, SessionFacts
 from fingerlab.library.notes import Verdict
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
-from fingerlab.report.screen import percent, score_text
 from fingerlab.sessions.model import Run
 from fingerlab.sessions.trajectory import trajectory_words
 

@@ -6,17 +6,18 @@ import math
 import re
 from collections.abc import Sequence
 
-from fingerlab.calibration import Calibration, Estimate
+from fingerlab.calibration import Calibration
 from fingerlab.calibration.outcome import Outcome, amount_text, compare
 from fingerlab.calibration.sensors import Sensor
 from fingerlab.calibration.store import Record
-from fingerlab.report.screen import decimals_for, fixed, printed, r2_text
+from fingerlab.core.text import decimals_for, fixed, printed, r2_text
+from fingerlab.core.units import ParameterEstimate
 
 _AMOUNT = re.compile(r"(?<=\d) (?=(?:g|kg|s|V|mV|N|mN)\b)")
 SENSOR_NAMES = {"load-cell": "Load cell", "mcp": "MCP angle sensor", "pip": "PIP angle sensor"}
 
 
-def estimate_words(sensor: Sensor, estimate: Estimate) -> str:
+def estimate_words(sensor: Sensor, estimate: ParameterEstimate) -> str:
     """Value and half width of its 90 % interval, as ``11.194 ± 0.003 N/V``."""
     factor = 180.0 / math.pi if sensor.unit == "rad" else 1.0
     unit = estimate.unit.replace("rad", "°")

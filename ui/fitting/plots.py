@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pyqtgraph as pg
 
-from fingerlab.report.screen import DEGREES, ScreenUnit, r2_text
+from fingerlab.core.text import DEGREES, ScreenUnit, r2_text
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.inspection import Plane, RunView
 from fingerlab.thesis.traces import JOINT_TITLES, Joint

@@ -5,8 +5,7 @@ from __future__ import annotations
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidgetItem, QWidget
 
-from fingerlab.report.estimates import in_words
-from fingerlab.report.screen import r2_text, with_minus
+from fingerlab.core.text import in_words, r2_text, with_minus
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.fitting import delay_estimate
 from fingerlab.thesis.inspection import Inspection

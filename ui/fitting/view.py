@@ -5,7 +5,7 @@ from __future__ import annotations
 from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from fingerlab.report.screen import ScreenUnit
+from fingerlab.core.text import ScreenUnit
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.inspection import Inspection
 from fingerlab.thesis.traces import JOINT_TITLES, JOINTS

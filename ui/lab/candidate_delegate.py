@@ -6,7 +6,7 @@ from PySide6.QtCore import QModelIndex, QPersistentModelIndex, QRect, QSize, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetrics, QPainter
 from PySide6.QtWidgets import QStyle, QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
-from fingerlab.report.screen import percent
+from fingerlab.core.text import percent
 
 from ..theme import Colours, colours_of
 from ..widgets.plot_style import tint

@@ -7,9 +7,9 @@ from typing import Any
 
 from PySide6.QtCore import QAbstractListModel, QModelIndex, QObject, QPersistentModelIndex, Qt
 
+from fingerlab.core.text import percent
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.report.diagnosis_words import suspects
-from fingerlab.report.screen import percent
 
 from .wording import NOTHING, OUTCOME_TITLES, UNKNOWN
 

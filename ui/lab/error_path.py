@@ -10,8 +10,8 @@ from PySide6.QtCore import QEvent, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QToolTip, QWidget
 
+from fingerlab.core.text import score_text
 from fingerlab.report.diagnosis_words import effect_title
-from fingerlab.report.screen import score_text
 
 from ..theme import Colours, colours_of, small_font
 from ..widgets.plot_series import Series

@@ -5,8 +5,8 @@ from __future__ import annotations
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 
+from fingerlab.core.text import r2_text
 from fingerlab.report.diagnosis_words import FAMILY_TITLES
-from fingerlab.report.screen import r2_text
 
 from ..theme import small_font
 from .equations import FLOOR_HELP

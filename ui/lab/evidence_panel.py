@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
+from fingerlab.core.text import estimate_text, printed
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Candidate, Diagnosis, Fingerprint
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed, parameter_titles, suspects
-from fingerlab.report.screen import estimate_text, printed
 
 from ..theme import small_font
 from ..widgets.labels import ElidedLabel, WholeLabel

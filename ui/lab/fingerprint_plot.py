@@ -10,8 +10,8 @@ from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QPen
 from PySide6.QtWidgets import QWidget
 
+from fingerlab.core.text import ScreenUnit, screen_unit
 from fingerlab.diagnosis.answer.results import Fingerprint
-from fingerlab.report.screen import ScreenUnit, screen_unit
 from fingerlab.sessions.model import Array
 
 from ..theme import colours_of, small_font

@@ -8,9 +8,9 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QFontMetrics
 from PySide6.QtWidgets import QHeaderView, QTableWidgetItem, QWidget
 
+from fingerlab.core.text import score_text
 from fingerlab.diagnosis.answer.results import HeldOutRuns
 from fingerlab.report.diagnosis_words import PHASE_WORDS, listed
-from fingerlab.report.screen import score_text
 
 from ..theme import small_font
 from ..widgets.number_table import NumberTable

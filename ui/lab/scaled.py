@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fingerlab.core.text import ScreenUnit, decimals_for, fixed, screen_unit
 from fingerlab.diagnosis.answer.results import Comparison
-from fingerlab.report.screen import ScreenUnit, decimals_for, fixed, screen_unit
 from fingerlab.sessions.model import Array
 
 from .equations import equation_text

@@ -5,8 +5,8 @@ from __future__ import annotations
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QPushButton, QVBoxLayout, QWidget
 
+from fingerlab.core.text import score_text
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
-from fingerlab.report.screen import score_text
 
 from ..theme import large_font, small_font
 from ..widgets.button_rows import ButtonRows

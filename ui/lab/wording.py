@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from fingerlab.core.text import decimals_for, fixed, percent, score_text, screen_unit
 from fingerlab.diagnosis.answer.results import Candidate, Comparison, Diagnosis, EquationError, Failure
 from fingerlab.report.diagnosis_words import (
     NOTHING_WORDS,
@@ -18,7 +19,6 @@ from fingerlab.report.diagnosis_words import (
     would_show,
 )
 from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
-from fingerlab.report.screen import decimals_for, fixed, percent, score_text, screen_unit
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.trajectory import trajectory_words
 

@@ -11,8 +11,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QIcon, QPainter, QPen, QPixmap
 from PySide6.QtWidgets import QWidget
 
+from fingerlab.core.text import ScreenUnit, fixed, r2_text
 from fingerlab.prediction.beside import RunForce
-from fingerlab.report.screen import ScreenUnit, fixed, r2_text
 
 from ..theme import Colours, colours_of
 from ..widgets.plot_style import tint

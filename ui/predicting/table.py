@@ -5,8 +5,8 @@ from __future__ import annotations
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QHeaderView, QTableWidgetItem, QWidget
 
+from fingerlab.core.text import fixed, r2_text
 from fingerlab.prediction.beside import RunForce
-from fingerlab.report.screen import fixed, r2_text
 from fingerlab.thesis.prediction import FORCE_PHASES
 
 from ..theme import colours_of

@@ -11,8 +11,8 @@ from PySide6.QtCore import QObject, QTimer
 from PySide6.QtWidgets import QFileDialog
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import decimals_for, fixed
 from fingerlab.models.file import Model
-from fingerlab.report.screen import decimals_for, fixed
 
 from ..desk import Desk
 from ..tasks import IsCancelled, Progress
@@ -55,7 +55,7 @@ class WantedView(QObject):
     def take(self, session: Session | None, models: Mapping[str, Model]) -> None:
         """Another session, or other models."""
         from fingerlab.prediction.force import contact_runs
-        from fingerlab.prediction.predictors import predictors
+        from fingerlab.prediction.inverse import predictors
 
         self._session = session
         self._predictors = {}
@@ -90,8 +90,7 @@ class WantedView(QObject):
 
         def work(progress: Progress, cancelled: IsCancelled) -> TorquePlan | str:
             from fingerlab.prediction.inverse import needed_torque
-            from fingerlab.prediction.pose import pose_of_run
-            from fingerlab.prediction.wanted import wanted_force
+            from fingerlab.prediction.target import pose_of_run, wanted_force
 
             try:
                 return needed_torque(wanted_force(settings), predictor, pose_of_run(run), session.rig, file)

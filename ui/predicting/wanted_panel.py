@@ -109,7 +109,7 @@ class WantedPanel(QWidget):
     # what is chosen
 
     def settings(self) -> dict[str, Any]:
-        """The wanted force, as :func:`fingerlab.prediction.wanted.wanted_force` takes it."""
+        """The wanted force, as :func:`fingerlab.prediction.target.wanted_force` takes it."""
         kind = str(self.kind.currentData())
         if kind == "file":
             return {"kind": kind, "file": str(self._path) if self._path is not None else ""}

@@ -6,8 +6,8 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtWidgets import QWidget
 
+from fingerlab.core.text import ScreenUnit
 from fingerlab.prediction.inverse import TorquePlan
-from fingerlab.report.screen import ScreenUnit
 
 from ..theme import colours_of
 from ..widgets.plot_style import tint

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pyqtgraph as pg
 
-from fingerlab.report.screen import with_minus
+from fingerlab.core.text import with_minus
 
 
 class NumberAxis(pg.AxisItem):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPen
 
-from fingerlab.report.screen import ScreenUnit
+from fingerlab.core.text import ScreenUnit
 
 from ..theme import Colours, small_font
 

@@ -10,7 +10,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QWidget
 
-from fingerlab.report.screen import ScreenUnit
+from fingerlab.core.text import ScreenUnit
 
 from ..theme import colours_of, small_font
 from .plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot

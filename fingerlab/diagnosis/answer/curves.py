@@ -19,11 +19,10 @@ from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, NARROW_RATE_HZ, narrow
-from fingerlab.effects.base import Effect, Row
-from fingerlab.effects.cable import winding_state
-from fingerlab.effects.coordinates import COORDINATE_UNITS
-from fingerlab.effects.motion import Motion
+from fingerlab.effects.base import COORDINATE_UNITS, Effect, Row
+from fingerlab.effects.transmission import winding_state
 from fingerlab.physics import nominal
+from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
 
 SHOWN_STRETCHES = 48

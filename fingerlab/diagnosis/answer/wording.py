@@ -144,7 +144,7 @@ def _grid_value(estimate: ParameterEstimate) -> str:
 
 
 def _title(effect: Effect, name: str) -> str:
-    gain = effect.gains.get(name) or effect.relaxes.get(name)
+    gain = effect.unknowns.get(name)
     title = gain.title if gain is not None and gain.title else name.removesuffix("_deg").replace("_", " ")
     joint = {"mcp": "MCP ", "pip": "PIP "}.get(name.rsplit("_", 1)[-1], "")
     return f"{joint}{title}"

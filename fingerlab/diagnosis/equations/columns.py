@@ -27,7 +27,7 @@ from fingerlab.diagnosis.equations.features import (
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges, spread_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Term
-from fingerlab.effects.motion import Motion
+from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Session
 
 Column = tuple[Array, int | None, bool, Callable[[], Feature]]

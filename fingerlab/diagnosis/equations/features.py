@@ -20,11 +20,11 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.parameters import SLIP_STIFFNESSES, TIP_LAWS, TORQUE_ZERO, USUAL_SPREAD
 from fingerlab.effects.base import Effect, Gain, Row, Scale
-from fingerlab.effects.contact import SIDEWAYS_STIFFNESSES
-from fingerlab.effects.motion import Motion
-from fingerlab.effects.sensing import lateral_levers
-from fingerlab.effects.tip import dragged_tip, pressed, tip_depth, tip_reach, while_pressed
+from fingerlab.effects.contact_compliance import SIDEWAYS_STIFFNESSES
+from fingerlab.effects.joints import lateral_levers
 from fingerlab.physics import nominal
+from fingerlab.physics.motion import Motion
+from fingerlab.physics.tip import dragged_tip, pressed, tip_depth, tip_reach, while_pressed
 from fingerlab.rig.constants import Finger, Rig
 from fingerlab.sessions.model import Array
 

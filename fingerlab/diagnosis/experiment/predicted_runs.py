@@ -18,8 +18,8 @@ from fingerlab.diagnosis.equations.model import CABLE_NAMES
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ, narrow
 from fingerlab.diagnosis.signals.segments import SETTLING_S, stretches
-from fingerlab.effects.motion import Motion
 from fingerlab.physics import nominal
+from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Finger, Rig
 from fingerlab.sessions.model import Array, Session

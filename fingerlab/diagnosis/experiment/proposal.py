@@ -42,7 +42,7 @@ from fingerlab.diagnosis.signals.conditions import kind_of
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.signals.segments import SETTLING_S
 from fingerlab.effects.base import Effect, Row
-from fingerlab.effects.motion import Motion
+from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Session
 
 LEAST_SEPARATION = 0.2

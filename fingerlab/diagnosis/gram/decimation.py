@@ -25,7 +25,7 @@ from fingerlab.diagnosis.signals.filters import (
     narrow_count,
 )
 from fingerlab.effects.base import Effect
-from fingerlab.effects.motion import Motion
+from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run
 from fingerlab.sessions.trajectory import found_frequency, told_frequency
 

@@ -21,7 +21,7 @@ from fingerlab.diagnosis.gram.decimation import Narrow, _fill, narrow_columns, r
 from fingerlab.diagnosis.gram.sums import Part, RunSums, Sums
 from fingerlab.diagnosis.signals.segments import senses, stretches
 from fingerlab.effects.base import Effect
-from fingerlab.effects.motion import Motion
+from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
 
 MOST_BYTES = 48_000_000

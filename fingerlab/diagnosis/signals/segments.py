@@ -14,7 +14,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.signals.filters import wide_kernels, widen
-from fingerlab.effects.motion import Motion
+from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Run, whole_pieces

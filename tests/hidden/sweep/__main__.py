@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import track
 from threadpoolctl import threadpool_limits
 
-from fingerlab.twin.effect_table import EFFECTS
+from fingerlab.twin.effects import EFFECTS
 from tests.hidden.sweep.table import markdown, summary
 from tests.hidden.sweep.trials import Trial, nothing, outside, pairs, singles
 

@@ -1,0 +1,114 @@
+"""Plain data of JSON and TOML files as dataclasses: every value of the type of its field, or one sentence.
+
+msgspec decides what is of which type; what it does not do is done here: sections that leave something out
+have the default of their field, whole numbers may be written with a point, numbers are finite, unknown names
+can be refused, and what does not fit is told with its name, its value and what would be right.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from typing import Any, TypeVar, get_args, get_type_hints
+
+import msgspec
+
+T = TypeVar("T")
+
+WANTED = {
+    "float": "a finite number",
+    "int": "a whole number",
+    "str": "text in quotes",
+    "bool": "true or false",
+    "object": "a section",
+    "array": "a list",
+}
+"""What the types of a file's values are called."""
+
+_AT = re.compile(r"(?P<what>.*?)(?: - at `\$\.?(?P<place>.*)`)?")
+_EXPECTED = re.compile(r"Expected `(\w+)")
+_MISSING = re.compile(r"Object missing required field `(\w+)`")
+
+
+class Mismatch(ValueError):
+    """Data that is not what it should be; the text is the rest of a sentence, without a full stop.
+
+    Attributes:
+        place: names that lead to the value. wanted: what it should be; empty where it is no value.
+    """
+
+    def __init__(self, place: tuple[str, ...], says: str, wanted: str = "") -> None:
+        super().__init__(" ".join((*place, says)))
+        self.place, self.wanted = place, wanted
+
+
+def structured(kind: type[T], data: object, refuse_unknown: bool = False) -> T:
+    """Plain data as the dataclass ``kind``.
+
+    Args:
+        data: what ``json.loads`` or ``tomllib.loads`` gave.
+        refuse_unknown: whether a name that ``kind`` does not have is an error; else it is left out.
+
+    Raises:
+        Mismatch: a value is missing, unknown, of the wrong type, or no finite number.
+    """
+    plain = _prepared(kind, data, (), refuse_unknown)
+    try:
+        found = msgspec.convert(plain, kind)
+    except msgspec.ValidationError as error:
+        raise _told(str(error), plain, kind) from None
+    _check_finite(found, ())
+    return found
+
+
+def _prepared(kind: type[Any], data: object, place: tuple[str, ...], refuse_unknown: bool) -> dict[str, Any]:
+    known = {spec.name: spec for spec in fields(kind)}
+    if not isinstance(data, Mapping):
+        raise Mismatch(place, f"is not a section; it should hold {', '.join(known)}", WANTED["object"])
+    result, hints = {}, get_type_hints(kind)
+    for name, value in data.items():
+        if name not in known:
+            if refuse_unknown:
+                raise Mismatch(place, f"holds the unknown '{name}'; it knows {', '.join(known)}")
+            continue
+        hint, default = hints[name], known[name].default
+        if isinstance(hint, type) and is_dataclass(hint):
+            usual = {} if default is MISSING else vars(default)
+            value = {**usual, **_prepared(hint, value, (*place, name), refuse_unknown)}
+        elif hint is int and isinstance(value, float) and value.is_integer():
+            value = int(value)
+        result[name] = value
+    return result
+
+
+def _told(error: str, data: object, kind: Any) -> Mismatch:
+    """The same as msgspec says, with the value that it does not name."""
+    at = _AT.fullmatch(error)
+    assert at is not None
+    place = tuple(re.findall(r"[^.\[\]]+", at["place"] or ""))
+    missing = _MISSING.match(at["what"])
+    if missing is not None:
+        return Mismatch(place, f"lacks '{missing[1]}'")
+    for name in place:
+        if isinstance(data, Mapping):
+            data = data.get(name)
+            kind = get_type_hints(kind).get(name) if is_dataclass(kind) else None
+        elif isinstance(data, (list, tuple)) and name.isdecimal():
+            data, kind = data[int(name)], None
+    expected = _EXPECTED.match(at["what"])
+    if expected is not None:
+        wanted = WANTED.get(expected[1], expected[1])
+    else:  # one of several words or numbers
+        wanted = f"one of {', '.join(map(str, get_args(kind)))}"
+    return Mismatch(place, f"is {data!r}; it should be {wanted}", wanted)
+
+
+def _check_finite(found: object, place: tuple[str, ...]) -> None:
+    for spec in fields(found):  # type: ignore[arg-type]
+        value, here = getattr(found, spec.name), (*place, spec.name)
+        if isinstance(value, float) and not math.isfinite(value):
+            raise Mismatch(here, f"is {value!r}; it should be {WANTED['float']}", WANTED["float"])
+        if is_dataclass(value):
+            _check_finite(value, here)

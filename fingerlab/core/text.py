@@ -1,0 +1,200 @@
+"""Numbers as a person reads them: with their uncertainty, in the unit of the screen, no digit too many."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from fingerlab.core.units import ParameterEstimate
+
+SCREEN_UNITS = {"m": ("mm", 1e3), "N m": ("mN m", 1e3), "s": ("ms", 1e3)}
+"""Units shown in place of SI ones, with the factor."""
+
+
+def in_words(estimate: ParameterEstimate, with_unit: bool = True) -> str:
+    """``value ± half interval unit`` in the unit of the screen, such as ``10.8 ± 0.4 mm``."""
+    unit, factor = SCREEN_UNITS.get(estimate.unit, (estimate.unit, 1.0))
+    text = plus_minus(factor * estimate.value, factor * (estimate.high - estimate.low) / 2.0)
+    return f"{text} {unit}" if with_unit and unit not in ("1", "") else text
+
+
+def plus_minus(value: float, half: float) -> str:
+    """``value ± half`` rounded to the first digit of ``half`` (two where it begins with 1).
+
+    Without a finite ``half`` the value alone, to four digits; a dash where there is no value.
+    """
+    if not math.isfinite(value):
+        return "–"
+    if not math.isfinite(half) or half <= 0:
+        return f"{value:.4g}"
+    exponent = math.floor(math.log10(half))
+    digits = -exponent + (1 if half / 10.0**exponent < 1.95 else 0)
+    if (digits > 6 and abs(value) < 1e-3) or exponent > 5:
+        power = max(math.floor(math.log10(max(abs(value), half))), exponent)
+        mantissa = plus_minus(value / 10.0**power, half / 10.0**power)
+        return f"({mantissa})·10^{power}"
+    value = value if round(value, digits) else 0.0  # no "-0"
+    return f"{round(value, digits):.{max(digits, 0)}f} ± {round(half, digits):.{max(digits, 0)}f}"
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number with fixed decimals, a dash where there is none."""
+    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
+
+
+def mean_and_deviation(mean: float, deviation: float, digits: int = 3) -> str:
+    """``mean ± deviation`` of single results with fixed decimals: a spread is no uncertainty of the mean."""
+    if not math.isfinite(mean):
+        return "–"
+    return (
+        f"{number(mean, digits)} ± {number(deviation, digits)}"
+        if math.isfinite(deviation)
+        else number(mean, digits)
+    )
+
+
+DEGREES = 180.0 / math.pi
+"""Degrees in a radian."""
+MINUS = "−"
+LOPSIDED = 1.5
+"""An interval whose sides differ by more than this factor is written out in place of a ±."""
+
+
+@dataclass(frozen=True)
+class ScreenUnit:
+    """A unit on the page: its symbol, and what SI values are multiplied by."""
+
+    symbol: str
+    factor: float
+
+    def label(self, quantity: str) -> str:
+        """An axis label: quantity and unit."""
+        return f"{quantity} ({self.symbol})" if self.symbol else quantity
+
+    def after(self, number: str) -> str:
+        """A number with the unit behind it; degrees stand close."""
+        return number if not self.symbol else f"{number}{'' if self.symbol[0] == '°' else ' '}{self.symbol}"
+
+
+def screen_unit(si: str, largest: float) -> ScreenUnit:
+    """The unit in which values up to ``largest`` (in the SI unit ``si``) read well; an unknown one stays."""
+    si = si.strip()
+    if si in ("", "1"):
+        return ScreenUnit("", 1.0)
+    if si == "m":
+        return ScreenUnit("µm", 1e6) if 0 < largest < 2e-4 else ScreenUnit("mm", 1e3)
+    if si.startswith(("m/N", "m s/N")):
+        return ScreenUnit("µ" + _pretty(si), 1e6)
+    if si == "rad" or si.startswith(("rad/", "rad ")):
+        return ScreenUnit("°" + _pretty(si[3:]), DEGREES)
+    if si == "deg" or si.startswith("deg/"):
+        return ScreenUnit("°" + si[3:], 1.0)
+    if si == "kg":
+        return ScreenUnit("g", 1e3)
+    if si == "kg m^2":
+        return ScreenUnit("g cm²", 1e7) if largest < 1e-3 else ScreenUnit("kg cm²", 1e4)
+    if si == "s":
+        return ScreenUnit("ms", 1e3) if largest < 1.0 else ScreenUnit("s", 1.0)
+    if si.startswith("N m") or (si.startswith("N") and 0 < largest < 0.1):
+        return ScreenUnit("m" + _pretty(si), 1e3) if largest < 2.0 else ScreenUnit(_pretty(si), 1.0)
+    return ScreenUnit(_pretty(si), 1.0)
+
+
+def _pretty(si: str) -> str:
+    return si.replace("^2", "²").replace("^3", "³").replace("*", " ")
+
+
+def largest_of(values: Iterable[float]) -> float:
+    """The largest finite magnitude; 0 where there is none."""
+    return max((abs(v) for v in values if math.isfinite(v)), default=0.0)
+
+
+def estimate_text(estimate: ParameterEstimate) -> str:
+    """``4.8 ± 0.2 mN m``; a lopsided interval as ``0.08° (0.08 to 0.25)``; without one the value alone."""
+    unit = screen_unit(estimate.unit, largest_of((estimate.value, estimate.low, estimate.high)))
+    value, low, high = (v * unit.factor for v in (estimate.value, estimate.low, estimate.high))
+    half = (high - low) / 2.0
+    if not math.isfinite(half) or half <= 0:
+        return unit.after(with_minus(f"{value:.4g}"))
+    below, above = value - low, high - value
+    if min(below, above) <= 0 or max(below, above) > LOPSIDED * min(below, above):
+        digits = decimals_for(max(min(below, above), half / 4.0))
+        return f"{unit.after(fixed(value, digits))} ({fixed(low, digits)} to {fixed(high, digits)})"
+    return unit.after(with_minus(plus_minus(value, half)))
+
+
+def decimals_for(uncertainty: float) -> int:
+    """Decimals that an uncertainty allows: its first digit, two where the first is 1; 0 to 6."""
+    if not math.isfinite(uncertainty) or uncertainty <= 0:
+        return 3
+    exponent = math.floor(math.log10(uncertainty))
+    return min(max(0, -exponent + (1 if uncertainty / 10.0**exponent < 1.95 else 0)), 6)
+
+
+def fixed(value: float, decimals: int) -> str:
+    """A number with that many decimals and a real minus sign; never "−0", a dash where there is none."""
+    if not math.isfinite(value):
+        return "–"
+    text = f"{value:.{decimals}f}"
+    return with_minus(text if text.strip("-0.") else text.lstrip("-"))
+
+
+def with_minus(text: str) -> str:
+    """Hyphens in front of digits as minus signs; exponents too."""
+    return text.replace("-", MINUS)
+
+
+def score_text(score: float) -> str:
+    """An error in multiples of the floor: ``1.03``, ``12.4``, ``340``."""
+    return fixed(score, 0 if score >= 100 else 1 if score >= 10 else 2)
+
+
+def percent(share: float) -> str:
+    """A probability in per cent, never a false 0 or 100."""
+    if share > 0.995:
+        return "> 99 %"
+    if share < 0.005:
+        return "< 1 %"
+    return f"{round(100 * share)} %"
+
+
+def r2_text(r2: float) -> str:
+    """R2 with enough nines to tell good from very good: 0.874, 0.9942, 0.99996; floored, never a false 1."""
+    if not math.isfinite(r2):
+        return "–"
+    if r2 <= 0.9:
+        return fixed(r2, 3) if r2 > -10 else "below −10"
+    digits = min(max(3, math.ceil(-math.log10(max(1.0 - r2, 1e-12))) + 1), 6)
+    return fixed(math.floor(r2 * 10**digits) / 10**digits, digits)
+
+
+_PRINTED = (
+    (r"(?<![\w.)])-(?=\d)", "−"),
+    (r"(?<=\d) deg\b", "°"),
+    (r"\bdeg/s", "°/s"),
+    (r"\bum\b", "µm"),
+    (r"\^2\b", "²"),
+    (r"\^3\b", "³"),
+)
+
+
+def printed(text: str) -> str:
+    """A sentence of the terminal, whose letters are those of every keyboard, as page and window write it."""
+    text = re.sub(r"(?<![\w.])\d(?:\.\d+)?e[+-]\d+", _plain, text)
+    for pattern, by in _PRINTED:
+        text = re.sub(pattern, by, text)
+    return text
+
+
+def _plain(number: re.Match[str]) -> str:
+    """``1.3e+03`` as 1300, ``2e-05`` as 2 × 10⁻⁵."""
+    digits, _, power = number[0].partition("e")
+    if 0 <= int(power) <= MOST_ZEROS:
+        return f"{float(number[0]):.0f}"
+    return f"{digits} × 10{str(int(power)).translate(_RAISED)}"
+
+
+MOST_ZEROS = 5
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

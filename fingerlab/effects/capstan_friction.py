@@ -1,0 +1,114 @@
+"""The sheath takes its share of the tension."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
+from fingerlab.effects.example import Example
+from fingerlab.effects.grids import HALF_OCTAVE, either, every, times
+from fingerlab.effects.transmission import USUAL_STICKING_DEG, WINDING_TRAVELS_DEG, pull_terms, winding_state
+from fingerlab.physics.friction_states import friction_state, rubbing_forces
+from fingerlab.physics.motion import Motion
+from fingerlab.physics.parameter import Parameter
+from fingerlab.sessions.model import Array
+
+HELD_TRAVELS_DEG = (0.1, 0.2)
+"""Travel over which a cable that is held in its sheath slides at a tension of REFERENCE_PULL_N, degrees at
+the pulley; assumed: what a stiff cable of 2e-5 m/N stretches under its friction on a pulley of 10 to 15 mm. A
+gearbox, whose friction also grows with the load, winds up by more."""
+
+REFERENCE_PULL_N = 5.0
+"""Tension at which the travel of a friction that grows with the load is told, N: what sticks has one spring,
+so that it slides over twice the travel at twice the load. Assumed; only a scale."""
+
+
+def columns(motion: Motion, shape: Shape) -> list[Term]:
+    """The sheath takes its share of the tension in the cable, before or behind what stretches.
+
+    The share follows the tension of the moment or, where ``held``, only as far as what sticks is let go: a
+    cable that sticks in its sheath keeps its friction while the tension rises on both ends of it.
+    """
+    travel, sharpness = shape["travel_deg"], shape.get("sharpness", 0.0)
+    held = bool(shape.get("held", 0.0))
+
+    def lost() -> Array:
+        cable = motion.tension - (motion.motor.inertia or 0.0) * motion.inertial_pull
+        if not held:
+            return cable * winding_state(motion, travel, sharpness)
+        limit = np.maximum(cable, 0.0)
+
+        def stops(position: Array, reaches: Array) -> Array:
+            return rubbing_forces(position, limit, REFERENCE_PULL_N / reaches)
+
+        return friction_state(motion.position, float(np.radians(travel)), sharpness, stops)
+
+    terms = pull_terms("loss", motion.remember(("sheath", travel, sharpness, held), lost))
+    return [t for t in terms if shape["stretch_behind"] or t.row != Row.CABLE]
+
+
+def _sheath(travel: float, stretch_behind: float, held: float = 0.0) -> Shape:
+    """What is held is one contact, what follows the tension are many."""
+    return {"travel_deg": travel, "stretch_behind": stretch_behind, "held": held, "sharpness": held}
+
+
+def _sheath_closer(shape: Shape) -> Sequence[Shape]:
+    """Around the one found, and where the other law would be looked for."""
+    travel = shape["travel_deg"]
+    held = _sheath(travel if shape["held"] else HELD_TRAVELS_DEG[0] * 2**0.5, 1.0, held=1.0)
+    following = _sheath(USUAL_STICKING_DEG if shape["held"] else travel, 1.0)
+    behind = either("stretch_behind", (1.0, 0.0))
+    return [
+        *every(times("travel_deg"), behind)(held),
+        *every(times("travel_deg", HALF_OCTAVE), behind)(following),
+    ]
+
+
+EFFECT = Effect(
+    id="capstan_friction",
+    title="Sheath (capstan) friction",
+    family="Cable",
+    acts_on=("joint_torque", "motor_torque"),
+    gains={
+        "loss": Parameter(
+            "1",
+            0.0,
+            0.5,
+            0.05,
+            title="share of the tension lost in the sheath",
+            varies_between_runs=True,
+            holds_at_rest=True,
+        )
+    },
+    columns=columns,
+    coordinate="tension times direction of travel",
+    equation=Row.PIP,
+    explanation="The motor needs more tension winding in, less paying out, in proportion to the tension.",
+    reveal="runs at several loads, contact included",
+    shapes=(
+        *(_sheath(travel, stretch_behind=1.0, held=1.0) for travel in HELD_TRAVELS_DEG),
+        *(_sheath(travel, stretch_behind=1.0) for travel in WINDING_TRAVELS_DEG[-2::-2]),
+        *(_sheath(travel, stretch_behind=0.0) for travel in WINDING_TRAVELS_DEG[::2]),
+    ),
+    shape_units={"travel_deg": "deg"},
+    closer=_sheath_closer,
+    formula=Formula(
+        equation=r"T_m = T + \mu\,T\,z(\theta_m;\delta)",
+        symbols=(
+            "T_m: tension from the motor; T: what the sheath leaves of it. μ: share that the sheath "
+            "takes. z: friction state of the winding, −1 to 1. The cable's stretch lies before or "
+            "behind the sheath, and what sticks may keep its friction while the tension changes "
+            '(theory, "Friction that sticks"); all are tried.'
+        ),
+        source=("Euler 1769 and Eytelwein 1808 for a small angle of wrap; sheaths: Kaneko, Do et al. 2013."),
+        values={"loss": r"\mu", "travel_deg": r"\delta"},
+        alike=("load_dependent_friction", "motor_coulomb_friction", "coulomb_friction"),
+    ),
+    example=Example(
+        _sheath(0.3, stretch_behind=1.0),
+        {"torque": 0.02, "position": [0.0, 0.1]},
+        {"MCP loss": [0.0, 2.0], "PIP loss": [0.0, 2.0], "CABLE loss": [0.0, 2.0]},
+    ),
+)

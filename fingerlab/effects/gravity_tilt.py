@@ -1,0 +1,143 @@
+"""A base that stands at another angle than the rig file says."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+
+from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
+from fingerlab.effects.example import Example
+from fingerlab.effects.grids import plus
+from fingerlab.physics.motion import Motion, nothing
+from fingerlab.physics.parameter import Parameter
+from fingerlab.physics.tip import tip_reach, while_pressed
+from fingerlab.sessions.model import Array
+
+LARGEST_TILT_RAD = 0.45
+
+TURNS_DEG = (-17.0, 0.0, 17.0)
+"""Tilts about which the torques are taken as straight, each half-way to the next; within 1 per cent."""
+
+PRESSED_TURNS_DEG = tuple(8.0 * k for k in range(-3, 4))
+"""The same where the load cell stays: what friction does to the tip is within 7 per cent."""
+
+Pair = tuple[Array, Array]
+
+
+def columns(motion: Motion, shape: Shape) -> list[Term]:
+    """Gravity torques of a base that stands at another angle, to first order about none or about a large one.
+
+    A load cell that stands on a base of its own (``cell_stays``) then presses from another direction, too:
+    the levers of the contact force turn with the finger (thesis equation 3.18).
+    """
+    about = math.radians(shape.get("turn_deg", 0.0))
+    force = motion.force if shape.get("cell_stays") else None
+    (mcp, pip), (turn_mcp, turn_pip) = _standing_torques(motion, force, about)
+    level = nothing(len(pip)) if force is None else while_pressed(motion, tip_reach(motion))
+    terms = [
+        Term(Row.MCP, "tilt", turn_mcp, "joint"),
+        Term(Row.PIP, "tilt", turn_pip, "joint"),
+        Term(Row.TIP, "tilt", level),
+    ]
+    if about:
+        (flat_mcp, flat_pip), _ = _standing_torques(motion, force, 0.0)
+        terms += [
+            Term(Row.MCP, "", mcp - flat_mcp - about * turn_mcp, "joint", constant=1.0),
+            Term(Row.PIP, "", pip - flat_pip - about * turn_pip, "joint", constant=1.0),
+        ]
+    return terms
+
+
+def _near(shape: Shape) -> tuple[float, float]:
+    """The tilts that a point of the grid stands for."""
+    turns = PRESSED_TURNS_DEG if shape["cell_stays"] else TURNS_DEG
+    reach = (turns[1] - turns[0]) / 2.0
+    low, high = (math.radians(shape["turn_deg"] + side * reach) for side in (-1.0, 1.0))
+    return max(low, -LARGEST_TILT_RAD), min(high, LARGEST_TILT_RAD)
+
+
+def _face_turn(shape: Shape) -> float:
+    return math.radians(shape["turn_deg"]) * shape["cell_stays"]
+
+
+def _standing_torques(motion: Motion, force: Array | None, tilt: float) -> tuple[Pair, Pair]:
+    """What gravity and the force (N) do to MCP and PIP on a tilted base, N m, and its slope with the tilt.
+
+    Thesis equations 3.16 to 3.18; the tilt comes on top of the wrist angle.
+    """
+    f, q = motion.finger_and_joints
+    proximal, distal = f.wrist_angle - q.mcp, q.mcp + q.pip - f.wrist_angle
+    sines = {
+        name: motion.remember(("tilt", name), partial(wave, angle))
+        for name, wave, angle in (
+            ("sin p", np.sin, proximal), ("cos p", np.cos, proximal),
+            ("sin d", np.sin, distal), ("cos d", np.cos, distal),
+        )
+    }  # fmt: skip
+    c, s = np.cos(tilt), np.sin(tilt)
+    pressed: Array | float = 0.0 if force is None else force
+    near = 2.0 * f.proximal_half_length * pressed
+    near = near - (f.proximal_mass + 2.0 * f.distal_mass) * f.gravity * f.proximal_half_length
+    far = 2.0 * f.distal_half_length * pressed - f.distal_mass * f.gravity * f.distal_half_length
+    pip = far * (c * sines["cos d"] + s * sines["sin d"])
+    turn_pip = far * (c * sines["sin d"] - s * sines["cos d"])
+    mcp = near * (c * sines["cos p"] - s * sines["sin p"]) + pip
+    turn_mcp = turn_pip - near * (c * sines["sin p"] + s * sines["cos p"])
+    return (mcp, pip), (turn_mcp, turn_pip)
+
+
+EFFECT = Effect(
+    id="gravity_tilt",
+    title="Tilted base",
+    family="Mass and gravity",
+    acts_on=("joint_torque",),
+    gains={
+        "tilt": Parameter(
+            "rad",
+            -LARGEST_TILT_RAD,
+            LARGEST_TILT_RAD,
+            0.1,
+            source="assumed: up to 25 degrees",
+            title="tilt of the base",
+            limits=_near,
+        )
+    },
+    columns=columns,
+    coordinate="joint angle",
+    equation=Row.MCP,
+    explanation="The missing torques are those of gravity from another direction.",
+    reveal="slow steps over the whole travel",
+    shapes=(
+        *({"cell_stays": 0.0, "turn_deg": t} for t in TURNS_DEG),
+        *({"cell_stays": 1.0, "turn_deg": t} for t in PRESSED_TURNS_DEG),
+    ),
+    shape_units={"turn_deg": "deg"},
+    closer=plus("turn_deg", (-4.0, 0.0, 4.0)),
+    turns=_face_turn,
+    formula=Formula(
+        equation=(
+            r"\begin{align*} \tau_2 &= \varepsilon\,(2\sigma F - m_2 g)\,l_2 "
+            r"\sin(\theta_1+\theta_2-\alpha) + \sigma f\left[\lambda_2(\alpha+\varepsilon) - "
+            r"\lambda_2(\alpha)\right] \\ \tau_1 &= \varepsilon\left[(2\sigma F - m_2 g)\,l_2 "
+            r"\sin(\theta_1+\theta_2-\alpha) - (2\sigma F - (m_1+2m_2)\,g)\,l_1 "
+            r"\sin(\alpha-\theta_1)\right] + \sigma f\left[\lambda_1(\alpha+\varepsilon) - "
+            r"\lambda_1(\alpha)\right] \end{align*}"
+        ),
+        symbols=(
+            "ε: tilt of the base. σ: 1 where the load cell stands on a base of its own, 0 where it "
+            "tilts with the finger; both are tried. f: the tip's friction along the load cell's "
+            "face. λ₁, λ₂: its levers about MCP and PIP, which turn with the finger. Written to "
+            "first order about no tilt; a larger one is taken about the point ε_0 of a grid."
+        ),
+        source="Ours: the potential energy (3.6) to (3.15) with another wrist angle.",
+        values={"tilt": r"\varepsilon", "turn_deg": r"\varepsilon_0"},
+        alike=("added_mass", "stiffness_error"),
+    ),
+    example=Example(
+        {"cell_stays": 0.0, "turn_deg": 0.0},
+        {"pip": 0.5 * math.pi},
+        {"MCP tilt": -0.002, "PIP tilt": -0.002, "TIP tilt": 0.0},
+    ),
+)

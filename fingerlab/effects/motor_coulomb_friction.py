@@ -1,0 +1,37 @@
+"""Coulomb friction in motor and gearbox."""
+
+from __future__ import annotations
+
+from fingerlab.effects.base import Effect, Formula, Row
+from fingerlab.effects.example import Example
+from fingerlab.effects.grids import rubbing
+from fingerlab.effects.transmission import FRICTION, WINDING_SHAPES, coulomb_terms
+
+EFFECT = Effect(
+    id="motor_coulomb_friction",
+    title="Coulomb friction in motor and gearbox",
+    family="Motor and gearbox",
+    acts_on=("motor_torque",),
+    gains={"coulomb": FRICTION},
+    columns=coulomb_terms,
+    coordinate="motor speed",
+    equation=Row.PIP,
+    explanation="Both joints miss the same tension, which flips sign with motor speed.",
+    reveal="a motor-bench run without a finger",
+    shapes=WINDING_SHAPES,
+    shape_units={"travel_deg": "deg"},
+    closer=rubbing(),
+    bench=True,
+    formula=Formula(
+        equation=r"\tau_m = C\,z(\theta_m;\delta)",
+        symbols="C: friction torque at the gearbox output. z: friction state of the winding, −1 to 1.",
+        source="Coulomb 1785 (Olsson et al. 1998), at the gearbox output.",
+        values={"coulomb": "C", "travel_deg": r"\delta"},
+        alike=("capstan_friction", "asymmetric_friction", "motor_stribeck_friction", "motor_presliding"),
+    ),
+    example=Example(
+        {"travel_deg": 0.3},
+        {"position": [0.0, 0.1, -0.1]},
+        {"MCP coulomb": [0.0, 100.0, -100.0], "PIP coulomb": [0.0, 100.0, -100.0]},
+    ),
+)

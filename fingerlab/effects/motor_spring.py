@@ -1,0 +1,36 @@
+"""An elastic torque on the motor side."""
+
+from __future__ import annotations
+
+from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
+from fingerlab.effects.example import Example
+from fingerlab.effects.transmission import drive_terms
+from fingerlab.physics.motion import Motion
+from fingerlab.physics.parameter import Parameter
+
+
+def columns(motion: Motion, shape: Shape) -> list[Term]:
+    return drive_terms(motion, "stiffness", motion.position)
+
+
+EFFECT = Effect(
+    id="motor_spring",
+    title="Elastic torque on the motor side",
+    family="Motor and gearbox",
+    acts_on=("motor_torque",),
+    gains={"stiffness": Parameter("N m/rad", -0.05, 0.2, 0.01, title="stiffness")},
+    columns=columns,
+    coordinate="motor angle",
+    equation=Row.PIP,
+    explanation="Both joints miss the same tension, in proportion to the motor angle.",
+    reveal="slow steps on the motor bench",
+    bench=True,
+    formula=Formula(
+        equation=r"\tau_m = k\,\theta_m",
+        symbols="k: stiffness on the motor side.",
+        source="Ours: a linear spring on the motor side, assumed (cable loop, seals, return spring).",
+        values={"stiffness": "k"},
+        alike=("stiffness_error", "motor_inertia", "cable_stretch"),
+    ),
+    example=Example({}, {"position": 0.5}, {"MCP stiffness": 50.0, "PIP stiffness": 50.0}),
+)

@@ -1,0 +1,67 @@
+"""Stribeck friction in motor and gearbox: Coulomb friction that is larger near zero speed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
+from fingerlab.effects.example import Example
+from fingerlab.effects.grids import OCTAVE, SPEED_FACTORS, every, rubbing, times
+from fingerlab.effects.transmission import (
+    FRICTION,
+    USUAL_STICKING_DEG,
+    coulomb_terms,
+    drive_terms,
+    winding_state,
+)
+from fingerlab.physics.motion import Motion
+
+SPEEDS = tuple({"stribeck_speed": value} for value in (0.1, 0.3, 0.8, 2.0))
+
+
+def columns(motion: Motion, shape: Shape) -> list[Term]:
+    rubbing = {"travel_deg": USUAL_STICKING_DEG, **shape}
+    state = winding_state(motion, rubbing["travel_deg"], rubbing.get("sharpness", 0.0))
+    slow = np.exp(-((motion.velocity / shape["stribeck_speed"]) ** 2))
+    return coulomb_terms(motion, rubbing) + drive_terms(motion, "extra", state * slow)
+
+
+def _with_travel(shape: Shape) -> tuple[Shape]:
+    return ({"travel_deg": USUAL_STICKING_DEG, **shape},)
+
+
+EFFECT = Effect(
+    id="motor_stribeck_friction",
+    title="Stribeck friction in motor and gearbox",
+    family="Motor and gearbox",
+    acts_on=("motor_torque",),
+    gains={"coulomb": FRICTION, "extra": replace(FRICTION, excess_of="coulomb")},
+    columns=columns,
+    coordinate="motor speed",
+    equation=Row.PIP,
+    explanation="Both joints miss the same tension; it flips sign with motor speed, larger when slow.",
+    reveal="a chirp from 0.1 to 3 Hz on the motor bench",
+    shapes=SPEEDS,
+    shape_units={"stribeck_speed": "rad/s"},
+    closer=every(_with_travel, times("stribeck_speed", SPEED_FACTORS), rubbing(OCTAVE[1:-1], (0.0, 1.0))),
+    bench=True,
+    formula=Formula(
+        equation=r"\tau_m = z(\theta_m;\delta)\left(C + E\,e^{-(\dot\theta_m/v_s)^2}\right)",
+        symbols=(
+            "C: friction torque at speed. E: what is added near zero speed. v_s: Stribeck speed. z: "
+            "friction state, with δ = 0.3 degrees."
+        ),
+        source="Stribeck 1902, with the exponential of the squared speed (Olsson et al. 1998).",
+        values={"coulomb": "C", "extra": "E", "stribeck_speed": "v_s"},
+        alike=("motor_coulomb_friction", "motor_presliding"),
+    ),
+    example=Example(
+        {"stribeck_speed": 0.3},
+        {"position": [0.0, 0.1], "velocity": [0.0, 0.3]},
+        {"BENCH coulomb": [0.0, 1.0], "BENCH extra": [0.0, math.exp(-1.0)]},
+        on_bench=True,
+    ),
+)

@@ -1,0 +1,79 @@
+"""Torque that repeats with the motor angle."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
+from fingerlab.effects.example import Example
+from fingerlab.effects.grids import plus
+from fingerlab.effects.transmission import drive_terms, pull_terms
+from fingerlab.physics.motion import Motion
+from fingerlab.physics.parameter import Parameter
+
+RIPPLE_ORDERS = (*range(4, 41, 2), *range(44, 61, 4))
+"""Periods a turn of the pulley that are tried; between two of them a travel of 30 degrees shifts the phase by
+a quarter of a radian at most. 4.3:1 gearing puts the motor's 13 commutator segments at 56."""
+
+RIPPLE = Parameter("N m", -0.05, 0.05, 0.003, title="ripple amplitude")
+
+DOUBLE = Parameter("N m", -0.02, 0.02, 0.001, title="ripple amplitude at twice the order")
+
+
+def columns(motion: Motion, shape: Shape) -> list[Term]:
+    """A torque with the period of the order, and its double: no mesh or commutator makes a pure sine."""
+    order = shape["order"]
+
+    def column(gain: str, of: float, part: str) -> list[Term]:
+        pull = motion.remember(
+            ("ripple", of, part), lambda: getattr(_turning(motion, of), part) / motion.radius
+        )
+        return drive_terms(motion, gain, pull) if motion.finger is None else pull_terms(gain, pull)
+
+    return [
+        *column("sine", order, "imag"),
+        *column("cosine", order, "real"),
+        *column("double_sine", 2 * order, "imag"),
+        *column("double_cosine", 2 * order, "real"),
+    ]
+
+
+def _turning(motion: Motion, order: float) -> Any:
+    """exp(i order position), complex (n,); from the order two below, which costs a tenth of a sine."""
+    if order <= RIPPLE_ORDERS[0] or order % 2:
+        return motion.remember(("turning", order), lambda: np.exp(1j * order * motion.position))
+    step = motion.remember(("turning", 2), lambda: np.exp(2j * motion.position))
+    return motion.remember(("turning", order), lambda: _turning(motion, order - 2) * step)
+
+
+EFFECT = Effect(
+    id="torque_ripple",
+    title="Torque ripple",
+    family="Motor and gearbox",
+    acts_on=("motor_torque",),
+    gains={"sine": RIPPLE, "cosine": RIPPLE, "double_sine": DOUBLE, "double_cosine": DOUBLE},
+    columns=columns,
+    coordinate="motor angle",
+    equation=Row.PIP,
+    explanation="Both joints miss the same tension, which repeats with the motor angle.",
+    reveal="a slow sine of large amplitude on the motor bench",
+    shapes=tuple({"order": float(n)} for n in RIPPLE_ORDERS),
+    shape_units={"order": "1/turn"},
+    closer=plus("order", tuple(k / 2 for k in range(-6, 7))),
+    bench=True,
+    formula=Formula(
+        equation=r"\tau_m = A\sin n\theta_m + B\cos n\theta_m + A_2\sin 2n\theta_m + B_2\cos 2n\theta_m",
+        symbols="A, B: amplitudes, with 2 at twice the order. n: periods a turn of the pulley.",
+        source="Ours: the first two terms of a Fourier series over a turn, assumed.",
+        values={"sine": "A", "cosine": "B", "double_sine": "A_2", "double_cosine": "B_2", "order": "n"},
+    ),
+    example=Example(
+        {"order": 8.0},
+        {"position": math.pi / 16.0},
+        {"BENCH sine": 1.0, "BENCH cosine": 0.0, "BENCH double_sine": 0.0, "BENCH double_cosine": -1.0},
+        on_bench=True,
+    ),
+)

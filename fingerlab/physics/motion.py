@@ -1,0 +1,141 @@
+"""Signals that the terms of an equation are made from, all of one run and on one time axis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from fingerlab.physics import nominal
+from fingerlab.physics.friction_states import rubbing_forces, with_grid
+from fingerlab.rig.constants import Finger, Motor
+from fingerlab.sessions.model import Array
+
+GLIMPSE_SAMPLES = 300
+
+
+@dataclass(frozen=True)
+class Motion:
+    """High-bandwidth signals of one stretch of one run; arrays have shape (n,) and SI units.
+
+    The joint channels are None in a motor-bench run; ``force`` is zero where nothing is touched.
+    """
+
+    phase: str
+    cable_sign: int
+    sample_rate_hz: float
+    time: Array
+    position: Array  # motor, rad at the pulley
+    velocity: Array
+    acceleration: Array
+    torque: Array  # motor, N m at the gearbox output
+    motor: Motor
+    finger: Finger | None = None
+    joints: nominal.JointMotion | None = None
+    force: Array | None = None
+    load: Array | None = None
+    lead: int = 0  # samples at the start that only set the memory of what has one; no equation counts there
+    position_step: float = 0.0  # of the motor's encoder, rad
+    inertia_spread: float = 0.0  # of the rotor's inertia, one standard deviation, kg m^2
+    _memory: dict[object, Array] = field(default_factory=dict, repr=False, compare=False)
+
+    def remember(self, key: object, make: Callable[[], Array]) -> Array:
+        """``make()``, computed once for each ``key``: several effects share the same state of friction."""
+        if key not in self._memory:
+            self._memory[key] = make()
+        return self._memory[key]
+
+    def remember_each(
+        self, wanted: object, keys: Sequence[object], make: Callable[[], Iterable[Array]]
+    ) -> Array:
+        """What ``make()`` gives for the key ``wanted``; it makes the arrays of all ``keys`` at once."""
+        if wanted not in self._memory:
+            self._memory.update(zip(keys, make(), strict=True))
+        return self._memory[wanted]
+
+    def glimpse(self) -> Motion:
+        """The first samples: enough to see which terms there are."""
+
+        def cut(value: object) -> Any:
+            return value[:GLIMPSE_SAMPLES] if isinstance(value, np.ndarray) else value
+
+        own = {name: cut(value) for name, value in vars(self).items() if name != "_memory"}
+        if self.joints is not None:
+            own["joints"] = nominal.JointMotion(*(cut(value) for value in vars(self.joints).values()))
+        return Motion(**own)
+
+    @property
+    def radius(self) -> float:
+        """Pulley radius, m; 1 for a motor bench without a pulley, where tension reads as torque."""
+        return self.motor.pulley_radius if self.finger is not None and self.motor.pulley_radius else 1.0
+
+    @property
+    def tension(self) -> Array:
+        """Motor torque over pulley radius, N; inertia not subtracted."""
+        return self.remember("tension", lambda: self.torque / self.radius)
+
+    @property
+    def inertial_pull(self) -> Array:
+        """Tension that one kg m^2 on the motor side takes to follow its motion, N."""
+        return self.remember("inertial pull", lambda: self.acceleration / self.radius)
+
+    @property
+    def contact_torques(self) -> tuple[Array, Array]:
+        """What the force on the tip adds to the balance of MCP and PIP, N m; zero where there is none."""
+        force = np.zeros_like(self.time) if self.force is None else self.force
+        mcp, pip = self.contact_levers
+        return (
+            self.remember("contact mcp", lambda: force * mcp),
+            self.remember("contact pip", lambda: force * pip),
+        )
+
+    @property
+    def contact_levers(self) -> tuple[Array, Array]:
+        """Levers of the force on the tip about MCP and PIP, m."""
+        finger, q = self.finger_and_joints
+        return (
+            self.remember("lever mcp", lambda: nominal.contact_lever_mcp(finger, q.mcp, q.pip)),
+            self.remember("lever pip", lambda: nominal.contact_lever_pip(finger, q.mcp, q.pip)),
+        )
+
+    def slipping(self, stiffness: float, grid: Sequence[float] = ()) -> Array:
+        """Friction (N, for a coefficient of 1) of a tip whose sideways force follows the normal one.
+
+        It takes on ``stiffness`` N a newton of normal force until it slides; ``grid`` are others that will be
+        asked for. The share of the force that it has on the mean is left to a lean.
+        """
+        stiffnesses = with_grid(stiffness, grid)
+        keys = [("slipping", one) for one in stiffnesses]
+        return self.remember_each(keys[0], keys, lambda: self._slipping(stiffnesses))
+
+    def _slipping(self, stiffnesses: Sequence[float]) -> Array:
+        if self.force is None:
+            return np.zeros((len(stiffnesses), len(self.time)))
+        normal = np.maximum(self.force, 0.0)
+        values = rubbing_forces(normal, normal, stiffnesses)
+        shares = values.sum(axis=1) / max(float(normal.sum()), 1e-3)
+        return np.asarray(values - shares[:, None] * normal)
+
+    def pressed_by(self, force: Array, rubbing: Motion) -> Motion:
+        """The same with another force at the tip, N, (n,), that rubs as in ``rubbing``.
+
+        How a tip rubs depends on how its force came to be; at a force that is assumed to stay it would not.
+        """
+        kept: dict[object, Array] = {
+            key: v for key, v in rubbing._memory.items() if isinstance(key, tuple) and key[0] == "slipping"
+        }
+        return replace(self, phase="contact", force=force, _memory=kept)
+
+    @property
+    def finger_and_joints(self) -> tuple[Finger, nominal.JointMotion]:
+        """The finger's constants and motion; only finger runs have terms that ask for them."""
+        if self.finger is None or self.joints is None:
+            raise ValueError("a motor-bench run has no joints")
+        return self.finger, self.joints
+
+
+def nothing(length: int) -> Array:
+    """Zeros, shape (length,), read-only and without memory of their own; another array at every call."""
+    return np.ndarray((length,), np.float64, bytes(8), 0, (0,))

@@ -1,0 +1,21 @@
+"""Screws, magnets and covers on the distal body and at the PIP axis."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    bench.plant["distal_mass"] += v["distal"]
+    bench.plant["knuckle_mass"] += v["distal"] * v["knuckle_ratio"]
+
+
+EFFECT = PlantEffect(
+    id="added_mass",
+    parameters=(
+        constant("distal", "kg", 6.0e-3, 1e-3, 1.5e-2, "assumed: M3 screws, ring magnet, cover"),
+        constant("knuckle_ratio", "", 0.7, 0.0, 2.0),
+    ),
+    phases=FINGER,
+    apply=apply,
+)

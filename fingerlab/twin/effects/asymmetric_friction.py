@@ -1,0 +1,25 @@
+"""Motor and gearbox rub more in one direction than in the other."""
+
+from __future__ import annotations
+
+from fingerlab.twin.layout import MOTOR
+from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    law = bench.friction[MOTOR]
+    law["forward"] += v["torque"] * (1.0 + v["asymmetry"])
+    law["backward"] += v["torque"] * (1.0 - v["asymmetry"])
+    law["travel"] = v["travel"]
+
+
+EFFECT = PlantEffect(
+    id="asymmetric_friction",
+    parameters=(
+        constant("torque", "N m", 6.0e-3, 1.5e-3, 2.5e-2, "mean of the two directions"),
+        constant("asymmetry", "", 0.5, -0.9, 0.9),
+        GEAR_WIND_UP,
+    ),
+    phases=DRIVE,
+    apply=apply,
+)

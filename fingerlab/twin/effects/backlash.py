@@ -1,0 +1,25 @@
+"""Play between gearbox and pulley, whose bearing holds it where it was left until the gap is closed.
+
+Idealised: the cable's torque reaches the motor also while the gap is crossed. Under a cable that only pulls,
+a free pulley would rest against one flank for ever and play would never show.
+"""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    bench.plant["play"] += v["play"]
+
+
+EFFECT = PlantEffect(
+    id="backlash",
+    parameters=(
+        constant(
+            "play", "rad", 0.015, 4e-3, 0.025, "GP 42C data sheet: below 1 degree; keyed pulley adds to it"
+        ),
+    ),
+    phases=FINGER,
+    apply=apply,
+)

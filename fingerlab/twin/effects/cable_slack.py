@@ -1,0 +1,17 @@
+"""Dead travel: the cable hangs loose until this length is wound."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    bench.plant["slack"] += v["travel"]
+
+
+EFFECT = PlantEffect(
+    id="cable_slack",
+    parameters=(constant("travel", "m", 3.5e-3, 8e-4, 8e-3, "thesis chapter 5: 'some slack'; size assumed"),),
+    phases=FINGER,
+    apply=apply,
+)

@@ -1,0 +1,25 @@
+"""A compliant cable."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    plant = bench.plant
+    before = float(plant["cable_stiffness"])
+    after = 1.0 / (1.0 / before + v["compliance"])
+    plant["cable_stiffness"] = after
+    # The same material loss at every stiffness, and no less than polymer cable has.
+    plant["cable_damping"] = max(plant["cable_damping"] * after / before, v["damping_time"] * after)
+
+
+EFFECT = PlantEffect(
+    id="cable_stretch",
+    parameters=(
+        constant("compliance", "m/N", 3.5e-4, 5e-5, 3e-3, "assumed: polymer cable or glove fabric"),
+        constant("damping_time", "s", 4e-3, 1e-3, 2e-2),
+    ),
+    phases=FINGER,
+    apply=apply,
+)

@@ -1,0 +1,17 @@
+"""The fingertip presses on a face that leans from the load cell's axis."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import TOUCH, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    bench.plant["contact_angle"] += v["angle"]
+
+
+EFFECT = PlantEffect(
+    id="contact_angle",
+    parameters=(constant("angle", "rad", 0.45, 0.1, 1.05, "thesis figure 5.2 tried up to 60 degrees"),),
+    phases=TOUCH,
+    apply=apply,
+)

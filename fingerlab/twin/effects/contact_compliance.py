@@ -1,0 +1,19 @@
+"""A soft fingertip on the load cell."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import TOUCH, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    softer = 1.0 / (1.0 / float(bench.plant["contact_stiffness"]) + v["compliance"])
+    bench.plant["tip_stiffness"] *= softer / float(bench.plant["contact_stiffness"])
+    bench.plant["contact_stiffness"] = softer
+
+
+EFFECT = PlantEffect(
+    id="contact_compliance",
+    parameters=(constant("compliance", "m/N", 1.0e-3, 2e-4, 4e-3, "assumed: silicone cap"),),
+    phases=TOUCH,
+    apply=apply,
+)

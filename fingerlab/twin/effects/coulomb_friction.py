@@ -1,0 +1,19 @@
+"""Both hinges rub: a spring-slider that truly sticks."""
+
+from __future__ import annotations
+
+from fingerlab.twin.layout import MCP, PIP
+from fingerlab.twin.plant import FINGER, RATIO, WIND_UP, Bench, PlantEffect, Values, constant, dry
+
+
+def apply(bench: Bench, v: Values) -> None:
+    dry(bench, MCP, v["mcp"], v["travel"])
+    dry(bench, PIP, v["mcp"] * v["pip_ratio"], v["travel"])
+
+
+EFFECT = PlantEffect(
+    id="coulomb_friction",
+    parameters=(constant("mcp", "N m", 2.5e-3, 6e-4, 8e-3), RATIO, WIND_UP),
+    phases=FINGER,
+    apply=apply,
+)

@@ -1,0 +1,17 @@
+"""The distal body's spin counts with its absolute speed, as it really does."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    bench.plant["distal_rotation"] = v["share"]
+
+
+EFFECT = PlantEffect(
+    id="distal_rotation",
+    parameters=(constant("share", "", 1.0, 0.0, 1.0, "0 is the thesis' energy, 1 is rigid-body mechanics"),),
+    phases=FINGER,
+    apply=apply,
+)

@@ -1,0 +1,17 @@
+"""The base stands at another angle than the wrist angle in the rig file."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    bench.plant["tilt"] += v["angle"] * bench.truth.sign
+
+
+EFFECT = PlantEffect(
+    id="gravity_tilt",
+    parameters=(constant("angle", "rad", 0.26, 0.05, 0.6, "assumed: 15 degrees"),),
+    phases=FINGER,
+    apply=apply,
+)

@@ -1,0 +1,17 @@
+"""A spring that pulls the two joint angles together (glove, skin, tendon)."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    bench.plant["coupling"] += v["stiffness"]
+
+
+EFFECT = PlantEffect(
+    id="joint_coupling",
+    parameters=(constant("stiffness", "N m/rad", 0.025, 5e-3, 0.08),),
+    phases=FINGER,
+    apply=apply,
+)

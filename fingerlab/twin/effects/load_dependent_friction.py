@@ -1,0 +1,22 @@
+"""Tooth friction: a share of the torque transmitted is lost in either direction."""
+
+from __future__ import annotations
+
+from fingerlab.twin.layout import MOTOR
+from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    bench.friction[MOTOR]["load_share"] += v["share"]
+    bench.friction[MOTOR]["travel"] = v["travel"]
+
+
+EFFECT = PlantEffect(
+    id="load_dependent_friction",
+    parameters=(
+        constant("share", "", 0.13, 0.03, 0.35, "GP 42C efficiency 90 %; more when dry"),
+        GEAR_WIND_UP,
+    ),
+    phases=DRIVE,
+    apply=apply,
+)

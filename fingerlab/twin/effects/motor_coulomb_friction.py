@@ -1,0 +1,21 @@
+"""Motor and gearbox rub."""
+
+from __future__ import annotations
+
+from fingerlab.twin.layout import MOTOR
+from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Bench, PlantEffect, Values, constant, dry
+
+
+def apply(bench: Bench, v: Values) -> None:
+    dry(bench, MOTOR, v["torque"], v["travel"])
+
+
+EFFECT = PlantEffect(
+    id="motor_coulomb_friction",
+    parameters=(
+        constant("torque", "N m", 6.0e-3, 1.5e-3, 2.5e-2, "RE40 no-load current 137 mA is 17.8 mN m"),
+        GEAR_WIND_UP,
+    ),
+    phases=DRIVE,
+    apply=apply,
+)

@@ -1,0 +1,17 @@
+"""A coupling and a larger pulley on the output shaft."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    bench.plant["inertia"] += v["inertia"]
+
+
+EFFECT = PlantEffect(
+    id="motor_inertia",
+    parameters=(constant("inertia", "kg m^2", 4.0e-4, 1e-4, 2e-3, "assumed: steel disc of 40 mm"),),
+    phases=DRIVE,
+    apply=apply,
+)

@@ -1,0 +1,18 @@
+"""Seals of motor and gearbox: friction that builds up over degrees."""
+
+from __future__ import annotations
+
+from fingerlab.twin.layout import MOTOR
+from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant, spread
+
+
+def apply(bench: Bench, v: Values) -> None:
+    spread(bench, MOTOR, v["torque"], v["travel"])
+
+
+EFFECT = PlantEffect(
+    id="motor_presliding",
+    parameters=(constant("torque", "N m", 7.0e-3, 2e-3, 2.5e-2), constant("travel", "rad", 0.15, 0.04, 0.4)),
+    phases=DRIVE,
+    apply=apply,
+)

@@ -1,0 +1,17 @@
+"""An elastic torque at the output shaft (cable loop, seals, return spring)."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    bench.plant["motor_spring"] += v["stiffness"]
+
+
+EFFECT = PlantEffect(
+    id="motor_spring",
+    parameters=(constant("stiffness", "N m/rad", 0.03, 5e-3, 0.15),),
+    phases=DRIVE,
+    apply=apply,
+)

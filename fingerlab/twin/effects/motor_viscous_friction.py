@@ -1,0 +1,17 @@
+"""Grease in motor and gearbox."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    bench.plant["motor_viscous"] += v["coefficient"]
+
+
+EFFECT = PlantEffect(
+    id="motor_viscous_friction",
+    parameters=(constant("coefficient", "N m s/rad", 4.0e-3, 5e-4, 1.5e-2),),
+    phases=DRIVE,
+    apply=apply,
+)

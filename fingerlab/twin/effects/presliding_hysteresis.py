@@ -1,0 +1,23 @@
+"""Soft seals in both hinges: friction that builds up over degrees (spring-sliders in a row)."""
+
+from __future__ import annotations
+
+from fingerlab.twin.layout import MCP, PIP
+from fingerlab.twin.plant import FINGER, RATIO, Bench, PlantEffect, Values, constant, spread
+
+
+def apply(bench: Bench, v: Values) -> None:
+    spread(bench, MCP, v["mcp"], v["travel"])
+    spread(bench, PIP, v["mcp"] * v["pip_ratio"], v["travel"])
+
+
+EFFECT = PlantEffect(
+    id="presliding_hysteresis",
+    parameters=(
+        constant("mcp", "N m", 3.0e-3, 8e-4, 8e-3),
+        constant("travel", "rad", 0.12, 0.03, 0.3),
+        RATIO,
+    ),
+    phases=FINGER,
+    apply=apply,
+)

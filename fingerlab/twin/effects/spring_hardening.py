@@ -1,0 +1,17 @@
+"""Joint springs with a cubic term."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import FINGER, RATIO, Bench, PlantEffect, Values, constant, per_joint
+
+
+def apply(bench: Bench, v: Values) -> None:
+    per_joint(bench, "cubic", v["mcp"], v["pip_ratio"])
+
+
+EFFECT = PlantEffect(
+    id="spring_hardening",
+    parameters=(constant("mcp", "N m/rad^3", 0.35, 0.08, 1.2), RATIO),
+    phases=FINGER,
+    apply=apply,
+)

@@ -1,0 +1,18 @@
+"""Joint springs stiffer than the rig file says."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    bench.plant["stiffness_1"] *= 1.0 + v["relative"]
+    bench.plant["stiffness_2"] *= 1.0 + v["relative"] * v["pip_ratio"]
+
+
+EFFECT = PlantEffect(
+    id="stiffness_error",
+    parameters=(constant("relative", "", 0.25, -0.5, 0.6), constant("pip_ratio", "", 1.0, 0.0, 1.5)),
+    phases=FINGER,
+    apply=apply,
+)

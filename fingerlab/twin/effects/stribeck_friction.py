@@ -1,0 +1,24 @@
+"""Both hinges rub, and break away harder than they slide."""
+
+from __future__ import annotations
+
+from fingerlab.twin.layout import MCP, PIP
+from fingerlab.twin.plant import FINGER, RATIO, WIND_UP, Bench, PlantEffect, Values, breaking_away, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    breaking_away(bench, {MCP: 1.0, PIP: v["pip_ratio"]}, v, v["mcp"])
+
+
+EFFECT = PlantEffect(
+    id="stribeck_friction",
+    parameters=(
+        constant("mcp", "N m", 2.0e-3, 5e-4, 6e-3),
+        constant("excess", "", 1.0, 0.3, 2.0, "assumed: breakaway over sliding level"),
+        constant("speed", "rad/s", 0.3, 0.05, 1.0, "assumed: half of the excess is gone"),
+        RATIO,
+        WIND_UP,
+    ),
+    phases=FINGER,
+    apply=apply,
+)

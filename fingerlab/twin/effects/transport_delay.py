@@ -1,0 +1,17 @@
+"""Joint angles and force reach the recorder later than the motor's own channels."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+
+
+def apply(bench: Bench, v: Values) -> None:
+    bench.sensors.delay += v["delay"]
+
+
+EFFECT = PlantEffect(
+    id="transport_delay",
+    parameters=(constant("delay", "s", 0.04, 5e-3, 0.2, "thesis section 4.2 saw 162 ms; cause open"),),
+    phases=FINGER,
+    apply=apply,
+)

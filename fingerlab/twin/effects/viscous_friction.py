@@ -1,0 +1,17 @@
+"""Grease in both hinges."""
+
+from __future__ import annotations
+
+from fingerlab.twin.plant import FINGER, RATIO, Bench, PlantEffect, Values, constant, per_joint
+
+
+def apply(bench: Bench, v: Values) -> None:
+    per_joint(bench, "viscous", v["mcp"], v["pip_ratio"])
+
+
+EFFECT = PlantEffect(
+    id="viscous_friction",
+    parameters=(constant("mcp", "N m s/rad", 2.5e-3, 5e-4, 8e-3), RATIO),
+    phases=FINGER,
+    apply=apply,
+)
