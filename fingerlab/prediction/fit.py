@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.wording import every_parameter
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Scorer
+from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, ReducedSessions, Scorer
 from fingerlab.diagnosis.score.selection import temperature
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
@@ -37,7 +37,9 @@ def fit_extended(
     chosen = [effect(name) for name in dict.fromkeys(effects)]
     tell = progress or (lambda share, what: None)
     with threadpool_limits(limits=1, user_api="blas"):
-        scorer, trial = fit_refined(sessions, chosen, Watch(lambda share, what: tell(0.5 * share, what)))
+        scorer, trial = fit_refined(
+            ReducedSessions(sessions), chosen, Watch(lambda share, what: tell(0.5 * share, what))
+        )
         tell(0.6, "fitting")
         nominal = scorer.fit([], scorer.fit([], trial), FULL_ITERATIONS)
         hashes = {id(s): h.sha256 for s, h in zip(sessions, hash_sessions(sessions), strict=True)}

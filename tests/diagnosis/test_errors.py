@@ -16,7 +16,7 @@ from . import closed_form as made
 
 def errors_of(missing: made.Missing) -> dict[str, EquationError]:
     scorer = Scorer(reduce_sessions([made.session(made.Bench(missing=missing), 4)], []))
-    return equation_errors(scorer, scorer.score_held_out(scorer.fit_reweighted([]), residuals=True))
+    return equation_errors(scorer.reduced, scorer.score_held_out(scorer.fit_reweighted([]), residuals=True))
 
 
 @pytest.fixture(scope="module")

@@ -3,35 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.solver import Fit
 from fingerlab.diagnosis.score.evidence import alike, beside_others, borne_out, judge
-from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.selection import justified, small_excess
 from fingerlab.effects import CATALOGUE
 
-COUNT = 3000.0
+from .invented import at_score as trial
+
 SMALL, LARGE = "coulomb_friction", "stribeck_friction"  # one is the other without its excess at low speed
 OTHERS = [n for n in CATALOGUE if n not in (SMALL, LARGE, "transport_delay", "cable_slack")]
-
-
-def trial(score: float, *effects: str) -> FittedModel:
-    """A model with effects that is at ``score`` floors on every one of ten held-out runs."""
-    misfit = (score**2 - 1.0) * COUNT
-    choices = tuple(Choice(CATALOGUE[e]) for e in effects)
-    misfits = np.tile((misfit / 10, COUNT / 10), (10, 1))
-    keys = [f"{c.effect.id}.{gain}" for c in choices for gain in c.effect.gains]
-    fit = Fit(np.ones(len(keys)), np.eye(len(keys)), misfit)
-    last_gains = list(choices[-1].effect.gains) if choices else []
-    index = {key: i for i, key in enumerate(keys)}
-    model = SimpleNamespace(choices=choices, index=index, last_gains=last_gains)
-    return FittedModel(cast(Any, model), fit, misfits, held_out=True)
 
 
 def judged(base: float, **scores: float):
@@ -102,8 +86,8 @@ def test_a_step_must_explain_a_share_of_what_is_left() -> None:
 
 def test_more_independent_values_make_a_verdict_surer() -> None:
     few = judged(1.5, viscous_friction=1.38)
-    trials = [FittedModel(t.model, t.fit, t.misfits * 10, held_out=True) for t in few.candidates]
-    many = judge(FittedModel(few.base.model, few.base.fit, few.base.misfits * 10, held_out=True), trials)
+    trials = [replace(t, misfits=t.misfits * 10) for t in few.candidates]
+    many = judge(replace(few.base, misfits=few.base.misfits * 10), trials)
     assert max(many.nothing, named(many, "viscous_friction")) >= max(
         few.nothing, named(few, "viscous_friction")
     )

@@ -83,9 +83,7 @@ def test_a_pressing_finger_is_imagined_as_it_was_seen() -> None:
     swing = 0.4
     rng = np.random.default_rng(2)
     run = made.contact_run(made.Bench(), 1.2, swing, 1.0, rng, 10.0, "001")
-    cycle = (
-        run.channel("motor_position").reshape(10, -1).mean(axis=0)
-    )  # no pure sine: the tip's way bends
+    cycle = run.channel("motor_position").reshape(10, -1).mean(axis=0)  # no pure sine: the tip's way bends
     told = float(np.degrees(np.sqrt(2.0) * cycle.std()))
     run = replace(run, trajectory={**run.trajectory, "amplitude_deg": told})
     press = seen_press([Session(Path("press.h5"), "", "", made.RIG, (run,))])
@@ -215,7 +213,7 @@ def test_a_separation_is_what_the_rival_leaves_of_every_sample(
             told[row] += h[i] * columns[:, signal]
             reach[row] += columns[:, signal, None] * slopes[i]
         there = [Row.MCP, Row.PIP, Row.CABLE, Row.TIP]
-        root = np.linalg.cholesky(scorer.weights[group.key][np.ix_(there, there)] * EFFECTIVE_SHARE / HEAT).T
+        root = np.linalg.cholesky(truth.weights[group.key][np.ix_(there, there)] * EFFECTIVE_SHARE / HEAT).T
         white = np.einsum("rs,sn->rn", root, told[there]), np.einsum("rs,snp->rnp", root, reach[there])
         return white[0].ravel(), white[1].reshape(4 * count, -1)
 
@@ -236,15 +234,15 @@ def test_a_separation_is_what_the_rival_leaves_of_every_sample(
     wanted = np.concatenate((gap, np.zeros(len(prior))))
     step = np.linalg.lstsq(stacked / scale, wanted, rcond=None)[0]
     left = wanted - stacked / scale @ step
-    assert separation(scorer, run, truth, rival, HEAT) == pytest.approx(0.5 * left @ left, rel=1e-3)
+    assert separation(scorer.reduced, run, truth, rival, HEAT) == pytest.approx(0.5 * left @ left, rel=1e-3)
 
 
 def test_nothing_separates_a_model_from_itself(
     imagined: tuple[Imagined, Scorer, FittedModel, FittedModel],
 ) -> None:
     run, scorer, truth, rival = imagined
-    assert separation(scorer, run, truth, truth, HEAT) == pytest.approx(0.0, abs=1e-6)
-    assert separation(scorer, run, truth, rival, HEAT) > 1e-3
+    assert separation(scorer.reduced, run, truth, truth, HEAT) == pytest.approx(0.0, abs=1e-6)
+    assert separation(scorer.reduced, run, truth, rival, HEAT) > 1e-3
 
 
 def test_the_motor_alone_tells_what_the_motor_does_from_what_the_joints_do(
@@ -257,8 +255,8 @@ def test_the_motor_alone_tells_what_the_motor_does_from_what_the_joints_do(
     motion = bench_motion(made.RIG, {**SINE, "amplitude_deg": 30.0}, 0.0)
     run = imagine(session, motion, held_by([motor, joint], motion), beside_finger=True)
     assert [e.id for e in run.layout.effects] == ["motor_viscous_friction"]
-    assert separation(scorer, run, motor, joint, HEAT) > 1.0
-    assert separation(scorer, run, joint, joint, HEAT) == pytest.approx(0.0, abs=1e-6)
+    assert separation(scorer.reduced, run, motor, joint, HEAT) > 1.0
+    assert separation(scorer.reduced, run, joint, joint, HEAT) == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(("nats_a_second", "seconds"), [(0.3, 60.0), (0.6, 20.0), (1e-4, None)])
@@ -293,6 +291,6 @@ def test_three_times_the_time_separates_three_times_as_well(judged: tuple[Sessio
     motion = finger_motion(made.RIG, -1, SINE, VALUES)
     assert motion is not None
     run = imagine(session, motion, held_by([first, second], motion))
-    once, thrice = (separation(scorer, r, first, second, 1.0) for r in (run, run.lasting(3.0)))
+    once, thrice = (separation(scorer.reduced, r, first, second, 1.0) for r in (run, run.lasting(3.0)))
     assert 1.0 < thrice / once <= 3.0 + 1e-9
     assert run.lasting(3.0).sums.samples == pytest.approx(3 * run.sums.samples, abs=1)

@@ -82,16 +82,16 @@ def test_small_files_start_no_second_process(recorded: Path) -> None:
         assert executor is None
 
 
-def test_the_sketch_chooses_grid_points_as_whole_fits_do(recorded: Path) -> None:
-    """A fit of every grid point is the judge: the sketch's point must reach nine tenths of the best fall."""
+def test_the_score_test_chooses_grid_points_as_whole_fits_do(recorded: Path) -> None:
+    """A fit of every grid point is the judge: the test's point must reach nine tenths of the best fall."""
     scorer = Scorer(reduce_sessions([open_session(recorded)], list(CATALOGUE.values())))
     base = scorer.fit_reweighted([])
-    sketch = ScoreTest(scorer.data, base)
+    test = ScoreTest(scorer.data, base)
     for name in ("coulomb_friction", "motor_coulomb_friction", "motor_presliding", "torque_ripple"):
         effect = CATALOGUE[name]
         costs = [scorer.fit([Choice(effect, i)], base, 12).fit.cost for i in range(len(effect.shapes))]
         fall = base.fit.cost - np.array(costs)
-        assert fall[sketch.promise(effect).shape] >= 0.9 * fall.max()
+        assert fall[test.best_point(effect).shape] >= 0.9 * fall.max()
 
 
 def test_effects_of_contact_are_no_candidates_where_nothing_is_touched(recorded: Path) -> None:

@@ -17,16 +17,13 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.weights import Weights
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
-from fingerlab.diagnosis.gram.runs import Recall
 from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Scorer
+from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, ReducedSessions, Scorer
 from fingerlab.diagnosis.score.selection import USUAL_LEFT, idle_steps, justified, least_fall, log_odds_among
 from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all
 from fingerlab.diagnosis.search.path import LONGEST_PATH, STEP_GAIN, forward_selection, worth_adding
 from fingerlab.effects.base import Effect, Shape
-from fingerlab.sessions.model import Session
 
 LOOKING_ITERATIONS = 3
 ROUNDS = 2
@@ -47,10 +44,9 @@ def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:
 
 
 def fit_refined(
-    sessions: Sequence[Session],
+    sessions: ReducedSessions,
     effects: Sequence[Effect],
     watch: Watch = SILENT,
-    recall: Recall | None = None,
 ) -> tuple[Scorer, FittedModel]:
     """All effects in, fitted on their grids and then between the points; own weights.
 
@@ -58,22 +54,20 @@ def fit_refined(
         UserError: an effect does not apply to these runs, or a run cannot be read.
         Cancelled: the user asked for it.
     """
-    recall = recall or Recall()
-    scorer = Scorer(reduce_sessions(sessions, effects, watch, recall=recall))
+    scorer = sessions.scorer(effects, watch)
     for one in effects:
         if one not in scorer.reduced.layout.effects:
             raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
     fitted = fit_effects(scorer, effects)
     if not can_refine(fitted.choices):
         return scorer, fitted
-    return refine_grid(sessions, fitted.choices, watch, recall)
+    return refine_grid(sessions, fitted.choices, watch)
 
 
 def refine_grid(
-    sessions: Sequence[Session],
+    sessions: ReducedSessions,
     found: Sequence[Choice],
     watch: Watch = SILENT,
-    recall: Recall | None = None,
 ) -> tuple[Scorer, FittedModel]:
     """The effects at the best of the shapes around those found, under their own model's weights.
 
@@ -84,7 +78,7 @@ def refine_grid(
         Cancelled: the user asked for it.
     """
     finer = [_finer(c) for c in found]
-    scorer = Scorer(reduce_sessions(sessions, finer, watch, recall=recall))
+    scorer = sessions.scorer(finer, watch)
     places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, found, strict=True)]
     fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)])
     return scorer, _at_best_shapes(scorer, fitted)
@@ -120,10 +114,9 @@ def _other_shapes(scorer: Scorer, fitted: FittedModel, k: int) -> list[FittedMod
 
 
 def refine_path(
-    sessions: Sequence[Session],
+    sessions: ReducedSessions,
     path: Sequence[FittedModel],
     watch: Watch = SILENT,
-    recall: Recall | None = None,
 ) -> tuple[Scorer, list[FittedModel]]:
     """A path of models, each held out, with refined shapes; steps that it spares drop out.
 
@@ -131,7 +124,7 @@ def refine_path(
     """
     chosen = list(path)
     while True:
-        scorer, last = refine_grid(sessions, chosen[-1].choices, watch, recall)
+        scorer, last = refine_grid(sessions, chosen[-1].choices, watch)
         by_id = {c.effect.id: c for c in last.choices}
         kept = [[by_id[name] for name in step.effect_ids if name in by_id] for step in chosen]
         steps = [scorer.score_held_out(scorer.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
@@ -153,11 +146,10 @@ def _mends_a_shape(scorer: Scorer, steps: Sequence[FittedModel]) -> bool:
 
 
 def extend_path(
-    sessions: Sequence[Session],
+    sessions: ReducedSessions,
     catalogue: Sequence[Effect],
     path: Sequence[FittedModel],
     watch: Watch,
-    recall: Recall | None = None,
 ) -> tuple[Scorer, list[FittedModel]] | None:
     """The path with steps that show only beside the refined shapes of its effects; None: there are none.
 
@@ -168,7 +160,7 @@ def extend_path(
         Cancelled: the user asked for it.
     """
     given = at_found_shapes(path[-1])
-    scorer = Scorer(reduce_sessions(sessions, with_shapes_of(catalogue, given), watch, recall=recall))
+    scorer = sessions.scorer(with_shapes_of(catalogue, given), watch)
     effects = scorer.reduced.layout.effects
     base = scorer.score_held_out(fit_effects(scorer, given))
     evidence = judge_all(scorer, base, effects, watch, STEP_GAIN * least_fall(base))
@@ -178,21 +170,17 @@ def extend_path(
         return None
     first = len(path[0].choices)
     fewer = [scorer.fit(found[0].choices[:k], found[0]) for k in range(first, len(given))]
-    return refine_path(sessions, [*fewer, *found], watch, recall)
+    return refine_path(sessions, [*fewer, *found], watch)
 
 
 def break_ties(
-    sessions: Sequence[Session],
+    sessions: ReducedSessions,
     scorer: Scorer,
     evidence: Evidence,
     weights: Weights,
     watch: Watch,
-    recall: Recall | None = None,
 ) -> Evidence:
     """The evidence with the odds of effects that are alike on their grids as refined shapes give them.
-
-    Unchanged where one is alone, where the best leaves no more than every model does, or where no shape of
-    any is left to look at.
 
     Args:
         weights: from which effects without other shapes are reweighted.
@@ -200,16 +188,13 @@ def break_ties(
     Raises:
         Cancelled: the user asked for it.
     """
-    tied = alike(evidence)[:MOST_RIVALS]
-    candidates = [evidence.candidates[i] for i in tied]
-    if len(tied) < 2 or evidence.least_left <= USUAL_LEFT:
-        return evidence
-    if not any(can_refine(c.choices) for c in candidates):
+    tied = worth_untying(evidence)
+    if not tied:
         return evidence
     refined: list[tuple[Scorer, FittedModel]] = []
-    for candidate in candidates:
+    for candidate in (evidence.candidates[i] for i in tied):
         if can_refine(candidate.choices):
-            refined.append(refine_grid(sessions, candidate.choices, watch, recall))
+            refined.append(refine_grid(sessions, candidate.choices, watch))
         else:
             alone = scorer.fit_reweighted(candidate.choices, candidate, weights)
             refined.append((scorer, alone))
@@ -220,8 +205,24 @@ def break_ties(
     scored = [
         by.score_held_out(by.fit(fitted.choices, fitted, FULL_ITERATIONS, under)) for by, fitted in refined
     ]
+    return untied(evidence, tied, scored)
+
+
+def worth_untying(evidence: Evidence) -> list[int]:
+    """Indices of the likeliest candidates that are alike; none where refined shapes cannot tell them apart.
+
+    So where one is alone, where the best leaves no more than every model does, or where no shape of any is
+    left to look at.
+    """
+    tied = alike(evidence)[:MOST_RIVALS]
+    alone = len(tied) < 2 or evidence.least_left <= USUAL_LEFT
+    return [] if alone or not any(can_refine(evidence.candidates[i].choices) for i in tied) else tied
+
+
+def untied(evidence: Evidence, tied: Sequence[int], refined: Sequence[FittedModel]) -> Evidence:
+    """The evidence with the odds of the ``tied`` candidates by what they leave at their refined shapes."""
     log_odds = evidence.log_odds.copy()
-    log_odds[tied] = log_odds_among(evidence.base, scored)
+    log_odds[tied] = log_odds_among(evidence.base, refined)
     found = float(evidence.probabilities.sum())
     return replace(evidence, log_odds=log_odds, probabilities=found * shares_of(log_odds))
 

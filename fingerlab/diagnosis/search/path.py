@@ -114,7 +114,7 @@ def _forward(
         watch.tell(0.5, f"looking beyond {best.last_effect.title.lower()}")
         evidence = judge_all(scorer, chosen, effects, watch, STEP_GAIN * least_fall(chosen))
         present = evidence.base.weights
-    kept = _one_more_each(steps[:sound], keep)
+    kept = one_more_each(steps[:sound], keep)
     if kept is None:
         present = weights[sound - 1]
         steps = _refitted_steps(scorer, steps[sound - 1], keep)
@@ -129,7 +129,7 @@ def _forward(
     return _justified_steps(scorer, steps, weights)
 
 
-def _one_more_each(steps: Sequence[FittedModel], keep: int) -> list[int] | None:
+def one_more_each(steps: Sequence[FittedModel], keep: int) -> list[int] | None:
     """Numbers of the steps to effects that the end still holds; None where those are not one effect apart."""
     end = steps[-1]
     kept = [k for k, step in enumerate(steps) if set(end.effect_ids).issuperset(step.effect_ids)]
