@@ -17,7 +17,7 @@ from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import Ring
 from fingerlab.core.errors import UserError
-from fingerlab.sessions.recording_files import Progress
+from fingerlab.core.progress import Progress
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost
-from fingerlab.sessions.recording_files import Progress
 
 RING_S = 30.0
 """Length of the ring; the recorder is polled far more often."""

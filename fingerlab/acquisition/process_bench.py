@@ -21,7 +21,8 @@ from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
 from fingerlab.core.errors import Cancelled, UserError
-from fingerlab.sessions.recording_files import VERIFYING, WRITING, Progress
+from fingerlab.core.progress import Progress
+from fingerlab.sessions.recording_files import VERIFYING, WRITING
 
 RING_S = 240.0
 """Length of the ring: the last four minutes can be scrolled back, 43 MB at 1 kHz."""

@@ -32,6 +32,7 @@ from fingerlab.acquisition.recording import (
 )
 from fingerlab.acquisition.ring import Array, Ring, RingReader
 from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.progress import Progress
 from fingerlab.sessions.format import FINGER_PHASES
 from fingerlab.sessions.recording_files import (
     CLEAN,
@@ -41,7 +42,6 @@ from fingerlab.sessions.recording_files import (
     VERIFYING,
     PartHeader,
     PartWriter,
-    Progress,
     RecordingPlace,
     give_name,
 )

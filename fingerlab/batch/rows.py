@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,10 +12,12 @@ from typing import Any
 
 import fingerlab
 from fingerlab.core.errors import UserError
+from fingerlab.core.plain_data import json_ready
+from fingerlab.core.trust import OwnSource
 from fingerlab.core.units import ParameterEstimate
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.effects.own import OwnSource, only_these
+from fingerlab.effects.own import only_these
 from fingerlab.sessions import Session, file_hash, open_session
 
 SOFTWARE = f"fingerlab {fingerlab.__version__}"
@@ -62,14 +62,14 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SessionRow:
     """A row and the unit of each of its columns that has one; both go through JSON as they are."""
 
     row: Row
     units: dict[str, str]
 
 
-def diagnose_file(task: Task, options: Options) -> Outcome:
+def diagnose_file(task: Task, options: Options) -> SessionRow:
     """Diagnose one session. Nothing is raised: a session that cannot be diagnosed is a row that says why."""
     started = time.perf_counter()
     row: Row = {"session": task.name, "software": SOFTWARE, "options": options.key}
@@ -89,7 +89,7 @@ def diagnose_file(task: Task, options: Options) -> Outcome:
         what = " ".join(f"{type(error).__name__}: {error}".split())
         row["error"] = f"{task.path} could not be diagnosed, by a mistake of the program ({what})."
     row["seconds"] = time.perf_counter() - started
-    return Outcome({name: _plain(value) for name, value in row.items()}, units)
+    return SessionRow(json_ready(row), units)
 
 
 def recorded_at(created: object) -> datetime | None:
@@ -168,16 +168,3 @@ def _parameters(result: Diagnosis) -> tuple[Row, dict[str, str]]:
 def _effect_of(key: str) -> str:
     """The effect that a parameter belongs to; a delay has a name of its own."""
     return "transport_delay" if key == "delay" else key.split(".")[0]
-
-
-def _plain(value: Any) -> Any:
-    """The value as JSON knows it; what is no number is nothing."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if hasattr(value, "item"):
-        return _plain(value.item())
-    return value

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import fingerlab
-from fingerlab.batch.rows import SOFTWARE, Options, Outcome, Row, Task, diagnose_file
+from fingerlab.batch.rows import SOFTWARE, Options, Row, SessionRow, Task, diagnose_file
 from fingerlab.batch.table import (
     Contents,
     Parts,
@@ -25,9 +25,10 @@ from fingerlab.batch.table import (
     write_table,
 )
 from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.progress import Progress
 from fingerlab.sessions import file_hash
 
-Runner = Callable[[Sequence[Task], Options], Iterator[Outcome]]
+Runner = Callable[[Sequence[Task], Options], Iterator[SessionRow]]
 """Gives the outcome of every task, each as soon as it is there, in any order."""
 
 CONNECT_SECONDS = 10.0
@@ -37,7 +38,7 @@ def locally(processes: int | None = None) -> Runner:
     """A runner on this machine, one diagnosis a process; all processors for None."""
     wanted = processes or os.cpu_count() or 1
 
-    def run(tasks: Sequence[Task], options: Options) -> Iterator[Outcome]:
+    def run(tasks: Sequence[Task], options: Options) -> Iterator[SessionRow]:
         from joblib import Parallel, delayed
         from joblib.externals.loky import get_reusable_executor
 
@@ -73,7 +74,7 @@ def on_dask(address: str, folder: Path) -> Runner:
         client.close()
         raise
 
-    def run(tasks: Sequence[Task], options: Options) -> Iterator[Outcome]:
+    def run(tasks: Sequence[Task], options: Options) -> Iterator[SessionRow]:
         from distributed import as_completed
 
         waiting = {client.submit(diagnose_file, task, options, pure=False): task for task in tasks}
@@ -136,7 +137,7 @@ def _worker_facts(folder: str) -> tuple[str, bool]:
     return fingerlab.__version__, Path(folder).is_dir()
 
 
-def _lost(task: Task, options: Options, why: str) -> Outcome:
+def _lost(task: Task, options: Options, why: str) -> SessionRow:
     """A session whose worker went away; without a hash, so that it is tried anew next time."""
     words = " ".join(why.split())
     row = {
@@ -146,13 +147,11 @@ def _lost(task: Task, options: Options, why: str) -> Outcome:
         "error": f"{task.path} could not be diagnosed, because its worker failed ({words}); start again.",
         "seconds": 0.0,
     }
-    return Outcome(row, {})
+    return SessionRow(row, {})
 
 
 ENDINGS = (".h5", ".hdf5")
 HASHING_THREADS = 4
-
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
@@ -231,7 +230,7 @@ def run_batch(
     parts = Parts.of(out)
     plan = _plan(tasks, hashes, [*before.rows, *(p.row for p in parts.read())], options, retry)
     told(0.0, f"{len(plan.todo)} of {len(tasks)} sessions to do")
-    outcomes: list[Outcome] = []
+    outcomes: list[SessionRow] = []
     for outcome in runner(plan.todo, options) if plan.todo else ():
         parts.keep(outcome)
         outcomes.append(outcome)

@@ -20,7 +20,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from fingerlab.batch.rows import ALONE, Outcome, Row, recorded_at
+from fingerlab.batch.rows import ALONE, Row, SessionRow, recorded_at
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import whole_file
 from fingerlab.sessions.model import Array
@@ -140,7 +140,7 @@ class Parts:
     def of(cls, table: Path) -> Parts:
         return cls(table.with_name(table.name + ".parts"))
 
-    def keep(self, outcome: Outcome) -> None:
+    def keep(self, outcome: SessionRow) -> None:
         """Write a result, whole or not at all; an earlier one of the same session and options is replaced.
 
         Raises:
@@ -159,14 +159,14 @@ class Parts:
             self.folder.mkdir(exist_ok=True)
             part.write_text(text, encoding="utf-8")
 
-    def read(self) -> list[Outcome]:
+    def read(self) -> list[SessionRow]:
         """What was kept; a damaged part is as good as absent, so its session is done again."""
         found = []
         for path in sorted(self.folder.glob("*.json")):
             try:
                 data = json.loads(path.read_text(encoding="utf-8"))
                 if data["format"] == PART_FORMAT and data["row"]["session"]:
-                    found.append(Outcome(dict(data["row"]), dict(data["units"])))
+                    found.append(SessionRow(dict(data["row"]), dict(data["units"])))
             except (OSError, ValueError, KeyError, TypeError):
                 continue
         return found
@@ -186,7 +186,7 @@ def in_order_of_time(rows: Iterable[Row]) -> list[Row]:
     return sorted(rows, key=place)
 
 
-def units_of(outcomes: Sequence[Outcome], known: Mapping[str, str]) -> dict[str, str]:
+def units_of(outcomes: Sequence[SessionRow], known: Mapping[str, str]) -> dict[str, str]:
     """Units of all columns, those of an earlier table included."""
     result = dict(known)
     for outcome in outcomes:

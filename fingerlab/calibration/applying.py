@@ -12,10 +12,10 @@ from typing import Any
 import h5py
 import numpy as np
 
-from fingerlab.calibration.offline import Progress
-from fingerlab.calibration.store import CalibrationStore, Record
+from fingerlab.calibration.store import CalibrationRecord, CalibrationStore
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import claim, move_into_place
+from fingerlab.core.progress import Progress
 from fingerlab.core.units import factor
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import AnalogInput, plain_section
@@ -45,7 +45,7 @@ def default_folder(rig_file: Path | None = None, kind: str = "default") -> Path:
     return user_data_path("FingerLab", appauthor=False) / "rigs" / kind / "calibrations"
 
 
-def calibrated_rig(rig: Rig, records: Mapping[str, Record]) -> Rig:
+def calibrated_rig(rig: Rig, records: Mapping[str, CalibrationRecord]) -> Rig:
     """The rig with the lines of these calibrations in its wiring; what has none stays as it is."""
     daq = rig.daq
     sources = dict(daq.sources)
@@ -62,7 +62,7 @@ def calibrated_rig(rig: Rig, records: Mapping[str, Record]) -> Rig:
     return replace(rig, extra={**rig.extra, "daq": plain_section(daq)}) if records else rig
 
 
-def calibration_text(records: Mapping[str, Record]) -> str:
+def calibration_text(records: Mapping[str, CalibrationRecord]) -> str:
     """For a session's attribute ``calibration``: the records whole, by sensor."""
     return json.dumps({name: dict(record.data) for name, record in records.items()}, ensure_ascii=False)
 
@@ -78,7 +78,7 @@ def rig_and_attributes(rig: Rig, folder: Path) -> tuple[Rig, dict[str, Any]]:
 
 
 def apply_again(
-    source: Path, target: Path, records: Mapping[str, Record], progress: Progress = lambda *_: None
+    source: Path, target: Path, records: Mapping[str, CalibrationRecord], progress: Progress = lambda *_: None
 ) -> tuple[Path, list[str]]:
     """A copy of a session whose forces and angles are calculated anew from the volts as read.
 
@@ -128,7 +128,7 @@ def apply_again(
 
 
 def _recalculated(
-    runs: tuple[Run, ...], rig: Rig, records: Mapping[str, Record], progress: Progress
+    runs: tuple[Run, ...], rig: Rig, records: Mapping[str, CalibrationRecord], progress: Progress
 ) -> list[tuple[str, str, Array]]:
     """Run, sensor and new values of each channel that can be calculated anew."""
     pieces = []
@@ -147,7 +147,7 @@ def _recalculated(
     return pieces
 
 
-def _anew(volts: Array, values: Array, old: AnalogInput, record: Record) -> Array:
+def _anew(volts: Array, values: Array, old: AnalogInput, record: CalibrationRecord) -> Array:
     """New values (SI) from volts (V), with the zero that the old values (SI) had; shapes (n,)."""
     by_line = old.quantity(volts)
     moved = values - by_line
@@ -158,6 +158,6 @@ def _anew(volts: Array, values: Array, old: AnalogInput, record: Record) -> Arra
     return result
 
 
-def _told(name: str, record: Record, pieces: list[tuple[str, str, Array]]) -> str:
+def _told(name: str, record: CalibrationRecord, pieces: list[tuple[str, str, Array]]) -> str:
     runs = sum(1 for _, one, _ in pieces if one == name)
     return f"{name}: {runs} {'run' if runs == 1 else 'runs'} by {record.title}"

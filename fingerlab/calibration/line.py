@@ -37,7 +37,7 @@ class StepTiming:
 
 
 @dataclass(frozen=True)
-class Step:
+class SteadyStep:
     """The steady part of one step.
 
     Attributes:
@@ -61,7 +61,7 @@ def count_steps(time: Array, timing: StepTiming) -> int:
     return max(0, math.floor((duration - tail) / timing.seconds + 1e-9) + 1)
 
 
-def find_steps(time: Array, volts: Array, count: int, timing: StepTiming) -> tuple[Step, ...]:
+def find_steps(time: Array, volts: Array, count: int, timing: StepTiming) -> tuple[SteadyStep, ...]:
     """Mean reading of the central part of each of the first ``count`` steps.
 
     Args:
@@ -87,7 +87,7 @@ def find_steps(time: Array, volts: Array, count: int, timing: StepTiming) -> tup
                 f"Step {number + 1} of the recording has {len(inside)} samples between {start:g} and "
                 f"{end:g} s; it should have at least two (the bench records 20 a second)."
             )
-        steps.append(Step(float(inside.mean()), float(inside.std(ddof=1)), len(inside)))
+        steps.append(SteadyStep(float(inside.mean()), float(inside.std(ddof=1)), len(inside)))
     return tuple(steps)
 
 
@@ -123,7 +123,7 @@ class Calibration:
     r2: float
     rms: float
     known: tuple[float, ...]
-    steps: tuple[Step, ...]
+    steps: tuple[SteadyStep, ...]
     residuals: tuple[float, ...]
     zero_volts: float
     suspect: tuple[str, ...]
@@ -155,7 +155,7 @@ class Calibration:
         }
 
 
-def calibrate_steps(sensor: Sensor, steps: Sequence[Step], marks: Sequence[float]) -> Calibration:
+def calibrate_steps(sensor: Sensor, steps: Sequence[SteadyStep], marks: Sequence[float]) -> Calibration:
     """Fit the line by least squares to the means of the steps.
 
     The means and not the samples are fitted: the samples of one step share the error of placing the
@@ -203,7 +203,7 @@ def calibrate_steps(sensor: Sensor, steps: Sequence[Step], marks: Sequence[float
 
 
 def _suspect(
-    sensor: Sensor, gain: float, zero_volts: float, steps: Sequence[Step], residuals: Array
+    sensor: Sensor, gain: float, zero_volts: float, steps: Sequence[SteadyStep], residuals: Array
 ) -> list[str]:
     """Where the data sheet does not allow the result, one sentence each."""
     found = []

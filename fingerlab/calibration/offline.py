@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
 import numpy as np
 
-from fingerlab.calibration.line import Step, StepTiming, count_steps, find_steps
-from fingerlab.calibration.outcome import Outcome, outcome_of
-from fingerlab.calibration.sensors import FIRST, LOADING, SECOND, Move, Plan, Sensor, standard_plan
+from fingerlab.calibration.line import SteadyStep, StepTiming, count_steps, find_steps
+from fingerlab.calibration.outcome import CalibrationOutcome, outcome_of
+from fingerlab.calibration.sensors import (
+    FIRST,
+    LOADING,
+    SECOND,
+    CalibrationPlan,
+    Move,
+    Sensor,
+    standard_plan,
+)
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress
 from fingerlab.core.units import factor
 from fingerlab.sessions.hdf5 import sample_fault
 from fingerlab.sessions.mapping import split_header
@@ -23,12 +32,9 @@ from fingerlab.sessions.text_table import TextTable, inspect_table, read_blocks
 PIECE = 1 << 20
 """Samples of a session read at a time: a quarter of an hour at 1 kHz."""
 
-Progress = Callable[[float, str], None]
-"""Told the share done (0 to 1) and what is being done; stops the work by raising ``Cancelled``."""
-
 
 @dataclass(frozen=True)
-class Recording:
+class SensorRecording:
     """Readings of one sensor: time (s) and volts (V), shapes (n,), and what they were read from."""
 
     time: Array
@@ -42,7 +48,7 @@ def read_recording(
     column: str | None = None,
     run: str | None = None,
     progress: Progress = lambda *_: None,
-) -> Recording:
+) -> SensorRecording:
     """Read the volts of one sensor.
 
     Args:
@@ -71,7 +77,7 @@ def read_recording(
 
 def _from_session(
     path: Path, sensor: Sensor, column: str | None, name: str | None, progress: Progress
-) -> Recording:
+) -> SensorRecording:
     session = open_session(path)
     runs = [run for run in session.runs if name is None or run.name == name]
     if not runs:
@@ -86,7 +92,7 @@ def _from_session(
                     f"{path}: run {run.name}, '{channel}' is in '{unit}'; it should be in V or mV."
                 )
             time, volts = _loaded(run, channel, progress)
-            return Recording(time, volts * times, f"{path}, run {run.name}, {channel}")
+            return SensorRecording(time, volts * times, f"{path}, run {run.name}, {channel}")
     wanted = f"'{column}'" if column else f"the raw volts of the {sensor.name} sensor"
     raise UserError(
         f"{path} does not hold {wanted}; a calibration needs volts as read, such as "
@@ -111,7 +117,7 @@ def _raw_channel(run: Run, sensor: Sensor, column: str | None) -> str | None:
     return named[0] if len(named) == 1 else None
 
 
-def _from_text(path: Path, sensor: Sensor, column: str | None, progress: Progress) -> Recording:
+def _from_text(path: Path, sensor: Sensor, column: str | None, progress: Progress) -> SensorRecording:
     table = inspect_table(path)
     index = _text_column(table, sensor, column)
     time_factor = _factor(table, 0, "s", "s or ms")
@@ -120,7 +126,7 @@ def _from_text(path: Path, sensor: Sensor, column: str | None, progress: Progres
     values = np.concatenate([block[:, (0, index)] for block in blocks])
     header = f" '{table.header[index]}'" if table.header else ""
     source = f"{path}, column {index + 1}{header}"
-    return Recording(values[:, 0] * time_factor, values[:, 1] * volt_factor, source)
+    return SensorRecording(values[:, 0] * time_factor, values[:, 1] * volt_factor, source)
 
 
 def _text_column(table: TextTable, sensor: Sensor, column: str | None) -> int:
@@ -171,7 +177,7 @@ def outcome_from_files(
     timing: StepTiming | None = None,
     column: str | None = None,
     progress: Progress = lambda *_: None,
-) -> tuple[Outcome, list[str]]:
+) -> tuple[CalibrationOutcome, list[str]]:
     """The calibration of one or two recordings of the standard procedure.
 
     A load-cell recording of 21 steps or more is loading and unloading, one of 11 loading alone; a second
@@ -189,7 +195,7 @@ def outcome_from_files(
     if not 1 <= len(paths) <= 2:
         raise UserError(f"{len(paths)} files were chosen; give one recording, or two of the same sensor.")
     timing = timing or StepTiming()
-    steps: list[Step] = []
+    steps: list[SteadyStep] = []
     moves: list[Move] = []
     notes: list[str] = []
 
@@ -207,7 +213,7 @@ def outcome_from_files(
             notes.append(f"{available - len(planned)} steps more at its end have no known value.")
     if sensor.mark_unit == "deg":
         notes.append("The marks are assumed evenly from 0° to 90°.")
-    return outcome_of(Plan(sensor, tuple(moves)), steps), notes
+    return outcome_of(CalibrationPlan(sensor, tuple(moves)), steps), notes
 
 
 def _moves(sensor: Sensor, available: int, sweep: str, alone: bool) -> tuple[Move, ...]:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.calibration.line import Calibration, Step, calibrate_steps
-from fingerlab.calibration.sensors import Plan, Sensor, mark_text
+from fingerlab.calibration.line import Calibration, SteadyStep, calibrate_steps
+from fingerlab.calibration.sensors import CalibrationPlan, Sensor, mark_text
 
 SLIP = 0.5
 """A reading that is nearer to another mark than to its own belongs to that one."""
@@ -50,7 +50,9 @@ def robust_line(volts: Sequence[float], marks: Sequence[float]) -> tuple[float, 
     return 1.0 / slope, float(np.median(y - x / slope))
 
 
-def find_misplaced(plan: Plan, steps: Sequence[Step], numbers: Sequence[int]) -> tuple[Misplaced, ...]:
+def find_misplaced(
+    plan: CalibrationPlan, steps: Sequence[SteadyStep], numbers: Sequence[int]
+) -> tuple[Misplaced, ...]:
     """Which of the captured steps do not fit the line of the others.
 
     Args:
@@ -70,7 +72,7 @@ def find_misplaced(plan: Plan, steps: Sequence[Step], numbers: Sequence[int]) ->
     return tuple(found)
 
 
-def _describe(plan: Plan, number: int, off: float) -> Misplaced:
+def _describe(plan: CalibrationPlan, number: int, off: float) -> Misplaced:
     move, sensor = plan.moves[number], plan.sensor
     place = f"Step {number + 1} ({move.sweep}, {mark_text(sensor, move.mark)})"
     weight = sensor.mark_unit == "kg"
@@ -114,7 +116,7 @@ class Repeat:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CalibrationOutcome:
     """A calibration with all that speaks for and against it.
 
     Attributes:
@@ -123,7 +125,7 @@ class Outcome:
         misplaced: steps at a wrong weight or mark, as it seems.
     """
 
-    plan: Plan
+    plan: CalibrationPlan
     calibration: Calibration
     sweeps: tuple[Sweep, ...]
     repeat: Repeat | None
@@ -160,7 +162,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Change:
+class CalibrationChange:
     """A calibration against an earlier one.
 
     Attributes:
@@ -173,7 +175,7 @@ class Change:
     within: bool
 
 
-def outcome_of(plan: Plan, steps: Sequence[Step]) -> Outcome:
+def outcome_of(plan: CalibrationPlan, steps: Sequence[SteadyStep]) -> CalibrationOutcome:
     """Fit the steps of a plan.
 
     Raises:
@@ -188,10 +190,10 @@ def outcome_of(plan: Plan, steps: Sequence[Step]) -> Outcome:
     )
     repeat = _repeat(calibration, members[names[0]], members[names[1]]) if len(names) > 1 else None
     misplaced = find_misplaced(plan, steps, range(len(steps)))
-    return Outcome(plan, calibration, sweeps, repeat, misplaced)
+    return CalibrationOutcome(plan, calibration, sweeps, repeat, misplaced)
 
 
-def compare(new: Calibration, gain: dict[str, Any], offset: dict[str, Any]) -> Change:
+def compare(new: Calibration, gain: dict[str, Any], offset: dict[str, Any]) -> CalibrationChange:
     """``new`` against the stored gain and offset of an earlier calibration (value, low, high; SI)."""
     within = all(
         abs(now.value - then["value"])
@@ -201,7 +203,7 @@ def compare(new: Calibration, gain: dict[str, Any], offset: dict[str, Any]) -> C
     volts = np.array([step.volts for step in new.steps])
     change = new.apply(volts) - (gain["value"] * volts + offset["value"])
     largest = float(change[np.argmax(np.abs(change))])
-    return Change(new.gain.value / gain["value"] - 1.0, largest, within)
+    return CalibrationChange(new.gain.value / gain["value"] - 1.0, largest, within)
 
 
 def amount_text(sensor: Sensor, value: float) -> str:
@@ -213,7 +215,7 @@ def amount_text(sensor: Sensor, value: float) -> str:
     return f"{value:.3f} {sensor.unit}"
 
 
-def _sweep(plan: Plan, name: str, steps: Sequence[Step], marks: Sequence[float]) -> Sweep:
+def _sweep(plan: CalibrationPlan, name: str, steps: Sequence[SteadyStep], marks: Sequence[float]) -> Sweep:
     line = calibrate_steps(plan.sensor, steps, marks)
     return Sweep(name, line.gain.value, line.offset.value, line.r2)
 

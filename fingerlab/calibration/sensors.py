@@ -135,7 +135,7 @@ class Move:
 
 
 @dataclass(frozen=True)
-class Plan:
+class CalibrationPlan:
     """All steps of one sensor in their order."""
 
     sensor: Sensor
@@ -162,7 +162,7 @@ class Plan:
         return self.spacing * self.sensor.mark_factor / self.sensor.gain.high
 
 
-def standard_plan(sensor: Sensor) -> Plan:
+def standard_plan(sensor: Sensor) -> CalibrationPlan:
     """The procedure of thesis section 2.2.
 
     Load cell: 0 to 1 kg in steps of 100 g; and back, so that hysteresis shows (the thesis only loads).
@@ -176,7 +176,7 @@ def mark_text(sensor: Sensor, mark: float) -> str:
     return f"{1000 * mark:.0f} g" if sensor.mark_unit == "kg" else f"{mark:g}°"
 
 
-def _load_cell_plan(sensor: Sensor) -> Plan:
+def _load_cell_plan(sensor: Sensor) -> CalibrationPlan:
     moves = [Move(LOADING, 0.0, "Take every weight off the load cell and let go of the plate.")]
     for step in range(1, 11):
         moves.append(Move(LOADING, step / 10, f"Add a 100 g weight, so that {100 * step} g lie on the cell."))
@@ -184,10 +184,10 @@ def _load_cell_plan(sensor: Sensor) -> Plan:
         words = f"Take a 100 g weight off, so that {100 * step} g are left."
         moves.append(Move(UNLOADING, step / 10, words))
     moves.append(Move(UNLOADING, 0.0, "Take the last weight off, so that nothing is left on the cell."))
-    return Plan(sensor, tuple(moves))
+    return CalibrationPlan(sensor, tuple(moves))
 
 
-def _angle_plan(sensor: Sensor) -> Plan:
+def _angle_plan(sensor: Sensor) -> CalibrationPlan:
     joint = sensor.name.upper()
     moves = []
     for sweep in (FIRST, SECOND):
@@ -198,4 +198,4 @@ def _angle_plan(sensor: Sensor) -> Plan:
                 again = "back " if sweep == SECOND else ""
                 words = f"Put the {joint} joint {again}on the centre of the circle, straight at the 0° mark."
             moves.append(Move(sweep, mark, words))
-    return Plan(sensor, tuple(moves))
+    return CalibrationPlan(sensor, tuple(moves))

@@ -10,10 +10,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from fingerlab.calibration.outcome import Outcome
+from fingerlab.calibration.outcome import CalibrationOutcome
 from fingerlab.calibration.sensors import SENSORS
 from fingerlab.core.errors import UserError
-from fingerlab.core.reading import structured
+from fingerlab.core.plain_data import structured
 from fingerlab.core.units import ParameterEstimate
 
 Verdict = Literal["accepted", "accepted with a reason", "rejected"]
@@ -22,7 +22,7 @@ _NAME = re.compile(r"(?P<sensor>[a-z-]+)-v(?P<version>\d{4,})-.*\.json")
 
 
 @dataclass(frozen=True)
-class Record:
+class CalibrationRecord:
     """A stored calibration.
 
     Attributes:
@@ -65,13 +65,13 @@ class CalibrationStore:
 
     def save(
         self,
-        outcome: Outcome,
+        outcome: CalibrationOutcome,
         verdict: Verdict,
         reason: str = "",
         source: str = "",
         operator: str = "",
         now: datetime | None = None,
-    ) -> Record:
+    ) -> CalibrationRecord:
         """Store a calibration with what was decided on it, rejected ones too: nothing measured is lost.
 
         Raises:
@@ -95,7 +95,7 @@ class CalibrationStore:
         }
         return self._write(outcome.sensor.name, data, created)
 
-    def history(self, sensor: str) -> list[Record]:
+    def history(self, sensor: str) -> list[CalibrationRecord]:
         """All calibrations of a sensor, newest first.
 
         Raises:
@@ -103,11 +103,11 @@ class CalibrationStore:
         """
         return [read_record(path) for _, path in sorted(self._files(sensor), reverse=True)]
 
-    def latest(self, sensor: str) -> Record | None:
+    def latest(self, sensor: str) -> CalibrationRecord | None:
         """The newest calibration that was accepted."""
         return next((one for one in self.history(sensor) if one.verdict != REJECTED), None)
 
-    def current(self) -> dict[str, Record]:
+    def current(self) -> dict[str, CalibrationRecord]:
         """The newest accepted calibration of each sensor that has one."""
         found = {name: self.latest(name) for name in SENSORS}
         return {name: record for name, record in found.items() if record is not None}
@@ -118,7 +118,7 @@ class CalibrationStore:
         matches = ((_NAME.fullmatch(path.name), path) for path in self.folder.iterdir())
         return [(int(m["version"]), path) for m, path in matches if m is not None and m["sensor"] == sensor]
 
-    def _write(self, sensor: str, data: dict[str, Any], created: datetime) -> Record:
+    def _write(self, sensor: str, data: dict[str, Any], created: datetime) -> CalibrationRecord:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             version = max((number for number, _ in self._files(sensor)), default=0)
@@ -138,7 +138,7 @@ class CalibrationStore:
             ) from None
 
 
-def read_record(path: Path) -> Record:
+def read_record(path: Path) -> CalibrationRecord:
     """Read one stored calibration.
 
     Raises:
@@ -146,7 +146,7 @@ def read_record(path: Path) -> Record:
     """
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-        found = structured(_Stored, data)
+        found = structured(_StoredCalibration, data)
         if found.sensor not in SENSORS or found.gain.value == 0:
             raise ValueError("its sensor or its line is impossible")
     except OSError as error:
@@ -155,13 +155,13 @@ def read_record(path: Path) -> Record:
         raise UserError(
             f"{path} is no stored calibration ({error}); move it out of the folder, then the others count."
         ) from None
-    return Record(
+    return CalibrationRecord(
         found.sensor, found.version, found.created, found.verdict, found.reason, found.source, data, path
     )
 
 
 @dataclass(frozen=True)
-class _Stored:
+class _StoredCalibration:
     """What every file of a calibration holds."""
 
     sensor: str

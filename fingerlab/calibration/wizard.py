@@ -13,9 +13,9 @@ from typing import Literal
 
 import numpy as np
 
-from fingerlab.calibration.line import Step, StepTiming
-from fingerlab.calibration.outcome import Misplaced, Outcome, find_misplaced, outcome_of
-from fingerlab.calibration.sensors import Move, Plan
+from fingerlab.calibration.line import SteadyStep, StepTiming
+from fingerlab.calibration.outcome import CalibrationOutcome, Misplaced, find_misplaced, outcome_of
+from fingerlab.calibration.sensors import CalibrationPlan, Move
 from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Array
 
@@ -110,7 +110,7 @@ class Phase(Enum):
 class Capture:
     """A captured step: its reading, and the stretch of time that counted, s."""
 
-    step: Step
+    step: SteadyStep
     start: float
     end: float
 
@@ -125,7 +125,7 @@ class Wizard:
         time, volts: the reading of the last minute at 20 Hz, s and V.
     """
 
-    def __init__(self, plan: Plan, timing: StepTiming | None = None) -> None:
+    def __init__(self, plan: CalibrationPlan, timing: StepTiming | None = None) -> None:
         self.plan, self.timing = plan, timing or StepTiming()
         self.captures: list[Capture] = []
         self.phase = Phase.SETTLE
@@ -223,7 +223,7 @@ class Wizard:
         if self.phase is Phase.HOLD:
             self.phase = Phase.SETTLE
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> CalibrationOutcome:
         """The calibration, once all steps are captured.
 
         Raises:
@@ -275,7 +275,7 @@ class Wizard:
             self.interrupt_hold()  # it creeps: still within each two seconds, but not over the whole hold
             return
         self._undone.clear()
-        step = Step(float(inside.mean()), float(inside.std(ddof=1)), len(inside))
+        step = SteadyStep(float(inside.mean()), float(inside.std(ddof=1)), len(inside))
         self._accept(Capture(step, start, end))
 
     def interrupt_hold(self) -> None:

@@ -13,7 +13,7 @@ from fingerlab.cli.common import json_option, write_json
 from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
-    from fingerlab.calibration import Calibration, Step
+    from fingerlab.calibration import Calibration, SteadyStep
 
 _SENSOR_WORDS = ("load-cell", "mcp", "pip")
 
@@ -63,7 +63,7 @@ def calibrate(
     from fingerlab.calibration.offline import read_recording
 
     sensor, timing = SENSORS[word], StepTiming(step_seconds, centre_seconds)
-    steps: list[Step] = []
+    steps: list[SteadyStep] = []
     values: list[float] = []
     notes: list[str] = []
     for path in data:

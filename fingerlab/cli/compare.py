@@ -14,8 +14,9 @@ from fingerlab.cli.common import json_option, progress_bar, tell_own_effects
 from fingerlab.cli.output import refuse_taken_early, table_console, write_results
 from fingerlab.cli.predict_extended import NUMBERS, spread_over
 from fingerlab.core.errors import UserError
+from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import number, score_text
-from fingerlab.models.file import load_model, without_nan
+from fingerlab.models.file import load_model
 from fingerlab.prediction import ExtendedModel, extended_model
 from fingerlab.prediction.comparing import ComparedModel, ModelComparison, compare_models
 from fingerlab.prediction.judging import LEVEL
@@ -127,7 +128,7 @@ def _equations(result: ModelComparison) -> Table:
 
 def comparison_json(result: ModelComparison) -> dict[str, Any]:
     """The JSON of ``compare``: SI units, null where there is no number."""
-    data: dict[str, Any] = without_nan(
+    data: dict[str, Any] = json_ready(
         {
             "schema": 1,
             "session": str(result.session),

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from fingerlab.devices.protocol import Found
 
 STATES = {
-    "confirmed": "confirmed in the window",
+    "trusted": "confirmed in the window",
     "changed": "changed since it was confirmed: the window asks again",
     "missing": "confirmed, and no longer there",
 }
@@ -72,5 +72,8 @@ def _to_json(found: tuple[Found, ...], known: tuple[tuple[Path, str], ...]) -> d
     return {
         "schema": 1,
         "devices": [{"name": f.name, "available": f.available, "sentence": f.sentence} for f in found],
-        "own_files": [{"file": str(path), "state": state} for path, state in known],
+        "own_files": [
+            {"file": str(path), "state": "confirmed" if state == "trusted" else state}
+            for path, state in known
+        ],
     }

@@ -14,8 +14,9 @@ from fingerlab.core.errors import UserError
 if TYPE_CHECKING:
     from rich.text import Text
 
+    from fingerlab.core.trust import OwnSource
     from fingerlab.effects.base import Effect
-    from fingerlab.effects.own import OwnFile, OwnSource
+    from fingerlab.effects.own import OwnFile
     from fingerlab.physics.parameter import Parameter
 
 SHOWN_LINES = 60
@@ -99,7 +100,7 @@ def _ask_and_trust(source: OwnSource) -> None:
 
 
 def _to_json(files: tuple[OwnFile, ...]) -> dict[str, Any]:
-    from fingerlab.core.own_settings import read_settings
+    from fingerlab.core.trust import read_settings
     from fingerlab.effects import CATALOGUE
 
     folder = read_settings().folder

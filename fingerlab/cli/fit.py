@@ -11,8 +11,9 @@ from rich.table import Table
 from fingerlab.cli.common import json_option, progress_bar
 from fingerlab.cli.output import refuse_taken_early, table_console, write_results
 from fingerlab.core.errors import UserError
+from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import in_words, mean_and_deviation, number
-from fingerlab.models.file import Model, estimate_to_json, without_nan
+from fingerlab.models.file import Model, estimate_to_json
 from fingerlab.sessions import Session, open_session
 from fingerlab.signals.periods import REGION_TITLES, THRESHOLDS_PERCENT
 from fingerlab.thesis.fitting import SessionFit, delay_estimate, fit_session, model_of_fit
@@ -152,7 +153,7 @@ def fit_json(result: SessionFit) -> dict[str, Any]:
         for (joint, region), one in results.items():
             joints.setdefault(joint, {})[region] = _region_json(one)
         cables[cable] = {"runs": list(result.used[cable]), "joints": joints}
-    data: dict[str, Any] = without_nan(
+    data: dict[str, Any] = json_ready(
         {
             "schema": 1,
             "session": str(result.session),
@@ -236,7 +237,7 @@ def _driver(name: str) -> str:
 
 def motor_bench_json(result: MotorBenchFit) -> dict[str, Any]:
     """The JSON of ``fit`` on motor-bench runs: SI units, null where there is no number."""
-    data: dict[str, Any] = without_nan(
+    data: dict[str, Any] = json_ready(
         {
             "schema": 1,
             "session": str(result.session),

@@ -12,8 +12,9 @@ from rich.table import Table
 
 from fingerlab.cli.common import json_option, progress_bar
 from fingerlab.cli.output import refuse_taken_early, table_console, write_results
+from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import mean_and_deviation, number, r2_text
-from fingerlab.models.file import DIAGNOSIS_METHOD, Model, load_model, without_nan
+from fingerlab.models.file import DIAGNOSIS_METHOD, Model, load_model
 from fingerlab.sessions import Session, content_hash, open_session
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.contact import ContactRun, SessionPrediction, parameter_sets, predict_session
@@ -151,7 +152,7 @@ def _row_head(given: ParameterSet) -> tuple[str, str, str]:
 
 def prediction_json(session: Session, model: Model, result: SessionPrediction) -> dict[str, Any]:
     """The JSON of ``predict``: SI units, null where there is no number."""
-    data: dict[str, Any] = without_nan(
+    data: dict[str, Any] = json_ready(
         {
             "schema": 1,
             "session": str(session.path),

@@ -12,8 +12,9 @@ from rich.table import Table
 
 from fingerlab.cli.common import progress_bar
 from fingerlab.cli.output import table_console, write_results
+from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import mean_and_deviation, number
-from fingerlab.models.file import Model, without_nan
+from fingerlab.models.file import Model
 from fingerlab.prediction import EQUATIONS, extended_model, predict_extended
 from fingerlab.prediction.extended import EQUATION_WORDS, Equation, ExtendedModel
 from fingerlab.prediction.judging import LEVEL
@@ -123,7 +124,7 @@ def _print_intervals(console: Console, result: ExtendedPrediction) -> None:
 
 def extended_json(session: Session, model: Model, result: ExtendedPrediction) -> dict[str, Any]:
     """The JSON of ``predict``: SI units, null where there is no number."""
-    data: dict[str, Any] = without_nan(
+    data: dict[str, Any] = json_ready(
         {
             "schema": 1,
             "session": str(session.path),

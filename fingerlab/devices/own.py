@@ -7,63 +7,48 @@ names it. Who writes ``own:FILE`` in a command has named it; where it is chosen 
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 import sys
 from contextlib import redirect_stdout
-from dataclasses import dataclass, replace
 from pathlib import Path
-from types import ModuleType
 from typing import Literal
 
+from fingerlab.core import trust
 from fingerlab.core.errors import UserError
-from fingerlab.core.own_settings import OwnSettings, forget_file, read_settings, write_settings
+from fingerlab.core.trust import (
+    OwnSettings,
+    OwnSource,
+    State,
+    confirmed_names,
+    forget_file,
+    read_settings,
+    run_source,
+    said,
+    with_state,
+    write_settings,
+)
 from fingerlab.devices.protocol import Device
 
 CALLS = ("open", "start", "set_enable", "exchange", "make_safe", "close")
 """What a class needs beside ``name`` and ``rate_hz`` to be taken for a device."""
 
 
-State = Literal["confirmed", "new", "changed"]
-
-
-@dataclass(frozen=True)
-class DeviceFile:
-    """A file as it was read, and whether its user has confirmed this content, another one, or none."""
-
-    path: Path
-    content: bytes
-    state: State
-
-    @property
-    def sha256(self) -> str:
-        return hashlib.sha256(self.content).hexdigest()
-
-
-def device_file(path: Path) -> DeviceFile:
+def device_file(path: Path) -> OwnSource:
     """A file that is chosen; it is read, not run.
 
     Raises:
         UserError: it cannot be read, or the settings are damaged.
     """
-    path = path.resolve()
-    read, trusted = DeviceFile(path, _content(path), "new"), read_settings("devices").trusted
-    if read.sha256 in trusted:
-        return replace(read, state="confirmed")
-    if str(path) in trusted.values():
-        return replace(read, state="changed")
-    return read
+    return with_state(_source(path), read_settings("devices"))
 
 
-def confirm(file: DeviceFile) -> None:
+def confirm(file: OwnSource) -> None:
     """Remember that its user lets exactly this content be run. Call it only after they were asked.
 
     Raises:
         UserError: the settings cannot be read or written.
     """
-    settings = read_settings("devices")
-    others = {key: name for key, name in settings.trusted.items() if key != file.sha256}
-    write_settings(replace(settings, trusted={**others, file.sha256: str(file.path)}), "devices")
+    trust.confirm(file, "devices")
 
 
 def confirmed_files() -> tuple[Path, ...]:
@@ -72,8 +57,7 @@ def confirmed_files() -> tuple[Path, ...]:
     Raises:
         UserError: the settings are damaged.
     """
-    names = dict.fromkeys(reversed([*read_settings("devices").trusted.values()]))
-    return tuple(path for path in map(Path, names) if path.is_file())
+    return tuple(path for path in map(Path, confirmed_names("devices")) if path.is_file())
 
 
 def remembered_files() -> tuple[tuple[Path, State | Literal["missing"]], ...]:
@@ -82,8 +66,7 @@ def remembered_files() -> tuple[tuple[Path, State | Literal["missing"]], ...]:
     Raises:
         UserError: the settings are damaged.
     """
-    names = dict.fromkeys(reversed([*read_settings("devices").trusted.values()]))
-    paths = [Path(name) for name in names]
+    paths = [Path(name) for name in confirmed_names("devices")]
     return tuple((path, device_file(path).state if path.is_file() else "missing") for path in paths)
 
 
@@ -121,7 +104,7 @@ def own_device(path: Path, rate_hz: float) -> Device:
         with redirect_stdout(sys.stderr):
             device = kinds[0]()
     except (Exception, SystemExit) as error:  # whatever the file does
-        raise UserError(f"{kinds[0].__name__} of {path} cannot be made: {_said(error)}.") from None
+        raise UserError(f"{kinds[0].__name__} of {path} cannot be made: {said(error)}.") from None
     if not isinstance(device, Device):
         raise UserError(f"{kinds[0].__name__} of {path} has no name or no rate_hz; add both.")
     if abs(device.rate_hz - rate_hz) > 1e-6 * rate_hz:
@@ -135,29 +118,20 @@ def own_device(path: Path, rate_hz: float) -> Device:
 def _classes(path: Path) -> list[type]:
     """Classes that the file itself defines. It is run as it reads now, past what Python may have compiled."""
     name = f"fingerlab_own_device_{path.stem}"
-    module = ModuleType(name)
-    module.__file__ = str(path)
-    content = _content(path)
-    sys.modules[name] = module  # dataclasses and pickle look there
+    source = _source(path)
     try:
-        # What the file prints must not get between a command's results.
-        with redirect_stdout(sys.stderr):
-            exec(compile(content, str(path), "exec"), module.__dict__)
+        module = run_source(source, name)
     except (Exception, SystemExit) as error:  # whatever the file does
-        raise UserError(f"{path} cannot be run: {_said(error)}.") from None
+        raise UserError(f"{path} cannot be run: {said(error)}.") from None
     return [one for _, one in inspect.getmembers(module, inspect.isclass) if one.__module__ == name]
 
 
-def _content(path: Path) -> bytes:
+def _source(path: Path) -> OwnSource:
     if not path.is_file():
         raise UserError(f"{path} does not exist; name the Python file of a device.")
     try:
-        return path.read_bytes()
+        return OwnSource(str(path.resolve()), path.read_bytes())
     except OSError as error:
         raise UserError(
             f"{path} cannot be read ({error.strerror}); name the Python file of a device."
         ) from None
-
-
-def _said(error: BaseException) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split()).rstrip(".: ")

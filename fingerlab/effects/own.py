@@ -7,35 +7,30 @@ same :class:`~fingerlab.effects.base.Effect` as the built-in catalogue.
 
 from __future__ import annotations
 
-import hashlib
 import sys
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Lock
-from types import ModuleType
-from typing import Literal
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.own_settings import OwnSettings, forget_file, read_settings, write_settings
+from fingerlab.core.trust import (
+    OwnSettings,
+    OwnSource,
+    State,
+    confirm,
+    confirmed_names,
+    forget_file,
+    read_settings,
+    run_source,
+    told,
+    with_state,
+    write_settings,
+)
 from fingerlab.effects.base import Effect
-from fingerlab.effects.own_checks import checked, told
-
-State = Literal["trusted", "waiting", "changed"]
-
-
-@dataclass(frozen=True)
-class OwnSource:
-    """A file's name and the bytes that are hashed, confirmed and run: the same ones throughout."""
-
-    file: str
-    content: bytes
-
-    @property
-    def sha256(self) -> str:
-        return hashlib.sha256(self.content).hexdigest()
+from fingerlab.effects.own_checks import checked
 
 
 @dataclass(frozen=True)
@@ -46,9 +41,12 @@ class OwnFile:
     """
 
     source: OwnSource
-    state: State
     effects: tuple[Effect, ...] = ()
     problem: str = ""
+
+    @property
+    def state(self) -> State:
+        return self.source.state
 
     @property
     def notice(self) -> str:
@@ -72,15 +70,15 @@ def own_files(taken: Collection[str]) -> tuple[OwnFile, ...]:
         UserError: the settings are damaged.
     """
     fixed = _FIXED.get()
-    if fixed is not None:
-        states: list[tuple[OwnSource, State]] = [(source, "trusted") for source in fixed]
-    else:
+    if fixed is None:
         settings = read_settings()
-        states = [(source, _state(source, settings)) for source in _sources(settings.folder)]
+        sources = [with_state(source, settings) for source in _sources(settings.folder)]
+    else:
+        sources = [replace(source, state="trusted") for source in fixed]
     result = []
     owners: dict[str, str] = dict.fromkeys(taken, "the built-in catalogue")
-    for source, state in states:
-        file = _loaded(source) if state == "trusted" else OwnFile(source, state)
+    for source in sources:
+        file = _loaded(source) if source.state == "trusted" else OwnFile(source)
         file = _without_taken(file, owners)
         owners |= {effect.id: source.file for effect in file.effects}
         result.append(file)
@@ -119,8 +117,7 @@ def distrust(name: Path) -> str:
     Raises:
         UserError: no such file was confirmed, or the settings cannot be read or written.
     """
-    names = dict.fromkeys(read_settings().trusted.values())
-    for file in names:
+    for file in confirmed_names("effects"):
         if name.resolve() == Path(file).resolve() or str(name) == Path(file).name:
             forget_file(file, "effects")
             return file
@@ -153,8 +150,7 @@ def trust(source: OwnSource, taken: Collection[str]) -> OwnFile:
     Raises:
         UserError: the settings cannot be written.
     """
-    settings = read_settings()
-    write_settings(replace(settings, trusted={**settings.trusted, source.sha256: source.file}))
+    confirm(source, "effects")
     for file in own_files(taken):
         if file.source == source:
             return file
@@ -195,21 +191,15 @@ def _sources(folder: Path | None) -> list[OwnSource]:
     return found
 
 
-def _state(source: OwnSource, settings: OwnSettings) -> State:
-    if source.sha256 in settings.trusted:
-        return "trusted"
-    return "changed" if source.file in settings.trusted.values() else "waiting"
-
-
 def _loaded(source: OwnSource) -> OwnFile:
     with _LOADING:
         if source not in _LOADED:
             try:
-                _LOADED[source] = OwnFile(source, "trusted", _run(source))
+                _LOADED[source] = OwnFile(source, _run(source))
             except UserError as error:
-                _LOADED[source] = OwnFile(source, "trusted", problem=str(error))
+                _LOADED[source] = OwnFile(source, problem=str(error))
             except Exception as error:  # something that no check foresaw is the file's fault all the same
-                _LOADED[source] = OwnFile(source, "trusted", problem=f"{told(error, source.file)}.")
+                _LOADED[source] = OwnFile(source, problem=f"{told(error, source.file)}.")
         return _LOADED[source]
 
 
@@ -219,17 +209,11 @@ def _run(source: OwnSource) -> tuple[Effect, ...]:
     Raises:
         UserError: it fails, or offers nothing, or something that is no good effect.
     """
-    module = ModuleType(f"fingerlab_own_{source.sha256[:16]}")
-    module.__file__ = source.file
-    sys.modules[module.__name__] = module  # data classes of the file look their module up
     # Files written for earlier versions know the catalogue by this name.
     sys.modules.setdefault("fingerlab.physics.effects", sys.modules["fingerlab.effects"])
     try:
-        # What the file prints must not get between a command's results.
-        with redirect_stdout(sys.stderr):
-            exec(compile(source.content, source.file, "exec"), module.__dict__)
+        module = run_source(source, f"fingerlab_own_{source.sha256[:16]}")
     except (Exception, SystemExit) as error:
-        del sys.modules[module.__name__]
         raise UserError(f"{told(error, source.file)}; put it right and confirm the file anew.") from None
     if hasattr(module, "EFFECT") == hasattr(module, "EFFECTS"):
         raise UserError(f"{source.file} should define either EFFECT = Effect(...) or EFFECTS = [...].")

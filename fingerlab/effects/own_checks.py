@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.trust import told
 from fingerlab.effects.base import (
     BESIDE_A_FINGER,
     COORDINATE_UNITS,
@@ -39,19 +40,6 @@ PROBE_RATE_HZ = 250.0
 PROBE_SECONDS = 4.0
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
-
-
-def told(error: BaseException, file: str) -> str:
-    """An exception of the user's code in a few words, with the line of their file."""
-    line = error.lineno if isinstance(error, SyntaxError) else None
-    trace = error.__traceback__
-    while trace is not None:
-        if trace.tb_frame.f_code.co_filename == file:
-            line = trace.tb_lineno
-        trace = trace.tb_next
-    what = error.msg if isinstance(error, SyntaxError) else str(error)
-    words = " ".join(f"{type(error).__name__}: {what}".split()).rstrip(".: ")
-    return f"{file}{'' if line is None else f', line {line}'}: {words}"
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress
 from fingerlab.library.index import started_at, text_list, time_of
 from fingerlab.library.pyramid import PIECE
 from fingerlab.library.reviewing import markers_of
@@ -24,14 +25,12 @@ from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.reading import content_hash
 from fingerlab.sessions.writing import SessionWriter
 
-Progress = Callable[[float, str], None]
-
 TAKEN_FROM = "taken_from"
 _OWN_ROOT = ("format", "format_version", "created", "title", "rig", "software")
 
 
 @dataclass(frozen=True)
-class Stretch:
+class RunStretch:
     """Part of a run by its own time, s; both ends None for the whole run."""
 
     run: Run
@@ -39,7 +38,9 @@ class Stretch:
     stop: float | None = None
 
 
-def cut_session(session: Session, stretch: Stretch, target: Path, progress: Progress | None = None) -> Path:
+def cut_session(
+    session: Session, stretch: RunStretch, target: Path, progress: Progress | None = None
+) -> Path:
     """Write a stretch of one run as a session of its own. Its time begins at 0 where the stretch begins.
 
     Raises:
@@ -81,7 +82,7 @@ def merge_sessions(
     ) as writer:
         for session, run in runs:
             share = _scaled(progress, done / total, (done + run.length) / total)
-            _copy(writer, session, hashes[id(session)], Stretch(run), own[id(session)], share)
+            _copy(writer, session, hashes[id(session)], RunStretch(run), own[id(session)], share)
             done += run.length
     return target
 
@@ -136,7 +137,7 @@ def _copy(
     writer: SessionWriter,
     session: Session,
     sha256: str,
-    stretch: Stretch,
+    stretch: RunStretch,
     inherited: Mapping[str, Any],
     progress: Callable[[float], None],
 ) -> None:
@@ -168,7 +169,7 @@ def _copy(
     writing.finish()
 
 
-def _samples(run: Run, stretch: Stretch) -> tuple[int, int]:
+def _samples(run: Run, stretch: RunStretch) -> tuple[int, int]:
     """First sample of a stretch and the one after its last."""
     if stretch.start is None and stretch.stop is None:
         return 0, run.length

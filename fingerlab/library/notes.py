@@ -214,7 +214,7 @@ HELP = (
 
 
 @dataclass(frozen=True)
-class Entry:
+class LibraryEntry:
     """A session with what is known of it besides its file: tags, notes and verdict in words."""
 
     facts: SessionFacts
@@ -223,7 +223,7 @@ class Entry:
     verdict: str = ""
 
 
-Test = Callable[[Entry], bool]
+Test = Callable[[LibraryEntry], bool]
 
 
 def matches(query: str) -> Test:
@@ -281,14 +281,14 @@ def _measure(key: str, value: str) -> Test:
     return lambda entry: bool(entry.facts.created) and entry.facts.created[: len(value)].casefold() < value
 
 
-def _all_texts(entry: Entry) -> Iterable[str]:
+def _all_texts(entry: LibraryEntry) -> Iterable[str]:
     facts = entry.facts
     texts = (facts.name, facts.title, facts.operator, facts.rig, facts.created, facts.problem, facts.notes)
     more = (entry.notes, entry.verdict, *facts.phases, *facts.cables, *facts.tags, *entry.tags, *facts.flags)
     return (text.casefold().replace("_", " ") for text in (*texts, *more))
 
 
-_TEXTS: Mapping[str, Callable[[Entry], Iterable[str]]] = {
+_TEXTS: Mapping[str, Callable[[LibraryEntry], Iterable[str]]] = {
     "phase": lambda entry: (text for p in entry.facts.phases for text in (p, p.replace("_", " "))),
     "cable": lambda entry: entry.facts.cables,
     "tag": lambda entry: (*entry.facts.tags, *entry.tags),

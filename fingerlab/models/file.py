@@ -25,7 +25,7 @@ from typing import Any
 import fingerlab
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import claim, move_into_place
-from fingerlab.core.reading import Mismatch, structured
+from fingerlab.core.plain_data import Mismatch, json_ready, structured
 from fingerlab.core.units import ParameterEstimate as ParameterEstimate
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.reading import content_hash
@@ -86,25 +86,14 @@ def model_to_json(model: Model) -> dict[str, Any]:
         "sign_convention": model.sign_convention,
         "sessions": [{"name": s.name, "sha256": s.sha256} for s in model.sessions],
         "parameters": {name: estimate_to_json(p) for name, p in model.parameters.items()},
-        "details": without_nan(model.details),
+        "details": json_ready(model.details),
     }
 
 
 def estimate_to_json(estimate: ParameterEstimate) -> dict[str, Any]:
     """A parameter as ``{"value", "unit", "low", "high"}``."""
-    data: dict[str, Any] = without_nan(vars(estimate))
+    data: dict[str, Any] = json_ready(vars(estimate))
     return data
-
-
-def without_nan(value: Any) -> Any:
-    """The same with every number that is not finite as None, tuples as lists: what JSON can hold."""
-    if isinstance(value, Mapping):
-        return {str(k): without_nan(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [without_nan(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def save_model(model: Model, path: str | Path) -> None:

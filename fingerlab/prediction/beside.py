@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model
 from fingerlab.prediction.extended import ExtendedModel, extended_model
@@ -18,7 +19,6 @@ from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Array, Session
 from fingerlab.signals.periods import REGION_TITLES, PeriodGrid, normalise, usable
 from fingerlab.thesis.contact import contact_runs, parameter_sets
-from fingerlab.thesis.fitting import Progress
 from fingerlab.thesis.onair import thin
 from fingerlab.thesis.prediction import (
     AngleStep,

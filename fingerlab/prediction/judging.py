@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, cross_correlation_delay
-from fingerlab.thesis.prediction import Prediction, judge_forces
+from fingerlab.thesis.prediction import ForcePrediction, judge_forces
 
 FINE = 20
 """Samples put between two of the decimated ones, so that a peak or a delay falls on one: 2 ms."""
@@ -32,7 +32,7 @@ class ForceNumbers:
     ``delay_s``: positive where the measured force comes later than the modelled one, s.
     """
 
-    prediction: Prediction
+    prediction: ForcePrediction
     delay_s: float
 
     def value(self, name: str) -> float:

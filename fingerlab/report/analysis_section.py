@@ -14,7 +14,7 @@ from fingerlab.report.figure_style import LABEL_SIZE
 from fingerlab.report.thesis_figures import FIGURES
 from fingerlab.sessions.model import Session
 from fingerlab.signals.periods import REGION_TITLES
-from fingerlab.thesis.analysis import Quantity, ThesisAnalysis, thesis_analysis
+from fingerlab.thesis.analysis import PublishedQuantity, ThesisAnalysis, thesis_analysis
 from fingerlab.thesis.motor_bench import MotorBenchFit, fit_motor_bench, motor_bench_runs
 from fingerlab.thesis.traces import FOUR_REGIONS, JOINT_TITLES
 
@@ -121,7 +121,7 @@ def _smaller(figure: Figure) -> Figure:
     return figure
 
 
-def _number_row(quantity: Quantity) -> tuple[str, str, str]:
+def _number_row(quantity: PublishedQuantity) -> tuple[str, str, str]:
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
     ours = plus_minus(quantity.value, quantity.deviation)
     if quantity.unit == "1" and quantity.value < -10:
@@ -129,7 +129,7 @@ def _number_row(quantity: Quantity) -> tuple[str, str, str]:
     return quantity.title, with_minus(ours + unit), with_minus(_printed(quantity, unit))
 
 
-def _printed(quantity: Quantity, unit: str) -> str:
+def _printed(quantity: PublishedQuantity, unit: str) -> str:
     """The published number as the thesis printed it: two decimals at least where it is below 1.
 
     Its deviation has as many decimals as the number itself.

@@ -25,15 +25,15 @@ from fingerlab.report.figure_style import (
 from fingerlab.report.onair_figures import region_patches, run_ticks, shade
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import Labels, normalise
-from fingerlab.thesis.prediction import AngleStep, Prediction
-from fingerlab.thesis.traces import Example
+from fingerlab.thesis.prediction import AngleStep, ForcePrediction
+from fingerlab.thesis.traces import RunExcerpt
 
 SERIES = ((MODELLED, "-"), (CANDIDATE, "--"), (RESIDUAL, "-."), (SECOND, ":"), (THIRD, "-"), (FLOOR, "--"))
 """Colour and line style of modelled forces, in order."""
 
 
 def force_in_time(
-    shown: Example, forces: Mapping[str, Array], title: str, labels: Labels | None = None
+    shown: RunExcerpt, forces: Mapping[str, Array], title: str, labels: Labels | None = None
 ) -> Figure:
     """Measured and modelled force of the shown stretch of a run; ``forces`` by legend entry, N.
 
@@ -79,7 +79,7 @@ def _keep_in_sight(axes: Axes, measured: Array | None, modelled: Sequence[Array]
         )
 
 
-def amplitude_bars(names: Sequence[str], predictions: Sequence[Prediction], title: str) -> Figure:
+def amplitude_bars(names: Sequence[str], predictions: Sequence[ForcePrediction], title: str) -> Figure:
     """Modelled peak and what is missing to the measured one, stacked, by run (figure 4.18)."""
     figure, (axes,) = new_figure(size=(7.2, 3.8))
     modelled = np.array([p.peak_modelled for p in predictions])
@@ -102,7 +102,7 @@ def amplitude_bars(names: Sequence[str], predictions: Sequence[Prediction], titl
     return figure
 
 
-def normalised_force(prediction: Prediction, title: str) -> Figure | None:
+def normalised_force(prediction: ForcePrediction, title: str) -> Figure | None:
     """Both forces over the average period, each scaled to run from 0 to 1 (figure 4.19)."""
     if len(prediction.measured) == 0 or not np.isfinite(prediction.measured).any():
         return None
@@ -116,7 +116,7 @@ def normalised_force(prediction: Prediction, title: str) -> Figure | None:
     return figure
 
 
-def angle_figure(prediction: Prediction, sweep: Sequence[AngleStep], title: str) -> Figure:
+def angle_figure(prediction: ForcePrediction, sweep: Sequence[AngleStep], title: str) -> Figure:
     """Modelled force over the average period for each contact angle (figure 5.2)."""
     figure, (axes,) = new_figure()
     count = max(len(prediction.measured), len(sweep[0].modelled))

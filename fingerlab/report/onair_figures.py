@@ -39,16 +39,16 @@ from fingerlab.signals.periods import (
     speed_threshold,
 )
 from fingerlab.thesis.analysis import ThesisAnalysis
-from fingerlab.thesis.onair import CableFit, Curves, OnAirRun
+from fingerlab.thesis.onair import AveragePeriod, CableFit, OnAirRun
 from fingerlab.thesis.traces import (
     FOUR_REGIONS,
     JOINT_TITLES,
     JOINTS,
     THESIS_DELAYS,
     Delay,
-    Example,
     FitSpec,
     Joint,
+    RunExcerpt,
 )
 
 DELAY_TITLES = {"none": "no delay", "finddelay": "cross-correlation", "findsignal": "findsignal"}
@@ -83,7 +83,7 @@ def figure_4_1(analysis: ThesisAnalysis) -> Figure:
     return figure
 
 
-def _top(shown: Example) -> slice:
+def _top(shown: RunExcerpt) -> slice:
     width = max(len(shown.mcp) // 20, 5)
     peak = int(np.argmax(shown.mcp))
     start = max(min(peak - width // 2, len(shown.mcp) - width), 0)
@@ -124,7 +124,7 @@ def figure_4_7(analysis: ThesisAnalysis) -> Figure | None:
 
 
 def _speed_panel(
-    axes: Axes, shown: Example, joint: Joint, thresholds_of: Array | None, labels_of: Array | None
+    axes: Axes, shown: RunExcerpt, joint: Joint, thresholds_of: Array | None, labels_of: Array | None
 ) -> None:
     if thresholds_of is not None:
         threshold = speed_threshold(thresholds_of, FOUR_REGIONS.threshold)
@@ -143,7 +143,7 @@ def _speed_panel(
     axes.margins(x=0.0)
 
 
-def shade(axes: Axes, time: Array, labels: Labels, shown: Example) -> None:
+def shade(axes: Axes, time: Array, labels: Labels, shown: RunExcerpt) -> None:
     """Tint a time axis by the regions of the average period; limits as thin yellow lines (figure 4.2)."""
     period = shown.period_samples or len(time)
     phase = (np.arange(len(time)) % period) / period
@@ -249,7 +249,7 @@ def _tension(run: OnAirRun) -> Array:
     return normalise(run.cable_sign * run.curves.tension)
 
 
-def _phase_time(curves: Curves) -> Array:
+def _phase_time(curves: AveragePeriod) -> Array:
     return np.arange(len(curves.tension)) / len(curves.tension) * curves.period_s
 
 

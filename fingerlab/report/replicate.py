@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fingerlab.thesis.analysis import PUBLISHED, Published, Quantity
+from fingerlab.thesis.analysis import PUBLISHED, Published, PublishedQuantity
 from fingerlab.thesis.onair import Spread
 
 
@@ -58,7 +58,7 @@ class Line:
     outside: bool | None
 
 
-def compare(benches: Sequence[Iterable[Quantity]]) -> tuple[Line, ...]:
+def compare(benches: Sequence[Iterable[PublishedQuantity]]) -> tuple[Line, ...]:
     """Lines of the table, in the order of the published one.
 
     Args:

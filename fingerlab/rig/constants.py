@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, TypeVar
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.reading import WANTED, Mismatch, structured
+from fingerlab.core.plain_data import WANTED, Mismatch, structured
 from fingerlab.rig.daq import Daq, Limits, read_daq, read_limits
 
 T = TypeVar("T")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, Literal, TypeVar
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.reading import Mismatch, structured
+from fingerlab.core.plain_data import Mismatch, structured
 
 T = TypeVar("T")
 

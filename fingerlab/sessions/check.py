@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress
 from fingerlab.rig.constants import Motor
 from fingerlab.sessions.format import CHANNEL_UNITS, RATE_TOLERANCE
 from fingerlab.sessions.model import Array, Run, Session
@@ -98,7 +99,7 @@ class _Tally:
             self.torque_current += float(np.einsum("i,i", current, torque))
 
 
-def check_session(session: Session, progress: Callable[[float, str], None] | None = None) -> CheckReport:
+def check_session(session: Session, progress: Progress | None = None) -> CheckReport:
     """Read a session's samples once, in pieces, and judge them against the session format.
 
     Structure has been checked by ``open_session``; this adds time that runs backwards, NaN, a sampling

@@ -7,7 +7,6 @@ or datasets that the format does not know, ``NAME-extra.h5`` with those as they 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,8 @@ import pyarrow.parquet
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import OutputSet
+from fingerlab.core.plain_data import json_ready
+from fingerlab.core.progress import Progress
 from fingerlab.sessions.hdf5 import TargetFile, open_hdf5, writing_to
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.reading import content_hash
@@ -26,8 +27,6 @@ from fingerlab.sessions.reading import content_hash
 FORMATS = ("csv", "mat", "parquet", "txt")
 PIECE_SAMPLES = 1 << 17
 """Samples written together."""
-
-Progress = Callable[[float, str], None]
 
 
 def export_session(
@@ -107,19 +106,8 @@ def session_metadata(session: Session, files: Mapping[str, str] | None = None) -
         "attributes": {key: value for key, value in session.attributes.items() if key != "rig"},
         "runs": runs,
     }
-    result: dict[str, Any] = json_safe(data)
+    result: dict[str, Any] = json_ready(data, unknown=str)
     return result
-
-
-def json_safe(value: Any) -> Any:
-    """The value with what JSON lacks replaced: NaN and infinity by null, unknown objects by their text."""
-    if isinstance(value, Mapping):
-        return {str(key): json_safe(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [json_safe(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if value is None or isinstance(value, (str, int, bool)) else str(value)
 
 
 def column_title(name: str, unit: str) -> str:

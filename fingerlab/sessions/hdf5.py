@@ -73,9 +73,6 @@ class FileReader:
     path: Path
     run: str
 
-    def __call__(self, name: str, start: int, stop: int) -> Array:
-        return self.load([name], start, stop)[name]
-
     def load(self, names: Sequence[str], start: int, stop: int) -> dict[str, Array]:
         """Samples ``start:stop`` of several channels as float64, shape (n,), the file opened once.
 

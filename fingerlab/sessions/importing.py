@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.format import RATE_TOLERANCE, REQUIRED_CHANNELS
 from fingerlab.sessions.hdf5 import sample_fault
@@ -32,8 +33,6 @@ _DERIVED = {
 }
 """Channels that follow from another by the rig's constants: by which, and how (session format)."""
 
-Progress = Callable[[float, str], None]
-
 
 @dataclass(frozen=True)
 class TextRun:
@@ -46,7 +45,7 @@ class TextRun:
 
 
 @dataclass(frozen=True)
-class RunPlan:
+class ImportPlan:
     """How one text file becomes a run.
 
     Attributes:
@@ -72,7 +71,7 @@ class RunPlan:
 
 def plan_import(
     sources: Iterable[TextRun], mapping: str | None = None, rate: float | None = None
-) -> tuple[RunPlan, ...]:
+) -> tuple[ImportPlan, ...]:
     """Find out how text files become runs, reading no more than the first block of each.
 
     Args:
@@ -87,7 +86,7 @@ def plan_import(
 
 
 def import_files(
-    plans: Sequence[RunPlan],
+    plans: Sequence[ImportPlan],
     target: str | Path,
     rig: Rig,
     title: str,
@@ -116,7 +115,7 @@ def import_files(
     return Path(target)
 
 
-def describe(plan: RunPlan) -> list[str]:
+def describe(plan: ImportPlan) -> list[str]:
     """The plan in lines of text, to be shown before anything is written."""
     table = plan.table
     header = "a header" if table.header else "no header"
@@ -142,7 +141,7 @@ def describe(plan: RunPlan) -> list[str]:
     return lines
 
 
-def _plan(source: TextRun, mapping: str | None, rate: float | None) -> RunPlan:
+def _plan(source: TextRun, mapping: str | None, rate: float | None) -> ImportPlan:
     table = inspect_table(source.path)
     columns = map_columns(table, mapping)
     present = {column.channel for column in columns}
@@ -165,10 +164,10 @@ def _plan(source: TextRun, mapping: str | None, rate: float | None) -> RunPlan:
     first = next(iter(read_blocks(table)))
     found = float(rate or 0.0) if counted else _rate(table, _values(first, columns, "time"), rate)
     if source.trajectory is not None:
-        return RunPlan(source, table, columns, derived, found, counted, source.trajectory, False)
+        return ImportPlan(source, table, columns, derived, found, counted, source.trajectory, False)
     read = recognised(_values(first, columns, "motor_command"), found) if "motor_command" in present else None
     told = read or {"kind": "unknown"}
-    return RunPlan(source, table, columns, derived, found, counted, told, read is not None)
+    return ImportPlan(source, table, columns, derived, found, counted, told, read is not None)
 
 
 def _values(block: Array, columns: Sequence[Column], channel: str) -> Array:
@@ -203,7 +202,7 @@ def _rate(table: TextTable, time: Array, given: float | None) -> float:
     return given
 
 
-def _write_run(writer: SessionWriter, plan: RunPlan, rig: Rig) -> None:
+def _write_run(writer: SessionWriter, plan: ImportPlan, rig: Rig) -> None:
     source = plan.source
     attributes = {"source_file": source.path.name, "derived": dict(plan.derived) or None}
     units = {column.channel: column.target_unit for column in plan.columns}
@@ -228,7 +227,7 @@ def _write_run(writer: SessionWriter, plan: RunPlan, rig: Rig) -> None:
     run.finish()
 
 
-def _channels(block: Array, plan: RunPlan, rig: Rig) -> dict[str, Array]:
+def _channels(block: Array, plan: ImportPlan, rig: Rig) -> dict[str, Array]:
     """A block of rows as channels in SI."""
     channels = {column.channel: block[:, column.index] * column.factor for column in plan.columns}
     constant = rig.motor.torque_constant * rig.motor.gear_ratio

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -15,7 +15,13 @@ from fingerlab.rig.constants import Rig
 from fingerlab.sessions.format import CHANNEL_UNITS, RATE_TOLERANCE
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
-ChannelReader = Callable[[str, int, int], Array]
+
+
+class ChannelReader(Protocol):
+    """Where the samples of a run come from. Picklable, so that worker processes can have it."""
+
+    def load(self, names: Sequence[str], start: int, stop: int) -> dict[str, Array]:
+        """Samples ``start:stop`` of several channels as float64, shape (n,) each."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +37,7 @@ class Run:
         length: number of samples.
         units: unit of each channel, by channel name; its keys are the channels present. Volts and
             counts as read are named ``raw/...``.
-        reader: gives samples ``start:stop`` of a channel; one with a method ``load`` reads several at once.
+        reader: gives samples ``start:stop`` of channels, several at once.
         attributes: the run's other attributes as stored.
     """
 
@@ -56,8 +62,7 @@ class Run:
             UserError: the run has no such channel, the file can no longer be read, or the samples
                 break the format (time that runs backwards, NaN where none may be).
         """
-        self._require(name)
-        return self.reader(name, start, self.length if stop is None else min(stop, self.length))
+        return self.load([name], start, stop)[name]
 
     def load(
         self, channels: Iterable[str] | None = None, start: int = 0, stop: int | None = None
@@ -73,12 +78,7 @@ class Run:
         names = list(self.units if channels is None else channels)
         for name in names:
             self._require(name)
-        stop = self.length if stop is None else min(stop, self.length)
-        load_many = getattr(self.reader, "load", None)
-        if load_many is None:
-            return {name: self.reader(name, start, stop) for name in names}
-        result: dict[str, Array] = load_many(names, start, stop)
-        return result
+        return self.reader.load(names, start, self.length if stop is None else min(stop, self.length))
 
     @property
     def cable_sign(self) -> int:
@@ -147,8 +147,9 @@ class ArrayReader:
 
     arrays: Mapping[str, Array]
 
-    def __call__(self, name: str, start: int, stop: int) -> Array:
-        return self.arrays[name][start:stop].copy()
+    def load(self, names: Sequence[str], start: int, stop: int) -> dict[str, Array]:
+        """Copies of the samples."""
+        return {name: self.arrays[name][start:stop].copy() for name in names}
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ stands for a whole sample.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,9 +38,6 @@ WRITTEN = "written.h5part"
 LOCK = "lock"
 WRITING, VERIFYING = "writing", "verifying"
 """What is being done when a recording becomes a session."""
-
-Progress = Callable[[float, str], None]
-"""Told the share done (0 to 1) and what is being done; puts the work off by raising ``Cancelled``."""
 
 
 def recording_folder(path: Path) -> Path:

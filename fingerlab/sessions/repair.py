@@ -17,6 +17,7 @@ import h5py
 import numpy as np
 
 from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.progress import Progress
 from fingerlab.sessions.format import FORMAT_NAME, MAY_BE_NAN, REQUIRED_CHANNELS, plain
 from fingerlab.sessions.recording_files import (
     ASSEMBLING,
@@ -28,7 +29,6 @@ from fingerlab.sessions.recording_files import (
     WHOLE,
     WRITING,
     WRITTEN,
-    Progress,
     RecordingPlace,
     give_name,
     recording_folder,

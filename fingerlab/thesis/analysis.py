@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fingerlab.core.progress import Progress
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.signals.periods import REGIONS
 from fingerlab.thesis.contact import (
@@ -23,15 +24,15 @@ from fingerlab.thesis.contact import (
     reduce_contact_run,
     sets_for,
 )
-from fingerlab.thesis.fitting import Progress, SessionFit, assemble, on_air_runs
+from fingerlab.thesis.fitting import SessionFit, assemble, on_air_runs
 from fingerlab.thesis.onair import OnAirRun, Spread, reduce_run
 from fingerlab.thesis.prediction import AngleStep, ParameterSet, angle_sweep
 from fingerlab.thesis.traces import (
     FOUR_REGIONS,
     JOINTS,
-    Example,
     FitSpec,
     Joint,
+    RunExcerpt,
     example,
     thesis_specs,
     trace,
@@ -75,7 +76,7 @@ PUBLISHED: tuple[Published, ...] = (
 
 
 @dataclass(frozen=True)
-class Quantity:
+class PublishedQuantity:
     """One of our numbers beside the published one; NaN where the session cannot give it.
 
     ``value`` and ``deviation`` are in ``unit`` and over runs; ``runs`` holds the single values.
@@ -91,14 +92,14 @@ class Quantity:
     published_deviation: float | None
 
 
-def beside_published(ours: Mapping[str, Spread]) -> tuple[Quantity, ...]:
+def beside_published(ours: Mapping[str, Spread]) -> tuple[PublishedQuantity, ...]:
     """Our numbers in the order of the published table.
 
     Args:
         ours: values over runs for every key of ``PUBLISHED``, in the unit given there.
     """
     return tuple(
-        Quantity(
+        PublishedQuantity(
             p.key,
             p.title,
             p.unit,
@@ -197,12 +198,12 @@ class ThesisAnalysis:
     on_air: tuple[OnAirRun, ...]
     contact: tuple[ContactRun[PredictionSpec], ...]
     sweep: tuple[AngleStep, ...]
-    quantities: tuple[Quantity, ...]
-    example_on_air: Example
-    example_contact: Example | None
+    quantities: tuple[PublishedQuantity, ...]
+    example_on_air: RunExcerpt
+    example_contact: RunExcerpt | None
     example_forces: Mapping[PredictionSpec, Array]
 
-    def quantity(self, key: str) -> Quantity:
+    def quantity(self, key: str) -> PublishedQuantity:
         """The number of the published table with this key."""
         return next(q for q in self.quantities if q.key == key)
 
@@ -211,7 +212,7 @@ class ThesisAnalysis:
 class _Contacts:
     runs: tuple[ContactRun[PredictionSpec], ...]
     sweep: tuple[AngleStep, ...]
-    shown: Example | None
+    shown: RunExcerpt | None
     modelled: Mapping[PredictionSpec, Array]
 
 
@@ -255,10 +256,10 @@ def thesis_analysis(session: Session, progress: Progress | None = None) -> Thesi
 
 def _reduce_on_air(
     session: Session, runs: Sequence[Run], step: _Step
-) -> tuple[tuple[OnAirRun, ...], Example]:
+) -> tuple[tuple[OnAirRun, ...], RunExcerpt]:
     """Every on-air run reduced, and a stretch of the first that repeats (else of the first)."""
     reduced: list[OnAirRun] = []
-    shown: Example | None = None
+    shown: RunExcerpt | None = None
     settled = False
     for number, run in enumerate(runs):
         step(number, run)
@@ -276,7 +277,7 @@ def _reduce_contact(
     """Every contact run predicted; the first is shown and swept over contact angles."""
     reduced: list[ContactRun[PredictionSpec]] = []
     sweep: tuple[AngleStep, ...] = ()
-    shown: Example | None = None
+    shown: RunExcerpt | None = None
     modelled: Mapping[PredictionSpec, Array] = {}
     for number, run in enumerate(runs):
         step(number, run)

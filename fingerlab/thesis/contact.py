@@ -10,15 +10,16 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress
 from fingerlab.models.file import Model
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.signals.periods import REGION_TITLES, usable
-from fingerlab.thesis.fitting import Progress, SessionFit, in_pieces
-from fingerlab.thesis.onair import Curves, Parameters, average_period
+from fingerlab.thesis.fitting import SessionFit, in_pieces
+from fingerlab.thesis.onair import AveragePeriod, Parameters, average_period
 from fingerlab.thesis.prediction import (
     AngleStep,
+    ForcePrediction,
     ParameterSet,
-    Prediction,
     angle_sweep,
     judge,
     predicted_force,
@@ -28,9 +29,9 @@ from fingerlab.thesis.traces import (
     JOINT_TITLES,
     JOINTS,
     THESIS_DELAYS,
-    Example,
     FitSpec,
     Joint,
+    RunExcerpt,
     Traces,
     example,
     settled,
@@ -84,8 +85,8 @@ class ContactRun(Generic[Key]):
     cable: str
     periods: int
     speed_range: Mapping[Joint, float]
-    curves: Curves | None
-    predictions: Mapping[Key, Prediction]
+    curves: AveragePeriod | None
+    predictions: Mapping[Key, ForcePrediction]
 
 
 def parameter_set(fit: SessionFit, cable: str, joint: Joint, region: str | None) -> ParameterSet | None:
@@ -224,7 +225,7 @@ class SessionPrediction:
     runs: tuple[ContactRun[str], ...]
     sweep: tuple[AngleStep, ...]
     sweep_set: str | None
-    example: Example
+    example: RunExcerpt
     example_forces: Mapping[str, Array]
 
 
@@ -252,7 +253,7 @@ def predict_session(
     )
     reduced: list[ContactRun[str]] = []
     sweep: tuple[AngleStep, ...] = ()
-    shown: tuple[Example, Mapping[str, Array]] | None = None
+    shown: tuple[RunExcerpt, Mapping[str, Array]] | None = None
     for number, run in enumerate(runs):
         if progress is not None:
             progress(number / len(runs), f"run {run.name}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress
 from fingerlab.core.units import ParameterEstimate
 from fingerlab.models.file import Model, hash_sessions
 from fingerlab.sessions.model import Array, Run, Session
@@ -54,16 +55,9 @@ class _OffsetReader:
     run: Run
     offset: int
 
-    def __call__(self, name: str, start: int, stop: int) -> Array:
-        return self.load([name], start, stop)[name]
-
     def load(self, names: Sequence[str], start: int, stop: int) -> dict[str, Array]:
         """Samples of several channels at once."""
         return self.run.load(names, self.offset + start, self.offset + stop)
-
-
-Progress = Callable[[float, str], None]
-"""Called with the share done, 0 to 1, and what is being done; may raise ``Cancelled``."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress
 from fingerlab.core.units import ParameterEstimate
 from fingerlab.physics.nominal import cable_wound
 from fingerlab.rig.constants import Rig
@@ -22,7 +23,7 @@ from fingerlab.signals.periods import (
     speed_threshold,
     usable,
 )
-from fingerlab.thesis.fitting import Progress, SessionFit, assemble, on_air_runs
+from fingerlab.thesis.fitting import SessionFit, assemble, on_air_runs
 from fingerlab.thesis.onair import OnAirRun, Parameters, RegionFit, reduce_run
 from fingerlab.thesis.prediction import delayed
 from fingerlab.thesis.regression import CONFIDENCE
@@ -101,7 +102,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class RunView:
+class FitView:
     """One on-air run as the fit saw it.
 
     Attributes:
@@ -132,7 +133,7 @@ class Inspection:
     """
 
     fit: SessionFit
-    views: Mapping[str, RunView]
+    views: Mapping[str, FitView]
     kinematic: Mapping[str, Mapping[Joint, ParameterEstimate]]
     delays_s: Mapping[Joint, Mapping[str, tuple[float, ...]]]
 
@@ -150,7 +151,7 @@ def inspect_session(session: Session, spec: FitSpec, progress: Progress | None =
         )
     runs = on_air_runs(session)
     reduced: list[OnAirRun] = []
-    views: dict[str, RunView] = {}
+    views: dict[str, FitView] = {}
     sums: list[CableSums] = []
     for number, run in enumerate(runs):
         if progress is not None:
@@ -172,7 +173,7 @@ def inspect_session(session: Session, spec: FitSpec, progress: Progress | None =
     return Inspection(fit, views, kinematic, _delays(fit, tuple(views)))
 
 
-def _view(traces: Traces, run: OnAirRun, spec: FitSpec) -> RunView:
+def _view(traces: Traces, run: OnAirRun, spec: FitSpec) -> FitView:
     curves = run.curves
     planes: dict[tuple[Joint, str], Plane] = {}
     for (joint, region), fit in run.fits[spec].items():
@@ -180,12 +181,12 @@ def _view(traces: Traces, run: OnAirRun, spec: FitSpec) -> RunView:
         if found is not None and fit.line is not None:
             planes[joint, region] = _plane(*found, fit)
     if curves is None:
-        return RunView(run.name, run.cable, np.empty(0), {}, {}, {}, planes)
+        return FitView(run.name, run.cable, np.empty(0), {}, {}, {}, planes)
     count = len(curves.tension)
     time = np.arange(count) * curves.period_s / count
     thresholds = {joint: speed_threshold(curves.speed[joint], spec.threshold) for joint in JOINTS}
     spans = {joint: region_spans(curves.speed[joint], thresholds[joint], curves.period_s) for joint in JOINTS}
-    return RunView(run.name, run.cable, time, curves.speed, thresholds, spans, planes)
+    return FitView(run.name, run.cable, time, curves.speed, thresholds, spans, planes)
 
 
 def region_spans(speed: Array, threshold: float, period_s: float) -> tuple[tuple[str, float, float], ...]:
@@ -235,14 +236,14 @@ def _plane(x: Array, y: Array, fit: RegionFit) -> Plane:
     return Plane(x, y, ends, line, fit.line.half_width(ends), fit.line.r2, None)
 
 
-def _with_pooled(view: RunView, fit: SessionFit) -> RunView:
+def _with_pooled(view: FitView, fit: SessionFit) -> FitView:
     sign = 1.0 if view.cable == "flexion" else -1.0
     planes = {}
     for key, plane in view.planes.items():
         found = fit.cables[view.cable][key].pooled
         pooled = None if found is None else _pooled_line(found, sign, plane.x)
         planes[key] = Plane(plane.tension, plane.lhs, plane.x, plane.line, plane.half, plane.r2, pooled)
-    return RunView(view.name, view.cable, view.time, view.speed, view.thresholds, view.spans, planes)
+    return FitView(view.name, view.cable, view.time, view.speed, view.thresholds, view.spans, planes)
 
 
 def _pooled_line(found: Parameters, sign: float, x: Array) -> Array:

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress
 from fingerlab.core.units import ParameterEstimate
 from fingerlab.models.file import Model, hash_sessions
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.signals.periods import usable
 from fingerlab.signals.prepare import prepare
-from fingerlab.thesis.fitting import Progress, in_pieces
+from fingerlab.thesis.fitting import in_pieces
 from fingerlab.thesis.regression import CONFIDENCE
 
 METHOD = "motor_bench"

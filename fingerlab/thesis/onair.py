@@ -21,7 +21,7 @@ from fingerlab.signals.periods import (
     speed_threshold,
     usable,
 )
-from fingerlab.thesis.regression import Line, Misfit, Sums, fit_line, repeating_misfit
+from fingerlab.thesis.regression import Misfit, RegressionLine, RegressionSums, fit_line, repeating_misfit
 from fingerlab.thesis.traces import JOINTS, FitSpec, Joint, Traces
 
 LONGEST_DELAY_S = 0.5
@@ -35,7 +35,7 @@ BLOCK_S = 1.0
 
 
 @dataclass(frozen=True)
-class Curves:
+class AveragePeriod:
     """Average period of one run, thinned to at most ``KEPT_PHASES`` phases; SI, arrays (phases,)."""
 
     period_s: float
@@ -48,8 +48,8 @@ class Curves:
 class RegionFit:
     """One line: one run, one joint, one region. ``line`` is None where the region was not found."""
 
-    line: Line | None
-    sums: Sums | None = None
+    line: RegressionLine | None
+    sums: RegressionSums | None = None
     misfit: Misfit | None = None
     delay_s: float = 0.0
 
@@ -70,7 +70,7 @@ class OnAirRun:
     cable_sign: int
     frequency_hz: float
     periods: int
-    curves: Curves | None
+    curves: AveragePeriod | None
     fits: Mapping[FitSpec, Mapping[RegionKey, RegionFit]]
     delays_s: Mapping[Joint, Mapping[str, float]]
 
@@ -101,9 +101,9 @@ def reduce_run(traces: Traces, specs: Sequence[FitSpec]) -> OnAirRun:
     )
 
 
-def average_period(traces: Traces, grid: PeriodGrid) -> Curves:
+def average_period(traces: Traces, grid: PeriodGrid) -> AveragePeriod:
     """The average period of tension, LHS and speed, thinned for keeping."""
-    return Curves(
+    return AveragePeriod(
         grid.period / traces.signals.sample_rate_hz,
         thin(grid.mean(traces.tension)),
         {joint: thin(grid.mean(traces.lhs[joint])) for joint in JOINTS},
@@ -144,7 +144,7 @@ class _FoldedJoint:
 
     def fit_mask(self, mask: Mask, lag: int) -> RegionFit:
         x, y = self.shifted_tension(lag)[:, mask], self.lhs[:, mask]
-        sums = Sums.of_rows(x, y)
+        sums = RegressionSums.of_rows(x, y)
         line = fit_line(sums)
         if line is None:
             return RegionFit(None, delay_s=self.seconds(lag))
@@ -183,7 +183,7 @@ def _whole(traces: Traces, joint: Joint, spec: FitSpec, folded: Mapping[Joint, _
     end = start + rows * size
     x = traces.tension[start - shift : end - shift].reshape(rows, size)
     y = traces.lhs[joint][start:end].reshape(rows, size)
-    sums = Sums.of_rows(x, y)
+    sums = RegressionSums.of_rows(x, y)
     return RegionFit(fit_line(sums), sums, None, shift / rate)
 
 
@@ -297,11 +297,11 @@ def _of(fit: RegionFit, name: str) -> float:
     return float(getattr(fit.line, name)) if fit.line is not None else float("nan")
 
 
-def _pooled_line(fits: Sequence[RegionFit]) -> Line | None:
+def _pooled_line(fits: Sequence[RegionFit]) -> RegressionLine | None:
     sums = [fit.sums for fit in fits if fit.sums is not None]
     if not sums:
         return None
-    blocks = Sums.joined([s.merged() for s in sums] if len(sums) >= MINIMUM_RUN_BLOCKS else sums)
+    blocks = RegressionSums.joined([s.merged() for s in sums] if len(sums) >= MINIMUM_RUN_BLOCKS else sums)
     misfits = [fit.misfit for fit in fits if fit.misfit is not None]
     misfit = None
     if misfits:

@@ -47,7 +47,7 @@ class ParameterSet:
 
 
 @dataclass(frozen=True)
-class Prediction:
+class ForcePrediction:
     """One contact run against one parameter set. Forces in N; NaN where the run cannot tell.
 
     Attributes:
@@ -126,7 +126,7 @@ def sample_labels(traces: Traces, joint: Joint, percent: float) -> Array:
     return np.asarray(labels[np.minimum((phase * grid.phases).astype(int), grid.phases - 1)])
 
 
-def judge(traces: Traces, modelled: Array) -> Prediction:
+def judge(traces: Traces, modelled: Array) -> ForcePrediction:
     """Compare a modelled force, shape (n,), N, with the load cell of the run."""
     measured = traces.signals.force
     if measured is None:
@@ -137,7 +137,7 @@ def judge(traces: Traces, modelled: Array) -> Prediction:
 
 def judge_forces(
     measured: Array, modelled: Array, sample_rate_hz: float, grid: PeriodGrid | None, span: tuple[int, int]
-) -> Prediction:
+) -> ForcePrediction:
     """Compare two forces, shape (n,) each, N.
 
     Args:
@@ -152,7 +152,7 @@ def judge_forces(
         mean_y, mean_f = _column_means(grid.fold(measured)), _column_means(grid.fold(modelled))
         period_s = grid.period / sample_rate_hz
     peak_y, peak_f = mean_peak(measured, grid, span), mean_peak(modelled, grid, span)
-    return Prediction(
+    return ForcePrediction(
         r2=coefficient_of_determination(y, f),
         normalised_r2=normalised_r2(mean_y, mean_f) if grid is not None else normalised_r2(y, f),
         peak_measured=peak_y,

@@ -23,7 +23,7 @@ CONFIDENCE = 0.90
 
 
 @dataclass(frozen=True)
-class Sums:
+class RegressionSums:
     """Counts, means and centred sums of x and y over blocks; every array of shape (blocks,)."""
 
     count: Array
@@ -34,7 +34,7 @@ class Sums:
     yy: Array
 
     @classmethod
-    def of_rows(cls, x: Array, y: Array) -> Sums:
+    def of_rows(cls, x: Array, y: Array) -> RegressionSums:
         """One block a row, from x and y of shape (rows, samples); rows that hold NaN are left out."""
         whole = np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
         if not whole.all():
@@ -45,7 +45,7 @@ class Sums:
         return cls(count, mean_x, mean_y, _dot(dx, dx), _dot(dx, dy), _dot(dy, dy))
 
     @classmethod
-    def joined(cls, parts: Sequence[Sums]) -> Sums:
+    def joined(cls, parts: Sequence[RegressionSums]) -> RegressionSums:
         """All blocks of all parts, one after another."""
         names = ("count", "mean_x", "mean_y", "xx", "xy", "yy")
         return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
@@ -53,7 +53,7 @@ class Sums:
     def __len__(self) -> int:
         return len(self.count)
 
-    def merged(self) -> Sums:
+    def merged(self) -> RegressionSums:
         """The same samples as one block (parallel-axis theorem, no loss of digits to large means)."""
         n = self.count.sum()
         mx, my = float(self.count @ self.mean_x / n), float(self.count @ self.mean_y / n)
@@ -66,7 +66,7 @@ class Sums:
             self.xy.sum() + self.count @ (dx * dy),
             self.yy.sum() + self.count @ dy**2,
         )
-        return Sums(*(np.array([float(v)]) for v in sums))
+        return RegressionSums(*(np.array([float(v)]) for v in sums))
 
 
 def _dot(a: Array, b: Array) -> Array:
@@ -86,7 +86,7 @@ class Misfit:
 
 
 @dataclass(frozen=True)
-class Line:
+class RegressionLine:
     """``y = slope x + intercept`` by least squares, with standard errors and R2 (4.1).
 
     ``covariance`` is that of slope and intercept, from which follows how sure the line is at each x.
@@ -128,7 +128,7 @@ def _quantile(freedom: int) -> float:
     return float(student.ppf(0.5 + CONFIDENCE / 2, freedom))
 
 
-def fit_line(blocks: Sums, misfit: Misfit | None = None) -> Line | None:
+def fit_line(blocks: RegressionSums, misfit: Misfit | None = None) -> RegressionLine | None:
     """Least-squares line through the samples behind ``blocks``; None where x does not vary."""
     if len(blocks) == 0:
         return None
@@ -154,7 +154,7 @@ def fit_line(blocks: Sums, misfit: Misfit | None = None) -> Line | None:
         slope_variance += spread / (sxx / n)
         level_variance += spread
     intercept_variance = level_variance + mx**2 * slope_variance - 2.0 * mx * cross
-    return Line(
+    return RegressionLine(
         slope=float(slope),
         intercept=float(my - slope * mx),
         r2=float(1.0 - residual / syy) if syy > 0 else float("nan"),
@@ -167,7 +167,7 @@ def fit_line(blocks: Sums, misfit: Misfit | None = None) -> Line | None:
     )
 
 
-def repeating_misfit(x: Array, y: Array, line: Line, seconds: float) -> Misfit:
+def repeating_misfit(x: Array, y: Array, line: RegressionLine, seconds: float) -> Misfit:
     """Misfit that the average period still shows, from its samples in one region.
 
     Args:

@@ -192,7 +192,7 @@ CLOUD_POINTS = 3000
 
 
 @dataclass(frozen=True)
-class Example:
+class RunExcerpt:
     """Some periods of one run; arrays of shape (k,), SI; ``cloud`` is over the whole run, thinned.
 
     Attributes:
@@ -219,7 +219,7 @@ class Example:
         return values[self.start : self.stop].copy()
 
 
-def example(run: Run, traces: Traces) -> Example:
+def example(run: Run, traces: Traces) -> RunExcerpt:
     """Cut the first whole periods (or a few seconds) out of a run."""
     signals, grid = traces.signals, traces.grid
     start, stop = usable(len(signals), signals.sample_rate_hz)
@@ -229,7 +229,7 @@ def example(run: Run, traces: Traces) -> Example:
     stop = min(stop, start + min(length, SHOWN_SAMPLES))
     assert signals.mcp is not None
     part = slice(start, stop)
-    return Example(
+    return RunExcerpt(
         signals.run_name,
         signals.time[part].copy(),
         run.channel("mcp_angle", start, stop),

@@ -21,6 +21,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.sessions import Run, Session, SessionWriter, open_session
 from fingerlab.sessions.format import CHANNEL_UNITS
+from fingerlab.sessions.model import ArrayReader
 from fingerlab.twin.effects import EFFECTS, check_effects
 from fingerlab.twin.preset import Preset
 from fingerlab.twin.protocols import RATE_HZ, RunPlan
@@ -146,7 +147,7 @@ def _run_in_memory(name: str, recorded: Recorded) -> Run:
         trajectory=plan.trajectory,
         length=length,
         units={channel: CHANNEL_UNITS[channel] for channel in channels},
-        reader=lambda channel, start, stop: channels[channel][start:stop],
+        reader=ArrayReader(channels),
         attributes=plan.attributes,
     )
 

@@ -15,12 +15,12 @@ import pytest
 from click.testing import CliRunner, Result
 
 from fingerlab.batch import rows
-from fingerlab.batch.rows import Options, Outcome, Task, diagnose_file
+from fingerlab.batch.rows import Options, SessionRow, Task, diagnose_file
 from fingerlab.batch.run import locally, run_batch
 from fingerlab.batch.table import Parts
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import Cancelled, UserError
-from fingerlab.effects.own import OwnSource
+from fingerlab.core.trust import OwnSource
 from fingerlab.sessions import file_hash
 
 from .conftest import aged
@@ -133,11 +133,11 @@ def tree(recorded: Path, tmp_path: Path) -> Path:
     return folder
 
 
-def quickly(task: Task, options: Options) -> Outcome:
+def quickly(task: Task, options: Options) -> SessionRow:
     """A row as of a diagnosis, for what does not depend on one."""
     content = file_hash(Path(task.path))
     error = "broken" if task.name.startswith("broken") else None
-    return Outcome(
+    return SessionRow(
         {"session": task.name, "sha256": content, "software": rows.SOFTWARE, "options": options.key,
          "error": error, "seconds": 0.0, "score": 1.0}, {},
     )  # fmt: skip
@@ -146,12 +146,14 @@ def quickly(task: Task, options: Options) -> Outcome:
 class Counted:
     """A runner in this process that remembers what it was given, and may be killed on the way."""
 
-    def __init__(self, killed_after: int = 99, answer: Callable[[Task, Options], Outcome] = quickly) -> None:
+    def __init__(
+        self, killed_after: int = 99, answer: Callable[[Task, Options], SessionRow] = quickly
+    ) -> None:
         self.names: list[str] = []
         self.killed_after = killed_after
         self.answer = answer
 
-    def __call__(self, tasks: Sequence[Task], options: Options) -> Iterator[Outcome]:
+    def __call__(self, tasks: Sequence[Task], options: Options) -> Iterator[SessionRow]:
         for task in tasks:
             if len(self.names) == self.killed_after:
                 raise KeyboardInterrupt

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fingerlab.calibration import SENSORS, Step, StepTiming, calibrate_steps, find_steps
+from fingerlab.calibration import SENSORS, SteadyStep, StepTiming, calibrate_steps, find_steps
 from fingerlab.calibration.line import count_steps
 from fingerlab.calibration.offline import read_recording
 from fingerlab.core.errors import UserError
@@ -83,7 +83,7 @@ def test_nine_intervals_in_ten_hold_the_truth():
     inside = 0
     for _ in range(400):
         volts = (known - THESIS_OFFSET) / THESIS_GAIN + random.normal(0, 0.003, 11)
-        result = calibrate_steps(LOAD_CELL, [Step(v, 0.0, 100) for v in volts], marks)
+        result = calibrate_steps(LOAD_CELL, [SteadyStep(v, 0.0, 100) for v in volts], marks)
         inside += result.gain.low <= THESIS_GAIN <= result.gain.high
     # Binomial(400, 0.9): 342 to 377 in all but one case of five hundred.
     assert 342 <= inside <= 377

@@ -14,7 +14,7 @@ import pytest
 from fingerlab.calibration import SENSORS, StepTiming
 from fingerlab.calibration.applying import apply_again, calibrated_rig, rig_and_attributes
 from fingerlab.calibration.offline import outcome_from_files
-from fingerlab.calibration.outcome import Outcome, compare
+from fingerlab.calibration.outcome import CalibrationOutcome, compare
 from fingerlab.calibration.sensors import standard_plan
 from fingerlab.calibration.store import CalibrationStore
 from fingerlab.calibration.wizard import Averager, Phase, Wizard, judge
@@ -28,7 +28,7 @@ from .operator_hands import Operator, angle_sensor, thesis_load_cell
 LOAD_CELL, MCP = SENSORS["load-cell"], SENSORS["mcp"]
 
 
-def load_cell_outcome(**operator: object) -> Outcome:
+def load_cell_outcome(**operator: object) -> CalibrationOutcome:
     wizard = Wizard(standard_plan(LOAD_CELL), StepTiming(3.0, 1.0))
     Operator(wizard, thesis_load_cell, **operator).work()  # type: ignore[arg-type]
     return wizard.outcome()

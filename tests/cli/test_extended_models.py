@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.models.file import load_model, save_model, without_nan
+from fingerlab.core.plain_data import json_ready
+from fingerlab.models.file import load_model, save_model
 from fingerlab.prediction import extended_model, fit_extended, model_of_extended, predict_extended
 from fingerlab.sessions import open_session
 from fingerlab.twin.effects import parse_effects
@@ -128,7 +129,7 @@ def test_a_model_file_comes_back_as_it_was_written(session_file: Path, model_fil
     model = load_model(model_file)
     assert (model.method, model.effects) == ("diagnosis", ("transport_delay",))
     again = model_of_extended(extended_model(model, "M"))
-    assert without_nan(again.details) == model.details
+    assert json_ready(again.details) == model.details
     delay = model.parameters["delay"]
     assert delay.low < delay.value < delay.high
     assert delay.value == pytest.approx(DELAY_S, abs=0.002)

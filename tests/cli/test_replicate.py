@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from fingerlab.cli.replicate import replicate
 from fingerlab.report.replicate import TOLERANCES, compare
-from fingerlab.thesis.analysis import PUBLISHED, Quantity
+from fingerlab.thesis.analysis import PUBLISHED, PublishedQuantity
 
 
 def replicated(seed: int) -> dict[str, dict[str, Any]]:
@@ -42,10 +42,10 @@ def test_the_bench_as_built_shows_what_the_thesis_saw(seed: int) -> None:
     assert lines["speed_change_pip"]["ours"] < -97.0
 
 
-def quantity(key: str, *runs: float) -> Quantity:
+def quantity(key: str, *runs: float) -> PublishedQuantity:
     published = next(p for p in PUBLISHED if p.key == key)
     mean = sum(runs) / len(runs)
-    return Quantity(key, key, published.unit, mean, 0.0, runs, published.value, published.deviation)
+    return PublishedQuantity(key, key, published.unit, mean, 0.0, runs, published.value, published.deviation)
 
 
 @pytest.mark.parametrize(

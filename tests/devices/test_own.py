@@ -129,9 +129,9 @@ def test_each_content_is_confirmed_once(
 ) -> None:
     monkeypatch.setenv("FINGERLAB_SETTINGS_DIR", str(tmp_path / "settings"))
     first = device_file(unpaced)
-    assert (first.state, confirmed_files()) == ("new", ())
+    assert (first.state, confirmed_files()) == ("waiting", ())
     confirm(first)
-    assert device_file(unpaced).state == "confirmed"
+    assert device_file(unpaced).state == "trusted"
     other = tmp_path / "other.py"
     other.write_text("x = 1\n", encoding="utf-8")
     confirm(device_file(other))
@@ -141,7 +141,7 @@ def test_each_content_is_confirmed_once(
     unpaced.write_bytes(first.content + b"\n")
     assert device_file(unpaced).state == "changed"
     unpaced.write_bytes(first.content)
-    assert device_file(unpaced).state == "confirmed"
+    assert device_file(unpaced).state == "trusted"
     (tmp_path / "settings" / "own-devices.json").write_text("{", encoding="utf-8")
     with pytest.raises(UserError, match="choose your own device anew"):
         device_file(unpaced)
@@ -174,9 +174,9 @@ def test_what_was_confirmed_is_listed_and_forgotten(
     assert "never confirmed" in str(call("--untrust", others[0]).exception)
     assert list(listed()) == [str(unpaced), str(others[1])]
     assert call("--untrust", unpaced).exit_code == 0
-    assert device_file(unpaced).state == "new"
+    assert device_file(unpaced).state == "waiting"
     assert "leave out" in str(call("--untrust", others[1], "--forget").exception)
-    assert device_file(others[1]).state == "confirmed"
+    assert device_file(others[1]).state == "trusted"
     assert call("--forget").exit_code == 0
     assert listed() == {}
 

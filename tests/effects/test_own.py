@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.own_settings import settings_file
+from fingerlab.core.trust import settings_file
 from fingerlab.effects import CATALOGUE, effect, own, whole_catalogue
 from fingerlab.effects.base import Row
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.library.cutting import Stretch, cut_session, merge_sessions, rig_differences
+from fingerlab.library.cutting import RunStretch, cut_session, merge_sessions, rig_differences
 from fingerlab.sessions import check_session, file_hash, open_session
 from tests.conftest import RIG
 
@@ -28,7 +28,7 @@ def test_a_cut_holds_the_samples_between_two_times_and_says_where_from(make_sess
     path = make_session("a.h5", mark)
     digest = file_hash(path)
     session = open_session(path)
-    target = cut_session(session, Stretch(session.runs[1], 1.0, 2.25), tmp_path / "cut.h5")
+    target = cut_session(session, RunStretch(session.runs[1], 1.0, 2.25), tmp_path / "cut.h5")
     assert file_hash(path) == digest
     made = open_session(target)
     [run] = made.runs
@@ -54,10 +54,10 @@ def test_a_cut_overwrites_nothing_and_needs_samples(make_session, tmp_path: Path
     taken = tmp_path / "taken.h5"
     taken.write_text("mine", encoding="utf-8")
     with pytest.raises(UserError, match="not overwritten"):
-        cut_session(session, Stretch(session.runs[0], 1.0, 2.0), taken)
+        cut_session(session, RunStretch(session.runs[0], 1.0, 2.0), taken)
     assert taken.read_text(encoding="utf-8") == "mine"
     with pytest.raises(UserError, match="no two samples"):
-        cut_session(session, Stretch(session.runs[0], 1.0001, 1.0002), tmp_path / "new.h5")
+        cut_session(session, RunStretch(session.runs[0], 1.0001, 1.0002), tmp_path / "new.h5")
     assert not (tmp_path / "new.h5").exists()
     assert not list(tmp_path.glob("*.part"))
 

@@ -11,7 +11,7 @@ import pytest
 from fingerlab.batch.table import Contents, complete, write_table
 from fingerlab.core.errors import UserError
 from fingerlab.library.index import SessionFacts, list_files, read_facts, scan
-from fingerlab.library.notes import FILE_NAME, Entry, Note, Notebook, find_verdicts, matches
+from fingerlab.library.notes import FILE_NAME, LibraryEntry, Note, Notebook, find_verdicts, matches
 from fingerlab.library.pyramid import make_thumbnail
 
 
@@ -55,7 +55,7 @@ FACTS = SessionFacts(
     Path("x.h5"), "may/Finger.h5", 1, 1.0, title="Ring finger", created="2026-05-04T10:00:00+02:00",
     phases=("on_air", "contact"), cables=("flexion",), runs=2, seconds=90.0, flags=("12 late cycles",),
 )  # fmt: skip
-ENTRY = Entry(FACTS, tags=("good",), notes="cable changed", verdict="Coulomb friction\n94 %")
+ENTRY = LibraryEntry(FACTS, tags=("good",), notes="cable changed", verdict="Coulomb friction\n94 %")
 
 
 @pytest.mark.parametrize(

@@ -5,14 +5,14 @@ Joint angles follow from the tension, ``K theta = s a T + L``, so that slope and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fingerlab.rig.constants import Finger, Motor, Rig
-from fingerlab.sessions.model import Run, Session
+from fingerlab.sessions.model import ArrayReader, Run, Session
 
 RATE = 1000.0
 RADIUS = 0.015
@@ -64,8 +64,7 @@ def run(
         trajectory["frequency_hz"] = frequency
     length = len(channels["motor_torque"])
     full = {"time": np.arange(length) / RATE, **channels}
-    reader: Callable[[str, int, int], np.ndarray] = lambda channel, a, b: full[channel][a:b]  # noqa: E731
-    return Run(name, phase, cable, RATE, trajectory, length, dict.fromkeys(full, "SI"), reader)
+    return Run(name, phase, cable, RATE, trajectory, length, dict.fromkeys(full, "SI"), ArrayReader(full))
 
 
 def session(*runs: Run, rig: Rig = RIG) -> Session:

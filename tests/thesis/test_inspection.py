@@ -9,7 +9,7 @@ import pytest
 
 from fingerlab.core.errors import UserError
 from fingerlab.thesis.inspection import Inspection, inspect_session, kinematic_arms, region_spans
-from fingerlab.thesis.regression import Sums, fit_line
+from fingerlab.thesis.regression import RegressionSums, fit_line
 from fingerlab.thesis.traces import FitSpec
 
 from . import invented as made
@@ -54,10 +54,10 @@ def test_interval_of_the_line_is_that_of_the_intercept_from_any_origin() -> None
     random = np.random.default_rng(5)
     x = random.uniform(1.0, 5.0, (8, 40))
     y = 0.3 - 0.7 * x + random.normal(0, 0.1, (8, 40)) + random.normal(0, 0.1, (8, 1))
-    line = fit_line(Sums.of_rows(x, y))
+    line = fit_line(RegressionSums.of_rows(x, y))
     assert line is not None
     for origin in (0.0, 1.5, 3.0, 6.0):
-        shifted = fit_line(Sums.of_rows(x - origin, y))
+        shifted = fit_line(RegressionSums.of_rows(x - origin, y))
         assert shifted is not None
         estimate = shifted.intercept_estimate("N m")
         half = line.half_width(np.array([origin]))[0]

@@ -7,7 +7,7 @@ import pytest
 from scipy import signal, stats
 
 from fingerlab.thesis.regression import (
-    Sums,
+    RegressionSums,
     coefficient_of_determination,
     fit_line,
     repeating_misfit,
@@ -18,7 +18,7 @@ def test_line_is_polyfit_and_r2_is_scipys() -> None:
     random = np.random.default_rng(1)
     x = random.normal(50.0, 2.0, (7, 300))
     y = 0.3 * x - 4 + random.normal(size=x.shape)
-    line = fit_line(Sums.of_rows(x, y))
+    line = fit_line(RegressionSums.of_rows(x, y))
     assert line is not None
     slope, intercept = np.polyfit(x.ravel(), y.ravel(), 1)
     assert line.slope == pytest.approx(slope, rel=1e-10)
@@ -30,7 +30,9 @@ def test_line_is_polyfit_and_r2_is_scipys() -> None:
 def test_sums_added_up_are_the_sums_of_everything() -> None:
     random = np.random.default_rng(2)
     x, y = random.normal(1e6, 1.0, (5, 40)), random.normal(-1e6, 1.0, (5, 40))
-    parts = Sums.joined([Sums.of_rows(x[:2], y[:2]), Sums.of_rows(x[2:], y[2:])])
+    parts = RegressionSums.joined(
+        [RegressionSums.of_rows(x[:2], y[:2]), RegressionSums.of_rows(x[2:], y[2:])]
+    )
     assert len(parts) == 5
     whole = parts.merged()
     assert whole.xx[0] == pytest.approx(np.sum((x - x.mean()) ** 2), rel=1e-9)
@@ -41,7 +43,7 @@ def test_rows_with_gaps_are_left_out() -> None:
     x = np.arange(12.0).reshape(3, 4)
     y = 2 * x + 1
     y[1, 2] = np.nan
-    sums = Sums.of_rows(x, y)
+    sums = RegressionSums.of_rows(x, y)
     assert len(sums) == 2
     line = fit_line(sums)
     assert line is not None
@@ -49,8 +51,8 @@ def test_rows_with_gaps_are_left_out() -> None:
 
 
 def test_no_line_where_tension_does_not_vary() -> None:
-    assert fit_line(Sums.of_rows(np.full((2, 10), 3.0), np.ones((2, 10)))) is None
-    assert fit_line(Sums.of_rows(np.empty((0, 10)), np.empty((0, 10)))) is None
+    assert fit_line(RegressionSums.of_rows(np.full((2, 10), 3.0), np.ones((2, 10)))) is None
+    assert fit_line(RegressionSums.of_rows(np.empty((0, 10)), np.empty((0, 10)))) is None
 
 
 def test_ninety_per_cent_interval_with_correlated_noise() -> None:
@@ -63,7 +65,7 @@ def test_ninety_per_cent_interval_with_correlated_noise() -> None:
     for _ in range(draws):
         noise = signal.lfilter([1.0], [1.0, -0.98], random.normal(0, 0.02, len(t) + 500))[500:]
         y = 0.7 * x - 0.2 + noise
-        line = fit_line(Sums.of_rows(x.reshape(12, 200), y.reshape(12, 200)))
+        line = fit_line(RegressionSums.of_rows(x.reshape(12, 200), y.reshape(12, 200)))
         assert line is not None
         slope, intercept = line.slope_estimate("m"), line.intercept_estimate("N m")
         inside["slope"] += slope.low <= 0.7 <= slope.high
@@ -79,7 +81,7 @@ def test_misfit_that_repeats_widens_the_interval() -> None:
     """Ten identical periods of a curved truth: no scatter between them, yet the slope is not known."""
     x = np.tile(np.linspace(1, 5, 400), (10, 1))
     y = 0.01 * x + 0.002 * np.sin(3 * x)
-    sums = Sums.of_rows(x, y)
+    sums = RegressionSums.of_rows(x, y)
     bare = fit_line(sums)
     assert bare is not None
     assert bare.slope_error < 1e-9

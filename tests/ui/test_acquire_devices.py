@@ -23,11 +23,11 @@ from pytestqt.qtbot import QtBot
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.acquisition.machine import Mode
 from fingerlab.core.errors import UserError
+from fingerlab.core.trust import OwnSource
 from fingerlab.devices.clock import VirtualClock
 from fingerlab.devices.detect import detect
 from fingerlab.devices.faults import FAULT_KINDS
 from fingerlab.devices.ni.card import NiCard
-from fingerlab.devices.own import DeviceFile
 from fingerlab.devices.simulated import SimulatedBench, Simulation
 from fingerlab.rig.file import default_rig, load_rig
 from fingerlab.sessions import open_session
@@ -217,7 +217,7 @@ def test_a_device_of_one_s_own_is_asked_about_once_and_driven(  # type: ignore[n
     asked: list[str] = []
     answers = [False, True, True]
 
-    def ask(parent: object, file: DeviceFile) -> bool:
+    def ask(parent: object, file: OwnSource) -> bool:
         asked.append(file.state)
         return answers.pop(0)
 
@@ -226,7 +226,7 @@ def test_a_device_of_one_s_own_is_asked_about_once_and_driven(  # type: ignore[n
     monkeypatch.setattr(QFileDialog, "getOpenFileName", staticmethod(lambda *_: (str(file), "")))
     rig = unconnected(lambda choice: choice.build())
     rig.click("connectOwn")
-    assert asked == ["new"]
+    assert asked == ["waiting"]
     assert not rig.station.caller.busy  # nothing of the file was run
     rig.connect("connectOwn")
     assert "rotor" in rig.label("deviceName")
@@ -245,16 +245,16 @@ def test_a_device_of_one_s_own_is_asked_about_once_and_driven(  # type: ignore[n
     rig.connect("connectOwn")  # this content is known
     rig.click("disconnect")
     rig.wait_idle()
-    assert asked == ["new", "new"]
+    assert asked == ["waiting", "waiting"]
     file.write_text("raise RuntimeError('no hardware here')\n", encoding="utf-8")
     rig.click("connectOwn")
     rig.wait_idle()
-    assert asked == ["new", "new", "changed"]
+    assert asked == ["waiting", "waiting", "changed"]
     assert "RuntimeError: no hardware here" in rig.label("message")
     rig.click("forgetOwn")
     assert [page.own_file.itemText(row) for row in range(page.own_file.count())] == ["a Python file …"]
     assert not rig.button("forgetOwn").isVisible()
-    assert own_device_file(file).state == "new"
+    assert own_device_file(file).state == "waiting"
 
 
 def test_an_own_device_that_was_not_asked_about_is_not_run(

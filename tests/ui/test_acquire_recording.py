@@ -13,8 +13,9 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel, QLineEdit, QProgressBar
 from pytestqt.qtbot import QtBot
 
+from fingerlab.core.progress import Progress
 from fingerlab.sessions import open_session
-from fingerlab.sessions.recording_files import Progress, recording_folder
+from fingerlab.sessions.recording_files import recording_folder
 from fingerlab.ui.acquire.caller import Call
 from fingerlab.ui.browse.tab import SessionsTab
 from fingerlab.ui.browse.wording import quality_text

@@ -21,7 +21,7 @@ from .fields import across, centred_column, choice, number
 from .opening import Wanted, forget_own_device, own_device_file, own_device_files
 
 if TYPE_CHECKING:
-    from fingerlab.devices.own import DeviceFile
+    from fingerlab.core.trust import OwnSource
     from fingerlab.devices.protocol import Found
 
 COLUMN_WIDTH = 640
@@ -277,7 +277,7 @@ class ConnectPage(QWidget):
         if path is None:
             return
         file = own_device_file(path)
-        if file is not None and file.state != "confirmed" and not ask_to_run(self, file):
+        if file is not None and file.state != "trusted" and not ask_to_run(self, file):
             return
         others = [one for one in own_device_files() if one != path]
         self._offer_own([path, *others])  # who puts it right and tries again finds it chosen
@@ -317,7 +317,7 @@ class ConnectPage(QWidget):
             self.look_asked.emit()
 
 
-def ask_to_run(parent: QWidget, file: DeviceFile) -> bool:
+def ask_to_run(parent: QWidget, file: OwnSource) -> bool:
     """Whether a file that is new, or was changed, may be run."""
     return ask(parent, file.path, file.content, file.state == "changed", "it drives the motor, and")
 

@@ -12,8 +12,8 @@ from fingerlab.core.errors import UserError
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
     from fingerlab.acquisition.requests import LoopSettings
+    from fingerlab.core.trust import OwnSource
     from fingerlab.devices.choosing import DeviceChoice
-    from fingerlab.devices.own import DeviceFile
     from fingerlab.devices.protocol import Found
     from fingerlab.rig.constants import Rig
 
@@ -37,7 +37,7 @@ class Wanted:
     preset: str = "practice"
     fault: str = ""
     fault_after_s: float = 20.0
-    own: DeviceFile | None = None
+    own: OwnSource | None = None
 
 
 @dataclass(frozen=True)
@@ -125,11 +125,11 @@ def _let_run(wanted: Wanted) -> None:
     file = device_file(Path(wanted.device.partition(":")[2]))
     if wanted.own is not None and wanted.own.sha256 == file.sha256:
         confirm(file)
-    elif file.state != "confirmed":
+    elif file.state != "trusted":
         raise UserError(f"{file.path} was changed meanwhile; look at it again, and connect it anew.")
 
 
-def own_device_file(path: Path) -> DeviceFile | None:
+def own_device_file(path: Path) -> OwnSource | None:
     """A file to ask its user about; None where it cannot be read, which connecting it says."""
     from fingerlab.devices.own import device_file
 

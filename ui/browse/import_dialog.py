@@ -32,7 +32,7 @@ from ..acquire.fields import choice
 from ..widgets.labels import remark
 
 if TYPE_CHECKING:
-    from fingerlab.sessions.importing import RunPlan
+    from fingerlab.sessions.importing import ImportPlan
 
 SETTLE_MS = 300
 """After a key, before the files are looked at anew."""
@@ -55,7 +55,7 @@ class ImportDialog(QDialog):
         super().__init__(parent)
         self.setWindowTitle("Import text files – FingerLab")
         self.resize(720, 520)
-        self.plans: tuple[RunPlan, ...] = ()
+        self.plans: tuple[ImportPlan, ...] = ()
         self.rig_file: Path | None = None
         self._files = tuple(files)
         self._each = [

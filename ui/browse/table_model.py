@@ -9,7 +9,7 @@ from typing import Any
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 
 from fingerlab.library.index import SessionFacts
-from fingerlab.library.notes import Entry, Note, Test, Verdict
+from fingerlab.library.notes import LibraryEntry, Note, Test, Verdict
 
 from .wording import clock_time, duration, phases_text, quality_text, verdict_help, verdict_text
 
@@ -135,9 +135,9 @@ class SessionTable(QAbstractTableModel):
     def _path_of(self, index: QModelIndex) -> Path | None:
         return self._shown[index.row()] if 0 <= index.row() < len(self._shown) else None
 
-    def _entry(self, path: Path) -> Entry:
+    def _entry(self, path: Path) -> LibraryEntry:
         note = self.note(path)
-        return Entry(self._facts[path], note.tags, note.notes, verdict_text(self.verdict(path)))
+        return LibraryEntry(self._facts[path], note.tags, note.notes, verdict_text(self.verdict(path)))
 
     def _text(self, path: Path, column: int) -> str:
         facts = self._facts[path]

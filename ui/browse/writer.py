@@ -10,7 +10,7 @@ from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFileDialog, QWidget
 
 from fingerlab.core.errors import UserError
-from fingerlab.library.cutting import Stretch, cut_session, merge_sessions
+from fingerlab.library.cutting import RunStretch, cut_session, merge_sessions
 from fingerlab.library.index import SessionFacts
 from fingerlab.library.notes import Note
 from fingerlab.sessions.copying import copy_session
@@ -42,7 +42,7 @@ class Writer(QObject):
         suggested = session.path.with_name(f"{session.path.stem}-{run.name}-cut.h5")
         target = self._ask_file("Cut: new session", suggested)
         if target is not None:
-            stretch = Stretch(run, min(start, stop), max(start, stop))
+            stretch = RunStretch(run, min(start, stop), max(start, stop))
             self._start(
                 f"Cutting {session.path.name}",
                 lambda progress: cut_session(session, stretch, target, progress),

@@ -8,7 +8,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from fingerlab.calibration.sensors import Plan, mark_text
+from fingerlab.calibration.sensors import CalibrationPlan, mark_text
 
 from ..theme import Colours, colours_of, small_font
 
@@ -22,13 +22,13 @@ class Picture(QWidget):
         super().__init__(parent)
         self.setObjectName("calibrationPicture")
         self.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
-        self._plan: Plan | None = None
+        self._plan: CalibrationPlan | None = None
         self._number = 0
 
     def sizeHint(self) -> QSize:
         return SIZE
 
-    def show_step(self, plan: Plan, number: int) -> None:
+    def show_step(self, plan: CalibrationPlan, number: int) -> None:
         """Show step ``number`` of the plan; the last one once all are done."""
         self._plan, self._number = plan, min(number, len(plan.moves) - 1)
         move = plan.moves[self._number]
@@ -78,7 +78,7 @@ def _draw_weights(painter: QPainter, room: QRectF, colours: Colours, count: int,
 
 
 def _draw_joint(
-    painter: QPainter, room: QRectF, colours: Colours, plan: Plan, mark: float, before: float
+    painter: QPainter, room: QRectF, colours: Colours, plan: CalibrationPlan, mark: float, before: float
 ) -> None:
     """The sheet's quarter circle with its marks, the fixed phalanx, and the one to be flexed."""
     text, accent, muted = QColor(colours.text), QColor(colours.accent), QColor(colours.muted)

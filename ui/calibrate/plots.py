@@ -10,7 +10,7 @@ from PySide6.QtCore import QEvent
 from PySide6.QtGui import QPen
 from PySide6.QtWidgets import QWidget
 
-from fingerlab.calibration.outcome import Outcome
+from fingerlab.calibration.outcome import CalibrationOutcome
 from fingerlab.calibration.wizard import Wizard
 
 from ..theme import colours_of
@@ -126,21 +126,21 @@ class _OutcomePlot(_Plot):
 
     def __init__(self, name: str, accessible: str) -> None:
         super().__init__(name, accessible)
-        self._outcome: Outcome | None = None
+        self._outcome: CalibrationOutcome | None = None
         self.recolour()
 
     def recolour(self) -> None:
         super().recolour()
         self.show_outcome(self._outcome)
 
-    def show_outcome(self, outcome: Outcome | None) -> None:
+    def show_outcome(self, outcome: CalibrationOutcome | None) -> None:
         """Draw a calibration; None clears the plot."""
         self._outcome = outcome
         self.getPlotItem().clear()
         if outcome is not None:
             self._draw(outcome)
 
-    def _draw(self, outcome: Outcome) -> None:
+    def _draw(self, outcome: CalibrationOutcome) -> None:
         raise NotImplementedError
 
 
@@ -150,7 +150,7 @@ class FitPlot(_OutcomePlot):
     def __init__(self) -> None:
         super().__init__("calibrationFit", "Known value against reading, with the fitted line")
 
-    def _draw(self, outcome: Outcome) -> None:
+    def _draw(self, outcome: CalibrationOutcome) -> None:
         plot, colours = self.getPlotItem(), colours_of(self)
         factor, unit = _screen(outcome)
         calibration = outcome.calibration
@@ -176,7 +176,7 @@ class ResidualPlot(_OutcomePlot):
     def __init__(self) -> None:
         super().__init__("calibrationResiduals", "Known value less line, against the known value")
 
-    def _draw(self, outcome: Outcome) -> None:
+    def _draw(self, outcome: CalibrationOutcome) -> None:
         plot, colours = self.getPlotItem(), colours_of(self)
         across, known_unit = _screen(outcome)
         factor, unit = _screen(outcome, max(map(abs, outcome.calibration.residuals)))
@@ -209,7 +209,7 @@ class ResidualPlot(_OutcomePlot):
 
 
 def _add_points(
-    plot: pg.PlotItem, outcome: Outcome, x: np.ndarray, y: np.ndarray, colour: str, pen: QPen
+    plot: pg.PlotItem, outcome: CalibrationOutcome, x: np.ndarray, y: np.ndarray, colour: str, pen: QPen
 ) -> None:
     for number, sweep in enumerate(outcome.sweeps):
         chosen = [i for i, move in enumerate(outcome.plan.moves) if move.sweep == sweep.name]
@@ -222,7 +222,7 @@ def _add_points(
         plot.plot(x[chosen], y[chosen], pen=None, symbolBrush=(None, colour)[number % 2], **look)
 
 
-def _screen(outcome: Outcome, largest: float = math.inf) -> tuple[float, str]:
+def _screen(outcome: CalibrationOutcome, largest: float = math.inf) -> tuple[float, str]:
     """Factor and unit on the screen of values up to ``largest`` (SI)."""
     unit = outcome.sensor.unit
     if unit == "rad":

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QLineEdit, QVBoxLayout, QWidget
 
-from fingerlab.calibration.outcome import Outcome, amount_text
-from fingerlab.calibration.store import Record
+from fingerlab.calibration.outcome import CalibrationOutcome, amount_text
+from fingerlab.calibration.store import CalibrationRecord
 
 from ..acquire.fields import ActionButton
 from ..widgets.labels import WholeLabel, heading, remark
@@ -64,7 +64,7 @@ class ResultPage(QWidget):
         )
         self.back = ActionButton("Back", "backToSteps", "Back to the last step, or to the start.", back)
         self.reason.textChanged.connect(lambda _: self._refuse())
-        self._outcome: Outcome | None = None
+        self._outcome: CalibrationOutcome | None = None
         self._build()
 
     def _build(self) -> None:
@@ -106,7 +106,9 @@ class ResultPage(QWidget):
         layout.addLayout(left, 1)
         layout.addWidget(panel)
 
-    def show_outcome(self, outcome: Outcome, previous: Record | None, notes: list[str], back: str) -> None:
+    def show_outcome(
+        self, outcome: CalibrationOutcome, previous: CalibrationRecord | None, notes: list[str], back: str
+    ) -> None:
         """Show a result; ``back`` is what the last button says."""
         self._outcome = outcome
         self.verdict.setText(verdict_words(outcome))

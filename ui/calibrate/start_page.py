@@ -9,7 +9,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from fingerlab.calibration import SENSORS
-from fingerlab.calibration.store import Record
+from fingerlab.calibration.store import CalibrationRecord
 
 from ..acquire.fields import ActionButton, centred_column
 from ..widgets.labels import heading, remark
@@ -105,7 +105,7 @@ class StartPage(QWidget):
         for button in self.starts.values():
             button.refuse(refusal)
 
-    def show_current(self, records: Mapping[str, Record], folder: str) -> None:
+    def show_current(self, records: Mapping[str, CalibrationRecord], folder: str) -> None:
         """What counts now, and where it is kept."""
         for name, label in self.current.items():
             label.setText(f"Now: {record_words(SENSORS[name], records.get(name))}")

@@ -12,9 +12,9 @@ from PySide6.QtWidgets import QFileDialog, QMessageBox, QStackedWidget, QWidget
 from fingerlab.calibration import SENSORS, StepTiming
 from fingerlab.calibration.applying import apply_again, default_folder
 from fingerlab.calibration.offline import outcome_from_files
-from fingerlab.calibration.outcome import Outcome
+from fingerlab.calibration.outcome import CalibrationOutcome
 from fingerlab.calibration.sensors import Sensor, standard_plan
-from fingerlab.calibration.store import ACCEPTED, REJECTED, WITH_REASON, CalibrationStore, Record
+from fingerlab.calibration.store import ACCEPTED, REJECTED, WITH_REASON, CalibrationRecord, CalibrationStore
 from fingerlab.calibration.wizard import Phase, Wizard
 from fingerlab.core.errors import UserError
 
@@ -48,7 +48,7 @@ class CalibrateTab(Tab):
         super().__init__(desk)
         self._timing, self._folder = timing or StepTiming(), folder
         self.wizard: Wizard | None = None
-        self.outcome: Outcome | None = None
+        self.outcome: CalibrationOutcome | None = None
         self._source_words = ""
         self.source = VoltSource(desk, self)
         self.start_page = StartPage()
@@ -216,7 +216,7 @@ class CalibrateTab(Tab):
 
     # the result
 
-    def _show_outcome(self, outcome: Outcome, notes: list[str], back: str) -> None:
+    def _show_outcome(self, outcome: CalibrationOutcome, notes: list[str], back: str) -> None:
         self.outcome = outcome
         self.result_page.show_outcome(outcome, self._latest(outcome.sensor.name), notes, back)
         self._turn_to(self.result_page)
@@ -305,14 +305,14 @@ class CalibrateTab(Tab):
             return CalibrationStore(bench.calibrations)
         return CalibrationStore(self._folder or default_folder())
 
-    def _current(self) -> dict[str, Record]:
+    def _current(self) -> dict[str, CalibrationRecord]:
         try:
             return self.store().current()
         except UserError as error:
             self.desk.tell(str(error), traceback.format_exc())
             return {}
 
-    def _latest(self, name: str) -> Record | None:
+    def _latest(self, name: str) -> CalibrationRecord | None:
         return self._current().get(name)
 
     def _sensor(self) -> Sensor | None:

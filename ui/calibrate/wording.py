@@ -7,9 +7,9 @@ import re
 from collections.abc import Sequence
 
 from fingerlab.calibration import Calibration
-from fingerlab.calibration.outcome import Outcome, amount_text, compare
+from fingerlab.calibration.outcome import CalibrationOutcome, amount_text, compare
 from fingerlab.calibration.sensors import Sensor
-from fingerlab.calibration.store import Record
+from fingerlab.calibration.store import CalibrationRecord
 from fingerlab.core.text import decimals_for, fixed, printed, r2_text
 from fingerlab.core.units import ParameterEstimate
 
@@ -27,7 +27,9 @@ def estimate_words(sensor: Sensor, estimate: ParameterEstimate) -> str:
     return f"{fixed(factor * estimate.value, digits)} ± {fixed(half, digits)}{behind}"
 
 
-def number_rows(outcome: Outcome, previous: Record | None) -> list[tuple[str, str, str]]:
+def number_rows(
+    outcome: CalibrationOutcome, previous: CalibrationRecord | None
+) -> list[tuple[str, str, str]]:
     """Name, value and explanation of each number of a result."""
     calibration, sensor = outcome.calibration, outcome.sensor
     rows = [
@@ -48,7 +50,7 @@ def number_rows(outcome: Outcome, previous: Record | None) -> list[tuple[str, st
     return rows
 
 
-def _repeat_rows(outcome: Outcome) -> list[tuple[str, str, str]]:
+def _repeat_rows(outcome: CalibrationOutcome) -> list[tuple[str, str, str]]:
     repeat, sensor = outcome.repeat, outcome.sensor
     beside = ", doubtful step and all" if outcome.misplaced else ""
     if repeat is None:
@@ -82,7 +84,7 @@ def _sheet_row(calibration: Calibration) -> tuple[str, str, str]:
     )
 
 
-def previous_words(outcome: Outcome, previous: Record | None) -> str:
+def previous_words(outcome: CalibrationOutcome, previous: CalibrationRecord | None) -> str:
     """Against the calibration that counts now."""
     if previous is None:
         return "no earlier one"
@@ -94,7 +96,7 @@ def previous_words(outcome: Outcome, previous: Record | None) -> str:
     return f"v{previous.version}: gain {sign}{share:.2f} %, at most {largest}: {word}"
 
 
-def verdict_words(outcome: Outcome) -> str:
+def verdict_words(outcome: CalibrationOutcome) -> str:
     """The result in one line."""
     sensor = outcome.sensor
     gain = estimate_words(sensor, outcome.calibration.gain)
@@ -104,7 +106,7 @@ def verdict_words(outcome: Outcome) -> str:
     return f"{SENSOR_NAMES[sensor.name]}: {gain}, R² {quality}; {word}"
 
 
-def record_words(sensor: Sensor, record: Record | None) -> str:
+def record_words(sensor: Sensor, record: CalibrationRecord | None) -> str:
     """What counts now for a sensor."""
     if record is None:
         return "not calibrated on this rig yet"

@@ -9,7 +9,7 @@ import pyqtgraph as pg
 
 from fingerlab.core.text import DEGREES, ScreenUnit, r2_text
 from fingerlab.signals.periods import REGION_TITLES
-from fingerlab.thesis.inspection import Plane, RunView
+from fingerlab.thesis.inspection import FitView, Plane
 from fingerlab.thesis.traces import JOINT_TITLES, Joint
 
 from ..theme import Colours, colours_of
@@ -35,7 +35,7 @@ class SpeedPlot(QuietPlot):
             f"speed_{joint}", f"{JOINT_TITLES[joint]} speed over the average period, with regions"
         )
         self.joint = joint
-        self.view: RunView | None = None
+        self.view: FitView | None = None
         self.name_axes(f"{JOINT_TITLES[joint]} speed", ScreenUnit("°/s", DEGREES), "Time in the period (s)")
         self.setToolTip(
             f"dθ/dt of the {JOINT_TITLES[joint]} joint, °/s, flexion positive: mean over the run's periods.\n"
@@ -43,7 +43,7 @@ class SpeedPlot(QuietPlot):
             "standstill: static 1 after flexion, static 2 after extension (thesis 4.1, 4.2)."
         )
 
-    def show_view(self, view: RunView | None) -> None:
+    def show_view(self, view: FitView | None) -> None:
         """Another run, or none."""
         self.view = view
         self.redraw()

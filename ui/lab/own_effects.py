@@ -97,7 +97,7 @@ class OwnEffects(QDialog):
 
     def _show(self, problem: str) -> None:
         """What is known now, and ``problem``: a sentence on what went wrong, or nothing."""
-        from fingerlab.core.own_settings import read_settings
+        from fingerlab.core.trust import read_settings
         from fingerlab.effects import CATALOGUE, own
 
         row = max(self.files.currentRow(), 0)

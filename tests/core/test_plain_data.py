@@ -10,7 +10,7 @@ from typing import Literal
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.reading import Mismatch, structured
+from fingerlab.core.plain_data import Mismatch, structured
 from fingerlab.rig.constants import Rig
 
 

@@ -1,23 +1,51 @@
-"""What is remembered of a user's own files: where effects are, and which contents they have confirmed."""
+"""Python files of the user's own, effects and devices: which contents they have confirmed; how one is run.
+
+A file runs only with a content that its user was asked about. What a file of each kind has to offer is
+checked where it is used (``effects/own.py``, ``devices/own.py``).
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+import sys
 from collections.abc import Mapping
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import ModuleType
 from typing import Literal
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import whole_file
-from fingerlab.core.reading import structured
+from fingerlab.core.plain_data import structured
 
 SETTINGS_VARIABLE = "FINGERLAB_SETTINGS_DIR"
 """Environment variable that puts the settings into another folder than the system's usual one."""
 
 Kind = Literal["effects", "devices"]
 """What the files add. Who lets a file be run as one has not let it be run as the other."""
+
+State = Literal["trusted", "waiting", "changed"]
+"""This content was confirmed; none of this file was; another content of it was."""
+
+
+@dataclass(frozen=True)
+class OwnSource:
+    """A file's whole name and the bytes that are hashed, confirmed and run: the same ones throughout."""
+
+    file: str
+    content: bytes
+    state: State = field(default="waiting", compare=False)
+
+    @property
+    def sha256(self) -> str:
+        return hashlib.sha256(self.content).hexdigest()
+
+    @property
+    def path(self) -> Path:
+        return Path(self.file)
 
 
 @dataclass(frozen=True)
@@ -99,6 +127,33 @@ def write_settings(settings: OwnSettings, kind: Kind = "effects") -> None:
         part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
 
 
+def with_state(source: OwnSource, settings: OwnSettings) -> OwnSource:
+    """The source and what is remembered of it."""
+    if source.sha256 in settings.trusted:
+        return replace(source, state="trusted")
+    return replace(source, state="changed" if source.file in settings.trusted.values() else "waiting")
+
+
+def confirm(source: OwnSource, kind: Kind) -> None:
+    """Remember that its user lets exactly this content be run. Call it only after they were asked.
+
+    Raises:
+        UserError: the settings cannot be read or written.
+    """
+    settings = read_settings(kind)
+    others = {key: name for key, name in settings.trusted.items() if key != source.sha256}
+    write_settings(replace(settings, trusted={**others, source.sha256: source.file}), kind)
+
+
+def confirmed_names(kind: Kind) -> tuple[str, ...]:
+    """Every file of which a content was ever confirmed, latest first.
+
+    Raises:
+        UserError: the settings are damaged.
+    """
+    return tuple(dict.fromkeys(reversed([*read_settings(kind).trusted.values()])))
+
+
 def forget_file(file: str, kind: Kind) -> bool:
     """Forget that contents of this file were confirmed; it is asked about again before it is run.
 
@@ -116,3 +171,37 @@ def forget_file(file: str, kind: Kind) -> bool:
     if len(kept) < len(settings.trusted):
         write_settings(replace(settings, trusted=kept), kind)
     return len(kept) < len(settings.trusted)
+
+
+def run_source(source: OwnSource, name: str) -> ModuleType:
+    """Run the bytes of a file as a module of this name; whatever goes wrong in it comes out as it is.
+
+    What it prints goes to standard error, so that it does not get between a command's results.
+    """
+    module = ModuleType(name)
+    module.__file__ = source.file
+    sys.modules[name] = module  # data classes and pickle look their module up
+    try:
+        with redirect_stdout(sys.stderr):
+            exec(compile(source.content, source.file, "exec"), module.__dict__)
+    except (Exception, SystemExit):
+        del sys.modules[name]
+        raise
+    return module
+
+
+def said(error: BaseException) -> str:
+    """An exception of the user's code in a few words, without a stop at the end."""
+    what = error.msg if isinstance(error, SyntaxError) else str(error)
+    return " ".join(f"{type(error).__name__}: {what}".split()).rstrip(".: ")
+
+
+def told(error: BaseException, file: str) -> str:
+    """The same with the line of their file."""
+    line = error.lineno if isinstance(error, SyntaxError) else None
+    trace = error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == file:
+            line = trace.tb_lineno
+        trace = trace.tb_next
+    return f"{file}{'' if line is None else f', line {line}'}: {said(error)}"

@@ -1,4 +1,4 @@
-"""Plain data of JSON and TOML files as dataclasses: every value of the type of its field, or one sentence.
+"""Plain data of JSON and TOML files: read as dataclasses, each value of its field's type.
 
 msgspec decides what is of which type; what it does not do is done here: sections that leave something out
 have the default of their field, whole numbers may be written with a point, numbers are finite, unknown names
@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
+import numpy as np
 
 T = TypeVar("T")
 
@@ -112,3 +113,20 @@ def _check_finite(found: object, place: tuple[str, ...]) -> None:
             raise Mismatch(here, f"is {value!r}; it should be {WANTED['float']}", WANTED["float"])
         if is_dataclass(value):
             _check_finite(value, here)
+
+
+def json_ready(value: Any, unknown: Callable[[Any], Any] = lambda value: value) -> Any:
+    """The same as JSON can hold it: no number that is not finite, lists for tuples, text for keys.
+
+    Args:
+        unknown: what becomes of anything else; as it is, ``json.dumps`` refuses it.
+    """
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): json_ready(item, unknown) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [json_ready(item, unknown) for item in value]
+    if isinstance(value, np.generic):
+        return json_ready(value.item(), unknown)
+    return value if value is None or isinstance(value, (str, int)) else unknown(value)
