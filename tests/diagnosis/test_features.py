@@ -63,12 +63,12 @@ def test_slope_weights_delay_a_sine_by_less_than_a_millisecond() -> None:
         assert shifted_sine(3.0, slope_weights(delay)[0], time) == pytest.approx(expected, abs=2e-4)
 
 
-@pytest.mark.parametrize("judge_all", [shift_weights, slope_weights])
+@pytest.mark.parametrize("weigh", [shift_weights, slope_weights])
 @pytest.mark.parametrize("delay", [0.0003, 0.011, 0.0371, 0.0725, 0.162])
-def test_slopes_are_derivatives(judge_all, delay: float) -> None:
+def test_slopes_are_derivatives(weigh, delay: float) -> None:
     step = 1e-6
-    numeric = (judge_all(delay + step)[0] - judge_all(delay - step)[0]) / (2 * step)
-    assert judge_all(delay)[1] == pytest.approx(numeric, abs=1e-5 * max(1.0, np.abs(numeric).max()))
+    numeric = (weigh(delay + step)[0] - weigh(delay - step)[0]) / (2 * step)
+    assert weigh(delay)[1] == pytest.approx(numeric, abs=1e-5 * max(1.0, np.abs(numeric).max()))
 
 
 def test_nuisances_move_within_two_and_a_half_tolerances() -> None:

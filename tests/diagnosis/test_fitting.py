@@ -99,7 +99,7 @@ class Settled:
 
 
 @pytest.fixture(scope="module")
-def fit_effects() -> list[Settled]:
+def settled() -> list[Settled]:
     """Three recordings of one bench with nothing missing."""
     result = []
     for seed in (1, 2, 3):

@@ -84,7 +84,7 @@ def propose(
     if best is None or best[3] < LEAST_SEPARATION:
         return None
     _, proposal, rival, gain = best
-    return proposal.told([t.last_effect.id for t in (first, rival)], gain)
+    return proposal.to_json([t.last_effect.id for t in (first, rival)], gain)
 
 
 def reveal(
@@ -115,7 +115,7 @@ def reveal(
     if told is None:
         return None
     shown = pairs[told][0].last_effect.id
-    return proposal.told([shown, "nothing_missing"], gains[told].expected)
+    return proposal.to_json([shown, "nothing_missing"], gains[told].expected)
 
 
 def _present_and_absent(
