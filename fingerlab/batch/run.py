@@ -27,6 +27,7 @@ from fingerlab.batch.table import (
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.core.progress import Progress
 from fingerlab.sessions import file_hash
+from fingerlab.sessions.recording_files import ENDINGS, session_files
 
 Runner = Callable[[Sequence[Task], Options], Iterator[SessionRow]]
 """Gives the outcome of every task, each as soon as it is there, in any order."""
@@ -150,7 +151,6 @@ def _lost(task: Task, options: Options, why: str) -> SessionRow:
     return SessionRow(row, {})
 
 
-ENDINGS = (".h5", ".hdf5")
 HASHING_THREADS = 4
 
 
@@ -178,23 +178,15 @@ class BatchResult:
 
 
 def find_sessions(folder: Path) -> list[Task]:
-    """Every session file below the folder, by name; folders are not followed through links.
+    """Every session file below the folder, by name, as the browser finds them.
 
     Raises:
         UserError: there is no such folder, or no session in it.
     """
-    if not folder.is_dir():
-        raise UserError(f"{folder} is not a folder; give the folder that holds the sessions.")
-    found = []
-    for place, folders, names in os.walk(folder):
-        folders.sort()
-        for name in names:
-            path = Path(place) / name
-            if path.suffix.lower() in ENDINGS:
-                found.append(Task(str(path.resolve()), path.relative_to(folder).as_posix()))
+    found = session_files(folder)
     if not found:
         raise UserError(f"There is no session below {folder}; session files end in {' or '.join(ENDINGS)}.")
-    return sorted(found, key=lambda task: task.name)
+    return [Task(str(path.resolve()), name) for path, name in found]
 
 
 def run_batch(

@@ -15,6 +15,6 @@ rooms, each of which imports those before it alone:
 ``diagnose`` leads through them.
 """
 
-from fingerlab.diagnosis.diagnose import diagnose, diagnose_reduced, prepare
+from fingerlab.diagnosis.diagnose import diagnose
 
-__all__ = ["diagnose", "diagnose_reduced", "prepare"]
+__all__ = ["diagnose"]

@@ -14,7 +14,7 @@ from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, PathStep
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
-from fingerlab.diagnosis.gram.runs import Recall
+from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import (
     RUN_LOG_ODDS,
     Evidence,
@@ -24,7 +24,7 @@ from fingerlab.diagnosis.score.evidence import (
     undetectable,
 )
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.score.scorer import ReducedSessions, Scorer
+from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified
 from fingerlab.diagnosis.search.grid_refinement import at_found_shapes, fit_refined, with_shapes_of
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
@@ -43,8 +43,9 @@ def diagnose(
     with_curves: bool = True,
     executor: Executor | None = None,
     left_out: Sequence[str] = (),
+    kept: Reduction | None = None,
 ) -> Diagnosis:
-    """Where the model fails and which effect is missing: :func:`prepare`, then :func:`diagnose_reduced`.
+    """Where the model fails and which effect is missing.
 
     Args:
         sessions: at least one. added: ids of effects that the model holds already.
@@ -53,36 +54,15 @@ def diagnose(
         with_curves: whether measured and modelled curves and fingerprints are wanted.
         executor: a second process (``core.parallel``) to share the reading, if no curves are wanted.
         left_out: ids that the catalogue is to be without; so it is tried what it says of the unknown.
+        kept: what an earlier diagnosis of these sessions was given; their runs are not read again.
 
     Raises:
         UserError: an unknown effect, nothing to analyse, a run that cannot be read.
         Cancelled: ``cancelled`` answered True.
     """
-    kept = prepare(sessions, executor)
-    return diagnose_reduced(kept, added, progress, cancelled, with_curves, left_out)
-
-
-def prepare(sessions: Sequence[Session], executor: Executor | None = None) -> ReducedSessions:
-    """What :func:`diagnose_reduced` is asked with; who keeps it can ask again without a second reading.
-
-    Raises:
-        UserError: there is no session.
-    """
+    started = time.perf_counter()
     if not sessions:
         raise UserError("No session was given; name at least one session file.")
-    return ReducedSessions(sessions, Recall(executor))
-
-
-def diagnose_reduced(
-    kept: ReducedSessions,
-    added: Sequence[str] = (),
-    progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
-    with_curves: bool = True,
-    left_out: Sequence[str] = (),
-) -> Diagnosis:
-    """As :func:`diagnose`, of sessions that are kept between two questions; the answers are the same."""
-    started = time.perf_counter()
     known = whole_catalogue()
     given = [known.get(name) or effect(name) for name in dict.fromkeys(added)]
     catalogue = [e for e in known.values() if e.id not in left_out]
@@ -90,12 +70,14 @@ def diagnose_reduced(
     display = _display() if with_curves else None
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
+        reduction = kept or Reduction(sessions, executor)
+        reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
         if given:  # there and in the catalogue at the shapes that fit best
-            given = at_found_shapes(fit_refined(kept, given, stages.part(0.0, 0.1))[1])
+            given = at_found_shapes(fit_refined(reduction, given, stages.part(0.2, 0.25))[1])
             catalogue = with_shapes_of(catalogue, given)
-        question = Question(kept, catalogue, given, stages)
-        keep = display.keep if display is not None else None
-        scorer = kept.scorer(catalogue, stages.part(0.1 if given else 0.0, 0.4), keep)
+        watch = stages.part(0.25 if given else 0.0, 0.4)
+        scorer = Scorer(reduction.of(catalogue, watch, display.keep if display is not None else None))
+        question = Question(reduction, catalogue, given, stages)
         return _answer(question, search_effects(question, scorer), display, started)
 
 
@@ -111,7 +93,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     loose = sum(f.slack_samples for g in scorer.reduced.groups for f in g.folds)
     candidates = _candidates(evidence, chosen, loose, curves.fingerprints if curves else {}, first)
     return Diagnosis(
-        sessions=tuple(str(s.path) for s in question.sessions.sessions),
+        sessions=tuple(str(s.path) for s in question.reduction.sessions),
         model=tuple(e.id for e in question.given),
         errors=equation_errors(scorer.reduced, evidence.base),
         score=evidence.base.score,
@@ -120,7 +102,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         set=tuple(evidence.candidates[i].last_effect.id for i in chosen),
         path=tuple(PathStep(_last(s) if k else None, s.score) for k, s in enumerate(path)),
         final_model=tuple(path[-1].effect_ids),
-        next_experiment=_next_experiment(question.sessions.sessions, scorer, evidence, chosen),
+        next_experiment=_next_experiment(question.reduction.sessions, scorer, evidence, chosen),
         seconds=time.perf_counter() - started,
         probability_nothing=evidence.nothing,
         probability_unknown=evidence.unknown,
@@ -128,7 +110,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         final_parameters=every_parameter(path[-1], evidence.temperature),
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
-        held_out=held_out_runs(question.sessions.sessions, scorer.reduced, evidence.base),
+        held_out=held_out_runs(question.reduction.sessions, scorer.reduced, evidence.base),
         repeats=all(group.repeats for group in scorer.reduced.groups),
     )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -13,7 +12,7 @@ from typing import Any
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.reading import open_session
-from fingerlab.sessions.recording_files import SUFFIX, cut_recordings
+from fingerlab.sessions.recording_files import session_files
 from fingerlab.sessions.repair import was_cut
 
 UNWRITTEN = "not yet written"
@@ -175,29 +174,6 @@ def _count(value: object) -> int:
     return int(value) if isinstance(value, (int, float)) and value > 0 else 0
 
 
-ENDINGS = (".h5", ".hdf5")
-
-
-def list_files(folder: Path) -> list[tuple[Path, str]]:
-    """Session files below the folder with their relative names, by name; hidden folders are left out.
-
-    Recordings that were cut and not yet made whole are named by the session that they will become.
-
-    Raises:
-        UserError: there is no such folder.
-    """
-    if not folder.is_dir():
-        raise UserError(f"{folder} is not a folder; choose the folder that holds the sessions.")
-    found: list[Path] = []
-    for place, folders, names in os.walk(folder):
-        folders[:] = sorted(
-            name for name in folders if not name.startswith(".") and not name.endswith(SUFFIX)
-        )
-        found += [Path(place) / name for name in names if Path(name).suffix.lower() in ENDINGS]
-        found += cut_recordings(Path(place))
-    return sorted(((path, path.relative_to(folder).as_posix()) for path in found), key=lambda item: item[1])
-
-
 def scan(
     folder: Path,
     known: Iterable[SessionFacts] = (),
@@ -216,7 +192,7 @@ def scan(
         Cancelled: ``cancelled`` answered True.
     """
     before: Mapping[Path, SessionFacts] = {one.path: one for one in known}
-    files = list_files(folder)
+    files = session_files(folder, unfinished=True)
     result = []
     for number, (path, name) in enumerate(files, start=1):
         if cancelled is not None and cancelled():

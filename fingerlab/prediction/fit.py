@@ -9,8 +9,9 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.wording import every_parameter
+from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, ReducedSessions, Scorer
+from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Scorer
 from fingerlab.diagnosis.score.selection import temperature
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
@@ -38,7 +39,7 @@ def fit_extended(
     tell = progress or (lambda share, what: None)
     with threadpool_limits(limits=1, user_api="blas"):
         scorer, trial = fit_refined(
-            ReducedSessions(sessions), chosen, Watch(lambda share, what: tell(0.5 * share, what))
+            Reduction(sessions), chosen, Watch(lambda share, what: tell(0.5 * share, what))
         )
         tell(0.6, "fitting")
         nominal = scorer.fit([], scorer.fit([], trial), FULL_ITERATIONS)

@@ -69,3 +69,8 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return plain(value.item())
     return value
+
+
+def as_stored(name: str, values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Samples as a session stores them: counts are whole numbers, which single precision would round."""
+    return np.rint(values).astype(np.int64) if name.endswith("_counts") else values

@@ -18,7 +18,7 @@ import numpy as np
 
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.core.progress import Progress
-from fingerlab.sessions.format import FORMAT_NAME, MAY_BE_NAN, REQUIRED_CHANNELS, plain
+from fingerlab.sessions.format import FORMAT_NAME, MAY_BE_NAN, REQUIRED_CHANNELS, as_stored, plain
 from fingerlab.sessions.recording_files import (
     ASSEMBLING,
     CLEAN,
@@ -145,12 +145,7 @@ def assemble_files(
     endings = [_ending(file) for _, file, _ in runs]
     extra |= {"ended": _worst([e for e, _ in endings]), "ended_note": _notes(endings) or None}
     with SessionWriter(
-        target,
-        str(root["rig"]),
-        str(root["title"]),
-        created=root["created"],
-        attributes=extra,
-        float32=True,
+        target, str(root["rig"]), str(root["title"]), created=root["created"], attributes=extra, float32=True
     ) as writer:
         for part, file, length in runs:
             for count in _copy_run(writer, part, file, length):
@@ -213,7 +208,7 @@ def _copy_run(writer: SessionWriter, part: Path, file: h5py.File, length: int) -
     )
     for start in range(0, length, PIECE):
         stop = min(start + PIECE, length)
-        run.append({name: _samples(group, name, start, stop) for name in names})
+        run.append({name: as_stored(name, group[name][start:stop]) for name in names})
         yield stop - start
     run.finish()
 
@@ -223,19 +218,13 @@ def _compare(session: h5py.File, run: str, file: h5py.File, length: int, name: P
     for start in range(0, length, PIECE):
         stop = min(start + PIECE, length)
         for channel in _channels(source):
-            wanted, found = _samples(source, channel, start, stop), written[channel][start:stop]
+            wanted, found = as_stored(channel, source[channel][start:stop]), written[channel][start:stop]
             if len(written[channel]) != length or not np.array_equal(wanted, found, equal_nan=True):
                 raise UserError(
                     f"{name} read back differs from what was recorded in run {run}, '{channel}'; the "
                     "disk is not to be trusted, save elsewhere."
                 )
         yield stop - start
-
-
-def _samples(group: h5py.Group, name: str, start: int, stop: int) -> np.ndarray[Any, Any]:
-    """Samples as the session stores them; counts are whole numbers, which single precision would round."""
-    values: np.ndarray[Any, Any] = group[name][start:stop]
-    return np.rint(values).astype(np.int64) if name.endswith("_counts") else values
 
 
 def _channels(group: h5py.Group) -> list[str]:

@@ -198,15 +198,7 @@ def _regions(model: Model, cable: str, joint: Joint) -> Mapping[str, Parameters]
             continue
         delay = model.parameters.get(f"{key}/delay")
         regions[region] = Parameters(
-            joint,
-            region,
-            cable,
-            arm,
-            loss,
-            float("nan"),
-            0.0 if delay is None else delay.value,
-            0,
-            (),
+            joint, region, cable, arm, loss, float("nan"), 0.0 if delay is None else delay.value, 0, ()
         )
     return regions
 

@@ -6,8 +6,8 @@ import pytest
 
 from fingerlab.core.progress import SILENT
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
-from fingerlab.diagnosis.score.scorer import ReducedSessions, Scorer
+from fingerlab.diagnosis.gram.reduction import Reduction, reduce_sessions
+from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import can_refine, extend_path, fit_effects
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.grids import either, every, plus, rubbing, times
@@ -64,8 +64,8 @@ def test_a_path_that_goes_on_begins_with_what_was_given() -> None:
     """Given one effect, one found: beyond it the path is given, found, further, and never less than given."""
     bench = made.Bench(missing=made.Missing(motor_viscous=3e-3, tilt=0.25, compliance=5e-4))
     effects = [CATALOGUE[n] for n in ("motor_viscous_friction", "gravity_tilt", "cable_stretch")]
-    kept = ReducedSessions([made.session(bench, 2)])
-    scorer = kept.scorer(effects)
+    kept = Reduction([made.session(bench, 2)])
+    scorer = Scorer(kept.of(effects))
     path = [scorer.score_held_out(fit_effects(scorer, effects[:k])) for k in (1, 2)]
     longer = extend_path(kept, effects, path, SILENT)
     assert longer is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, Signal
 
@@ -13,17 +14,32 @@ from fingerlab.sessions.model import Session
 from ..tasks import IsCancelled, Progress, TaskRunner
 from .history import History, Step
 
+if TYPE_CHECKING:
+    from fingerlab.diagnosis.gram.reduction import Reduction
+
 DiagnoseCall = Callable[[Sequence[Session], tuple[str, ...], Progress, IsCancelled], Diagnosis]
 
 
-def run_diagnosis(
-    sessions: Sequence[Session], added: tuple[str, ...], progress: Progress, cancelled: IsCancelled
-) -> Diagnosis:
-    """The instrument's diagnosis, imported in the worker so that the window opens without waiting for it."""
-    from fingerlab.diagnosis import diagnose
+class SessionDiagnosis:
+    """The instrument's diagnosis. What it read of the open sessions is kept until others are diagnosed."""
 
-    result: Diagnosis = diagnose(sessions, added=added, progress=progress, cancelled=cancelled)
-    return result
+    def __init__(self) -> None:
+        self._kept: Reduction | None = None
+
+    def __call__(
+        self, sessions: Sequence[Session], added: tuple[str, ...], progress: Progress, cancelled: IsCancelled
+    ) -> Diagnosis:
+        """Called in the worker, where it is imported, so that the window opens without waiting for it."""
+        from fingerlab.diagnosis import diagnose
+        from fingerlab.diagnosis.gram.reduction import Reduction
+
+        if self._kept is None or self._kept.sessions is not sessions:
+            self._kept = None  # let go before the next is filled
+            self._kept = Reduction(sessions)
+        result: Diagnosis = diagnose(
+            sessions, added=added, progress=progress, cancelled=cancelled, kept=self._kept
+        )
+        return result
 
 
 class LabController(QObject):
@@ -42,14 +58,14 @@ class LabController(QObject):
     def __init__(
         self,
         tasks: TaskRunner,
-        diagnose: DiagnoseCall = run_diagnosis,
+        diagnose: DiagnoseCall | None = None,
         parent: QObject | None = None,
     ) -> None:
         super().__init__(parent)
         self.tasks = tasks
         self.sessions: tuple[Session, ...] = ()
         self.history: History | None = None
-        self._diagnose = diagnose
+        self._diagnose = diagnose or SessionDiagnosis()
         tasks.started.connect(self.activity_changed)
         tasks.ended.connect(self.activity_changed)
 

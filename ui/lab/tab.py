@@ -18,7 +18,7 @@ from ..empty_view import EmptyView, WaitingView
 from ..header import Header
 from ..tab import SEPARATOR, Command, Tab
 from ..tasks import IsCancelled, Progress
-from .controller import DiagnoseCall, LabController, run_diagnosis
+from .controller import DiagnoseCall, LabController
 from .onwards import Onwards
 from .steps_column import STEPS
 from .wording import sessions_text
@@ -34,7 +34,7 @@ REPORT_FILTER = "Web page (*.html);;PDF (*.pdf)"
 class ModelLabTab(Tab):
     """Composes the lab; all that it shows comes from the controller."""
 
-    def __init__(self, desk: Desk, diagnose: DiagnoseCall = run_diagnosis) -> None:
+    def __init__(self, desk: Desk, diagnose: DiagnoseCall | None = None) -> None:
         super().__init__(desk)
         self.controller = LabController(desk.tasks, diagnose, self)
         self.empty = EmptyView()

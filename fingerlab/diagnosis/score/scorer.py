@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.model import Choice, Model, build
 from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
 from fingerlab.diagnosis.fit.noise import (
@@ -26,13 +25,10 @@ from fingerlab.diagnosis.fit.noise import (
 )
 from fingerlab.diagnosis.fit.solver import Fitter, LeftOut, starting_arms, surprise
 from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, change, own_to_a_run
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
-from fingerlab.diagnosis.gram.runs import Keep, Recall
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel, sensitivity
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.effects.base import Effect
-from fingerlab.sessions.model import Array, Session
+from fingerlab.sessions.model import Array
 
 FULL_ITERATIONS = 8
 """A fit of so many iterations is meant to end, not to look round."""
@@ -284,23 +280,6 @@ class Scorer:
         if slack is not None and not model.slack_free:
             products = products + slack
         return row_covariance(model, values, group, products, 1.0)
-
-
-@dataclass(frozen=True)
-class ReducedSessions:
-    """Sessions that are asked more than once, with what earlier passes over them left."""
-
-    sessions: Sequence[Session]
-    recall: Recall = field(default_factory=Recall)
-
-    def scorer(self, effects: Sequence[Effect], watch: Watch = SILENT, keep: Keep | None = None) -> Scorer:
-        """What fits models with any of these effects; ``keep`` is shown every stretch as it passes.
-
-        Raises:
-            UserError: nothing to analyse, a run that cannot be read, or channels whose sense is turned.
-            Cancelled: the user asked for it.
-        """
-        return Scorer(reduce_sessions(self.sessions, effects, watch, keep, self.recall))
 
 
 def _model_key(law: str, choices: Sequence[Choice]) -> tuple[object, ...]:

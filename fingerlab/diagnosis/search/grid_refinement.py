@@ -17,9 +17,10 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.weights import Weights
+from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, ReducedSessions, Scorer
+from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Scorer
 from fingerlab.diagnosis.score.selection import USUAL_LEFT, idle_steps, justified, least_fall, log_odds_among
 from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all
 from fingerlab.diagnosis.search.path import LONGEST_PATH, STEP_GAIN, forward_selection, worth_adding
@@ -44,7 +45,7 @@ def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:
 
 
 def fit_refined(
-    sessions: ReducedSessions,
+    reduction: Reduction,
     effects: Sequence[Effect],
     watch: Watch = SILENT,
 ) -> tuple[Scorer, FittedModel]:
@@ -54,18 +55,18 @@ def fit_refined(
         UserError: an effect does not apply to these runs, or a run cannot be read.
         Cancelled: the user asked for it.
     """
-    scorer = sessions.scorer(effects, watch)
+    scorer = Scorer(reduction.of(effects, watch))
     for one in effects:
         if one not in scorer.reduced.layout.effects:
             raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
     fitted = fit_effects(scorer, effects)
     if not can_refine(fitted.choices):
         return scorer, fitted
-    return refine_grid(sessions, fitted.choices, watch)
+    return refine_grid(reduction, fitted.choices, watch)
 
 
 def refine_grid(
-    sessions: ReducedSessions,
+    reduction: Reduction,
     found: Sequence[Choice],
     watch: Watch = SILENT,
 ) -> tuple[Scorer, FittedModel]:
@@ -78,7 +79,7 @@ def refine_grid(
         Cancelled: the user asked for it.
     """
     finer = [_finer(c) for c in found]
-    scorer = sessions.scorer(finer, watch)
+    scorer = Scorer(reduction.closer(finer, watch))
     places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, found, strict=True)]
     fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)])
     return scorer, _at_best_shapes(scorer, fitted)
@@ -114,7 +115,7 @@ def _other_shapes(scorer: Scorer, fitted: FittedModel, k: int) -> list[FittedMod
 
 
 def refine_path(
-    sessions: ReducedSessions,
+    reduction: Reduction,
     path: Sequence[FittedModel],
     watch: Watch = SILENT,
 ) -> tuple[Scorer, list[FittedModel]]:
@@ -124,7 +125,7 @@ def refine_path(
     """
     chosen = list(path)
     while True:
-        scorer, last = refine_grid(sessions, chosen[-1].choices, watch)
+        scorer, last = refine_grid(reduction, chosen[-1].choices, watch)
         by_id = {c.effect.id: c for c in last.choices}
         kept = [[by_id[name] for name in step.effect_ids if name in by_id] for step in chosen]
         steps = [scorer.score_held_out(scorer.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
@@ -146,7 +147,7 @@ def _mends_a_shape(scorer: Scorer, steps: Sequence[FittedModel]) -> bool:
 
 
 def extend_path(
-    sessions: ReducedSessions,
+    reduction: Reduction,
     catalogue: Sequence[Effect],
     path: Sequence[FittedModel],
     watch: Watch,
@@ -160,7 +161,7 @@ def extend_path(
         Cancelled: the user asked for it.
     """
     given = at_found_shapes(path[-1])
-    scorer = sessions.scorer(with_shapes_of(catalogue, given), watch)
+    scorer = Scorer(reduction.of(with_shapes_of(catalogue, given), watch))
     effects = scorer.reduced.layout.effects
     base = scorer.score_held_out(fit_effects(scorer, given))
     evidence = judge_all(scorer, base, effects, watch, STEP_GAIN * least_fall(base))
@@ -170,11 +171,11 @@ def extend_path(
         return None
     first = len(path[0].choices)
     fewer = [scorer.fit(found[0].choices[:k], found[0]) for k in range(first, len(given))]
-    return refine_path(sessions, [*fewer, *found], watch)
+    return refine_path(reduction, [*fewer, *found], watch)
 
 
 def break_ties(
-    sessions: ReducedSessions,
+    reduction: Reduction,
     scorer: Scorer,
     evidence: Evidence,
     weights: Weights,
@@ -194,7 +195,7 @@ def break_ties(
     refined: list[tuple[Scorer, FittedModel]] = []
     for candidate in (evidence.candidates[i] for i in tied):
         if can_refine(candidate.choices):
-            refined.append(refine_grid(sessions, candidate.choices, watch))
+            refined.append(refine_grid(reduction, candidate.choices, watch))
         else:
             alone = scorer.fit_reweighted(candidate.choices, candidate, weights)
             refined.append((scorer, alone))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from fingerlab.core.progress import SILENT, Progress, Watch
 from fingerlab.diagnosis.fit.weights import Weights
+from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import (
     Evidence,
     beside_others,
@@ -15,7 +16,7 @@ from fingerlab.diagnosis.score.evidence import (
     with_undetected,
 )
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, ReducedSessions, Scorer
+from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Scorer
 from fingerlab.diagnosis.score.selection import LEAST_FALL_BEYOND, NEARLY_RIGHT, justified, much_left
 from fingerlab.diagnosis.search.grid_refinement import (
     break_ties,
@@ -55,7 +56,7 @@ class Stages:
 class Question:
     """What is asked of the sessions: which effects there are, and which of them are ``given``."""
 
-    sessions: ReducedSessions
+    reduction: Reduction
     catalogue: Sequence[Effect]
     given: Sequence[Effect]
     stages: Stages
@@ -144,13 +145,13 @@ def _path(
     first = None
     if len(path) == 2 and can_refine(path[-1].choices):
         watched = question.stages.part(0.7, 0.75)
-        first = RefinedPath(path[-1], *refine_path(question.sessions, path, watched))
+        first = RefinedPath(path[-1], *refine_path(question.reduction, path, watched))
     if first is None or asks_for_more(first.path[-1]):
         path = forward_selection(scorer, evidence, effects, keep, watch)
     if evidence.verdict != "missing_effect" or len(path) != 2:
         return evidence, path, first
     watch = question.stages.part(0.88, 0.9)
-    untied = break_ties(question.sessions, scorer, evidence, path[-1].weights, watch)
+    untied = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch)
     if untied.best is evidence.best:
         return untied, path, first
     return untied, [untied.base, untied.best], first
@@ -187,13 +188,13 @@ def _refined(
     """
     if len(path) == 1 or not can_refine(path[-1].choices):
         return None, path
-    sessions, stages = question.sessions, question.stages
+    reduction, stages = question.reduction, question.stages
     if first is not None and first.is_of(path[-1]):
         scorer, path = first.scorer, first.path
     else:
-        scorer, path = refine_path(sessions, path, stages.part(0.9, 0.93))
+        scorer, path = refine_path(reduction, path, stages.part(0.9, 0.93))
     while much_left(path[-1]) and len(path) <= LONGEST_PATH:
-        longer = extend_path(sessions, question.catalogue, path, stages.part(0.93, 0.97))
+        longer = extend_path(reduction, question.catalogue, path, stages.part(0.93, 0.97))
         if longer is None or len(longer[1]) <= len(path):  # found, but not borne out when refined
             break
         scorer, path = longer
@@ -207,8 +208,8 @@ def _restarted(
     if not worth_restarting(path, best):
         return scorer, path
     watch = question.stages.part(0.97, 0.99)
-    alone = refine_path(question.sessions, [path[0], best], watch)[1]
-    other = extend_path(question.sessions, question.catalogue, alone, watch)
+    alone = refine_path(question.reduction, [path[0], best], watch)[1]
+    other = extend_path(question.reduction, question.catalogue, alone, watch)
     if other is None or other[0].deviance(other[1][-1]) >= scorer.deviance(path[-1]):
         return scorer, path
     return other
