@@ -16,8 +16,8 @@ from PySide6.QtWidgets import QApplication, QWidget
 import fingerlab
 
 from .settings import Settings
-from .theme import apply_appearance
 from .tidying import Tidier
+from .widgets.theme import apply_appearance
 from .window import MainWindow
 
 

@@ -7,8 +7,8 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSizePolicy, QStackedWidget, QWidget
 
 from .desk import RigLine
-from .theme import colours_of, large_font
 from .widgets.labels import ElidedLabel
+from .widgets.theme import colours_of, large_font
 
 STOP_SIZE = QSize(136, 36)
 RECORDING_WIDTH = 152

@@ -10,7 +10,7 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QWidget
 
 from .stop_key import DEFAULT_STOP_KEY, STOP_KEYS
-from .theme import Appearance
+from .widgets.theme import Appearance
 
 MAX_RECENT = 8
 MINIMUM_VISIBLE = 64

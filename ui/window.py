@@ -37,8 +37,8 @@ from .status_bar import StatusBar
 from .stop_guard import StopGuard
 from .tab import Tab
 from .tasks import Failed, TaskRunner
-from .theme import apply_appearance
-from .widgets.room import Room
+from .widgets.layout import Room
+from .widgets.theme import apply_appearance
 
 FIRST_SIZE = QSize(1280, 800)
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"

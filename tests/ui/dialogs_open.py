@@ -22,9 +22,9 @@ from fingerlab.ui.acquire.connect_page import ConnectPage
 from fingerlab.ui.acquire.details_dialog import DetailsDialog
 from fingerlab.ui.acquire.tab import ask_to_close
 from fingerlab.ui.acquire.toolbar import FROM_FILE
-from fingerlab.ui.browse.import_dialog import ImportDialog
 from fingerlab.ui.calibrate.tab import ask_to_leave
 from fingerlab.ui.lab.own_effects import OwnEffects
+from fingerlab.ui.sessions.session_files import ImportDialog
 from fingerlab.ui.window import MainWindow
 
 from .standing_open import Stage, Step, Surface, standing

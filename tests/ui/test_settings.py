@@ -13,7 +13,7 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.ui.placing import PlaceKeeper
 from fingerlab.ui.settings import MAX_RECENT, Settings
-from fingerlab.ui.widgets.panes import Panes
+from fingerlab.ui.widgets.layout import Panes
 
 
 def test_recent_files_latest_first_without_those_that_are_gone(settings: Settings, tmp_path: Path) -> None:
