@@ -35,7 +35,7 @@ def deviations(trial: Trial, heat: float) -> dict[str, float]:
 def parameters(trial: Trial, effect: Effect, heat: float) -> dict[str, ParameterEstimate]:
     """The effect's parameters with 90 % intervals; a grid parameter's interval is to its neighbours."""
     values = dict(zip((u.key for u in trial.model.unknowns), trial.fit.values, strict=True))
-    gains = {u.key: u.gain for u in trial.model.unknowns}
+    gains = {u.key: u.parameter for u in trial.model.unknowns}
     spread = deviations(trial, heat)
     result = {}
     for name, key in own_keys(trial, effect).items():
@@ -57,7 +57,7 @@ def every_parameter(trial: Trial, heat: float) -> dict[str, ParameterEstimate]:
     spread = deviations(trial, heat)
     return {
         u.key: ParameterEstimate(
-            float(v), u.gain.unit, float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
+            float(v), u.parameter.unit, float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
         )
         for u, v in zip(trial.model.unknowns, trial.fit.values, strict=True)
     }
@@ -70,7 +70,7 @@ def would_have_shown(trial: Trial, effect: Effect, least: float) -> str:
         least: multiple of its typical strength (see ``evidence.least_strength``).
     """
     names = {key: name for name, key in own_keys(trial, effect).items()}
-    gains = {u.key: u.gain for u in trial.model.unknowns}
+    gains = {u.key: u.parameter for u in trial.model.unknowns}
     said = [
         f"{_title(effect, names[key])} {_amount(least * strength, gains[key].unit)}"
         for key, strength in trial.reach.strengths.items()

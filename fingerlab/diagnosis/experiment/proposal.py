@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.columns import layout_of
 from fingerlab.diagnosis.equations.features import Layout
-from fingerlab.diagnosis.equations.model import CABLE_NAMES, Choice, Model, build
+from fingerlab.diagnosis.equations.model import Choice, Model, build
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
 from fingerlab.diagnosis.experiment.predicted_runs import DURATION_S, Proposal, menu
 from fingerlab.diagnosis.fit.noise import LEAST_TORQUE_SPREAD, torque_noise
@@ -371,5 +372,5 @@ def known_of(model: Model, trial: Trial, heat: float) -> Array:
         result[np.ix_(mine, mine)] = scaled_inverse(covariance)
     for i, unknown in enumerate(model.unknowns):
         if unknown.key not in old:
-            result[i, i] = (WEAKEST_PRIOR if unknown.open else 1.0) / unknown.gain.typical**2
+            result[i, i] = (WEAKEST_PRIOR if unknown.open else 1.0) / unknown.parameter.typical**2
     return result

@@ -130,7 +130,7 @@ def reach(fitter: Fitter, trial: Trial) -> Reach:
     effect = trial.model.choices[-1].effect
     names = [n for n in own_keys(trial, effect).items() if n[0] not in effect.offsets]
     places = [trial.model.index[key] for _, key in names]
-    typical = np.array([trial.model.unknowns[i].gain.typical for i in places])
+    typical = np.array([trial.model.unknowns[i].parameter.typical for i in places])
     if not places:
         return NO_REACH
     patterns = list(np.diag(typical)) + ([typical] if len(places) > 1 else [])
