@@ -112,7 +112,7 @@ def _connected(address: str) -> Any:
 
 def _check_workers(client: Any, address: str, folder: Path) -> None:
     try:
-        answers: dict[str, tuple[str, bool]] = client.run(_worker_facts, str(folder))
+        answers: dict[str, tuple[str, bool]] = client.run(worker_facts, str(folder))
     except Exception as error:
         why = " ".join(f"{type(error).__name__}: {error}".split())
         raise UserError(
@@ -133,7 +133,7 @@ def _check_workers(client: Any, address: str, folder: Path) -> None:
             )
 
 
-def _worker_facts(folder: str) -> tuple[str, bool]:
+def worker_facts(folder: str) -> tuple[str, bool]:
     """What a worker says of itself: its version of the program, and whether it sees the folder."""
     return fingerlab.__version__, Path(folder).is_dir()
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.sessions.model import Run, Session
@@ -65,11 +64,11 @@ def read_facts(path: Path, name: str) -> SessionFacts:
     except OSError as error:
         return SessionFacts(path, name, 0, 0.0, problem=f"{path} cannot be read ({error.strerror}).")
     if was_cut(path):
-        return _with(bare, problem="The recording was cut off; opening it makes it whole.")
+        return replace(bare, problem="The recording was cut off; opening it makes it whole.")
     try:
         session = open_session(path)
     except UserError as error:
-        return _with(bare, problem=str(error))
+        return replace(bare, problem=str(error))
     return facts_of(session, bare)
 
 
@@ -77,7 +76,7 @@ def facts_of(session: Session, bare: SessionFacts) -> SessionFacts:
     """Facts of a session that is open; ``bare`` brings path, name, size and time."""
     attributes = session.attributes
     tags = text_list(attributes.get("tags"))
-    return _with(
+    return replace(
         bare,
         title=session.title,
         created=session.created,
@@ -155,11 +154,6 @@ def _rig_words(session: Session, tags: tuple[str, ...]) -> str:
         return device
     bench = "motor only" if session.rig.finger is None else "finger"
     return f"{bench}, simulated" if "simulated" in tags else bench
-
-
-def _with(bare: SessionFacts, **changes: Any) -> SessionFacts:
-    fields: Mapping[str, Any] = {**vars(bare), **changes}
-    return SessionFacts(**fields)
 
 
 def _text(value: object) -> str:

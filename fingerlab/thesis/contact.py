@@ -161,22 +161,18 @@ def parameter_sets(model: Model, where: str) -> Mapping[str, ParameterSet]:
         for joint in JOINTS:
             regions = _regions(model, cable, joint)
             if model.method == "regions" and len(regions) > 1:
-                sets[_name(joint, "all regions", cable)] = ParameterSet(
+                sets[f"{cable}/{joint}/all_regions"] = ParameterSet(
                     "all regions", joint, cable, regions, threshold
                 )
             for region in ("extension", "flexion", "whole"):
                 if region in regions:
                     only = {region: regions[region]}
-                    sets[_name(joint, region, cable)] = ParameterSet(region, joint, cable, only, threshold)
+                    sets[f"{cable}/{joint}/{region}"] = ParameterSet(region, joint, cable, only, threshold)
     if not sets:
         raise UserError(
             f"{where} holds no moment arm of a moving region; fit it again to runs that move the joints."
         )
     return sets
-
-
-def _name(joint: Joint, region: str, cable: str) -> str:
-    return f"{cable}/{joint}/{region.replace(' ', '_')}"
 
 
 def _threshold(model: Model, where: str) -> float:

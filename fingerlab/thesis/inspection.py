@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from fingerlab.signals.periods import (
 from fingerlab.thesis.fitting import SessionFit, assemble, on_air_runs
 from fingerlab.thesis.onair import OnAirRun, Parameters, RegionFit, reduce_run
 from fingerlab.thesis.prediction import delayed
-from fingerlab.thesis.regression import CONFIDENCE
+from fingerlab.thesis.regression import quantile
 from fingerlab.thesis.traces import CLOUD_POINTS, JOINTS, FitSpec, Joint, Traces, trace
 
 LARGEST_CONDITION = 1e8
@@ -71,13 +71,10 @@ def kinematic_arms(runs: Sequence[CableSums]) -> dict[Joint, ParameterEstimate] 
         scores = np.stack([run.right - run.matrix @ arms for run in runs])
         count = len(runs)
         variance = inverse @ (scores.T @ scores) @ inverse * count / (count - 1.0)
-        from scipy.stats import t as student  # slow to import
-
-        half = float(student.ppf(0.5 + CONFIDENCE / 2, count - 1)) * np.sqrt(np.diag(variance))
-    joints: tuple[Joint, ...] = ("mcp", "pip")
+        half = quantile(count - 1) * np.sqrt(np.diag(variance))
     return {
         joint: ParameterEstimate(float(arms[i]), "m", float(arms[i] - half[i]), float(arms[i] + half[i]))
-        for i, joint in enumerate(joints)
+        for i, joint in enumerate(JOINTS)
     }
 
 
@@ -242,8 +239,8 @@ def _with_pooled(view: FitView, fit: SessionFit) -> FitView:
     for key, plane in view.planes.items():
         found = fit.cables[view.cable][key].pooled
         pooled = None if found is None else _pooled_line(found, sign, plane.x)
-        planes[key] = Plane(plane.tension, plane.lhs, plane.x, plane.line, plane.half, plane.r2, pooled)
-    return FitView(view.name, view.cable, view.time, view.speed, view.thresholds, view.spans, planes)
+        planes[key] = replace(plane, pooled=pooled)
+    return replace(view, planes=planes)
 
 
 def _pooled_line(found: Parameters, sign: float, x: Array) -> Array:
