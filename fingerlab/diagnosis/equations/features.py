@@ -123,6 +123,18 @@ class Layout:
             places.setdefault((feature.owner, feature.shape), []).append(i)
         return {key: np.array(found, dtype=int) for key, found in places.items()}
 
+    @cached_property
+    def base_features(self) -> list[tuple[int, Feature]]:
+        """The features of every model that have a coefficient, with their indices."""
+        every = [(int(i), self.features[i]) for i in self.base]
+        return [(i, feature) for i, feature in every if feature != FORCE]
+
+    @cached_property
+    def nuisance_features(self) -> dict[str, Feature]:
+        """A feature of each nuisance, by the nuisance's name."""
+        every = (self.features[i] for i in self.base)
+        return {f.parameter: f for f in every if f.parameter is not None}
+
     def rows(self) -> IntArray:
         """Equation of each feature, shape (features,)."""
         return self._rows

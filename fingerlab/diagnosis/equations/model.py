@@ -11,7 +11,6 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES, DELAY, Coefficients
 from fingerlab.diagnosis.equations.features import (
-    FORCE,
     NO_SHIFT,
     SLOPE,
     BoolArray,
@@ -49,7 +48,7 @@ class Unknown:
     effect: str = ""
     cable: str = ""
 
-    @property
+    @cached_property
     def key(self) -> str:
         """By which its value is kept and told."""
         if self.effect:
@@ -233,7 +232,7 @@ def _bench_unknowns(
     unknowns: list[Unknown] = []
     routings = [CABLE_NAMES[s] for s in sorted({g.cable_sign for g in groups}) if s != 0]
     contact = any(g.in_contact for g in groups)
-    named = {f.parameter: f for f in layout.features if f.owner is None and f.parameter is not None}
+    named = dict(layout.nuisance_features)
     if routings:
         named["cable_compliance"] = Feature(Row.CABLE, "cable_compliance")
     for name, feature in named.items():
@@ -255,16 +254,15 @@ def _bench_unknowns(
 
 def _range(usual: Parameter, relaxed: Mapping[str, Parameter], key: str) -> Parameter:
     """A nuisance in the range that an effect gives it, or in its usual one."""
-    return replace(relaxed.get(key, usual), open=usual.open, default=usual.default)
+    found = relaxed.get(key)
+    return usual if found is None else replace(found, open=usual.open, default=usual.default)
 
 
 def _bench_features(layout: Layout, absent: Collection[str], delayed: bool) -> list[int]:
     """Indices of the features of every model; a motor channel that is not late needs few of its shifts."""
-    kept = (None, NO_SHIFT, SLOPE)
     return [
         i
-        for i in layout.base
-        if layout.features[i] != FORCE
-        and layout.features[i].parameter not in absent
-        and (layout.features[i].shift != SLOPE if delayed else layout.features[i].shift in kept)
+        for i, feature in layout.base_features
+        if feature.parameter not in absent
+        and (feature.shift != SLOPE if delayed else feature.shift in (None, NO_SHIFT, SLOPE))
     ]

@@ -12,7 +12,7 @@ between two rival models", 1965).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ import numpy as np
 from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.columns import layout_of
 from fingerlab.diagnosis.equations.features import Layout
-from fingerlab.diagnosis.equations.model import Choice, Model, build
+from fingerlab.diagnosis.equations.model import Model, build
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
 from fingerlab.diagnosis.experiment.predicted_runs import DURATION_S, Proposal, menu
 from fingerlab.diagnosis.fit.noise import LEAST_TORQUE_SPREAD, torque_noise
@@ -255,6 +255,15 @@ class Imagined:
     layout: Layout
     sums: Sums
     group: Group
+    models: dict[tuple[object, ...], Model] = field(default_factory=dict)
+
+    def model(self, trial: Trial) -> Model:
+        """The trial's model for this run alone, with those of its effects that act in it."""
+        choices = [c for c in trial.model.choices if c.effect in self.layout.effects]
+        key = (trial.model.tip_law, *((c.effect.id, c.shape) for c in choices))
+        if key not in self.models:
+            self.models[key] = build(self.layout, [self.group], choices, trial.model.tip_law)
+        return self.models[key]
 
     def lasting(self, times: float) -> Imagined:
         """The same motion so many times as long, again and again: it tells so many times as much."""
@@ -293,8 +302,7 @@ def separation(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: fl
 
 def apart(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) -> Apart:
     """What ``rival`` would leave of one more run if ``truth`` were true, over the temperature."""
-    right = build(run.layout, [run.group], _choices(truth, run), truth.model.tip_law)
-    wrong = build(run.layout, [run.group], _choices(rival, run), rival.model.tip_law)
+    right, wrong = run.model(truth), run.model(rival)
     values = values_in(wrong, rival)
     told, slopes = wrong.coefficients(values, run.group)
     wander = own_to_a_run(wrong, values, told, run.group)
@@ -325,10 +333,6 @@ def held_by(trials: Sequence[Trial], motion: Motion) -> list[Effect]:
     """Effects of all the models, each once, that act in such a run."""
     every = {c.effect.id: c.effect for t in trials for c in t.model.choices}
     return [e for e in every.values() if e.bench or motion.finger is not None]
-
-
-def _choices(trial: Trial, run: Imagined) -> list[Choice]:
-    return [c for c in trial.model.choices if c.effect in run.layout.effects]
 
 
 def _group(motion: Motion) -> Group:
