@@ -30,7 +30,7 @@ from fingerlab.sessions.recording_files import recording_folder
 from ..desk import Desk
 from ..tab import Tab
 from ..tasks import Failed
-from ..widgets.room import SideRoom
+from ..widgets.layout import SideRoom
 from .caller import Call
 from .comparing import Comparing
 from .conducting import Conducting, left_of_run
