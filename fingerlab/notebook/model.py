@@ -104,7 +104,7 @@ class PredictionView(Shown):
 
     def figures(self) -> Figures:
         """Force with its interval, what is missed, peaks by run, normalised force."""
-        from fingerlab.report.extended_figures import extended_figures
+        from fingerlab.report.force_figures import extended_figures
 
         return Figures(extended_figures(self.result))
 

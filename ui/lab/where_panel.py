@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidg
 
 from fingerlab.diagnosis.answer.results import Comparison
 from fingerlab.diagnosis.answer.where import COORDINATES, Profile, most_orderly, profile
-from fingerlab.report.where_words import axis_title, bin_words, miss_words, worst_words
+from fingerlab.report.diagnosis_words import axis_title, bin_words, miss_words, worst_words
 
 from ..widgets.labels import ElidedLabel, remark
 from .equations import FLOOR_HELP, equation_text

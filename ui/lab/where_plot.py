@@ -9,8 +9,14 @@ from PySide6.QtGui import QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.diagnosis.answer.where import Profile
-from fingerlab.report.diagnosis_words import PHASE_WORDS
-from fingerlab.report.where_words import axis_title, bin_words, coordinate_unit, miss_words, residual_unit
+from fingerlab.report.diagnosis_words import (
+    PHASE_WORDS,
+    axis_title,
+    bin_words,
+    coordinate_unit,
+    miss_words,
+    residual_unit,
+)
 
 from ..theme import colours_of
 from ..widgets.plot_series import Series
