@@ -251,7 +251,7 @@ def _force_row(variant: str, equation: Equation, runs: Sequence[RunPrediction]) 
         inside = Spread(tuple(run.coverage for run in runs)).mean
         cells.append(f"± {1e3 * half:.1f}" if math.isfinite(half) else "–")
         cells.append(f"{100.0 * inside:.0f} %" if math.isfinite(inside) else "–")
-    return (VARIANT_TITLES.get(variant, variant), EQUATION_WORDS[equation], *cells, *[""] * (7 - len(cells)))
+    return (VARIANT_TITLES.get(variant, variant), EQUATION_WORDS[equation], *cells, *[""] * (6 - len(cells)))
 
 
 @dataclass(frozen=True)

@@ -80,8 +80,10 @@ def score_bars(
     axes.axvspan(0.0, 1.0, color=FLOOR, alpha=0.6, lw=0, zorder=0, label="floor")
     axes.barh(at, scores, 0.6, color=colours)
     for y, score in zip(at, scores, strict=True):
-        beside = {"xytext": (5, 0), "textcoords": "offset points", "va": "center"}
-        axes.annotate(score_text(score), (score, y), fontsize=LABEL_SIZE, **beside)
+        axes.annotate(
+            score_text(score), (score, y), xytext=(5, 0), textcoords="offset points", va="center",
+            fontsize=LABEL_SIZE,
+        )  # fmt: skip
     named_rows(axes, names, name_size)
     axes.set_xlim(0.0, 1.12 * max(*scores, 1.0))
     legend_below(figure, axes)
