@@ -25,13 +25,13 @@ from fingerlab.twin.protocols import PROTOCOLS
 from fingerlab.twin.session import write_session
 from fingerlab.ui.acquire import tab as acquire
 from fingerlab.ui.acquire.opening import OpenBench, Wanted
-from fingerlab.ui.browse.tab import SessionsTab
+from fingerlab.ui.calibrate.calibrate_tab import CalibrateTab
 from fingerlab.ui.calibrate.result_page import ResultPage
-from fingerlab.ui.calibrate.tab import CalibrateTab
 from fingerlab.ui.desk import RigLine
-from fingerlab.ui.fitting.tab import FitTab
-from fingerlab.ui.lab.tab import ModelLabTab
-from fingerlab.ui.predicting.tab import PredictTab
+from fingerlab.ui.fit.fit_tab import FitTab
+from fingerlab.ui.lab.model_lab_tab import ModelLabTab
+from fingerlab.ui.predict.predict_tab import PredictTab
+from fingerlab.ui.sessions.sessions_tab import SessionsTab
 from fingerlab.ui.window import MainWindow
 
 EFFECT = "coulomb_friction"

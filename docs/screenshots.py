@@ -31,8 +31,8 @@ from screenshot_states import FACTS, TABS, States, pause
 
 from fingerlab.ui import application
 from fingerlab.ui.settings import Settings
-from fingerlab.ui.theme import apply_appearance
 from fingerlab.ui.tidying import Tidier
+from fingerlab.ui.widgets.theme import apply_appearance
 from fingerlab.ui.window import MainWindow
 
 SIZES = ((1280, 800), (1920, 1080))

@@ -9,15 +9,15 @@ from importlib.resources import files
 from pathlib import Path
 from types import TracebackType
 
-from PySide6.QtCore import QCoreApplication, QEvent, QTimer
+from PySide6.QtCore import QCoreApplication, QEvent, Qt, QTimer
 from PySide6.QtGui import QGuiApplication, QIcon
 from PySide6.QtWidgets import QApplication, QWidget
 
 import fingerlab
 
 from .settings import Settings
-from .theme import apply_appearance
 from .tidying import Tidier
+from .widgets.theme import apply_appearance
 from .window import MainWindow
 
 
@@ -65,6 +65,8 @@ def prepare(app: QApplication, settings: Settings) -> None:
     app.setDesktopFileName("fingerlab")  # so that a Linux desktop finds the menu entry's icon
     app.setWindowIcon(QIcon(str(files("fingerlab.resources").joinpath("icon", "fingerlab.svg"))))
     app.setStyle("Fusion")
+    # A menu bar of the desktop's own keeps presses and keys from the program while a menu of it is open.
+    QCoreApplication.setAttribute(Qt.ApplicationAttribute.AA_DontUseNativeMenuBar)
     apply_appearance(app, settings.appearance())
 
 

@@ -12,7 +12,6 @@ from PySide6.QtWidgets import QDialog, QDialogButtonBox, QPlainTextEdit, QTextBr
 KeySheet = Sequence[tuple[str, Sequence[tuple[str, str]]]]
 
 GENERAL_KEYS = (
-    ("Stop the motor", "Esc"),
     ("Cancel what is running", "Ctrl+."),
     ("From field to field", "Tab, Shift+Tab"),
 )
@@ -24,13 +23,14 @@ PLOT_KEYS = (
 )
 
 
-def show_keys(sheet: KeySheet, parent: QWidget) -> QDialog:
+def show_keys(sheet: KeySheet, stop_key: str, parent: QWidget) -> QDialog:
     """All keys on one sheet; stays open beside the window."""
     text = QTextBrowser()
     text.setAccessibleName("Keys")
     text.setObjectName("keySheet")
+    general = (("Stop the motor", "Esc"), ("The same, by a foot switch", stop_key), *GENERAL_KEYS)
     rows = []
-    for title, entries in (("Everywhere", GENERAL_KEYS), *sheet, ("In a plot", PLOT_KEYS)):
+    for title, entries in (("Everywhere", general), *sheet, ("In a plot", PLOT_KEYS)):
         rows.append(f'<tr><td colspan="2"><b><br>{escape(title)}</b></td></tr>')
         rows += [
             f"<tr><td>{escape(words)}&nbsp;&nbsp;&nbsp;</td><td><b>{escape(key)}</b></td></tr>"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QSize, Qt, Signal
+from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSizePolicy, QStackedWidget, QWidget
 
 from .desk import RigLine
-from .theme import colours_of, large_font
 from .widgets.labels import ElidedLabel
+from .widgets.theme import colours_of, large_font
 
 STOP_SIZE = QSize(136, 36)
 RECORDING_WIDTH = 152
@@ -60,9 +60,7 @@ class Lamp(QWidget):
 
 
 class FrameHeader(QWidget):
-    """Signal ``stop_asked``."""
-
-    stop_asked = Signal()
+    """What it says is told it; what the STOP button does is in ``stop_guard.py``."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -85,11 +83,9 @@ class FrameHeader(QWidget):
         self.stop = QPushButton("STOP")
         self.stop.setObjectName("stop")
         self.stop.setAccessibleName("Stop the motor")
-        self.stop.setToolTip("Motor current to zero and amplifier off, at once (Escape, in every tab).")
         self.stop.setFont(large_font())
         self.stop.setMinimumSize(STOP_SIZE)
         self.stop.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Escape reaches it; space must not by accident
-        self.stop.clicked.connect(self.stop_asked)
         self._lay_out()
         self.show_rig(RigLine())
 

@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QMainWindow, QMenu
 
 from .plot_menu import COPY_KEYS, SAVE_KEYS
 from .registry import Entry
+from .stop_key import STOP_KEYS
 from .tab import Command, Tab
 
 
@@ -27,22 +28,31 @@ class WindowCommands:
     copy_plot: Callable[[], Any]
     save_plot: Callable[[], Any]
     appearance: Callable[[str], Any]
+    stop_key: Callable[[str], Any]
     shortcuts: Callable[[], Any]
     log: Callable[[], Any]
     about: Callable[[], Any]
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What is chosen at the start of that of which the menus offer one of several."""
+
+    appearance: str
+    stop_key: str
 
 
 class Menus:
     """Builds the menu bar, and anew the menu of the tab in front."""
 
     def __init__(
-        self, window: QMainWindow, commands: WindowCommands, tabs: Sequence[Entry], appearance: str
+        self, window: QMainWindow, commands: WindowCommands, tabs: Sequence[Entry], chosen: Chosen
     ) -> None:
         self._window = window
         self._entries: list[tuple[QAction, Command]] = []
         self._file(commands)
-        self._edit(commands)
-        self._view(commands, tabs, appearance)
+        self._edit(commands, chosen)
+        self._view(commands, tabs, chosen)
         self.tab_menu = window.menuBar().addMenu("&Tab")
         menu = window.menuBar().addMenu("&Help")
         self._action(menu, "&Keys…", "F1", commands.shortcuts)
@@ -67,12 +77,24 @@ class Menus:
         menu.addSeparator()
         self._action(menu, "&Quit", "Ctrl+Q", commands.quit)
 
-    def _edit(self, commands: WindowCommands) -> None:
+    def _edit(self, commands: WindowCommands, chosen: Chosen) -> None:
         menu = self._window.menuBar().addMenu("&Edit")
         self.undo = self._action(menu, "&Undo", "Ctrl+Z", commands.undo)
         self.redo = self._action(menu, "&Redo", "Ctrl+Shift+Z", commands.redo)
+        menu.addSeparator()
+        words = {name: name for name in STOP_KEYS}
+        self._one_of(menu.addMenu("&Stop key"), words, chosen.stop_key, commands.stop_key)
 
-    def _view(self, commands: WindowCommands, tabs: Sequence[Entry], appearance: str) -> None:
+    def _one_of(self, menu: QMenu, words: dict[str, str], now: str, choose: Callable[[str], Any]) -> None:
+        """Entries of which one is chosen."""
+        group = QActionGroup(menu)
+        for key, text in words.items():
+            action = self._action(menu, text, None, lambda key=key: choose(key))  # type: ignore[misc]
+            action.setCheckable(True)
+            action.setChecked(key == now)
+            group.addAction(action)
+
+    def _view(self, commands: WindowCommands, tabs: Sequence[Entry], chosen: Chosen) -> None:
         menu = self._window.menuBar().addMenu("&View")
         for tab in tabs:
             self._action(menu, tab.title, f"Ctrl+{tab.number}", lambda key=tab.key: commands.tab(key))  # type: ignore[misc]
@@ -80,18 +102,8 @@ class Menus:
         self._action(menu, "&Copy plot", COPY_KEYS, commands.copy_plot)
         self._action(menu, "&Save plot…", SAVE_KEYS, commands.save_plot)
         menu.addSeparator()
-        looks = menu.addMenu("Appearance")
-        group = QActionGroup(self._window)
-        for name in ("system", "light", "dark"):
-            action = self._action(
-                looks,
-                "As the system" if name == "system" else name.capitalize(),
-                None,
-                lambda n=name: commands.appearance(n),  # type: ignore[misc]
-            )
-            action.setCheckable(True)
-            action.setChecked(name == appearance)
-            group.addAction(action)
+        looks = {"system": "As the system", "light": "Light", "dark": "Dark"}
+        self._one_of(menu.addMenu("Appearance"), looks, chosen.appearance, commands.appearance)
 
     def show_tab(self, title: str, tab: Tab) -> None:
         """Make the menu of the tab in front; the keys of the others do nothing now."""

@@ -42,7 +42,7 @@ class PlotMenu(QObject):
 
     def open(self, plot: QWidget, place: QPoint) -> None:
         """The plot's menu at a place on the screen."""
-        from .widgets.plot_series import series_of
+        from .widgets.plot_export import series_of
 
         menu = self.menu = QMenu(self._window)
         menu.setObjectName("plotMenu")
@@ -84,21 +84,21 @@ class PlotMenu(QObject):
 
     def copy_picture(self, plot: QWidget) -> None:
         """The picture to the clipboard."""
-        from .widgets.plot_picture import picture_of
+        from .widgets.plot_export import picture_of
 
         QGuiApplication.clipboard().setImage(picture_of(plot))
         self._desk.say(f"Copied as a picture: {_words(plot)}")
 
     def copy_numbers(self, plot: QWidget) -> None:
         """The numbers to the clipboard, as CSV."""
-        from .widgets.plot_series import series_of, to_csv
+        from .widgets.plot_export import series_of, to_csv
 
         QGuiApplication.clipboard().setText(to_csv(series_of(plot)))
         self._desk.say(f"Copied as numbers: {_words(plot)}")
 
     def ask_and_save(self, plot: QWidget) -> None:
         """Ask where; the ending says in which format."""
-        from .widgets.plot_picture import save_plot
+        from .widgets.plot_export import save_plot
 
         proposed = Path(self._desk.settings.folder()) / f"{plot.objectName() or 'plot'}.png"
         name, chosen = QFileDialog.getSaveFileName(self._window, "Save the plot", str(proposed), FORMATS)

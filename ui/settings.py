@@ -9,7 +9,8 @@ from PySide6.QtCore import QByteArray, QPoint, QRect, QSettings, QSize
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QWidget
 
-from .theme import Appearance
+from .stop_key import DEFAULT_STOP_KEY, STOP_KEYS
+from .widgets.theme import Appearance
 
 MAX_RECENT = 8
 MINIMUM_VISIBLE = 64
@@ -48,6 +49,14 @@ class Settings:
 
     def set_appearance(self, appearance: Appearance) -> None:
         self._store.setValue("appearance", appearance)
+
+    def stop_key(self) -> str:
+        """The key of the foot switch, one of ``STOP_KEYS``."""
+        value = self._store.value("stop_key", DEFAULT_STOP_KEY)
+        return value if value in STOP_KEYS else DEFAULT_STOP_KEY
+
+    def set_stop_key(self, name: str) -> None:
+        self._store.setValue("stop_key", name)
 
     def tab(self) -> str:
         """The tab that was in front, or an empty text."""

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QPushButton, QWidget
 
 from .tasks import TaskRunner
+from .widgets.fields import PROGRESS_STEPS
 from .widgets.labels import ElidedLabel
 
-STEPS = 1000
 TELLS_FROM_S = 2.0
 TELLS_FROM_SHARE = 0.05
 """Time left is told after so long and so much: before, it would be a guess."""
@@ -30,7 +30,7 @@ class TaskBar(QWidget):
         self.progress = QProgressBar()
         self.progress.setObjectName("progress")
         self.progress.setAccessibleName("Progress")
-        self.progress.setRange(0, STEPS)
+        self.progress.setRange(0, PROGRESS_STEPS)
         self.progress.setFixedWidth(200)
         self.cancel = QPushButton("Cancel")
         self.cancel.setObjectName("cancel")
@@ -72,7 +72,7 @@ class TaskBar(QWidget):
         self._show_work(True)
 
     def _on_progress(self, share: float, what: str) -> None:
-        self.progress.setValue(round(share * STEPS))
+        self.progress.setValue(round(share * PROGRESS_STEPS))
         words = f"{self._title}: {what}" if what else self._title
         left = time_left(share, self._clock() - self._began)
         self.say(f"{words}, {left}" if left else words)

@@ -26,7 +26,7 @@ import fingerlab
 from . import dialogs, registry
 from .desk import Desk, OpenCall, RigLine, read_session
 from .frame_header import FrameHeader
-from .menus import Menus, WindowCommands
+from .menus import Chosen, Menus, WindowCommands
 from .message_bar import MessageBar
 from .placing import PlaceKeeper
 from .plot_menu import PlotMenu
@@ -34,11 +34,11 @@ from .rail import Rail
 from .registry import Entry
 from .settings import Settings
 from .status_bar import StatusBar
-from .stop_key import StopKey
+from .stop_guard import StopGuard
 from .tab import Tab
 from .tasks import Failed, TaskRunner
-from .theme import apply_appearance
-from .widgets.room import Room
+from .widgets.layout import Room
+from .widgets.theme import apply_appearance
 
 FIRST_SIZE = QSize(1280, 800)
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
@@ -71,8 +71,9 @@ class MainWindow(QMainWindow):
         self.setAcceptDrops(True)
         self._build()
         self.plots = PlotMenu(self, self.desk)
-        self.menus = Menus(self, self._commands(), list(self._entries.values()), self.settings.appearance())
-        self._stop_key = StopKey(self.desk.stop, self)
+        self.stop_guard = StopGuard(self, self.header.stop, self.desk)
+        chosen = Chosen(self.settings.appearance(), self.stop_guard.key)
+        self.menus = Menus(self, self._commands(), list(self._entries.values()), chosen)
         self._connect()
         self.settings.restore_place(self, FIRST_SIZE)
         self.place = PlaceKeeper(self, self.settings)
@@ -116,7 +117,8 @@ class MainWindow(QMainWindow):
             copy_plot=self.plots.copy_current,
             save_plot=self.plots.save_current,
             appearance=self._set_appearance,
-            shortcuts=lambda: dialogs.show_keys(self.menus.keys(self._others()), self),
+            stop_key=self.stop_guard.choose_key,
+            shortcuts=lambda: dialogs.show_keys(self.menus.keys(self._others()), self.stop_guard.key, self),
             log=lambda: dialogs.show_log(self.desk.log, self, self.desk.logged),
             about=self._about,
         )
@@ -124,7 +126,6 @@ class MainWindow(QMainWindow):
     def _connect(self) -> None:
         desk = self.desk
         self.rail.chosen.connect(self.show_tab)
-        self.header.stop_asked.connect(desk.stop)
         self.tasks.failed.connect(self._on_failed)
         self.menus.recent.aboutToShow.connect(self._fill_recent)
         desk.tab_asked.connect(self.show_tab)
@@ -215,7 +216,7 @@ class MainWindow(QMainWindow):
         self.tasks.shut_down()
         for tab in self._tabs.values():
             tab.shut_down()
-        self._stop_key.arm(False)
+        self.stop_guard.arm(False)
         event.accept()
 
     # what is shown
@@ -232,7 +233,7 @@ class MainWindow(QMainWindow):
     def _on_rig(self, line: RigLine) -> None:
         self.header.show_rig(line)
         self.status.show_rig(line)
-        self._stop_key.arm(bool(line.device))
+        self.stop_guard.arm(bool(line.device))
 
     def _refresh(self) -> None:
         if not self.current:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from fingerlab.acquisition.board import Board, Number, Slot, Text
+from fingerlab.acquisition.board import Board, Input, Number, Slot, Text
 from fingerlab.acquisition.commands import Command
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
@@ -29,6 +29,9 @@ class Status:
         recording: 0 no, 1 yes, 2 paused. recorded: samples of this run in the file. unread: samples that the
             recorder lost because the ring came round. free_bytes: room on the disk, 0 before it is known.
         run_start: index of the first sample of trajectory number ``run``.
+        emergency_stop, amplifier_ready: what these inputs tell; lines_at: sample of their last change.
+        dead_man: whether the device has one. pressed, unready: as the state machine has it.
+        sleep: why the machine may fall asleep in spite of the motor being enabled; empty where it may not.
     """
 
     mode: Mode
@@ -52,6 +55,13 @@ class Status:
     device: str
     loop_ended: bool
     safe_confirmed: bool
+    emergency_stop: Input = Input.NONE
+    amplifier_ready: Input = Input.NONE
+    dead_man: bool = False
+    lines_at: int = 0
+    pressed: bool = False
+    unready: bool = False
+    sleep: str = ""
 
 
 class RecorderFace(ABC):
@@ -155,6 +165,13 @@ class Bench(ABC):
             device=b.text(Text.DEVICE),
             loop_ended=bool(b[Slot.LOOP_ENDED]),
             safe_confirmed=bool(b[Slot.SAFE]),
+            emergency_stop=Input(b[Slot.EMERGENCY_STOP]),
+            amplifier_ready=Input(b[Slot.AMPLIFIER_READY]),
+            dead_man=bool(b[Slot.DEAD_MAN]),
+            lines_at=b[Slot.LINES_AT],
+            pressed=bool(b[Slot.PRESSED]),
+            unready=bool(b[Slot.UNREADY]),
+            sleep=b.text(Text.SLEEP),
         )
 
     def approached(self) -> float | None:

@@ -46,6 +46,21 @@ class Slot(IntEnum):
     SET_AT = 29  # loop: first sample with the references and the set-up that hold now
     VERIFYING = 30  # recorder: 1 while what was written is read back
     PUT_OFF = 31  # window: 1 asks that the session being written is left for later
+    EMERGENCY_STOP = 40  # loop: Input
+    AMPLIFIER_READY = 41  # loop: Input
+    DEAD_MAN = 42  # loop: 1 where the device has one
+    LINES_AT = 43  # loop: sample at which an input last changed
+    PRESSED = 44  # loop: Machine.pressed
+    UNREADY = 45  # loop: Machine.unready
+    AWAKE = 46  # recorder's process: 1 while the system's sleep is held off
+
+
+class Input(IntEnum):
+    """What a digital input tells."""
+
+    NONE = 0  # the bench has none
+    NO = 1
+    YES = 2
 
 
 class Text(IntEnum):
@@ -55,6 +70,7 @@ class Text(IntEnum):
     ANSWER = 1  # loop: why the last command was refused; empty where it was not
     RECORDER = 2  # recorder: what it cannot do
     DEVICE = 3  # loop: what it drives
+    SLEEP = 4  # recorder's process: why sleep could not be held off
 
 
 class Number(IntEnum):

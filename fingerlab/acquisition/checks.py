@@ -17,7 +17,7 @@ class Reading:
     Attributes:
         index: sample clock. lost: cycles lost before this one. lateness: s. cycle_time: s, measured.
         position, speed, reference: rad, rad/s, rad. torque, tension: N m, N. current: A.
-        mcp, pip: rad. force: N. raw: as the device gave it.
+        mcp, pip: rad. force: N. raw, lines: as the device gave them.
     """
 
     __slots__ = (
@@ -26,6 +26,7 @@ class Reading:
         "force",
         "index",
         "lateness",
+        "lines",
         "lost",
         "mcp",
         "pip",
@@ -44,6 +45,7 @@ class Reading:
         self.position = self.speed = self.current = self.torque = self.tension = math.nan
         self.mcp = self.pip = self.force = math.nan
         self.raw: tuple[float, ...] = ()
+        self.lines: tuple[float, float] = (math.nan, math.nan)
 
 
 class Check(Protocol):

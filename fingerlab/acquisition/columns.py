@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import IntFlag
 
-from fingerlab.devices.protocol import RAW_CHANNELS
+from fingerlab.devices.protocol import LINES, RAW_CHANNELS
 
 COLUMNS = (
     "index",
@@ -22,7 +22,7 @@ COLUMNS = (
     "mode",
     "flags",
     "run",
-    *(f"raw/{name}" for name in RAW_CHANNELS),
+    *(f"raw/{name}" for name in (*RAW_CHANNELS, *LINES)),
 )
 """Columns in their order."""
 
@@ -43,6 +43,7 @@ UNITS = {
     "flags": "",
     "run": "",
     **{f"raw/{name}": "count" if name.endswith("counts") else "V" for name in RAW_CHANNELS},
+    **{f"raw/{name}": "" for name in LINES},
 }
 """Unit of each column; the empty unit is a plain number."""
 

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable
 
 from fingerlab.acquisition.averaging import AVERAGE_S, Averaging
-from fingerlab.acquisition.board import Board, Slot, Text
+from fingerlab.acquisition.board import Board, Input, Slot, Text
 from fingerlab.acquisition.checks import Reading
 from fingerlab.acquisition.commands import (
     Approach,
@@ -26,6 +26,7 @@ from fingerlab.acquisition.commands import (
     SetUp,
     Tare,
 )
+from fingerlab.acquisition.interlock import Interlock
 from fingerlab.acquisition.machine import Event, Machine, Mode
 from fingerlab.acquisition.publishing import Publisher
 from fingerlab.acquisition.reading import Reader
@@ -40,12 +41,21 @@ from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.safety import Safety, safety_checks
 from fingerlab.acquisition.steering import Steering
 from fingerlab.core.errors import UserError
-from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost, cycles_per_command
+from fingerlab.devices.protocol import (
+    NO_LINES,
+    Device,
+    DeviceFault,
+    DeviceLost,
+    cycles_per_command,
+    safety_lines,
+)
 
 FAREWELL_S = 0.5
 """The loop goes on reading for this long after its window is lost, so that the stop is recorded (assumed)."""
 
 STOOD_STILL = "The control loop stood still; the motor was stopped in its place, connect the device again."
+
+STOPPED_MEANWHILE = "The bench was stopped meanwhile; try again."
 
 SAFE_TRIES = 50
 """How often zero output is tried before the device is given up."""
@@ -72,10 +82,11 @@ class ControlLoop:
         self._board = board
         self._publisher = Publisher(ring, board, 1.0 / device.rate_hz)
         self._period = 1.0 / device.rate_hz
-        self._steering = Steering(settings, self._period, cycles_per_command(device), board)
         self._reader = Reader(settings.units, self._period, clock)
         self._commands: deque[tuple[int, Command | ReadyStart | Refused]] = deque()
         self._averaging: Averaging | None = None
+        self._enabling: int | None = None  # number of the enable that is answered once there is current
+        self._lines = [Input.NONE, Input.NONE]
         self._lost_process = ""
         self._quit_at = math.inf
         self._restart = False
@@ -83,6 +94,7 @@ class ControlLoop:
         self._recorder_errors = board[Slot.RECORDER_ERRORS]
         self._dogs = watchdogs(settings, self._period)
         self._faults = self._run = 0
+        self._fit()
         self._safety: Safety
         self._cable: bool
         self._set_up(SetUp())
@@ -91,6 +103,7 @@ class ControlLoop:
         """Open and start the device. Raises DeviceLost, DeviceFault."""
         self.device.open()
         self.device.start()
+        self._fit()  # a card knows only now for how many samples a command stays
         self._board.set_text(Text.DEVICE, self.device.name)
         self._board[Slot.LOOP_READY] = 1
 
@@ -130,6 +143,8 @@ class ControlLoop:
         if self._restart and not self._start_again():
             return
         try:
+            if self._beat is not None and self.machine.enable_allowed:
+                self._beat()
             sample = self.device.exchange(self._steering.volts)
         except DeviceLost as error:
             self._fault(str(error), lost=True)
@@ -160,6 +175,9 @@ class ControlLoop:
         if self._board[Slot.KEEPER]:
             self.ended = True
             return STOOD_STILL
+        sentence = self._look_at_lines(reading)
+        if sentence:
+            return sentence
         errors = self._board[Slot.RECORDER_ERRORS]
         failed, self._recorder_errors = errors != self._recorder_errors, errors
         if not self.machine.enable_allowed:
@@ -172,6 +190,33 @@ class ControlLoop:
                 return sentence
         return self._safety.fault(reading)
 
+    def _fit(self) -> None:
+        """What depends on how the device takes its commands, and on the lines that it has."""
+        hold, lines = cycles_per_command(self.device), safety_lines(self.device)
+        self._steering = Steering(self.settings, self._period, hold, self._board)
+        self._interlock = Interlock(lines, self._period, hold)
+        beats = bool(lines.dead_man.terminal)
+        self._beat: Callable[[], None] | None = getattr(self.device, "beat", None) if beats else None
+        self._board[Slot.DEAD_MAN] = int(self._beat is not None)
+
+    def _look_at_lines(self, reading: Reading) -> str:
+        """The digital inputs, for the board and the state machine; why the motor must stop, or nothing."""
+        if reading.lines is not NO_LINES:
+            lines = [Input.NONE if v != v else Input.YES if v else Input.NO for v in reading.lines]
+            if lines != self._lines:
+                self._lines = lines
+                self._board[Slot.EMERGENCY_STOP], self._board[Slot.AMPLIFIER_READY] = lines
+                self._board[Slot.LINES_AT] = reading.index
+        told = self._interlock.look(reading, self.machine.enable_allowed)
+        if told is not None:
+            event, sentence = told
+            self._become(event)
+            return sentence
+        if self._enabling is not None and not self._interlock.settling:
+            number, self._enabling = self._enabling, None
+            self._answer(number, "")
+        return ""
+
     def _obey(self, reading: Reading) -> None:
         stops = self._board[Slot.STOP_REQUESTS]
         if stops != self._stops:
@@ -179,7 +224,7 @@ class ControlLoop:
             self._stop()
         if self._averaging is not None and self._averaging.add(reading):
             self._finish_averaging()
-        while self._commands and self._averaging is None:
+        while self._commands and self._averaging is None and self._enabling is None:
             number, command = self._commands.popleft()
             self._do(number, command, reading)
 
@@ -213,6 +258,9 @@ class ControlLoop:
                 self.ended = True
             else:
                 sentence = self._event(command)
+                if not sentence and isinstance(command, Enable) and self._interlock.settling:
+                    self._enabling = number
+                    return  # answered when the amplifier has current
         except UserError as error:
             sentence = str(error)
         except DeviceLost as error:
@@ -234,6 +282,7 @@ class ControlLoop:
                 dog.reset()
             self.device.set_enable(True)
             self._board[Slot.ENABLE_LINE] = 1
+            self._interlock.enabled(self._reader.index)
         elif event is Event.DISABLE:
             self._steering.off()
             self.device.set_enable(False)
@@ -283,18 +332,21 @@ class ControlLoop:
         if not self._make_safe():
             sentence += " Zero output could not be confirmed: switch the amplifier off by hand."
         self._become(Event.FAULT)
-        self._forget()
+        self._forget(sentence)
         self._faults += 1
         self._board.set_text(Text.FAULT, sentence)
         self._board[Slot.FAULTS] = self._faults
 
-    def _forget(self) -> None:
-        """What was under way has ended."""
+    def _forget(self, why: str = STOPPED_MEANWHILE) -> None:
+        """What was under way has ended; ``why`` answers an enable that was."""
         self._steering.forget()
         self._board[Slot.RUN_ACTIVE] = 0
         if self._averaging is not None:
             number, self._averaging = self._averaging.number, None
-            self._answer(number, "The bench was stopped meanwhile; try again.")
+            self._answer(number, STOPPED_MEANWHILE)
+        if self._enabling is not None:
+            number, self._enabling = self._enabling, None
+            self._answer(number, why)
 
     def _make_safe(self) -> bool:
         self._steering.off()
@@ -360,6 +412,8 @@ class ControlLoop:
         self.machine = self.machine.after(event)
         self._board[Slot.MODE] = self.machine.mode
         self._board[Slot.LATCHED] = int(self.machine.latched)
+        self._board[Slot.PRESSED] = int(self.machine.pressed)
+        self._board[Slot.UNREADY] = int(self.machine.unready)
 
     def _answer(self, number: int, sentence: str) -> None:
         self._board.set_text(Text.ANSWER, sentence)

@@ -16,6 +16,9 @@ fault          zero, low       reset (to idle)                 a check, the devi
 =============  ==============  ==============================  =======================================
 
 From every mode ``fault`` leads to fault, and ``stop`` to idle (a fault stays a fault), with the latch set.
+The bench's digital inputs are part of it: ``press`` (the emergency stop) leads to fault from every mode,
+which is not left before ``let_go``; ``unready`` (the amplifier) leads to fault where the amplifier is
+enabled, and holds ``enable`` back where it is not, until ``ready``.
 A latched machine refuses ``enable`` until ``release``. After a fault the operator resets, initialises
 and enables by hand: no event leads from fault to a mode with current in fewer than four steps.
 An event that a mode does not know changes nothing.
@@ -51,6 +54,10 @@ class Event(IntEnum):
     RELEASE = 7
     FAULT = 8
     RESET = 9
+    PRESS = 10
+    LET_GO = 11
+    READY = 12
+    UNREADY = 13
 
 
 _I, _S, _E, _R, _P, _F = (
@@ -80,17 +87,25 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     # The device is stopped and started again, and its encoder counts from there: the reference is lost.
     **{(mode, Event.STOP): _I for mode in Mode if mode is not _F},
     (_F, Event.STOP): _F,
-    **{(mode, Event.FAULT): _F for mode in Mode},
+    **{(mode, event): _F for mode in Mode for event in (Event.FAULT, Event.PRESS)},
+    **{(mode, event): mode for mode in Mode for event in (Event.LET_GO, Event.READY)},
+    **{(mode, Event.UNREADY): mode if mode in (_I, _S, _F) else _F for mode in Mode},
 }
 """The whole table: (mode, event) -> mode. Pairs that are not in it change nothing."""
 
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """Mode and latch; a stop sets the latch, only ``release`` opens it."""
+    """Mode and latch; a stop sets the latch, only ``release`` opens it.
+
+    Attributes:
+        pressed: the emergency stop is. unready: the amplifier says that it is not ready.
+    """
 
     mode: Mode = Mode.IDLE
     latched: bool = False
+    pressed: bool = False
+    unready: bool = False
 
     @property
     def command_allowed(self) -> bool:
@@ -103,8 +118,10 @@ class Machine:
         return self.mode is _E or self.mode is _R or self.mode is _P
 
     def allows(self, event: Event) -> bool:
-        """Whether the event is known in this mode and not held back by the latch."""
-        if event is Event.ENABLE and self.latched:
+        """Whether the event is known in this mode and held back neither by the latch nor by an input."""
+        if event is Event.ENABLE and (self.latched or self.pressed or self.unready):
+            return False
+        if event is Event.RESET and self.pressed:
             return False
         return (self.mode, event) in TRANSITIONS
 
@@ -112,19 +129,25 @@ class Machine:
         """The machine after the event; itself where the event is not allowed."""
         if not self.allows(event):
             return self
-        latched = self.latched
-        if event is Event.STOP:
-            latched = True
-        elif event is Event.RELEASE:
-            latched = False
-        return Machine(TRANSITIONS[self.mode, event], latched)
+        latched, pressed, unready = self.latched, self.pressed, self.unready
+        if event is Event.STOP or event is Event.RELEASE:
+            latched = event is Event.STOP
+        elif event is Event.PRESS or event is Event.LET_GO:
+            pressed = event is Event.PRESS
+        elif event is Event.UNREADY or event is Event.READY:
+            unready = event is Event.UNREADY
+        return Machine(TRANSITIONS[self.mode, event], latched, pressed, unready)
 
     def refusal(self, event: Event) -> str:
         """Why the event is not allowed, and what to do, as one sentence; empty where it is allowed."""
         if self.allows(event):
             return ""
+        if event in (Event.ENABLE, Event.RESET) and self.pressed:
+            return "The emergency stop is pressed; release it at its button first, then reset."
         if event is Event.ENABLE and self.latched:
             return "The stop is latched; release it first, then enable."
+        if event is Event.ENABLE and self.unready and (self.mode, event) in TRANSITIONS:
+            return "The amplifier is not ready; look at its supply and its fault light, then enable."
         return _REFUSALS[event].format(mode=MODE_WORDS[self.mode])
 
 
@@ -148,6 +171,5 @@ _REFUSALS = {
     Event.REST: "The bench is {mode}; only a soft stop ends at rest.",
     Event.RELEASE: "The bench is {mode}; the stop is released with the amplifier off.",
     Event.RESET: "The bench is {mode}; there is no fault to reset.",
-    Event.STOP: "",
-    Event.FAULT: "",
+    **dict.fromkeys((Event.STOP, Event.FAULT, Event.PRESS, Event.LET_GO, Event.READY, Event.UNREADY), ""),
 }

@@ -23,6 +23,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import NoReturn, Protocol
 
+from fingerlab.acquisition.awake import stay_awake
 from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.lives import Lives, Pulse, Standstill
 from fingerlab.acquisition.loop import SAFE_TRIES, ControlLoop
@@ -141,6 +142,8 @@ def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, aliv
     recorder = Recorder(ring, board, plan.rescue)
     threading.Thread(target=_guard, args=(plan, own, board, loop_lives), daemon=True).start()
     come_first()
+    if plan.device.kind not in IN_THE_LOOP:  # a simulated motor may fall asleep with its machine
+        stay_awake(board)
     cut = False
     while True:
         recorder.poll()

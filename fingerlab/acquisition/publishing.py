@@ -53,6 +53,7 @@ class Publisher:
                 flags,
                 run,
                 *r.raw,
+                *r.lines,
             )
         )
         self._cycles += 1

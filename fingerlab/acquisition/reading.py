@@ -55,7 +55,7 @@ class Reader:
             if self._position == self._position:
                 zeros.position = self._position - sample.raw[4] * self._radians
         reading.lost, reading.index, self.index = max(lost, 0), index, index
-        reading.raw = sample.raw
+        reading.raw, reading.lines = sample.raw, sample.lines
         force, mcp, pip, current, counts = sample.raw
         reading.force = _quantity(units.force, force) + zeros.force
         reading.mcp = _quantity(units.mcp, mcp) + zeros.mcp

@@ -29,6 +29,7 @@ from fingerlab.acquisition.recording import (
     certain_columns,
     channel_units,
     channels_of,
+    wired_lines,
 )
 from fingerlab.acquisition.ring import Array, Ring, RingReader
 from fingerlab.core.errors import Cancelled, UserError
@@ -70,6 +71,7 @@ class Recorder:
         self._place: RecordingPlace | None = None
         self._done: list[tuple[Path, h5py.File]] = []
         self._run: OpenRun | None = None
+        self._lines: tuple[str, ...] = ()
         self._looked = -1.0
         self._errors = 0
 
@@ -87,6 +89,7 @@ class Recorder:
         if self._place is not None:
             raise UserError(f"{self._place.path} is being recorded; close it before another is begun.")
         self._place, self._info, self._done = RecordingPlace.claim(info.path), info, []
+        self._lines = wired_lines(json.loads(info.rig))
 
     def begin(self, run: RunInfo) -> None:
         """Begin a run; it is written from the next ``poll`` on.
@@ -120,7 +123,7 @@ class Recorder:
             **run.attributes,
         }
         try:
-            writer = PartWriter(path, PartHeader(root, own), channel_units(run.phase))
+            writer = PartWriter(path, PartHeader(root, own), channel_units(run.phase, self._lines))
         except (OSError, RuntimeError) as error:
             raise UserError(
                 f"{self._place.path} cannot be written ({_reason(error)}); choose a place with room."
@@ -261,7 +264,7 @@ class Recorder:
         run.dropped += int(gaps.sum())
         run.late += int(((rows[:, COLUMN["flags"]].astype(np.int64) & RowFlag.LATE) > 0).sum())
         run.next = int(index[-1]) + 1
-        run.writer.append(channels_of(run.info, rows))
+        run.writer.append(channels_of(run.info, rows, self._lines))
         run.waiting += len(rows)
         if run.waiting >= FLUSH_S * run.info.sample_rate_hz:
             run.writer.set_counts(run.dropped, run.late)

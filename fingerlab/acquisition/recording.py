@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,12 +11,13 @@ import numpy as np
 
 from fingerlab.acquisition.columns import COLUMN, UNITS
 from fingerlab.acquisition.ring import Array
+from fingerlab.devices.protocol import LINES, RAW_CHANNELS
 from fingerlab.sessions.format import MAY_BE_NAN, REQUIRED_CHANNELS
 
 FINGER = ("mcp_angle", "pip_angle", "endpoint_force")
 ALWAYS = ("motor_command", "motor_position", "motor_current", "motor_torque")
 BESIDE = ("motor_speed", "current_command", "lateness", "cycle_time")
-RAW = tuple(name for name in COLUMN if name.startswith("raw/"))
+RAW = tuple(f"raw/{name}" for name in RAW_CHANNELS)
 
 LEAST_FREE_BYTES = 32 << 20
 """With less room than this the recording ends by itself, while the end can still be written (assumed)."""
@@ -61,15 +62,25 @@ def rescue_folder() -> Path:
     return user_data_path("FingerLab", appauthor=False) / "rescued"
 
 
-def channel_units(phase: str) -> dict[str, str]:
-    """All channels of a run of this phase, with their units; ``time`` is the first."""
+def wired_lines(rig: Mapping[str, Any]) -> tuple[str, ...]:
+    """Channels of the digital inputs that a rig (as a session holds it) has: 1 for yes, 0 for no."""
+    daq = rig.get("daq", {})
+    return tuple(f"raw/{name}" for name in LINES if daq.get(name, {}).get("terminal"))
+
+
+def channel_units(phase: str, lines: Sequence[str] = ()) -> dict[str, str]:
+    """All channels of a run of this phase, with their units; ``time`` is the first.
+
+    Args:
+        lines: channels of the digital inputs.
+    """
     names = ["time", *ALWAYS]
     if phase in ("on_air", "contact"):
         names += FINGER
     units = {"time": "s", **{name: UNITS[name] for name in names if name != "time"}}
     if phase == "motor_bench":
         units["load_torque"] = "N m"
-    return units | {name: UNITS[name] for name in (*BESIDE, *RAW)}
+    return units | {name: UNITS[name] for name in (*BESIDE, *RAW, *lines)}
 
 
 def seconds_of_room(free_bytes: int, rate_hz: float) -> float:
@@ -84,11 +95,11 @@ def certain_columns(phase: str) -> list[str]:
     return [name for name in COLUMN if name in needed]
 
 
-def channels_of(info: RunInfo, rows: Array) -> dict[str, Any]:
+def channels_of(info: RunInfo, rows: Array, lines: Sequence[str] = ()) -> dict[str, Any]:
     """Channels of a run from rows of the ring, shape (n, columns)."""
     time_s = (rows[:, COLUMN["index"]] - info.start) / info.sample_rate_hz
     channels: dict[str, Any] = {}
-    for name in channel_units(info.phase):
+    for name in channel_units(info.phase, lines):
         if name == "load_torque":
             channels[name] = np.full(len(rows), info.load_torque)
         elif name != "time":

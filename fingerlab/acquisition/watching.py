@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from fingerlab.acquisition.bench import Status
+from fingerlab.acquisition.board import Input
 from fingerlab.acquisition.recording import seconds_of_room
 
 LITTLE_ROOM_S = 1800.0
@@ -21,6 +22,8 @@ class Kind(Enum):
     LOST = "lost"
     ROOM = "room"
     UNREAD = "unread"
+    LINE = "line"
+    SLEEP = "sleep"
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,9 @@ def notices(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
     if now.recording and now.lost > before.lost:
         sentence = f"{now.lost - before.lost} cycles lost; the recording has a gap there"
         told.append(Notice(Kind.LOST, sentence))
+    told.extend(_of_lines(before, now, rate_hz))
+    if now.sleep and now.sleep != before.sleep:
+        told.append(Notice(Kind.SLEEP, now.sleep))
     told.extend(_of_room(before, now, rate_hz))
     if now.unread > before.unread:
         sentence = (
@@ -66,6 +72,36 @@ def notices(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
         )
         told.append(Notice(Kind.UNREAD, sentence))
     return tuple(told)
+
+
+STOP_WORDS = {Input.NONE: "not wired", Input.NO: "released", Input.YES: "pressed"}
+READY_WORDS = {Input.NONE: "not wired", Input.NO: "not ready", Input.YES: "ready"}
+DEAD_MAN_WORDS = {False: "not wired", True: "wired"}
+"""The digital lines of a bench as they are shown."""
+
+
+def line_words(status: Status) -> dict[str, str]:
+    """State of the emergency stop, of the amplifier and of the dead-man, in words."""
+    beating = status.dead_man and status.enabled
+    return {
+        "emergency stop": STOP_WORDS[status.emergency_stop],
+        "amplifier": READY_WORDS[status.amplifier_ready],
+        "dead-man": "beating" if beating else DEAD_MAN_WORDS[status.dead_man],
+    }
+
+
+def _of_lines(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
+    """An input that changed, with the bench's time; not what it is when it is first seen."""
+    changes = (
+        ("The emergency stop was", before.emergency_stop, now.emergency_stop, STOP_WORDS),
+        ("The amplifier is", before.amplifier_ready, now.amplifier_ready, READY_WORDS),
+    )
+    at = f"at {now.lines_at / rate_hz:.3f} s of the bench's time"
+    return tuple(
+        Notice(Kind.LINE, f"{begins} {words[is_now]} {at}.")
+        for begins, was, is_now, words in changes
+        if was is not is_now and was is not Input.NONE
+    )
 
 
 def _of_room(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:

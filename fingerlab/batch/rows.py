@@ -114,10 +114,7 @@ def _facts(session: Session) -> Row:
 
 def _answer(result: Diagnosis) -> Row:
     first = result.candidates[0] if result.candidates else None
-    chance = {
-        "nothing_missing": result.probability_nothing,
-        "not_in_catalogue": result.probability_unknown,
-    }
+    chance = {"nothing_missing": result.probability_nothing, "not_in_catalogue": result.probability_unknown}
     in_set = [c for c in result.candidates if c.effect in result.set]
     row: Row = {
         "verdict": result.verdict,
@@ -131,11 +128,7 @@ def _answer(result: Diagnosis) -> Row:
         "error_path": [{"added": step.added, "score": step.score} for step in result.path],
     }
     for family, error in result.errors.items():
-        row |= {
-            f"rmse.{family}": error.rmse,
-            f"floor.{family}": error.floor,
-            f"r2.{family}": error.r2,
-        }
+        row |= {f"rmse.{family}": error.rmse, f"floor.{family}": error.floor, f"r2.{family}": error.r2}
     return row
 
 

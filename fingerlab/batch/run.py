@@ -27,6 +27,7 @@ from fingerlab.batch.table import (
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.core.progress import Progress
 from fingerlab.sessions import file_hash
+from fingerlab.sessions.recording_files import ENDINGS, session_files
 
 Runner = Callable[[Sequence[Task], Options], Iterator[SessionRow]]
 """Gives the outcome of every task, each as soon as it is there, in any order."""
@@ -111,7 +112,7 @@ def _connected(address: str) -> Any:
 
 def _check_workers(client: Any, address: str, folder: Path) -> None:
     try:
-        answers: dict[str, tuple[str, bool]] = client.run(_worker_facts, str(folder))
+        answers: dict[str, tuple[str, bool]] = client.run(worker_facts, str(folder))
     except Exception as error:
         why = " ".join(f"{type(error).__name__}: {error}".split())
         raise UserError(
@@ -132,7 +133,7 @@ def _check_workers(client: Any, address: str, folder: Path) -> None:
             )
 
 
-def _worker_facts(folder: str) -> tuple[str, bool]:
+def worker_facts(folder: str) -> tuple[str, bool]:
     """What a worker says of itself: its version of the program, and whether it sees the folder."""
     return fingerlab.__version__, Path(folder).is_dir()
 
@@ -150,7 +151,6 @@ def _lost(task: Task, options: Options, why: str) -> SessionRow:
     return SessionRow(row, {})
 
 
-ENDINGS = (".h5", ".hdf5")
 HASHING_THREADS = 4
 
 
@@ -178,23 +178,15 @@ class BatchResult:
 
 
 def find_sessions(folder: Path) -> list[Task]:
-    """Every session file below the folder, by name; folders are not followed through links.
+    """Every session file below the folder, by name, as the browser finds them.
 
     Raises:
         UserError: there is no such folder, or no session in it.
     """
-    if not folder.is_dir():
-        raise UserError(f"{folder} is not a folder; give the folder that holds the sessions.")
-    found = []
-    for place, folders, names in os.walk(folder):
-        folders.sort()
-        for name in names:
-            path = Path(place) / name
-            if path.suffix.lower() in ENDINGS:
-                found.append(Task(str(path.resolve()), path.relative_to(folder).as_posix()))
+    found = session_files(folder)
     if not found:
         raise UserError(f"There is no session below {folder}; session files end in {' or '.join(ENDINGS)}.")
-    return sorted(found, key=lambda task: task.name)
+    return [Task(str(path.resolve()), name) for path, name in found]
 
 
 def run_batch(
@@ -220,7 +212,7 @@ def run_batch(
     tasks = find_sessions(folder)
     if not out.parent.is_dir():
         raise UserError(f"The folder {out.parent} does not exist; make it first or choose another place.")
-    told = progress or _silent
+    told: Progress = progress or (lambda share, what: None)
     table = read_table(out)
     told(0.0, f"reading {len(tasks)} sessions")
     hashes = _hashes(tasks)
@@ -245,10 +237,6 @@ def run_batch(
         write_table(out, after)
     parts.clear()
     return BatchResult(after, len(outcomes), len(plan.kept), plan.outdated, len(gone))
-
-
-def _silent(share: float, what: str) -> None:
-    """Progress that nobody wants to see."""
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,4 @@
 from fingerlab.calibration.line import Calibration, SteadyStep, StepTiming, calibrate_steps, find_steps
 from fingerlab.calibration.sensors import SENSORS, Sensor
 
-__all__ = [
-    "SENSORS",
-    "Calibration",
-    "Sensor",
-    "SteadyStep",
-    "StepTiming",
-    "calibrate_steps",
-    "find_steps",
-]
+__all__ = ["SENSORS", "Calibration", "Sensor", "SteadyStep", "StepTiming", "calibrate_steps", "find_steps"]

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from fingerlab.calibration.store import CalibrationRecord, CalibrationStore
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import claim, move_into_place
 from fingerlab.core.progress import Progress
 from fingerlab.core.units import factor
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import AnalogInput, plain_section
-from fingerlab.sessions.hdf5 import TargetFile, write_attributes, writing_to
+from fingerlab.sessions.copying import edited_copy
+from fingerlab.sessions.hdf5 import write_attributes
 from fingerlab.sessions.model import Array, Run
 from fingerlab.sessions.reading import open_session
 
@@ -99,32 +97,19 @@ def apply_again(
             f"{source} holds no volts as read of these sensors (/runs/NNN/raw); it cannot be calibrated anew."
         )
     used = {name: records[name] for name in dict.fromkeys(name for _, name, _ in pieces)}
-    attributes = {
-        "rig": calibrated_rig(session.rig, used).to_json(),
-        "calibration": calibration_text(used),
-    }
+    attributes = {"rig": calibrated_rig(session.rig, used).to_json(), "calibration": calibration_text(used)}
     progress(READING, "copying")
-    part = claim(target)
-    try:
-        with writing_to(target):
-            shutil.copyfile(source, part)
-            file = TargetFile(part)
-        with writing_to(target, file):
-            try:
-                with h5py.File(file, "r+") as copy:
-                    for number, (run, name, values) in enumerate(pieces):
-                        progress(COPIED + (1 - COPIED) * number / len(pieces), f"writing run {run}")
-                        dataset = copy[f"runs/{run}/{CHANNELS[name][1]}"]
-                        dataset[...] = values.astype(dataset.dtype)
-                    write_attributes(copy, attributes)
-            finally:
-                file.close()
-        open_session(part)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
-    move_into_place(part, target)
-    return target, [_told(name, used[name], pieces) for name in used]
+    with edited_copy(source, target) as copy:
+        for number, (run, name, values) in enumerate(pieces):
+            progress(COPIED + (1 - COPIED) * number / len(pieces), f"writing run {run}")
+            dataset = copy[f"runs/{run}/{CHANNELS[name][1]}"]
+            dataset[...] = values.astype(dataset.dtype)
+        write_attributes(copy, attributes)
+    told = []
+    for name, record in used.items():
+        runs = sum(1 for _, one, _ in pieces if one == name)
+        told.append(f"{name}: {runs} {'run' if runs == 1 else 'runs'} by {record.title}")
+    return target, told
 
 
 def _recalculated(
@@ -156,8 +141,3 @@ def _anew(volts: Array, values: Array, old: AnalogInput, record: CalibrationReco
     zero_volts = old.volts(-moved)  # where the old channel was told to be zero
     result: Array = np.where(np.abs(moved) <= NO_REFERENCE * size, fresh, record.gain * (volts - zero_volts))
     return result
-
-
-def _told(name: str, record: CalibrationRecord, pieces: list[tuple[str, str, Array]]) -> str:
-    runs = sum(1 for _, one, _ in pieces if one == name)
-    return f"{name}: {runs} {'run' if runs == 1 else 'runs'} by {record.title}"

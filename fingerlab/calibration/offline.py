@@ -11,15 +11,7 @@ import numpy as np
 
 from fingerlab.calibration.line import SteadyStep, StepTiming, count_steps, find_steps
 from fingerlab.calibration.outcome import CalibrationOutcome, outcome_of
-from fingerlab.calibration.sensors import (
-    FIRST,
-    LOADING,
-    SECOND,
-    CalibrationPlan,
-    Move,
-    Sensor,
-    standard_plan,
-)
+from fingerlab.calibration.sensors import FIRST, LOADING, SECOND, CalibrationPlan, Move, Sensor, standard_plan
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.units import factor

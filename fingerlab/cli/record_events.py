@@ -136,12 +136,14 @@ class Observer:
     def _readings(self) -> dict[str, Any]:
         from fingerlab.acquisition.columns import COLUMN
         from fingerlab.acquisition.machine import MODE_WORDS
+        from fingerlab.acquisition.watching import line_words
 
         status = self._status
         told: dict[str, Any] = {"time_s": status.index / self._bench.rate_hz, "mode": MODE_WORDS[status.mode]}
         told |= {"recorded": status.recorded, "late_cycles": status.late, "lost_cycles": status.lost}
         told |= {"cycle_s": self._cycles.mean, "longest_cycle_s": self._cycles.longest}
         told |= {name: float(self._newest[COLUMN[name]]) for name in SHOWN}
+        told |= {name.replace(" ", "_").replace("-", "_"): word for name, word in line_words(status).items()}
         if self._live is not None:
             told["torque_error"] = self._live.error("torque")
             told["force_error"] = self._live.error("force")

@@ -82,6 +82,29 @@ def claim(path: Path) -> Path:
     return part
 
 
+@contextmanager
+def new_file(path: Path, advice: str = ADVICE) -> Iterator[Path]:
+    """Write a file whole or not at all, and over no other one.
+
+    Use as a context manager: its value is the part file to write to, as :func:`claim` gives it.
+
+    Args:
+        advice: as for :func:`whole_file`.
+
+    Raises:
+        UserError: the place is taken, now or meanwhile, cannot be written to, or is full.
+    """
+    part = claim(path)
+    try:
+        yield part
+    except BaseException as error:
+        part.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise _refused(path, error, advice) from None
+        raise
+    move_into_place(part, path)
+
+
 def refuse_taken(path: Path) -> None:
     """Nothing is overwritten without being asked.
 

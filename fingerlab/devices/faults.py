@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from fingerlab.core.errors import UserError
-from fingerlab.devices.protocol import RAW_CHANNELS
+from fingerlab.devices.protocol import LINES, RAW_CHANNELS
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,25 @@ class SensorFault:
 
 
 @dataclass(frozen=True)
+class LineFault:
+    """A digital input that tells something else than it should, once; a new start of the device ends it not.
+
+    Attributes:
+        line: one of ``LINES``. start: first cycle, counted like ``Sample.index``. on: what it tells.
+        cycles: of the bench, how long; infinite by default.
+    """
+
+    line: str
+    start: int
+    on: bool
+    cycles: float = math.inf
+
+    def __post_init__(self) -> None:
+        if self.line not in LINES:
+            raise ValueError(f"There is no line {self.line!r}; known are {', '.join(LINES)}.")
+
+
+@dataclass(frozen=True)
 class Faults:
     """Faults of a simulated rig; cycles are counted like ``Sample.index``.
 
@@ -41,6 +60,7 @@ class Faults:
         lost: cycle -> how many cycles before it nobody saw.
         clock_steps: cycle -> s by which the clock is set there.
         unsafe: how often ``make_safe`` fails before it works.
+        lines: an emergency stop that is pressed, an amplifier that is not ready.
     """
 
     unplug_at: int | None = None
@@ -50,9 +70,12 @@ class Faults:
     lost: Mapping[int, int] = field(default_factory=dict)
     clock_steps: Mapping[int, float] = field(default_factory=dict)
     unsafe: int = 0
+    lines: tuple[LineFault, ...] = ()
 
 
 SLOW_S, SKIPPED, CLOCK_S = 0.05, 5, -3600.0
+HELD = 5000
+"""Cycles for which the emergency stop is held and the amplifier is not ready: 5 s, then it can be reset."""
 JUMP_COUNTS = 480.0
 """Counts; 20 degrees of the bench's encoder."""
 
@@ -67,6 +90,10 @@ class FaultKind:
 
 def _sensor(channel: str, stuck: bool) -> Callable[[int], Faults]:
     return lambda cycle: Faults(sensors=(SensorFault(channel, cycle, stuck=stuck),))
+
+
+def _line(line: str, on: bool) -> Callable[[int], Faults]:
+    return lambda cycle: Faults(lines=(LineFault(line, cycle, on, HELD),))
 
 
 FAULT_KINDS: dict[str, FaultKind] = {
@@ -84,6 +111,8 @@ FAULT_KINDS: dict[str, FaultKind] = {
     ),
     "late": FaultKind("a cycle comes 50 ms late", lambda cycle: Faults(late={cycle: SLOW_S})),
     "lost": FaultKind("five cycles are lost", lambda cycle: Faults(lost={cycle: SKIPPED})),
+    "emergency-stop": FaultKind("the emergency stop is pressed", _line("emergency_stop", True)),
+    "not-ready": FaultKind("the amplifier is no longer ready", _line("amplifier_ready", False)),
     "clock": FaultKind("the clock is set back an hour", lambda cycle: Faults(clock_steps={cycle: CLOCK_S})),
 }
 """Faults for practice, by id."""

@@ -11,8 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+from fingerlab.rig.daq import SafetyLines
+
 RAW_CHANNELS = ("force_volts", "mcp_volts", "pip_volts", "current_volts", "encoder_counts")
 """Order of the raw values: load cell, MCP and PIP sensor, current monitor (V), encoder (counts)."""
+
+LINES = ("emergency_stop", "amplifier_ready")
+"""Order of the digital inputs: 1 for pressed and for ready, 0 for not, NaN where there is no such line."""
+
+NO_LINES = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +30,13 @@ class Sample:
         index: cycles of the sample clock since ``start``; a jump by more than one means lost cycles.
         raw: one value for each of ``RAW_CHANNELS``; NaN where the device has no such channel.
         lateness: seconds by which the program was late for this cycle; NaN where it cannot be told.
+        lines: one value for each of ``LINES``.
     """
 
     index: int
     raw: tuple[float, ...]
     lateness: float = float("nan")
+    lines: tuple[float, float] = NO_LINES
 
 
 class DeviceLost(Exception):
@@ -83,6 +92,16 @@ def cycles_per_command(device: Device) -> int:
     Such a device has an attribute ``cycles_per_command``; its position loop runs at the rate over this.
     """
     return int(getattr(device, "cycles_per_command", 1))
+
+
+def safety_lines(device: Device) -> SafetyLines:
+    """The digital lines that a device has beside enable: its attribute ``safety_lines``, none without it.
+
+    A device with a dead-man has a method ``beat()``, called before each ``exchange`` while the amplifier is
+    enabled and the loop well: it inverts the line, once for each command. It raises as ``exchange`` does.
+    """
+    lines: SafetyLines = getattr(device, "safety_lines", SafetyLines())
+    return lines
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.devices.charge_pump import ChargePump
 from fingerlab.devices.clock import Clock, VirtualClock
-from fingerlab.devices.faults import Faults, FaultySensors
+from fingerlab.devices.faults import Faults, FaultySensors, LineFault
 from fingerlab.devices.lateness import STEP
-from fingerlab.devices.protocol import DeviceFault, DeviceLost, Sample
+from fingerlab.devices.protocol import LINES, NO_LINES, DeviceFault, DeviceLost, Sample
 from fingerlab.rig.constants import Rig
-from fingerlab.rig.daq import AnalogInput, Daq
+from fingerlab.rig.daq import AnalogInput, Daq, SafetyLines
 from fingerlab.rig.file import default_rig
 from fingerlab.twin.effects import check_effects
 from fingerlab.twin.layout import OUTPUTS
@@ -61,8 +62,13 @@ class Simulation:
 
 
 def simulated_rig_file(preset: Preset) -> Rig:
-    """The rig that the simulated bench says of itself: its own constants, wired like the default rig."""
+    """The rig that the simulated bench says of itself: its own constants, wired like the default rig.
+
+    It also has an emergency stop and an amplifier that tells whether it is ready, for practice.
+    """
     wiring = {key: default_rig().extra[key] for key in ("daq", "limits")}
+    lines = {"emergency_stop": "port0/line2", "amplifier_ready": "port0/line3"}
+    wiring["daq"] = wiring["daq"] | {name: {"terminal": terminal} for name, terminal in lines.items()}
     return replace(preset.rig, extra={**preset.rig.extra, **wiring})
 
 
@@ -196,11 +202,30 @@ class SimulatedRig:
         )
         self._jumps = bool(faults.lost or faults.late)
         self._low, self._high = self._daq.command.low, self._daq.command.high
+        lines = self.safety_lines
+        self._pump = ChargePump(lines.dead_man.hold_time) if lines.dead_man.terminal else None
+        self._wired = tuple(bool(getattr(lines, name).terminal) for name in LINES)
+        self._by_hand = [False, True]  # emergency stop pressed, amplifier ready
+        self._lines = NO_LINES
+        self._cycles = 0  # of the bench, whatever was started anew
+        self._told_until: dict[LineFault, float] = {}
+        self._see_lines(-1)
+
+    @property
+    def safety_lines(self) -> SafetyLines:
+        """The digital lines of the rig beside enable."""
+        return self._daq.safety_lines
+
+    @property
+    def powered(self) -> bool:
+        """Whether the amplifier may drive: enable line up, dead-man alive, emergency stop not pressed."""
+        pump = self._pump is None or self._pump.on
+        return self._enabled and pump and self._lines[0] != 1.0 and self._lines[1] != 0.0
 
     @property
     def driven_current(self) -> float:
-        """Current (A) that the amplifier is told to make now; zero without enable."""
-        return float(self._daq.command.current(self._output)) if self._enabled else 0.0
+        """Current (A) that the amplifier is told to make now; zero where it may not drive."""
+        return float(self._daq.command.current(self._output)) if self.powered else 0.0
 
     @property
     def enabled(self) -> bool:
@@ -228,6 +253,28 @@ class SimulatedRig:
     def move_by_hand(self, channel: str, amount: float) -> None:
         """Press the load cell (N), bend a joint or turn the pulley (rad): the operator of ``check-rig``."""
         self.bench.move_by_hand(channel, amount)
+
+    def set_line(self, line: str, on: bool) -> None:
+        """Press or release the emergency stop, or make the amplifier (not) ready, as one of ``LINES``.
+
+        Raises:
+            DeviceFault: the rig has no such line.
+        """
+        if not self._wired[LINES.index(line)]:
+            raise DeviceFault(f"The rig file names no line {line}; give its terminal in the section [daq].")
+        self._by_hand[LINES.index(line)] = on
+
+    def beat(self) -> None:
+        """Invert the dead-man's line."""
+        self._answer()
+        if self._pump is not None:
+            self._pump.invert()
+
+    def freeze(self, cycles: int) -> None:
+        """The bench goes on for so many cycles while the program stands still, as where a computer hangs."""
+        for _ in range(cycles):
+            self._move()
+        self._index += cycles
 
     def open(self) -> None:
         self._answer()
@@ -264,9 +311,8 @@ class SimulatedRig:
             raise DeviceFault(f"The command is {command_volts} V; the output keeps its last value.")
         cycles, lateness = self._pace() if self._paced else self._jump()
         try:
-            self.bench.advance(self._output, self._enabled)
-            for _ in range(cycles - 1):
-                self.bench.advance(self._output, self._enabled)
+            for _ in range(cycles):
+                self._move()
         except UserError as error:  # it ran away
             raise DeviceFault(str(error)) from error
         low, high = self._low, self._high
@@ -280,7 +326,8 @@ class SimulatedRig:
             raw = self._sensors.spoil(self._index, raw)
         if self._index >= self._unplug_at:
             self._answer()
-        return Sample(self._index, raw, lateness)
+        self._see_lines(self._index)
+        return Sample(self._index, raw, lateness, self._lines)
 
     def make_safe(self) -> bool:
         self._running = False
@@ -293,6 +340,25 @@ class SimulatedRig:
     def close(self) -> None:
         self.make_safe()
         self._open = False
+
+    def _move(self) -> None:
+        """One cycle of the bench with its output as it is."""
+        self._cycles += 1
+        if self._pump is not None:
+            self._pump.wait(1.0 / self.rate_hz)
+        self.bench.advance(self._output, self.powered)
+
+    def _see_lines(self, index: int) -> None:
+        if not any(self._wired):
+            return
+        told = list(self._by_hand)
+        for fault in self._faults.lines:
+            if index >= fault.start or fault in self._told_until:
+                until = self._told_until.setdefault(fault, self._cycles + fault.cycles)
+                if self._cycles < until:
+                    told[LINES.index(fault.line)] = fault.on
+        stop, ready = (float(on) if wired else math.nan for on, wired in zip(told, self._wired, strict=True))
+        self._lines = stop, ready
 
     def _unplugged(self) -> bool:
         return self._index >= self._unplug_at
@@ -331,6 +397,8 @@ class SimulatedRig:
         late = max(self._now() - due, 0.0)
         if late > STEP:  # the clock was set forward, or the machine has slept
             self._origin += late
+            if self._pump is not None:
+                self._pump.wait(late)
             return 1, late
         return 1 + int(late * self.rate_hz) + self._faults.lost.get(self._index + 1, 0), late
 

@@ -16,8 +16,7 @@ from fingerlab.core.progress import SILENT, Progress, Watch
 from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, PathStep, Verdict
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
-from fingerlab.diagnosis.gram.runs import Recall
+from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import (
     RUN_LOG_ODDS,
     Evidence,
@@ -61,6 +60,7 @@ def diagnose(
     with_curves: bool = True,
     executor: Executor | None = None,
     left_out: Sequence[str] = (),
+    kept: Reduction | None = None,
 ) -> Diagnosis:
     """Where the model fails and which effect is missing.
 
@@ -71,6 +71,7 @@ def diagnose(
         with_curves: whether measured and modelled curves and fingerprints are wanted.
         executor: a second process (``core.parallel``) to share the reading, if no curves are wanted.
         left_out: ids that the catalogue is to be without; so it is tried what it says of the unknown.
+        kept: what an earlier diagnosis of these sessions was given; their runs are not read again.
 
     Raises:
         UserError: an unknown effect, nothing to analyse, a run that cannot be read.
@@ -84,7 +85,8 @@ def diagnose(
     catalogue = [e for e in known.values() if e.id not in left_out]
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
-        question = _Question(sessions, catalogue, given, _Scale(progress, cancelled), Recall(executor))
+        reduction = kept or Reduction(sessions, executor)
+        question = _Question(catalogue, given, _Scale(progress, cancelled), reduction)
         return _diagnose(question, with_curves, started)
 
 
@@ -112,11 +114,10 @@ class _Scale:
 class _Question:
     """What is asked of the sessions: which effects there are, and which of them are ``given``."""
 
-    sessions: Sequence[Session]
     catalogue: Sequence[Effect]
     given: Sequence[Effect]
     scale: _Scale
-    recall: Recall
+    reduction: Reduction
 
 
 @dataclass(frozen=True)
@@ -137,22 +138,21 @@ class _Found:
 
 def _diagnose(question: _Question, with_curves: bool, started: float) -> Diagnosis:
     display = _display() if with_curves else None
+    question.reduction.begin(question.catalogue, question.scale.part(0.0, 0.2), read=bool(question.given))
     if question.given:
         question = _with_closest_shapes(question)
-    reduced = reduce_sessions(
-        question.sessions,
+    reduced = question.reduction.of(
         question.catalogue,
-        question.scale.part(0.1 if question.given else 0.0, 0.4),
+        question.scale.part(0.25 if question.given else 0.0, 0.4),
         display.keep if display is not None else None,
-        question.recall,
     )
     return _told(question, _searched(question, Study(reduced)), display, started)
 
 
 def _with_closest_shapes(question: _Question) -> _Question:
     """The same with the given effects, there and in the catalogue, at the shapes that fit best."""
-    watch = question.scale.part(0.0, 0.1)
-    given = closest(closely(question.sessions, question.given, watch, question.recall)[1])
+    watch = question.scale.part(0.2, 0.25)
+    given = closest(closely(question.reduction, question.given, watch)[1])
     return replace(question, given=given, catalogue=shaped_like(question.catalogue, given))
 
 
@@ -219,7 +219,7 @@ class _Look:
 
 
 def _look(question: _Question, path: list[Trial], watch: Watch) -> _Look:
-    return _Look(_choices(path), *look_again_along(question.sessions, path, watch, question.recall))
+    return _Look(_choices(path), *look_again_along(question.reduction, path, watch))
 
 
 def _choices(path: Sequence[Trial]) -> tuple[tuple[str, int], ...]:
@@ -245,7 +245,7 @@ def _way(question: _Question, study: Study, evidence: Evidence) -> tuple[Evidenc
     if _verdict(evidence) != "missing_effect" or len(path) != 2:
         return evidence, path, look
     watch = question.scale.part(0.88, 0.9)
-    closer = looked_at_closely(question.sessions, study, evidence, watch, question.recall)
+    closer = looked_at_closely(question.reduction, study, evidence, watch)
     if _best(closer) is _best(evidence):
         return closer, path, look
     study.weights = first_weights
@@ -265,12 +265,12 @@ def _looked_at_again(
     """
     if len(path) == 1 or not worth_a_look(path[-1].model.choices):
         return None, path
-    sessions, scale, recall = question.sessions, question.scale, question.recall
+    reduction, scale = question.reduction, question.scale
     if look is None or look.choices != _choices(path):
         look = _look(question, path, scale.part(0.9, 0.93))
     closer, path = look.study, look.path
     while much_left(path[-1]) and len(path) <= LONGEST_PATH:
-        longer = look_beyond(sessions, question.catalogue, path, scale.part(0.93, 0.97), recall)
+        longer = look_beyond(reduction, question.catalogue, path, scale.part(0.93, 0.97))
         if longer is None or len(longer[1]) <= len(path):  # found, but not borne out when looked at again
             break
         closer, path = longer
@@ -287,9 +287,9 @@ def _walked_again(
     found = {c.effect.id for c in path[-1].model.choices}
     if len(path) < 3 or _last(best) not in found or not much_left(path[-1], NEARLY_RIGHT):
         return closer, path
-    sessions, recall, watch = question.sessions, question.recall, question.scale.part(0.97, 0.99)
-    first = look_again_along(sessions, [path[0], best], watch, recall)[1]
-    again = look_beyond(sessions, question.catalogue, first, watch, recall)
+    reduction, watch = question.reduction, question.scale.part(0.97, 0.99)
+    first = look_again_along(reduction, [path[0], best], watch)[1]
+    again = look_beyond(reduction, question.catalogue, first, watch)
     if again is None or density(again[0], again[1][-1]) >= density(closer, path[-1]):
         return closer, path
     return again
@@ -307,7 +307,7 @@ def _told(question: _Question, found: _Found, display: Display | None, started: 
     loose = sum(f.slack_samples for g in study.reduced.groups for f in g.folds)
     candidates = _candidates(evidence, chosen, loose, curves.fingerprints if curves else {}, first)
     return Diagnosis(
-        sessions=tuple(str(s.path) for s in question.sessions),
+        sessions=tuple(str(s.path) for s in question.reduction.sessions),
         model=tuple(e.id for e in question.given),
         errors=equation_errors(study, evidence.base),
         score=evidence.base.score,
@@ -316,7 +316,7 @@ def _told(question: _Question, found: _Found, display: Display | None, started: 
         set=tuple(evidence.trials[i].model.choices[-1].effect.id for i in chosen),
         path=tuple(PathStep(_last(s) if k else None, s.score) for k, s in enumerate(path)),
         final_model=tuple(c.effect.id for c in path[-1].model.choices),
-        next_experiment=_next_experiment(question.sessions, study, evidence, chosen),
+        next_experiment=_next_experiment(question.reduction.sessions, study, evidence, chosen),
         seconds=time.perf_counter() - started,
         probability_nothing=evidence.nothing,
         probability_unknown=evidence.unknown,
@@ -324,7 +324,7 @@ def _told(question: _Question, found: _Found, display: Display | None, started: 
         final_parameters=every_parameter(path[-1], evidence.temperature),
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
-        held_out=held_out_runs(question.sessions, study.reduced, evidence.base),
+        held_out=held_out_runs(question.reduction.sessions, study.reduced, evidence.base),
         repeats=all(group.repeats for group in study.reduced.groups),
     )
 

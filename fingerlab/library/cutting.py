@@ -21,12 +21,12 @@ from fingerlab.core.progress import Progress
 from fingerlab.library.index import started_at, text_list, time_of
 from fingerlab.library.pyramid import PIECE
 from fingerlab.library.reviewing import markers_of
-from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.format import OWN_ROOT_ATTRIBUTES, as_stored
+from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.reading import content_hash
 from fingerlab.sessions.writing import SessionWriter
 
 TAKEN_FROM = "taken_from"
-_OWN_ROOT = ("format", "format_version", "created", "title", "rig", "software")
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def cut_session(
     Raises:
         UserError: no sample lies in the stretch, or the target exists or cannot be written.
     """
-    attributes = {key: value for key, value in session.attributes.items() if key not in _OWN_ROOT}
+    attributes = {key: value for key, value in session.attributes.items() if key not in OWN_ROOT_ATTRIBUTES}
     title = f"{session.title}, run {stretch.run.name} cut"
     with SessionWriter(
         target, str(session.attributes["rig"]), title, created=session.created, attributes=attributes
@@ -73,17 +73,17 @@ def merge_sessions(
     tags = dict.fromkeys(tag for session in ordered for tag in text_list(session.attributes.get("tags")))
     if tags:
         common["tags"] = list(tags)
-    runs = [(session, run) for session in ordered for run in session.runs]
-    hashes = {id(session): content_hash(session) for session in ordered}
-    total, done = sum(run.length for _, run in runs), 0
+    total, done = sum(run.length for session in ordered for run in session.runs), 0
     first = ordered[0]
     with SessionWriter(
         target, str(first.attributes["rig"]), title, created=first.created, attributes=common
     ) as writer:
-        for session, run in runs:
-            share = _scaled(progress, done / total, (done + run.length) / total)
-            _copy(writer, session, hashes[id(session)], RunStretch(run), own[id(session)], share)
-            done += run.length
+        for session, inherited in zip(ordered, own, strict=True):
+            sha256 = content_hash(session)
+            for run in session.runs:
+                share = _scaled(progress, done / total, (done + run.length) / total)
+                _copy(writer, session, sha256, RunStretch(run), inherited, share)
+                done += run.length
     return target
 
 
@@ -117,19 +117,16 @@ def _began(session: Session) -> tuple[bool, float, str]:
     return when is None, 0.0 if when is None else when.timestamp(), session.path.name
 
 
-def _shared_attributes(sessions: Sequence[Session]) -> tuple[dict[str, Any], dict[int, dict[str, Any]]]:
-    """Root attributes that all sessions have alike, and by session those of its own, for its runs."""
+def _shared_attributes(sessions: Sequence[Session]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Root attributes that all sessions have alike, and those of each session alone, for its runs."""
     kept = [
-        {key: value for key, value in s.attributes.items() if key not in (*_OWN_ROOT, "tags")}
+        {key: value for key, value in s.attributes.items() if key not in (*OWN_ROOT_ATTRIBUTES, "tags")}
         for s in sessions
     ]
     common = {
         key: value for key, value in kept[0].items() if all(key in one and one[key] == value for one in kept)
     }
-    own = {
-        id(session): {key: value for key, value in one.items() if key not in common}
-        for session, one in zip(sessions, kept, strict=True)
-    }
+    own = [{key: value for key, value in one.items() if key not in common} for one in kept]
     return common, own
 
 
@@ -164,7 +161,7 @@ def _copy(
         stop = min(start + PIECE, last)
         piece = run.load(None, start, stop)
         piece["time"] = piece["time"] - offset
-        writing.append({name: _whole_counts(name, values) for name, values in piece.items()})
+        writing.append({name: as_stored(name, values) for name, values in piece.items()})
         progress((stop - first) / (last - first))
     writing.finish()
 
@@ -196,12 +193,6 @@ def _moved(session: Session, run: Run, offset: float, ends: float) -> dict[str, 
     started = None if began is None else (began + timedelta(seconds=offset)).isoformat()
     # None leaves an attribute out: without a clock the old one would be wrong.
     return {"started": started, "markers": markers or None}
-
-
-def _whole_counts(name: str, values: Array) -> Array:
-    """Counts are whole numbers and stay so."""
-    counts: Array = np.rint(values).astype(np.int64) if name.endswith("_counts") else values
-    return counts
 
 
 def _scaled(progress: Progress | None, low: float, high: float) -> Callable[[float], None]:

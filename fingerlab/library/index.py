@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.reading import open_session
-from fingerlab.sessions.recording_files import SUFFIX, cut_recordings
+from fingerlab.sessions.recording_files import session_files
 from fingerlab.sessions.repair import was_cut
 
 UNWRITTEN = "not yet written"
@@ -66,11 +64,11 @@ def read_facts(path: Path, name: str) -> SessionFacts:
     except OSError as error:
         return SessionFacts(path, name, 0, 0.0, problem=f"{path} cannot be read ({error.strerror}).")
     if was_cut(path):
-        return _with(bare, problem="The recording was cut off; opening it makes it whole.")
+        return replace(bare, problem="The recording was cut off; opening it makes it whole.")
     try:
         session = open_session(path)
     except UserError as error:
-        return _with(bare, problem=str(error))
+        return replace(bare, problem=str(error))
     return facts_of(session, bare)
 
 
@@ -78,7 +76,7 @@ def facts_of(session: Session, bare: SessionFacts) -> SessionFacts:
     """Facts of a session that is open; ``bare`` brings path, name, size and time."""
     attributes = session.attributes
     tags = text_list(attributes.get("tags"))
-    return _with(
+    return replace(
         bare,
         title=session.title,
         created=session.created,
@@ -104,11 +102,11 @@ def quality_flags(session: Session) -> tuple[str, ...]:
     runs, found = session.runs, []
     if str(session.attributes.get("ended", "clean")) == "truncated":
         found.append("cut off")
-    broken = sum(_said_false(run.attributes.get("complete")) for run in runs)
+    broken = sum(not run.complete for run in runs)
     if broken:
         found.append(f"{broken} of {len(runs)} runs not complete")
     for key, words in (("dropped_samples", "dropped samples"), ("late_cycles", "late cycles")):
-        count = sum(_count(run.attributes.get(key)) for run in runs)
+        count = sum(int(run.counted(key)) for run in runs)
         if count:
             found.append(f"{count} {words}")
     blind = sum(run.phase == "contact" and not run.has("endpoint_force") for run in runs)
@@ -158,44 +156,8 @@ def _rig_words(session: Session, tags: tuple[str, ...]) -> str:
     return f"{bench}, simulated" if "simulated" in tags else bench
 
 
-def _with(bare: SessionFacts, **changes: Any) -> SessionFacts:
-    fields: Mapping[str, Any] = {**vars(bare), **changes}
-    return SessionFacts(**fields)
-
-
 def _text(value: object) -> str:
     return "" if value is None else str(value).strip()
-
-
-def _said_false(value: object) -> bool:
-    return str(1 if value is None else value).lower() in ("0", "0.0", "false")
-
-
-def _count(value: object) -> int:
-    return int(value) if isinstance(value, (int, float)) and value > 0 else 0
-
-
-ENDINGS = (".h5", ".hdf5")
-
-
-def list_files(folder: Path) -> list[tuple[Path, str]]:
-    """Session files below the folder with their relative names, by name; hidden folders are left out.
-
-    Recordings that were cut and not yet made whole are named by the session that they will become.
-
-    Raises:
-        UserError: there is no such folder.
-    """
-    if not folder.is_dir():
-        raise UserError(f"{folder} is not a folder; choose the folder that holds the sessions.")
-    found: list[Path] = []
-    for place, folders, names in os.walk(folder):
-        folders[:] = sorted(
-            name for name in folders if not name.startswith(".") and not name.endswith(SUFFIX)
-        )
-        found += [Path(place) / name for name in names if Path(name).suffix.lower() in ENDINGS]
-        found += cut_recordings(Path(place))
-    return sorted(((path, path.relative_to(folder).as_posix()) for path in found), key=lambda item: item[1])
 
 
 def scan(
@@ -216,7 +178,7 @@ def scan(
         Cancelled: ``cancelled`` answered True.
     """
     before: Mapping[Path, SessionFacts] = {one.path: one for one in known}
-    files = list_files(folder)
+    files = session_files(folder, unfinished=True)
     result = []
     for number, (path, name) in enumerate(files, start=1):
         if cancelled is not None and cancelled():

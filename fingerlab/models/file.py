@@ -24,7 +24,7 @@ from typing import Any
 
 import fingerlab
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import claim, move_into_place
+from fingerlab.core.files import new_file
 from fingerlab.core.plain_data import Mismatch, json_ready, structured
 from fingerlab.core.units import ParameterEstimate as ParameterEstimate
 from fingerlab.sessions.model import Session
@@ -102,16 +102,8 @@ def save_model(model: Model, path: str | Path) -> None:
     Raises:
         UserError: the file exists, or its folder is missing, read-only or full.
     """
-    path = Path(path)
-    part = claim(path)
-    try:
+    with new_file(Path(path)) as part:
         write_model(model, part)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise UserError(
-            f"{path} cannot be written ({error.strerror}); choose a place with room and write access."
-        ) from None
-    move_into_place(part, path)
 
 
 def write_model(model: Model, path: Path) -> None:

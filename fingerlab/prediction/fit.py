@@ -9,6 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.wording import every_parameter
+from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import Trial
 from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Study
 from fingerlab.diagnosis.score.selection import temperature
@@ -37,7 +38,9 @@ def fit_extended(
     chosen = [effect(name) for name in dict.fromkeys(effects)]
     tell = progress or (lambda share, what: None)
     with threadpool_limits(limits=1, user_api="blas"):
-        study, trial = closely(sessions, chosen, Watch(lambda share, what: tell(0.5 * share, what)))
+        study, trial = closely(
+            Reduction(sessions), chosen, Watch(lambda share, what: tell(0.5 * share, what))
+        )
         tell(0.6, "fitting")
         nominal = study.fit([], study.fit([], trial), FULL_ITERATIONS)
         hashes = {id(s): h.sha256 for s, h in zip(sessions, hash_sessions(sessions), strict=True)}

@@ -19,8 +19,8 @@ from fingerlab.diagnosis.equations.features import Feature, base_columns, shifte
 from fingerlab.diagnosis.equations.model import CABLE_NAMES
 from fingerlab.diagnosis.equations.parameters import SLIP_STIFFNESSES
 from fingerlab.diagnosis.gram.decimation import counted
-from fingerlab.diagnosis.signals.filters import narrow
-from fingerlab.diagnosis.signals.segments import stretches
+from fingerlab.diagnosis.signals.filters import decimate
+from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.tip import TOUCHING_FORCE_N
@@ -69,10 +69,10 @@ def contact_stretches(session: Session, run: Run) -> Iterator[Stretch]:
         raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
     cell = run.has("endpoint_force") and bool(np.all(np.isfinite(run.channel("endpoint_force"))))
     measured = (
-        [_narrowed(m, m.force) for m in stretches(run, session.rig) if m.force is not None] if cell else []
+        [_narrowed(m, m.force) for m in segments_of(run, session.rig) if m.force is not None] if cell else []
     )
     # Read as free motion, so that what the load cell says cannot enter the prediction.
-    for number, motion in enumerate(stretches(replace(run, phase="on_air"), session.rig)):
+    for number, motion in enumerate(segments_of(replace(run, phase="on_air"), session.rig)):
         time = _narrowed(motion, motion.time)
         read = measured[number] if measured else np.full(len(time), np.nan)
         yield Stretch(run.name, time, read, motion, _cycle_hz(run, motion))
@@ -93,7 +93,7 @@ def _cycle_hz(run: Run, motion: Motion) -> float:
 
 def _narrowed(motion: Motion, values: Array) -> Array:
     """What a fit would judge of a stretch: behind its lead, low-passed and decimated, (n,)."""
-    return narrow(values[counted(motion)])
+    return decimate(values[counted(motion)])
 
 
 def solved_forces(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from fingerlab.core.errors import UserError
@@ -82,12 +82,8 @@ class Rig:
         """The JSON text of ``session-format.md``, unknown keys included."""
         data: dict[str, Any] = dict(self.extra)
         if self.finger is not None:
-            data["finger"] = {f.name: getattr(self.finger, f.name) for f in fields(self.finger)}
-        data["motor"] = {
-            f.name: getattr(self.motor, f.name)
-            for f in fields(self.motor)
-            if getattr(self.motor, f.name) is not None
-        }
+            data["finger"] = vars(self.finger)
+        data["motor"] = {name: value for name, value in vars(self.motor).items() if value is not None}
         if self.tolerance:
             data["tolerance"] = dict(self.tolerance)
         return json.dumps(data)

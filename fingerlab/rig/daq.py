@@ -19,6 +19,9 @@ T = TypeVar("T")
 SOURCES = "sources"
 """Key under which a section keeps the origin of its values, by dotted name."""
 
+OPTIONAL_LINES = frozenset({"dead_man", "emergency_stop", "amplifier_ready"})
+"""Digital lines without which a bench can be driven."""
+
 Timing = Literal["auto", "single-point", "buffered"]
 Wiring = Literal["default", "rse", "nrse", "diff", "pseudodiff"]
 BLOCK_RANGE = (5, 10)
@@ -115,6 +118,58 @@ class EnableLine:
 
 
 @dataclass(frozen=True)
+class DeadManLine:
+    """A digital output that the control loop inverts once a command; see "A dead-man" in ``docs/rig.md``.
+
+    Attributes:
+        terminal: such as ``port0/line1``; empty where the bench has none.
+        hold_time: s for which the charge pump behind it holds the amplifier's enable after the last edge.
+    """
+
+    terminal: str = ""
+    hold_time: float = 0.05
+
+
+@dataclass(frozen=True)
+class EmergencyStopLine:
+    """A digital input that tells whether the emergency stop is pressed; it acts by its own contacts.
+
+    Attributes:
+        terminal: such as ``port0/line2``; empty where the bench has none.
+        active_high: whether 5 V mean "pressed"; otherwise 0 V or a broken wire do.
+    """
+
+    terminal: str = ""
+    active_high: bool = False
+
+
+@dataclass(frozen=True)
+class AmplifierReadyLine:
+    """A digital input that tells whether the amplifier is ready.
+
+    Attributes:
+        terminal: such as ``port0/line3``; empty where the bench has none.
+        active_high: whether 5 V mean "ready".
+        settling_time: s after enable within which it may still become ready.
+        needs_enable: only an enabled amplifier tells, or clears its fault; it is not asked before.
+    """
+
+    terminal: str = ""
+    active_high: bool = True
+    settling_time: float = 0.1
+    needs_enable: bool = False
+
+
+@dataclass(frozen=True)
+class SafetyLines:
+    """The digital lines beside enable that a bench may have; each has an empty terminal where it has not."""
+
+    dead_man: DeadManLine = DeadManLine()
+    emergency_stop: EmergencyStopLine = EmergencyStopLine()
+    amplifier_ready: AmplifierReadyLine = AmplifierReadyLine()
+
+
+@dataclass(frozen=True)
 class Daq:
     """The card, how it is timed, and the channels of the bench.
 
@@ -138,7 +193,15 @@ class Daq:
     encoder: Encoder = Encoder()
     command: CommandOutput = CommandOutput()
     enable: EnableLine = EnableLine()
+    dead_man: DeadManLine = DeadManLine()
+    emergency_stop: EmergencyStopLine = EmergencyStopLine()
+    amplifier_ready: AmplifierReadyLine = AmplifierReadyLine()
     sources: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def safety_lines(self) -> SafetyLines:
+        """The digital lines beside enable."""
+        return SafetyLines(self.dead_man, self.emergency_stop, self.amplifier_ready)
 
     @property
     def inputs(self) -> tuple[AnalogInput, AnalogInput, AnalogInput, AnalogInput]:
@@ -225,8 +288,10 @@ CHANNEL_UNITS = {
     "pip": {"gain": "rad/V", "offset": "rad"},
     "current_monitor": {"gain": "A/V", "offset": "A"},
     "command": {"gain": "A/V"},
+    "dead_man": {"hold_time": "s"},
+    "amplifier_ready": {"settling_time": "s"},
 }
-"""SI unit of the scaling of each channel; every other number of ``[daq]`` is in volts or a plain number."""
+"""SI unit of the scaling and times of each channel; every other number of ``[daq]`` is in volts or plain."""
 
 
 def read_daq(data: Any, where: str) -> Daq:
@@ -246,6 +311,7 @@ def read_daq(data: Any, where: str) -> Daq:
     for name in ("encoder", "command", "enable"):
         if not getattr(daq, name).terminal:
             raise UserError(f"{where} {name} has no terminal; the motor cannot be driven without it.")
+    _check_lines(daq, where)
     return daq
 
 
@@ -263,6 +329,36 @@ def read_limits(data: Any, where: str) -> Limits:
         if getattr(limits, f"{name}_low") >= getattr(limits, f"{name}_high"):
             raise UserError(f"{where} {name}_low is not below {name}_high; nothing could move.")
     return limits
+
+
+LEAST_HELD = 4
+"""Commands of the position loop that a dead-man has to hold at least: a charge pump is fed by every second
+edge, and one such edge may come a period late (assumed)."""
+
+
+def _check_lines(daq: Daq, where: str) -> None:
+    """No two digital lines on one terminal, and times that a bench can keep."""
+    taken: dict[str, str] = {}
+    for name in OPTIONAL_LINES | {"enable"}:
+        terminal = getattr(daq, name).terminal
+        if terminal and terminal in taken:
+            one, other = sorted((name, taken[terminal]))
+            raise UserError(
+                f"{where} {one} and {other} are both on {terminal}; each needs a line of its own."
+            )
+        taken[terminal] = name
+    command = daq.block if daq.timing != "single-point" else 1
+    least = LEAST_HELD * command / daq.rate_hz
+    if daq.dead_man.terminal and not least <= daq.dead_man.hold_time < 1.0:
+        raise UserError(
+            f"{where} dead_man hold_time is {daq.dead_man.hold_time:g} s; it should be {least:g} s "
+            f"({LEAST_HELD} commands of the position loop) to less than 1 s."
+        )
+    if not 0.0 <= daq.amplifier_ready.settling_time <= 2.0:
+        raise UserError(
+            f"{where} amplifier_ready settling_time is {daq.amplifier_ready.settling_time:g} s; it should be "
+            "0 to 2 s."
+        )
 
 
 def _section(kind: type[T], data: Any, where: str) -> T:
@@ -285,7 +381,10 @@ def _check_channel(channel: Any, where: str) -> None:
 
 
 def plain_section(section: Daq | Limits) -> dict[str, Any]:
-    """A section as plain JSON, every value stated; of the loop's own limits those that a bench changed."""
+    """A section as plain JSON, every value stated.
+
+    Left out are lines that the bench does not have, and of the loop's own limits those that nobody changed.
+    """
 
     def plain(value: Any) -> Any:
         if is_dataclass(value) and not isinstance(value, type):
@@ -293,6 +392,9 @@ def plain_section(section: Daq | Limits) -> dict[str, Any]:
         return dict(value) if isinstance(value, Mapping) else value
 
     result: dict[str, Any] = plain(section)
+    for name in OPTIONAL_LINES & result.keys():  # a session of a bench without them reads as it always did
+        if not result[name]["terminal"]:
+            del result[name]
     if isinstance(section, Limits):
         usual = {name: getattr(Limits(), name) for name in LIMIT_UNITS if name not in BENCH_LIMITS}
         result = {key: value for key, value in result.items() if usual.get(key) != value}

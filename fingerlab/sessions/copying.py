@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import h5py
 
-from fingerlab.core.files import claim, move_into_place
+from fingerlab.core.files import new_file
 from fingerlab.sessions.hdf5 import TargetFile, write_attributes, writing_to
 from fingerlab.sessions.reading import open_session
 
@@ -28,27 +29,31 @@ def copy_session(source: str | Path, target: str | Path, attributes: Mapping[str
     """
     source, target = Path(source), Path(target)
     open_session(source)
-    part = claim(target)
-    try:
-        with writing_to(target):
+    if attributes:
+        with edited_copy(source, target) as copy:
+            write_attributes(copy, attributes)
+    else:
+        with new_file(target) as part, writing_to(target):
             shutil.copyfile(source, part)
-        if attributes:
-            _set_attributes(target, part, attributes)
-        # An attribute such as a broken rig text must not turn a good session into a bad one.
-        open_session(part)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
-    move_into_place(part, target)
     return target
 
 
-def _set_attributes(target: Path, part: Path, attributes: Mapping[str, Any]) -> None:
-    with writing_to(target):
-        file = TargetFile(part)
-    with writing_to(target, file):
-        try:
-            with h5py.File(file, "r+") as session:
-                write_attributes(session, attributes)
-        finally:
-            file.close()
+@contextmanager
+def edited_copy(source: Path, target: Path) -> Iterator[h5py.File]:
+    """A copy of a session, open to be changed; it gets its name once it has been and is still a session.
+
+    Raises:
+        UserError: the target exists, cannot be written to or is full, or what was changed broke the session.
+    """
+    with new_file(target) as part:
+        with writing_to(target):
+            shutil.copyfile(source, part)
+            file = TargetFile(part)
+        with writing_to(target, file):
+            try:
+                with h5py.File(file, "r+") as session:
+                    yield session
+            finally:
+                file.close()
+        # An attribute such as a broken rig text must not turn a good session into a bad one.
+        open_session(part)

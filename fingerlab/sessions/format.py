@@ -45,6 +45,8 @@ REQUIRED_CHANNELS = {"on_air": _FINGER, "contact": _FINGER, "motor_bench": _MOTO
 FINGER_PHASES = frozenset({"on_air", "contact"})
 """Phases in which the rig must know its finger."""
 
+OWN_ROOT_ATTRIBUTES = ("format", "format_version", "created", "title", "rig", "software")
+"""Root attributes that whoever writes a session sets itself; all others travel with the runs."""
 REQUIRED_ROOT_ATTRIBUTES = ("created", "title", "rig")
 REQUIRED_RUN_ATTRIBUTES = ("phase", "cable", "sample_rate_hz", "trajectory")
 
@@ -69,3 +71,8 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return plain(value.item())
     return value
+
+
+def as_stored(name: str, values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Samples as a session stores them: counts are whole numbers, which single precision would round."""
+    return np.rint(values).astype(np.int64) if name.endswith("_counts") else values

@@ -13,6 +13,7 @@ stands for a whole sample.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
@@ -43,6 +44,33 @@ WRITING, VERIFYING = "writing", "verifying"
 def recording_folder(path: Path) -> Path:
     """Where the recording of ``path`` grows."""
     return path.with_name(path.name + SUFFIX)
+
+
+ENDINGS = (".h5", ".hdf5")
+"""Of the names of session files."""
+
+
+def session_files(folder: Path, unfinished: bool = False) -> list[tuple[Path, str]]:
+    """Session files below a folder with their relative names (forward slashes), by name.
+
+    Hidden folders are left out, links to folders are not followed.
+
+    Args:
+        unfinished: whether recordings that were cut and not yet made whole are listed, too, by the session
+            that they will become.
+
+    Raises:
+        UserError: there is no such folder.
+    """
+    if not folder.is_dir():
+        raise UserError(f"{folder} is not a folder; choose the folder that holds the sessions.")
+    found: list[Path] = []
+    for place, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(".") and not name.endswith(SUFFIX)]
+        found += [Path(place) / name for name in names if Path(name).suffix.lower() in ENDINGS]
+        if unfinished:
+            found += cut_recordings(Path(place))
+    return sorted(((path, path.relative_to(folder).as_posix()) for path in found), key=lambda item: item[1])
 
 
 def cut_recordings(folder: Path) -> list[Path]:

@@ -18,7 +18,14 @@ import numpy as np
 
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.core.progress import Progress
-from fingerlab.sessions.format import FORMAT_NAME, MAY_BE_NAN, REQUIRED_CHANNELS, plain
+from fingerlab.sessions.format import (
+    FORMAT_NAME,
+    MAY_BE_NAN,
+    OWN_ROOT_ATTRIBUTES,
+    REQUIRED_CHANNELS,
+    as_stored,
+    plain,
+)
 from fingerlab.sessions.recording_files import (
     ASSEMBLING,
     CLEAN,
@@ -41,7 +48,6 @@ that it lives; two of a session's chunks."""
 WRITING_SHARE = 0.63
 """Of the time until a session is whole, what writing takes; reading back takes the rest (measured)."""
 MARKERS_SUFFIX = ".markers"
-_OWN_ROOT = ("format", "format_version", "created", "title", "rig", "software")
 _OWN_RUN = ("phase", "cable", "sample_rate_hz", "trajectory")
 _WRITE_FLAGS = 0x05  # superblock version 3: open for writing, open in single-writer mode
 _CUT_NOTE = "The recording was cut off; what had been flushed is here."
@@ -141,16 +147,13 @@ def assemble_files(
     runs = _with_samples(files, name)
     total, done = sum(length for _, _, length in runs), 0
     root = {key: plain(value) for key, value in runs[0][1].attrs.items()}
-    extra = {key: value for key, value in root.items() if key not in _OWN_ROOT}
+    extra = {key: value for key, value in root.items() if key not in OWN_ROOT_ATTRIBUTES}
     endings = [_ending(file) for _, file, _ in runs]
-    extra |= {"ended": _worst([e for e, _ in endings]), "ended_note": _notes(endings) or None}
+    worst = next((kind for kind in (TRUNCATED, LOSSY) if any(kind == ended for ended, _ in endings)), CLEAN)
+    notes = " ".join(f"Run {k:03d}: {note}" for k, (_, note) in enumerate(endings, start=1) if note)
+    extra |= {"ended": worst, "ended_note": notes or None}
     with SessionWriter(
-        target,
-        str(root["rig"]),
-        str(root["title"]),
-        created=root["created"],
-        attributes=extra,
-        float32=True,
+        target, str(root["rig"]), str(root["title"]), created=root["created"], attributes=extra, float32=True
     ) as writer:
         for part, file, length in runs:
             for count in _copy_run(writer, part, file, length):
@@ -213,7 +216,7 @@ def _copy_run(writer: SessionWriter, part: Path, file: h5py.File, length: int) -
     )
     for start in range(0, length, PIECE):
         stop = min(start + PIECE, length)
-        run.append({name: _samples(group, name, start, stop) for name in names})
+        run.append({name: as_stored(name, group[name][start:stop]) for name in names})
         yield stop - start
     run.finish()
 
@@ -223,19 +226,13 @@ def _compare(session: h5py.File, run: str, file: h5py.File, length: int, name: P
     for start in range(0, length, PIECE):
         stop = min(start + PIECE, length)
         for channel in _channels(source):
-            wanted, found = _samples(source, channel, start, stop), written[channel][start:stop]
+            wanted, found = as_stored(channel, source[channel][start:stop]), written[channel][start:stop]
             if len(written[channel]) != length or not np.array_equal(wanted, found, equal_nan=True):
                 raise UserError(
                     f"{name} read back differs from what was recorded in run {run}, '{channel}'; the "
                     "disk is not to be trusted, save elsewhere."
                 )
         yield stop - start
-
-
-def _samples(group: h5py.Group, name: str, start: int, stop: int) -> np.ndarray[Any, Any]:
-    """Samples as the session stores them; counts are whole numbers, which single precision would round."""
-    values: np.ndarray[Any, Any] = group[name][start:stop]
-    return np.rint(values).astype(np.int64) if name.endswith("_counts") else values
 
 
 def _channels(group: h5py.Group) -> list[str]:
@@ -265,14 +262,6 @@ def _ending(file: h5py.File) -> tuple[str, str]:
     ended = str(plain(attributes.get("ended", TRUNCATED)))
     note = str(plain(attributes.get("ended_note", "")))
     return ended, note or (_CUT_NOTE if ended == TRUNCATED else "")
-
-
-def _worst(endings: Sequence[str]) -> str:
-    return next((ended for ended in (TRUNCATED, LOSSY) if ended in endings), CLEAN)
-
-
-def _notes(endings: Sequence[tuple[str, str]]) -> str:
-    return " ".join(f"Run {k:03d}: {note}" for k, (_, note) in enumerate(endings, start=1) if note)
 
 
 def _markers(part: Path) -> list[Mapping[str, Any]]:

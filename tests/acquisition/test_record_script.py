@@ -29,6 +29,8 @@ from fingerlab.cli.record import record
 from fingerlab.cli.record_events import Events
 from fingerlab.cli.record_session import Told, _Writing, take
 from fingerlab.core.errors import UserError
+from fingerlab.devices.faults import fault_after
+from fingerlab.devices.simulated import SimulatedRig
 from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
@@ -255,6 +257,40 @@ def test_who_is_asked_to_change_the_bench(
     asked = of([json.loads(line) for line in told_lines], "ask")
     assert [e["sentence"].startswith("Fix the extension cable") for e in asked] == [True]
     bench.close()
+
+
+def test_an_emergency_stop_ends_the_recording_and_is_in_events_and_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO(""))
+    rig = SimulatedRig(faults=fault_after("emergency-stop", 4.0, 1000.0))
+    settings = LoopSettings(BenchUnits.from_rig(rig.rig), rig.rig.limits)
+    bench = InlineBench(rig, settings, tmp_path / "rescued")
+    plan = RunPlan("on_air", "extension", {**RUN, "duration_s": 8.0})
+    told = Told(
+        out=tmp_path / "s.h5", name="own", title=None, attributes={}, initial=Initialise(),
+        beginning=Beginning(), model=None, orders=[], typed=True, asks=False,
+    )  # fmt: skip
+    bar, report = progress_bar("test")
+    with Events(str(tmp_path / "events.jsonl")) as events, pytest.raises(UserError, match="emergency stop"):
+        take(bench, rig.rig, plan_steps([plan], 0.8, 0.1), told, events, bar, report)
+    text = (tmp_path / "events.jsonl").read_text(encoding="utf-8")
+    lines = [json.loads(line) for line in text.splitlines()]
+    readings = of(lines, "readings")
+    assert (readings[0]["emergency_stop"], readings[0]["amplifier"]) == ("released", "ready")
+    assert readings[-1]["emergency_stop"] == "pressed"
+    warned = {one["about"]: one["sentence"] for one in of(lines, "warning")}
+    assert warned["line"] == "The emergency stop was pressed at 4.000 s of the bench's time."
+    assert warned["stopped"].startswith("The emergency stop was pressed; release it")
+    assert {one["dead_man"] for one in readings} == {"not wired"}
+    bench.close()
+    run = open_session(tmp_path / "s.h5").runs[0]
+    stop = run.channel("raw/emergency_stop")
+    assert set(stop.tolist()) == {0.0, 1.0}
+    first = int(np.argmax(stop))
+    assert np.all(stop[first:] == 1.0)
+    assert 2000 < first < 4000
+    assert (rig.driven_current, rig.enabled) == (0.0, False)
 
 
 def test_a_script_at_the_other_end_of_a_pipe(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from fingerlab.acquisition.ring import Ring
 from fingerlab.core.errors import UserError
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
+from fingerlab.sessions.exporting import export_session
 from fingerlab.sessions.recording_files import PartWriter, cut_recordings
 
 SINE = {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0}
@@ -85,6 +86,25 @@ def test_every_sample_is_in_the_session_and_nothing_else(bench: Bench) -> None:
     assert run.attributes["complete"] == 1
     assert session.title == "Łódź"
     assert not bench.path.with_name("session.h5.recording").exists()
+
+
+def test_digital_inputs_are_recorded_where_the_rig_has_them(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    rig = json.loads(default_rig().to_json())
+    rig["daq"]["emergency_stop"] = {"terminal": "port0/line2"}
+    bench.recorder.open(SessionInfo(bench.path, json.dumps(rig), "lines", "2026-11-01T09:00:00+01:00"))
+    bench.begin(0, 300)
+    bench.publish(200, **{"raw/emergency_stop": 0.0})
+    bench.publish(100, **{"raw/emergency_stop": 1.0})
+    session = open_session(bench.recorder.close())
+    assert not check_session(session).errors
+    run = session.runs[0]
+    np.testing.assert_array_equal(run.channel("raw/emergency_stop"), np.r_[np.zeros(200), np.ones(100)])
+    assert run.units["raw/emergency_stop"] == ""
+    assert not run.has("raw/amplifier_ready")  # this rig has none
+    exported = export_session(session, "csv", tmp_path / "out")
+    with next(one for one in exported if one.suffix == ".csv").open(encoding="utf-8") as table:
+        assert "raw/emergency_stop" in table.readline()
 
 
 def test_pre_trigger_takes_what_the_ring_still_has(bench: Bench) -> None:

@@ -281,7 +281,8 @@ def test_a_table_of_another_question_or_other_sessions_is_refused(
 
 def test_bad_calls_are_one_sentence(tree: Path, tmp_path: Path, finished: Finished) -> None:
     out = tmp_path / "T.parquet"
-    (tmp_path / "empty").mkdir()
+    (tmp_path / "empty" / ".hidden").mkdir(parents=True)
+    (tmp_path / "empty" / ".hidden" / "old.h5").write_bytes(b"passed by, as the browser does")
     assert "no session below" in refused(tmp_path / "empty", "--out", out)
     assert "is not a folder" in refused(tmp_path / "nowhere", "--out", out)
     assert "does not exist" in refused(tree, "--out", tmp_path / "nowhere" / "T.parquet")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -294,7 +295,9 @@ def test_paced_rig_survives_clock_steps_both_ways() -> None:
 def test_default_rig_and_the_simulated_benchs_own_constants() -> None:
     own = SimulatedRig().rig
     assert own.finger == load_preset().rig.finger
-    assert own.daq == default_rig().daq
+    wired = {"emergency_stop": own.daq.emergency_stop, "amplifier_ready": own.daq.amplifier_ready}
+    assert own.daq == replace(default_rig().daq, **wired)  # the bench has both, for practice
+    assert all(line.terminal for line in wired.values())
 
 
 def test_a_bench_that_runs_away_is_a_fault() -> None:

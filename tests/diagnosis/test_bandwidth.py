@@ -20,15 +20,15 @@ def centres(length: int, taps: int, step: int) -> np.ndarray:
 @pytest.mark.parametrize("length", [81, 90, 91, 500, 1234, 5000])
 def test_narrow_is_a_whole_window_convolution_decimated(length: int) -> None:
     values = np.random.default_rng(length).standard_normal((3, length))
-    count = bw.narrow_count(length)
-    for row, low in zip(values, bw.narrow(values), strict=True):
+    count = bw.decimated_count(length)
+    for row, low in zip(values, bw.decimate(values), strict=True):
         assert low == pytest.approx(np.convolve(row, KERNEL, mode="valid")[::10], abs=1e-12)
         assert low == pytest.approx(upfirdn(KERNEL, row, 1, 10)[8 : 8 + count], abs=1e-12)
 
 
 def test_a_signal_shorter_than_the_filter_gives_nothing() -> None:
-    assert bw.narrow(np.ones((2, 80))).shape == (2, 0)
-    assert bw.narrow(np.ones((2, 81))).shape == (2, 1)
+    assert bw.decimate(np.ones((2, 80))).shape == (2, 0)
+    assert bw.decimate(np.ones((2, 81))).shape == (2, 1)
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ def test_narrow_passes_sines_with_known_gain_and_no_phase(
     frequency: float, gain: float, within: float
 ) -> None:
     time = np.arange(5000) / 250.0
-    low = bw.narrow(np.stack((np.sin(2 * np.pi * frequency * time), time)))
+    low = bw.decimate(np.stack((np.sin(2 * np.pi * frequency * time), time)))
     # The mean of the filtered time axis is the middle of the window, so the sine is taken at that time.
     turn = 2 * np.pi * frequency * low[1]
     part, quadrature = np.linalg.lstsq(np.stack((np.sin(turn), np.cos(turn)), axis=1), low[0], rcond=None)[0]
@@ -56,26 +56,26 @@ def test_effective_share_is_the_noise_bandwidth_over_nyquist() -> None:
 
 @pytest.mark.parametrize("rate", RATES)
 def test_derivatives_are_exact_on_ramp_and_parabola(rate: float) -> None:
-    kernels, step = bw.wide_kernels(rate)
+    kernels, step = bw.derivative_kernels(rate)
     assert rate / step == pytest.approx(min(rate, 250.0))
     time = np.arange(round(2 * rate)) / rate
     middle = time[centres(len(time), len(kernels), step)]
-    ramp = bw.widen(0.3 - 1.7 * time, kernels, step)
+    ramp = bw.differentiate(0.3 - 1.7 * time, kernels, step)
     assert ramp[0] == pytest.approx(0.3 - 1.7 * middle, abs=1e-9)
     assert ramp[1] == pytest.approx(np.full_like(middle, -1.7), abs=1e-9)
     assert ramp[2] == pytest.approx(np.zeros_like(middle), abs=1e-6)
-    parabola = bw.widen(2.5 * time**2, kernels, step)
+    parabola = bw.differentiate(2.5 * time**2, kernels, step)
     assert parabola[1] == pytest.approx(5.0 * middle, abs=1e-8)
     assert parabola[2] == pytest.approx(np.full_like(middle, 5.0), abs=1e-6)
 
 
 @pytest.mark.parametrize(("frequency", "within"), [(1.0, 0.002), (3.0, 0.015), (8.0, 0.1)])
 def test_derivatives_of_sines(frequency: float, within: float) -> None:
-    kernels, step = bw.wide_kernels(1000.0)
+    kernels, step = bw.derivative_kernels(1000.0)
     time = np.arange(6000) / 1000.0
     omega = 2 * np.pi * frequency
     middle = time[centres(len(time), len(kernels), step)]
-    value, velocity, acceleration = bw.widen(np.sin(omega * time), kernels, step)
+    value, velocity, acceleration = bw.differentiate(np.sin(omega * time), kernels, step)
     assert value == pytest.approx(np.sin(omega * middle), abs=within)
     assert velocity / omega == pytest.approx(np.cos(omega * middle), abs=within)
     assert acceleration / omega**2 == pytest.approx(-np.sin(omega * middle), abs=within)
@@ -83,10 +83,10 @@ def test_derivatives_of_sines(frequency: float, within: float) -> None:
 
 def test_wide_signals_hold_forty_hertz_back() -> None:
     """What lies above the wide rate's Nyquist frequency must not fold back into the band."""
-    kernels, step = bw.wide_kernels(1000.0)
+    kernels, step = bw.derivative_kernels(1000.0)
     time = np.arange(6000) / 1000.0
-    assert np.abs(bw.widen(np.sin(2 * np.pi * 240.0 * time), kernels, step)[0]).max() < 0.01
-    assert np.abs(bw.widen(np.sin(2 * np.pi * 40.0 * time), kernels, step)[0]).max() == pytest.approx(
+    assert np.abs(bw.differentiate(np.sin(2 * np.pi * 240.0 * time), kernels, step)[0]).max() < 0.01
+    assert np.abs(bw.differentiate(np.sin(2 * np.pi * 40.0 * time), kernels, step)[0]).max() == pytest.approx(
         0.5, abs=0.03
     )
 
@@ -94,7 +94,7 @@ def test_wide_signals_hold_forty_hertz_back() -> None:
 @pytest.mark.parametrize("frequency", [1.0, 3.0, 5.0])
 def test_derivatives_pass_with_the_gain_of_the_values(frequency: float) -> None:
     """Else a torque and the acceleration that causes it no longer agree after filtering."""
-    kernels, _ = bw.wide_kernels(1000.0)
+    kernels, _ = bw.derivative_kernels(1000.0)
     omega = 2 * np.pi * frequency
     lag = (np.arange(len(kernels)) - len(kernels) // 2) / 1000.0
     value = kernels[:, 0] @ np.cos(omega * lag)

@@ -10,7 +10,7 @@ import pytest
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.signals.segments import stretches
+from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
 from fingerlab.thesis.traces import trace
@@ -39,8 +39,8 @@ def lossy(session: Session, at_s: tuple[float, ...], lost_s: float) -> Session:
 
 def test_a_stretch_ends_where_samples_are_lost(shared_data: Path) -> None:
     session = open_session(shared_data / "bench-plain.h5")
-    whole = next(stretches(session.runs[0], session.rig))
-    first, second = stretches(with_gaps(session.runs[0], (8.0,), 0.5), session.rig)
+    whole = next(segments_of(session.runs[0], session.rig))
+    first, second = segments_of(with_gaps(session.runs[0], (8.0,), 0.5), session.rig)
     assert first.time[0] == whole.time[0]
     assert first.time[-1] < 8.0
     assert second.time[0] == pytest.approx(8.5, abs=0.1)

@@ -28,7 +28,7 @@ from fingerlab.diagnosis.experiment.proposal import (
     separation,
     values_in,
 )
-from fingerlab.diagnosis.gram.decimation import narrow_columns
+from fingerlab.diagnosis.gram.decimation import decimated_columns
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import Trial
@@ -201,7 +201,7 @@ def test_a_separation_is_what_the_rival_leaves_of_every_sample(
     """The same number from whitened residuals, sample by sample, and a least-squares solver."""
     run, study, truth, rival = imagined
     group = run.group
-    columns = narrow_columns(run.motion, run.layout.effects, run.layout.signals).columns
+    columns = decimated_columns(run.motion, run.layout.effects, run.layout.signals).columns
     count = len(columns)
 
     def residuals(trial: Trial) -> tuple[np.ndarray, np.ndarray]:

@@ -82,13 +82,13 @@ def test_a_path_that_goes_on_begins_with_what_was_given(monkeypatch: pytest.Monk
         def fit(self, chosen: tuple[Choice, ...], _: Any) -> Any:
             return holding(len(chosen))
 
-    monkeypatch.setattr(second_look, "reduce_sessions", lambda *_, **__: None)
     monkeypatch.setattr(second_look, "Study", lambda _: Fits())
     monkeypatch.setattr(second_look, "settled", lambda _, given: holding(len(given)))
     monkeypatch.setattr(second_look, "least_fall", lambda _: 0.0)
     monkeypatch.setattr(second_look, "weigh", lambda *_: None)
     monkeypatch.setattr(second_look, "forward", lambda *_: [holding(2), holding(3)])
     monkeypatch.setattr(second_look, "look_again_along", lambda _, path, *__: (None, path))
-    longer = second_look.look_beyond([], [], cast(Any, [holding(1), holding(2)]), SILENT)
+    reduction = cast(Any, SimpleNamespace(of=lambda *_: None))
+    longer = second_look.look_beyond(reduction, [], cast(Any, [holding(1), holding(2)]), SILENT)
     assert longer is not None
     assert [len(step.model.choices) for step in longer[1]] == [1, 2, 3]

@@ -7,10 +7,10 @@ import pytest
 
 from fingerlab.diagnosis.equations.columns import layout_of
 from fingerlab.diagnosis.equations.features import Pick
-from fingerlab.diagnosis.gram.decimation import narrow_columns
+from fingerlab.diagnosis.gram.decimation import decimated_columns
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Sums, empty, total
-from fingerlab.diagnosis.signals.segments import stretches
+from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 
@@ -110,9 +110,9 @@ def test_a_shared_signal_is_the_same_in_every_run_and_phase() -> None:
     layout = reduce_sessions([session], effects).layout
     assert layout.signal_count < 0.7 * len(layout.features)
     for run in (session.runs[0], session.runs[-1]):
-        motion = next(stretches(run, session.rig))
-        shared = narrow_columns(motion, effects, layout.signals).columns[:, layout.signals]
-        apart = narrow_columns(motion, effects, np.arange(len(layout.features))).columns
+        motion = next(segments_of(run, session.rig))
+        shared = decimated_columns(motion, effects, layout.signals).columns[:, layout.signals]
+        apart = decimated_columns(motion, effects, np.arange(len(layout.features))).columns
         assert np.array_equal(shared, apart)
 
 
@@ -120,7 +120,7 @@ def test_a_layout_does_not_depend_on_the_run_it_is_made_from() -> None:
     session = made.session(made.Bench(), 1, contact=1)
     effects = list(CATALOGUE.values())
     layouts = [
-        layout_of(next(stretches(run, session.rig)).glimpse(), session, effects)
+        layout_of(next(segments_of(run, session.rig)).glimpse(), session, effects)
         for run in (session.runs[0], session.runs[-1])
     ]
     assert np.array_equal(layouts[0].signals, layouts[1].signals)

@@ -21,7 +21,7 @@ def trial(*effects: str, left: float = 1.0) -> Any:
 
 
 QUESTION: Any = SimpleNamespace(
-    sessions=(), catalogue=(), recall=None, scale=SimpleNamespace(part=lambda low, high: None)
+    catalogue=(), reduction=SimpleNamespace(sessions=()), scale=SimpleNamespace(part=lambda low, high: None)
 )
 BEST = trial("presliding_hysteresis")
 RIGHT = trial("presliding_hysteresis", "stiffness_error", left=0.2)

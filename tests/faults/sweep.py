@@ -22,6 +22,7 @@ import numpy as np
 
 from tests.faults.injected import table
 from tests.faults.killing import VICTIMS, kill_once
+from tests.faults.stops import section_of
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 LIMIT_MS, LIMIT_S = 50.0, 0.25
@@ -90,6 +91,7 @@ def page(outcomes: list[dict[str, Any]], injected: list[str]) -> str:
         head=f"| {' | '.join(HEAD)} |\n|{'---|' * len(HEAD)}",
         rows="\n".join(rows),
         injected="\n".join(injected),
+        stops=section_of(PAGE.read_text(encoding="utf-8")),
         machine=f"{platform.system()}, {platform.machine()}, {os.cpu_count()} cores",
     )
 
@@ -126,6 +128,10 @@ A loop that hangs without dying, as in a driver that does not return (held by SI
 `tests/faults/test_hangs.py`): the guardian takes its place when it has made no cycle for 0.2 s with the
 amplifier on, ten times the lateness at which the loop stops by itself. A loop that then wakes up drives no
 more.
+
+## STOP, whatever stands open
+
+{stops}
 
 ## Other faults
 

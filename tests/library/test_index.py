@@ -10,9 +10,10 @@ import pytest
 
 from fingerlab.batch.table import Contents, complete, write_table
 from fingerlab.core.errors import UserError
-from fingerlab.library.index import SessionFacts, list_files, read_facts, scan
+from fingerlab.library.index import SessionFacts, read_facts, scan
 from fingerlab.library.notes import FILE_NAME, LibraryEntry, Note, Notebook, find_verdicts, matches
 from fingerlab.library.pyramid import make_thumbnail
+from fingerlab.sessions.recording_files import session_files
 
 
 def test_facts_say_what_the_file_says(make_session) -> None:  # type: ignore[no-untyped-def]
@@ -48,7 +49,7 @@ def test_a_scan_finds_the_tree_and_opens_only_what_changed(make_session, tmp_pat
     assert again["may/b.h5"] is first[2]
     assert again["a.h5"] is not first[0]
     with pytest.raises(UserError, match="not a folder"):
-        list_files(tmp_path / "nowhere")
+        session_files(tmp_path / "nowhere")
 
 
 FACTS = SessionFacts(

@@ -16,7 +16,7 @@ from pytestqt.qtbot import QtBot
 from fingerlab.core.errors import Cancelled
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.sessions.model import Session
-from fingerlab.ui.lab.tab import ModelLabTab
+from fingerlab.ui.lab.model_lab_tab import ModelLabTab
 from fingerlab.ui.registry import TABS, Entry
 from fingerlab.ui.window import MainWindow
 

@@ -34,7 +34,7 @@ from PySide6.QtWidgets import (
 
 from fingerlab.ui.acquire.canvas import Canvas
 from fingerlab.ui.widgets.labels import ElidedLabel
-from fingerlab.ui.widgets.quiet_plot import QuietPlot
+from fingerlab.ui.widgets.plots import QuietPlot
 from fingerlab.ui.window import MainWindow
 
 SIZES = ((1280, 760), (1920, 1040), (960, 540))

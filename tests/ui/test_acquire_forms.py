@@ -17,7 +17,7 @@ from fingerlab.acquisition.initial import initial_of
 from fingerlab.acquisition.recording import LEAST_FREE_BYTES, seconds_of_room
 from fingerlab.core.errors import UserError
 from fingerlab.rig.file import parse_rig
-from fingerlab.ui.widgets.room import SideRoom
+from fingerlab.ui.widgets.layout import SideRoom
 
 from .bench_hands import Rig
 from .hands import child

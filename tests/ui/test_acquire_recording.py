@@ -17,8 +17,8 @@ from fingerlab.core.progress import Progress
 from fingerlab.sessions import open_session
 from fingerlab.sessions.recording_files import recording_folder
 from fingerlab.ui.acquire.caller import Call
-from fingerlab.ui.browse.tab import SessionsTab
-from fingerlab.ui.browse.wording import quality_text
+from fingerlab.ui.sessions.session_words import quality_text
+from fingerlab.ui.sessions.sessions_tab import SessionsTab
 
 from .bench_hands import PATIENCE, Rig
 from .hands import child

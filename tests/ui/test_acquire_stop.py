@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
-from PySide6.QtCore import QCoreApplication, Qt
+from PySide6.QtCore import QCoreApplication, QPoint, Qt
+from PySide6.QtGui import QAction, QWindow
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel, QLineEdit
 from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.machine import Mode
-from fingerlab.devices.faults import Faults
+from fingerlab.devices.faults import Faults, LineFault
 from fingerlab.sessions import open_session
 from fingerlab.ui.acquire.details_dialog import DetailsDialog
 from fingerlab.ui.registry import TABS
 
 from .bench_hands import PATIENCE, Rig
-from .hands import LEFT, child
+from .hands import LEFT, child, click
 
 CONTROL = Qt.KeyboardModifier.ControlModifier
+NONE = Qt.KeyboardModifier.NoModifier
+STOPPED_WORDS = "STOP: motor current to zero, amplifier off"
 
 
 @pytest.mark.parametrize("state", ["idle", "initialised", "enabled", "running", "stopping", "recording"])
@@ -151,6 +156,75 @@ def test_escape_stops_from_within_a_dialog(rig: Rig) -> None:
     assert not QCoreApplication.testAttribute(own)
 
 
+@pytest.mark.parametrize("button", [LEFT, Qt.MouseButton.RightButton])
+def test_the_press_stops_and_not_the_release(rig: Rig, button: Qt.MouseButton) -> None:
+    rig.start()
+    handle, place = stop_of(rig)
+    QTest.mousePress(handle, button, NONE, place)
+    assert_stopped(rig)
+    rig.run(0.7)
+    log = list(rig.window.desk.log)
+    QTest.mouseRelease(handle, button, NONE, place)
+    QTest.mousePress(handle, button, NONE, place)  # again: it is stopped, and stays so
+    QTest.mouseRelease(handle, button, NONE, place)
+    assert_stopped(rig)
+    assert [line[10:] for line in rig.window.desk.log[len(log) :]] == [STOPPED_WORDS]
+
+
+def test_a_finger_stops(rig: Rig) -> None:
+    rig.start()
+    handle, place = stop_of(rig)
+    finger = QTest.touchEvent(handle, QTest.createTouchDevice(), autoCommit=False)
+    finger.press(0, place, handle)
+    finger.commit()
+    assert_stopped(rig)
+
+
+@pytest.mark.qt_log_ignore("This plugin does not support")
+def test_stop_without_a_rig_does_nothing(make_window, qtbot: QtBot) -> None:  # type: ignore[no-untyped-def]
+    window = make_window(tab="model_lab")
+    menu = window.menuBar().actions()[0].menu()
+    window.menuBar().setActiveAction(window.menuBar().actions()[0])
+    qtbot.waitUntil(menu.isVisible)
+    said = list(window.desk.log)
+    for key in (Qt.Key.Key_Pause, Qt.Key.Key_Escape):
+        QTest.keyClick(window.windowHandle(), key)
+    menu.close()
+    click(window, "stop")
+    assert window.desk.log == said
+    assert window.stop_guard.stand_in is None
+    assert not QCoreApplication.testAttribute(Qt.ApplicationAttribute.AA_DontUseNativeDialogs)
+
+
+def test_another_key_for_the_foot_switch(rig: Rig) -> None:
+    """Which is kept; where the display has no key for the whole system, the log and STOP say so."""
+    assert any(
+        "Pause stops the motor only while FingerLab is in front" in line for line in rig.window.desk.log
+    )
+    (chosen,) = (action for action in rig.window.findChildren(QAction) if action.text() == "F14")
+    chosen.trigger()
+    assert rig.window.settings.stop_key() == "F14"
+    assert "F14 while FingerLab is in front" in rig.button("stop").toolTip()
+    rig.start()
+    rig.key(Qt.Key.Key_Pause)
+    assert rig.bench.status().enabled
+    rig.key(Qt.Key.Key_F14)
+    assert_stopped(rig)
+
+
+def stop_of(rig: Rig) -> tuple[QWindow, QPoint]:
+    """The window as the system sees it, and STOP's place in it."""
+    handle, button = rig.window.windowHandle(), rig.button("stop")
+    assert handle is not None
+    return handle, button.mapTo(rig.window, button.rect().center())
+
+
+def assert_stopped(rig: Rig) -> None:
+    status = rig.bench.status()
+    assert (status.latched, status.enabled) == (True, False)
+    assert rig.bench.device.driven_current == 0.0  # type: ignore[attr-defined]
+
+
 def test_recording_shows_in_the_header_of_another_tab(rig: Rig) -> None:
     rig.click("record")
     rig.window.show_tab("model_lab")
@@ -173,3 +247,23 @@ def test_a_fault_is_one_sentence_and_only_a_reset_leads_on(connect_rig) -> None:
     rig.click("resetFault")
     rig.run(0.1)
     assert rig.mode is Mode.IDLE
+
+
+def test_the_emergency_stop_is_shown_in_words_and_holds_its_buttons_back(
+    connect_rig: Callable[[Faults], Rig],
+) -> None:
+    rig = connect_rig(Faults(lines=(LineFault("emergency_stop", 1500, True, 2000),)))
+    assert rig.label("safetyLines") == "Emergency stop released · Amplifier ready · Dead-man not wired"
+    rig.start()
+    rig.run(2.0)
+    assert rig.mode is Mode.FAULT
+    assert rig.bench.device.driven_current == 0.0  # type: ignore[attr-defined]
+    assert rig.label("safetyLines").startswith("Emergency stop pressed · ")
+    assert not rig.button("resetFault").isEnabled()
+    assert "emergency stop is pressed" in rig.button("resetFault").toolTip()
+    rig.run(2.5)
+    assert rig.label("safetyLines").startswith("Emergency stop released · ")
+    rig.click("resetFault")
+    rig.run(0.1)
+    rig.settle()
+    rig.enable()

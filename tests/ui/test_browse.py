@@ -24,9 +24,9 @@ from pytestqt.qtbot import QtBot
 from fingerlab.core.errors import Cancelled
 from fingerlab.library.notes import FILE_NAME
 from fingerlab.sessions import open_session
-from fingerlab.ui.browse import tab as browse_tab
-from fingerlab.ui.browse.tab import SessionsTab
-from fingerlab.ui.browse.table_model import NAME, QUALITY, RECORDED, TAGS, VERDICT
+from fingerlab.ui.sessions import sessions_tab as browse_tab
+from fingerlab.ui.sessions.session_table import NAME, QUALITY, RECORDED, TAGS, VERDICT
+from fingerlab.ui.sessions.sessions_tab import SessionsTab
 from fingerlab.ui.window import MainWindow
 
 from .hands import LEFT, PATIENCE, child, click, drop, invented_diagnosis, lab_of

@@ -17,9 +17,9 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.library.pyramid import BASE
 from fingerlab.sessions import open_session
-from fingerlab.ui.browse.clock_axis import clock_text
-from fingerlab.ui.browse.review_page import ReviewPage
-from fingerlab.ui.browse.tab import SessionsTab
+from fingerlab.ui.sessions.review_page import ReviewPage
+from fingerlab.ui.sessions.review_pane import clock_text
+from fingerlab.ui.sessions.sessions_tab import SessionsTab
 from fingerlab.ui.window import MainWindow
 
 from .hands import PATIENCE, child, click, invented_diagnosis, lab_of

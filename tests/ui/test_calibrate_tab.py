@@ -26,9 +26,9 @@ from fingerlab.rig.daq import plain_section
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import open_session, text_table
 from fingerlab.ui.acquire.opening import OpenBench, Wanted, open_bench
-from fingerlab.ui.calibrate import tab as calibrate_tab
-from fingerlab.ui.calibrate.source import AMPLIFIER_ON
-from fingerlab.ui.calibrate.tab import CalibrateTab
+from fingerlab.ui.calibrate import calibrate_tab
+from fingerlab.ui.calibrate.calibrate_tab import CalibrateTab
+from fingerlab.ui.calibrate.start_page import AMPLIFIER_ON
 from fingerlab.ui.desk import RigLine
 from fingerlab.ui.registry import TABS
 from fingerlab.ui.settings import Settings

@@ -15,7 +15,7 @@ from pytestqt.qtbot import QtBot
 from fingerlab.models.file import load_model
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.sessions import SessionWriter
-from fingerlab.ui.fitting.tab import FitTab
+from fingerlab.ui.fit.fit_tab import FitTab
 from fingerlab.ui.registry import Entry
 from fingerlab.ui.window import MainWindow
 

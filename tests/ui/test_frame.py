@@ -135,7 +135,7 @@ def test_a_session_opened_in_another_tab_is_compared_when_the_lab_is_looked_at(
 ) -> None:
     from functools import partial
 
-    from fingerlab.ui.lab.tab import ModelLabTab
+    from fingerlab.ui.lab.model_lab_tab import ModelLabTab
 
     lab = Entry(6, "model_lab", "Model lab", "", partial(ModelLabTab, diagnose=invented_diagnosis))
     window = make_window(tabs=(NOTEBOOK, lab))

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from fingerlab.ui.acquire.history import History
-from fingerlab.ui.acquire.ticks import round_ticks
-from fingerlab.ui.widgets.decimate import live_envelope
+from fingerlab.ui.widgets.series import live_envelope, round_ticks
 
 
 @pytest.mark.parametrize(

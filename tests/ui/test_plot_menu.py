@@ -24,9 +24,8 @@ from fingerlab.ui.acquire.history import History
 from fingerlab.ui.desk import Desk
 from fingerlab.ui.registry import Entry
 from fingerlab.ui.tab import Tab
-from fingerlab.ui.theme import colours_of
-from fingerlab.ui.widgets.curve import DecimatedCurve
-from fingerlab.ui.widgets.quiet_plot import QuietPlot
+from fingerlab.ui.widgets.plots import DecimatedCurve, QuietPlot
+from fingerlab.ui.widgets.theme import colours_of
 from fingerlab.ui.window import MainWindow
 
 pytestmark = pytest.mark.qt_log_ignore("This plugin does not support")  # menus, on a screen that is none

@@ -19,8 +19,8 @@ from fingerlab.models.file import Model, ParameterEstimate, load_model, save_mod
 from fingerlab.prediction.beside import predict_beside
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.sessions import SessionWriter, open_session
-from fingerlab.ui.predicting.tab import PredictTab
-from fingerlab.ui.predicting.wanted import outcome_words
+from fingerlab.ui.predict.predict_tab import PredictTab
+from fingerlab.ui.predict.wanted_force import outcome_words
 from fingerlab.ui.registry import Entry
 from fingerlab.ui.window import MainWindow
 

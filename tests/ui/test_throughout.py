@@ -27,8 +27,8 @@ from PySide6.QtWidgets import (
 from pytestqt.qtbot import QtBot
 
 from fingerlab.ui.task_bar import TaskBar, time_left
-from fingerlab.ui.theme import Appearance, apply_appearance
-from fingerlab.ui.widgets.framed_ticks import FramedTicks
+from fingerlab.ui.widgets.tables import FramedTicks
+from fingerlab.ui.widgets.theme import Appearance, apply_appearance
 from fingerlab.ui.window import MainWindow
 
 from .hands import child, invented_diagnosis

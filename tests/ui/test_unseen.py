@@ -12,8 +12,8 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.library.notes import Verdict
 from fingerlab.report.diagnosis_words import set_sentence
-from fingerlab.ui.browse.wording import verdict_help, verdict_text
-from fingerlab.ui.lab.wording import set_help, set_words
+from fingerlab.ui.lab.result_words import set_help, set_words
+from fingerlab.ui.sessions.session_words import verdict_help, verdict_text
 from fingerlab.ui.window import MainWindow
 
 from . import invented

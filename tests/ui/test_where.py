@@ -15,7 +15,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QComboBox, QLabel
 from pytestqt.qtbot import QtBot
 
-from fingerlab.ui.lab.view import LabView
+from fingerlab.ui.lab.lab_view import LabView
 from fingerlab.ui.window import MainWindow
 
 from . import invented

@@ -28,11 +28,11 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from fingerlab.sessions.model import Array
 
-from ..theme import Colours, colours_of, small_font
+from ..widgets.series import round_ticks, tick_step
+from ..widgets.theme import Colours, colours_of, small_font
 from .columns import Run
 from .curves import Curves, Line, Part
 from .raster import Look, pixel
-from .ticks import round_ticks, tick_step
 
 LEFT = 64
 RIGHT = 8

@@ -12,12 +12,11 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QSpin
 
 from fingerlab.core.errors import UserError
 
-from .. import practice
 from ..desk import Desk
+from ..lab import practice
 from ..own_files import ask_to_run as ask
-from ..widgets.focus import set_usable
+from ..widgets.fields import across, centred_column, choice, number, set_usable
 from ..widgets.labels import heading, remark
-from .fields import across, centred_column, choice, number
 from .opening import Wanted, forget_own_device, own_device_file, own_device_files
 
 if TYPE_CHECKING:

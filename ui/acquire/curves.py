@@ -8,7 +8,7 @@ import numpy as np
 
 from fingerlab.sessions.model import Array
 
-from ..widgets.decimate import live_envelope
+from ..widgets.series import live_envelope
 from .channels import Trace
 from .columns import Columns, Run, View
 from .history import History

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QWidget
 
-from ..widgets.labels import header_name
+from ..widgets.labels import ElidedLabel, header_name
 
 
 class AcquireHeader(QWidget):
@@ -19,6 +20,9 @@ class AcquireHeader(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.name = header_name("deviceName", "Device", alone=False)
+        self.lines = ElidedLabel()
+        self.lines.setObjectName("safetyLines")
+        self.lines.setAccessibleName("Emergency stop, amplifier and dead-man")
         self.disconnect_button = QPushButton("Disconnect")
         self.disconnect_button.setObjectName("disconnect")
         self.disconnect_button.setToolTip("Stop the motor and let the device go, to choose another.")
@@ -29,6 +33,7 @@ class AcquireHeader(QWidget):
         layout.setContentsMargins(16, 0, 8, 0)
         layout.setSpacing(8)
         layout.addWidget(self.name, 1)
+        layout.addWidget(self.lines, 1)
         layout.addWidget(self.open)
         layout.addWidget(self.disconnect_button)
         self.open.hide()
@@ -40,6 +45,14 @@ class AcquireHeader(QWidget):
         self.name.setText(name[:1].upper() + name[1:] if name else "")
         self.disconnect_button.setVisible(bool(name))
         self.disconnect_button.setEnabled(not in_protocol)
+
+    def show_lines(self, words: Mapping[str, str]) -> None:
+        """State of the bench's digital lines, each in words; nothing where no bench is connected."""
+        told = [f"{name[:1].upper()}{name[1:]} {word}" for name, word in words.items()]
+        wired = [line for line in told if not line.endswith("not wired")]
+        short = " · ".join(wired) or ("No emergency stop input" if told else "")
+        if self.lines.text() != " · ".join(told):
+            self.lines.set_texts([" · ".join(told), short])
 
     def show_written(self, path: Path) -> None:
         """Offer what was just recorded."""

@@ -22,8 +22,8 @@ from PySide6.QtWidgets import (
 from fingerlab.acquisition.commands import Initialise
 from fingerlab.acquisition.initial import LARGEST_DEG
 
+from ..widgets.fields import number
 from ..widgets.labels import heading
-from .fields import number
 
 JOINTS = {"mcp": "MCP", "pip": "PIP"}
 

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QDoubleSpinBox, QFileDialog, QFormLayout, QPushBut
 
 from fingerlab.acquisition.trajectories import DEFAULT_RAMP_S, MULTISINE_RATIOS, read_trajectory
 
-from .fields import choice, number
+from ..widgets.fields import choice, number
 
 KINDS = {
     "sine": "Sine",

@@ -11,9 +11,8 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWi
 
 from fingerlab.sessions.model import Array
 
-from ..theme import colours_of, large_font
 from ..widgets.labels import remark
-from ..widgets.plot_style import line
+from ..widgets.theme import colours_of, large_font, line
 from .canvas import Canvas
 from .channels import MODELLED, QUANTITIES, PlotSpec, Quantity, Trace
 from .curves import Part

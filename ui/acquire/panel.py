@@ -23,10 +23,17 @@ from fingerlab.acquisition.beginning import LONGEST_BEFORE_S
 from fingerlab.acquisition.machine import Event, Mode
 from fingerlab.rig.daq import Limits
 
-from ..task_bar import STEPS
-from ..widgets.focus import set_shown, set_usable
+from ..widgets.fields import (
+    PROGRESS_STEPS,
+    ActionButton,
+    choice,
+    number,
+    progress_bar,
+    row,
+    set_shown,
+    set_usable,
+)
 from ..widgets.labels import ElidedLabel, heading, remark
-from .fields import ActionButton, choice, number, progress_bar, row
 from .form_history import FormHistory
 from .initial_form import InitialButton
 from .motion_form import MotionForm
@@ -376,7 +383,7 @@ class Panel(QWidget):
         set_shown(self.later, writing.under_way)
         self.writing.setVisible(writing.under_way)
         self.later.refuse("It is being put off." if writing.asked_to_wait else "")
-        self.writing.setValue(round(STEPS * writing.share))
+        self.writing.setValue(round(PROGRESS_STEPS * writing.share))
 
     @staticmethod
     def _set_text(button: QPushButton, text: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QWidget
 
-from ..theme import large_font
+from ..widgets.theme import large_font
 
 
 class PromptBar(QFrame):

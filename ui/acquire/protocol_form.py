@@ -13,8 +13,8 @@ from fingerlab.acquisition.protocol import Record, RunPlan, Step, plan_seconds, 
 from fingerlab.report.diagnosis_words import PHASE_WORDS
 from fingerlab.sessions.trajectory import trajectory_words
 
+from ..widgets.fields import choice, number
 from ..widgets.labels import remark
-from .fields import choice, number
 
 OWN = {
     "own_on_air": "n runs on air",

@@ -171,7 +171,8 @@ class Station(QObject):
             return f"{self.caller.title} is under way."
         if self.status.loop_ended:
             return "The device is gone; connect it again."
-        return Machine(self.status.mode, self.status.latched).refusal(event)
+        status = self.status
+        return Machine(status.mode, status.latched, status.pressed, status.unready).refusal(event)
 
     def ask(self, title: str, *commands: Command, done: Callable[[], None] | None = None) -> None:
         """Ask the loop for something, one command after the other; a refusal is told."""

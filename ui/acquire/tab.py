@@ -23,13 +23,14 @@ from fingerlab.acquisition.commands import (
 from fingerlab.acquisition.initial import initial_of
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.protocol import countdown, prompt_of
+from fingerlab.acquisition.watching import line_words
 from fingerlab.core.errors import UserError
 from fingerlab.sessions.recording_files import recording_folder
 
 from ..desk import Desk
 from ..tab import Tab
 from ..tasks import Failed
-from ..widgets.room import SideRoom
+from ..widgets.layout import SideRoom
 from .caller import Call
 from .comparing import Comparing
 from .conducting import Conducting, left_of_run
@@ -345,6 +346,11 @@ class AcquireTab(Tab):
             self.panel.refresh()
             self._count_down()
             self._follow_mode()
+            self._show_lines()
+
+    def _show_lines(self) -> None:
+        status = self.station.status
+        self.bar.show_lines(line_words(status) if status is not None else {})
 
     def _count_down(self) -> None:
         """What is left of a motion that was started by hand for a time."""
@@ -370,6 +376,7 @@ class AcquireTab(Tab):
         self.connect_page.show_busy(busy if busy != LOOKING else "")
         device = self.station.status.device if self.station.status is not None else ""
         self.bar.show_device(device, self.recording.in_protocol)
+        self._show_lines()
         if connected:
             self.panel.show_set_up()
             self.panel.refresh()

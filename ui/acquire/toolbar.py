@@ -21,9 +21,9 @@ from PySide6.QtWidgets import (
 
 from fingerlab.core.text import ScreenUnit
 
+from ..widgets.fields import choice
 from ..widgets.labels import ElidedLabel
 from .channels import QUANTITIES, SHOWN
-from .fields import choice
 from .plots import WINDOWS_S, LivePlots, Trigger, level_of
 
 NO_MODEL, NOMINAL, FROM_FILE, FILE = "none", "nominal", "choose", "file"

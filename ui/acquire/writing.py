@@ -17,7 +17,8 @@ from PySide6.QtCore import QObject, Signal
 from fingerlab.acquisition.bench import Bench
 from fingerlab.core.errors import Cancelled
 
-from ..task_bar import STEPS, time_left
+from ..task_bar import time_left
+from ..widgets.fields import PROGRESS_STEPS
 
 CLOSING_S = 10.0
 """A window that closes waits so long for a session (an hour's is written meanwhile); then it is put off."""
@@ -95,7 +96,7 @@ class Writing(QObject):
         """Asked a hundred times a second; told when something of it changes on the screen."""
         if self._later.is_set() or self._clock() > self._until:
             raise Cancelled
-        now = round(STEPS * share), what
+        now = round(PROGRESS_STEPS * share), what
         if now != self._told:
             self._told = now
             self._went_on.emit(share, what)

@@ -17,6 +17,7 @@ from fingerlab.devices.ni.stopping import write_safe
 from fingerlab.devices.ni.tasks import Tasks, packed, signed_counts
 from fingerlab.devices.protocol import DeviceFault, DeviceLost, Sample
 from fingerlab.rig.constants import Rig
+from fingerlab.rig.daq import SafetyLines
 
 READ_TIMEOUT = 0.1
 """s beyond the block's own length; a hundred cycles without a sample are a fault, not lateness (assumed)."""
@@ -108,6 +109,24 @@ class NiCard:
         except Error as error:
             raise translated(error, self.name) from error
         return self._waiting.popleft()
+
+    @property
+    def safety_lines(self) -> SafetyLines:
+        """The digital lines of the rig file beside enable."""
+        return self._daq.safety_lines
+
+    def beat(self) -> None:
+        """Invert the dead-man's line: once for each command, that is once a block where blocks are read."""
+        from nidaqmx.errors import Error
+
+        if self._tasks is None or not self._running:
+            raise DeviceFault(f"{self.name} is not running; start it first.")
+        if self._waiting:
+            return
+        try:
+            self._tasks.beat()
+        except Error as error:
+            raise translated(error, self.name) from error
 
     def make_safe(self) -> bool:
         self._running = False
@@ -213,9 +232,9 @@ class NiCard:
         if total is None:  # the clock alone tells how many cycles went by unseen
             late = self._meter.late_by(self._index + 1, now)
             self._index += 1 + int(late * self.rate_hz + _SURE)
-            return Sample(self._index, raw, self._meter.late_by(self._index, now))
-        self._index = self._index_of(total, self._clock.now() - now)
-        return Sample(self._index, raw, self._meter.late_by(self._index, now))
+        else:
+            self._index = self._index_of(total, self._clock.now() - now)
+        return Sample(self._index, raw, self._meter.late_by(self._index, now), tasks.read_lines())
 
     def _index_of(self, total: int, asked_after: float) -> int:
         """Index of the sample just read, when the card has counted ``total``, asked that many s later.
@@ -254,9 +273,10 @@ class NiCard:
         late = self._meter.late_by(self._index, now)
         if known is None:
             return self._next_block(tasks)
+        lines = tasks.read_lines()
         for k in range(read):
             raw = self._raw(tasks, known[:, k], signed_counts(float(tasks.block_counts[k])))
-            self._waiting.append(Sample(self._index - read + 1 + k, raw, late))
+            self._waiting.append(Sample(self._index - read + 1 + k, raw, late, lines))
         return None
 
     def _raw(self, tasks: Tasks, volts: Any, counts: float) -> tuple[float, ...]:

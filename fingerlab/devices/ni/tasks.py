@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -10,10 +11,14 @@ import numpy as np
 
 from fingerlab.devices.ni.connection import Connection
 from fingerlab.devices.ni.errors import UNSUPPORTED, code_of
-from fingerlab.rig.daq import Daq
+from fingerlab.devices.protocol import NO_LINES
+from fingerlab.rig.daq import AmplifierReadyLine, Daq, EmergencyStopLine
 
 BUFFER_SECONDS = 4.0
 """Length of the driver's buffer in the buffered mode: how long the program may be stalled (assumed)."""
+
+LINES_TIMEOUT = 0.1
+"""s for a read on demand, which does not wait for any clock (assumed)."""
 
 _HALF_RANGE = 2.0**31
 
@@ -34,8 +39,15 @@ class Tasks:
         self.single_point = single_point
         self._counts_cycles = True
         self.present = [k for k, channel in enumerate(daq.inputs) if channel.terminal]
+        # Each digital input: its place among the device's LINES, and whether 5 V mean "yes".
+        wired: tuple[EmergencyStopLine | AmplifierReadyLine, ...] = (daq.emergency_stop, daq.amplifier_ready)
+        self._inputs = [(k, line) for k, line in enumerate(wired) if line.terminal]
+        self._beat = False
         try:
             self.enable = self._make(connection, "enable", self._add_enable)
+            beats = bool(daq.dead_man.terminal)
+            self.dead_man = self._make(connection, "dead-man", self._add_dead_man) if beats else None
+            self.lines = self._make(connection, "lines", self._add_lines) if self._inputs else None
             self.output = self._make(connection, "set-value", self._add_output)
             self.counter = self._make(connection, "encoder", self._add_encoder)
             self.inputs = self._make(connection, "inputs", self._add_inputs) if self.present else None
@@ -90,6 +102,21 @@ class Tasks:
         """Set the enable line."""
         self._enable_writer.write_one_sample_one_line(on == self._daq.enable.active_high)
 
+    def beat(self) -> None:
+        """Invert the dead-man's line, on demand: no clock of the card makes it change."""
+        self._beat = not self._beat
+        self._beat_writer.write_one_sample_one_line(self._beat)
+
+    def read_lines(self) -> tuple[float, float]:
+        """The digital inputs as they are now, in the order of the protocol's ``LINES``."""
+        if self.lines is None:
+            return NO_LINES
+        self._lines_reader.read_one_sample_one_line(self._levels, LINES_TIMEOUT)
+        told = [math.nan, math.nan]
+        for (k, line), level in zip(self._inputs, self._levels.tolist(), strict=True):
+            told[k] = float(level is line.active_high)
+        return told[0], told[1]
+
     def _make(self, connection: Connection, purpose: str, add: Callable[[Any], None]) -> Any:
         task = connection.task(purpose)
         self._open.append(task)
@@ -122,6 +149,13 @@ class Tasks:
     def _add_enable(self, task: Any) -> None:
         add_enable(task, self._daq)
 
+    def _add_dead_man(self, task: Any) -> None:
+        task.do_channels.add_do_chan(f"{self._daq.device}/{self._daq.dead_man.terminal}")
+
+    def _add_lines(self, task: Any) -> None:
+        for _, line in self._inputs:
+            task.di_channels.add_di_chan(f"{self._daq.device}/{line.terminal}")
+
     @property
     def _shared_clock(self) -> str:
         return f"/{self._daq.device}/ai/SampleClock" if self.present else ""
@@ -140,13 +174,19 @@ class Tasks:
 
     def _bind(self) -> None:
         """Readers and writers; a ``Task.read`` costs a dozen calls, these one each."""
-        from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader
+        from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader, DigitalMultiChannelReader
         from nidaqmx.stream_writers import AnalogSingleChannelWriter, DigitalSingleChannelWriter
 
         counter = CounterReader(self.counter.in_stream)
         counter.verify_array_shape = False
         output = AnalogSingleChannelWriter(self.output.out_stream, auto_start=not self.single_point)
         self._enable_writer = DigitalSingleChannelWriter(self.enable.out_stream, auto_start=True)
+        if self.dead_man is not None:
+            self._beat_writer = DigitalSingleChannelWriter(self.dead_man.out_stream, auto_start=True)
+        if self.lines is not None:
+            self._lines_reader = DigitalMultiChannelReader(self.lines.in_stream)
+            self._lines_reader.verify_array_shape = False
+            self._levels = np.zeros(len(self._inputs), dtype=bool)
         self.write_volts: Callable[[float], None] = output.write_one_sample
         self.read_count: Callable[[float], float] = counter.read_one_sample_double
         self.read_counts = counter.read_many_sample_double

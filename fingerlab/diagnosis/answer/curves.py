@@ -13,13 +13,13 @@ from fingerlab.diagnosis.equations.features import FORCE, BoolArray
 from fingerlab.diagnosis.equations.model import CABLE_NAMES
 from fingerlab.diagnosis.fit.noise import floor_covariance
 from fingerlab.diagnosis.fit.weights import SLACK_SPREAD_M
-from fingerlab.diagnosis.gram.decimation import Narrow, counted
+from fingerlab.diagnosis.gram.decimation import Decimated, counted
 from fingerlab.diagnosis.gram.sums import Group
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import Trial
 from fingerlab.diagnosis.score.scorer import Study
 from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
-from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, NARROW_RATE_HZ, narrow
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, NARROW_RATE_HZ, decimate
 from fingerlab.effects.base import COORDINATE_UNITS, Effect, Row
 from fingerlab.effects.transmission import winding_state
 from fingerlab.physics import nominal
@@ -69,7 +69,7 @@ class Display:
 
     stretches: list[Kept] = field(default_factory=list)
 
-    def keep(self, session: Session, run: Run, low: Narrow) -> None:
+    def keep(self, session: Session, run: Run, low: Decimated) -> None:
         """Called by the reduction for every stretch."""
         if len(self.stretches) >= SHOWN_STRETCHES:
             return
@@ -83,7 +83,7 @@ class Display:
                     nominal.contact_lever_pip(finger, q.mcp, q.pip),
                 )
             )
-            both = narrow(both[:, counted(motion)])
+            both = decimate(both[:, counted(motion)])
             levers = (both[0], both[1])
         kept = Kept(
             str(session.path), run.name, run.phase, group_key(run), low.columns.astype(np.float32), low.taut,
@@ -130,7 +130,7 @@ def _coordinates(motion: Motion) -> dict[str, Array]:
         }
     if motion.force is not None:
         wide["force"] = motion.force
-    narrowed = narrow(np.stack([v[counted(motion)] for v in wide.values()]))
+    narrowed = decimate(np.stack([v[counted(motion)] for v in wide.values()]))
     return {name: narrowed[i] for i, name in enumerate(wide)}
 
 

@@ -109,10 +109,53 @@ class Asked:
     """What is asked of a run: its kind's features as signals, of which the first ``common`` every model has.
 
     ``signals`` (features,) count from ``start``, the kind's first signal among those of all runs.
+    ``cached`` (signals,) says which signal of the first reading each is, -1 for those to be formed;
+    ``formed`` are the positions of the effects that bring the latter, and ``features`` the signals of every
+    effect's features in order. ``first``: there was no reading before.
     ``seek_cycle``: no run says how often its motion repeats.
     """
 
     signals: IntArray
     common: int
     start: int
+    cached: IntArray
+    formed: tuple[int, ...]
+    features: tuple[IntArray, ...]
+    first: bool
     seek_cycle: bool = False
+
+
+def asked_of(
+    layout: Layout, effects: Sequence[Effect], first: Layout | None, start: int, anew: bool, seek_cycle: bool
+) -> Asked:
+    """What a layout asks of the runs of its kind.
+
+    Args:
+        first: layout of the first reading; None: this is it. anew: the columns of all effects are to be
+            formed, those that the first reading knew, too.
+    """
+    cached, formed = np.full(layout.signal_count, -1), []
+    common = len(layout.base)
+    if first is not None:
+        cached[layout.signals[:common]] = first.signals[:common]
+    known = {} if first is None or anew else {e.id: e for e in first.effects}
+    for number, effect in enumerate(effects):
+        before = known.get(effect.id)
+        if first is None or before is None or not _same_columns(effect, before):
+            formed.append(number)
+            continue
+        for shape in range(len(effect.shapes)):
+            mine, theirs = layout.indices(effect.id, shape), first.indices(effect.id, shape)
+            cached[layout.signals[mine]] = first.signals[theirs]
+    features = tuple(
+        np.concatenate([layout.signals[layout.indices(e.id, k)] for k in range(len(e.shapes))] or [NONE])
+        for e in effects
+    )
+    return Asked(layout.signals, common, start, cached, tuple(formed), features, first is None, seek_cycle)
+
+
+NONE = np.zeros(0, dtype=int)
+
+
+def _same_columns(one: Effect, other: Effect) -> bool:
+    return one.columns is other.columns and list(one.shapes) == list(other.shapes)

@@ -16,8 +16,8 @@ import numpy as np
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.diagnosis.equations.model import CABLE_NAMES
 from fingerlab.diagnosis.gram.sums import Reduced
-from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ, narrow
-from fingerlab.diagnosis.signals.segments import SETTLING_S, stretches
+from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ, decimate
+from fingerlab.diagnosis.signals.segments import SETTLING_S, segments_of
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
@@ -204,7 +204,7 @@ def seen_press(sessions: Sequence[Session]) -> Press | None:
             told = run.trajectory.get("amplitude_deg")
             if run.phase != "contact" or not isinstance(told, int | float) or told <= 0:
                 continue
-            press = _press(next(iter(stretches(run, session.rig))), float(told))
+            press = _press(next(iter(segments_of(run, session.rig))), float(told))
             if press is not None:
                 return press
     return None
@@ -216,7 +216,7 @@ def _press(motion: Motion, told: float) -> Press | None:
         return None
     pull = motion.tension - inertia * motion.inertial_pull
     # A pressing finger hardly moves: at the wide bandwidth the motion would be half noise.
-    seen = narrow(np.stack((motion.position, pull, force, joints.mcp, joints.pip))[:, motion.lead :])
+    seen = decimate(np.stack((motion.position, pull, force, joints.mcp, joints.pip))[:, motion.lead :])
     mean = seen.mean(axis=1)
     around = seen - mean[:, None]
     square = float(around[0] @ around[0])

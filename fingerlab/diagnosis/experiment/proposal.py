@@ -25,7 +25,7 @@ from fingerlab.diagnosis.experiment.predicted_runs import DURATION_S, Proposal, 
 from fingerlab.diagnosis.fit.noise import LEAST_TORQUE_SPREAD, torque_noise
 from fingerlab.diagnosis.fit.solver import scaled_inverse
 from fingerlab.diagnosis.fit.weights import feature_weights, own_to_a_run
-from fingerlab.diagnosis.gram.decimation import narrow_columns
+from fingerlab.diagnosis.gram.decimation import decimated_columns
 from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums
 from fingerlab.diagnosis.score.evidence import Evidence, against_nothing
 from fingerlab.diagnosis.score.fitted_model import Trial, condition_weights, hidden_values
@@ -266,7 +266,7 @@ def imagine(
 ) -> Imagined:
     """A run with this motion; ``beside_finger``: if it is of the motor alone, beside a finger's runs."""
     layout = layout_of(motion, session, effects, beside_finger)
-    low = narrow_columns(motion, effects, layout.signals)
+    low = decimated_columns(motion, effects, layout.signals)
     # A trace of friction may hold a standing finger anywhere: what is seen at rest decides little.
     columns = low.columns[~low.rest]
     return Imagined(motion, layout, Sums(columns.T @ columns, taut_samples=len(columns)), _group(motion))

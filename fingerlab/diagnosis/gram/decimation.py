@@ -21,8 +21,8 @@ from fingerlab.diagnosis.signals.filters import (
     NARROW_RATE_HZ,
     NARROW_STEP,
     WIDE_RATE_HZ,
-    narrow,
-    narrow_count,
+    decimate,
+    decimated_count,
 )
 from fingerlab.effects.base import Effect
 from fingerlab.physics.motion import Motion
@@ -41,7 +41,7 @@ REST_REACH = 2  # decimated samples on either side
 def taut_moments(motion: Motion, inner: slice) -> BoolArray:
     """Samples into whose low-pass window no slack moment falls."""
     if motion.finger is None:
-        return np.ones(len(narrow(motion.time[inner])), dtype=bool)
+        return np.ones(len(decimate(motion.time[inner])), dtype=bool)
     pull = (motion.torque - (motion.motor.inertia or 0.0) * motion.acceleration) / motion.radius
     pull -= INERTIA_SPREADS * motion.inertia_spread * np.abs(motion.acceleration) / motion.radius
     smooth = np.convolve(pull, np.ones(9) / 9, mode="same")  # 36 ms: the tension's own noise is then small
@@ -50,13 +50,13 @@ def taut_moments(motion: Motion, inner: slice) -> BoolArray:
     # holds a slack moment anywhere but at its very ends may pass for taut.
     reach = np.ones(2 * (NARROW_HALF - NARROW_HALF // 8) + 1)
     near = np.convolve(loose.astype(float), reach, mode="same") > 0.5
-    count = narrow_count(len(loose))
+    count = decimated_count(len(loose))
     return np.asarray(~near[NARROW_HALF::NARROW_STEP][:count])
 
 
 def rest_moments(position: Array) -> BoolArray:
     """Decimated samples around which the motor stands, (n,)."""
-    angle = np.pad(narrow(position), REST_REACH, mode="edge")
+    angle = np.pad(decimate(position), REST_REACH, mode="edge")
     windows = sliding_window_view(angle, 2 * REST_REACH + 1)
     return np.asarray(np.ptp(windows, axis=1) < np.radians(AT_REST_DEG))
 
@@ -68,7 +68,7 @@ AT_ONCE = 64
 
 
 @dataclass(frozen=True)
-class Narrow:
+class Decimated:
     """Signals of one stretch, decimated: ``columns`` (n, signals), ``taut`` (n,) bool, ``time`` (n,) s.
 
     ``rest`` (n,) tells where the motor stands; ``live`` are the signals that are not zero throughout.
@@ -87,40 +87,44 @@ def counted(motion: Motion) -> slice:
     return slice(motion.lead + MARGIN, len(motion.time) - MARGIN)
 
 
-def narrow_columns(motion: Motion, effects: Sequence[Effect], signals: IntArray) -> Narrow:
-    """All signals of a stretch, low-passed at 8 Hz and decimated to 25 Hz.
+def decimated_columns(motion: Motion, effects: Sequence[Effect], signals: IntArray) -> Decimated:
+    """All signals of a segment, low-passed at 8 Hz and decimated to 25 Hz.
 
     ``signals`` is the layout's: which signal each feature is, (features,).
     """
     inner = counted(motion)
-    time = narrow(motion.time[inner])
+    time = decimate(motion.time[inner])
     low = np.zeros((int(signals.max()) + 1, len(time)))
-    live = _fill(low, motion, all_columns(motion, effects), signals, 0)
+    known = np.zeros(len(low), dtype=bool)
+    live = fill(low, motion, all_columns(motion, effects), signals, known)
     taut, rest = taut_moments(motion, inner), rest_moments(motion.position[inner])
-    return Narrow(low.T, taut, time, motion, rest, np.array(live))
+    return Decimated(low.T, taut, time, motion, rest, np.array(live))
 
 
-def _fill(low: Array, motion: Motion, columns: Iterable[Column], signals: IntArray, count: int) -> list[int]:
-    """Filter the signals from the number ``count`` on into ``low``; gives those that are not zero."""
+def fill(
+    low: Array, motion: Motion, columns: Iterable[Column], signals: IntArray, known: BoolArray
+) -> list[int]:
+    """Filter the signals that are not ``known`` (signals,) into ``low``; gives those that are not zero."""
     inner = counted(motion)
     # Single precision is a hundred times finer than the sensors, and twice as fast.
     wide = np.empty((AT_ONCE, max(inner.stop - inner.start, 0)), np.float32)
     live: list[int] = []
     waiting = 0
+    done = known.tolist()
     for place, (values, shift, _, _) in zip(signals.tolist(), columns, strict=True):
-        if place < count:
+        if done[place]:
             continue
-        count += 1
+        done[place] = True
         column = _shifted(values, shift, motion.sample_rate_hz, inner)
         if not _is_zero(column):  # a force where nothing is touched, a stop that no joint reaches
             wide[waiting] = column
             live.append(place)
             waiting += 1
         if waiting == AT_ONCE:
-            low[live[-waiting:]] = narrow(wide)
+            low[live[-waiting:]] = decimate(wide)
             waiting = 0
     if waiting:
-        low[live[-waiting:]] = narrow(wide[:waiting])
+        low[live[-waiting:]] = decimate(wide[:waiting])
     return live
 
 
@@ -144,7 +148,7 @@ TREND_DEGREE = 3
 """Of the polynomial over a stretch that counts as its slow trend."""
 
 
-def repeating_bases(low: Narrow, run: Run, seek: bool = False) -> tuple[Array, Array] | None:
+def repeating_bases(low: Decimated, run: Run, seek: bool = False) -> tuple[Array, Array] | None:
     """What a stretch may repeat: bases of its cycle, (n, harmonics), and of a slow trend, (n, degrees).
 
     ``seek`` a cycle in the motion itself where the run does not tell it. None where there is no cycle that
@@ -163,7 +167,7 @@ def repeating_bases(low: Narrow, run: Run, seek: bool = False) -> tuple[Array, A
     return _harmonics(frequency, count, float(low.time[0]), float(low.time[-1]), len(low.time))
 
 
-def _sought(low: Narrow, run: Run) -> float | None:
+def _sought(low: Decimated, run: Run) -> float | None:
     """Cycles a second of a stretch, Hz, by its command, or else by its motion; None: neither comes again.
 
     A finger that presses settles for a while, and hardly moves: its command is the better witness.

@@ -8,97 +8,187 @@ between the two (see ``fingerlab.core.parallel``), and each keeps what it read.
 
 from __future__ import annotations
 
+import os
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import Future
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from fingerlab.core.progress import SILENT, Watch
-from fingerlab.diagnosis.equations.columns import Asked, layout_of, of_the_user
+from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of, of_the_user
 from fingerlab.diagnosis.equations.features import Layout
-from fingerlab.diagnosis.gram.decimation import Narrow
-from fingerlab.diagnosis.gram.runs import Keep, Recall, run_sums
+from fingerlab.diagnosis.gram.decimation import Decimated
+from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, run_sums
 from fingerlab.diagnosis.gram.sums import Group, Reduced, RunSums, empty
 from fingerlab.diagnosis.signals.conditions import Fold, GroupKey, deal_runs, group_key, runs_to_analyse
-from fingerlab.diagnosis.signals.segments import Senses, check_senses, stretches
+from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import told_frequency
 
 
-def layout_of_all(
-    pairs: Sequence[tuple[Session, Run]], effects: Sequence[Effect], recall: Recall
-) -> tuple[Layout, list[Asked]]:
-    """The features of all runs, those of the motor alone last; and what is asked of each run."""
-    kinds = [run.phase == "motor_bench" for _, run in pairs]
-    layouts = {}
-    for on_bench in sorted(set(kinds)):
-        number = kinds.index(on_bench)
-        session, run = pairs[number]
-        known = next(recall.stretches(number), None)
-        motion = known.motion if known is not None else next(stretches(run, session.rig))
-        beside = len(set(kinds)) == 2
-        layouts[on_bench] = layout_of(motion.glimpse(), session, effects, beside_finger=beside)
-    asked, start, seek_cycle = {}, 0, all(told_frequency(run) is None for _, run in pairs)
-    for on_bench, layout in layouts.items():
-        asked[on_bench] = Asked(layout.signals, len(layout.base), start, seek_cycle)
-        start += layout.signal_count
-    finger, *bench = layouts.values()
-    if bench:
-        finger = replace(
-            finger,
-            features=(*finger.features, *bench[0].features),
-            base=np.concatenate((finger.base, len(finger.features) + bench[0].base)),
-            signals=np.concatenate((finger.signals, finger.signal_count + bench[0].signals)),
-        )
-    return finger, [asked[on_bench] for on_bench in kinds]
+class Reduction:
+    """Sessions that are reduced more than once: what the first pass read is kept for all that follow.
+
+    A pass over effects that the first one knew reads no run and forms no column again. What comes out does
+    not depend on what was asked in between.
+    """
+
+    def __init__(self, sessions: Sequence[Session], executor: Executor | None = None) -> None:
+        """``executor``: a second process (``core.parallel``) that takes a share of the runs.
+
+        Raises:
+            UserError: there is nothing to analyse.
+        """
+        self.sessions = tuple(sessions)
+        self._pairs, self._on_bench = runs_to_analyse(sessions)
+        self._executor = executor
+        self._asked: list[_Key] | None = None
+        self._forget()
+
+    def _forget(self) -> None:
+        self._cache = SegmentCache(self._executor)
+        self._first: dict[bool, Layout] = {}
+        self._closer: dict[tuple[_Key, ...], Reduced] = {}
+        self._asked = None
+
+    def begin(self, catalogue: Sequence[Effect], watch: Watch = SILENT, read: bool = False) -> None:
+        """Make sure that the first pass is over this catalogue; one over another one is forgotten.
+
+        ``read``: make that pass now, if it was not made yet.
+        """
+        if self._asked != [_key(e) for e in self._acting(catalogue)]:
+            self._forget()
+            if read:
+                self.of(catalogue, watch)
+
+    def of(self, effects: Sequence[Effect], watch: Watch = SILENT, keep: Keep | None = None) -> Reduced:
+        """Sums for those of the effects that act in these runs; ``keep`` is shown every segment as it passes.
+
+        Raises:
+            UserError: a run that cannot be read, or channels whose sense is turned.
+            Cancelled: the user asked for it.
+        """
+        if self._asked is None:
+            self._forget()  # a pass may have been broken off
+        acting = self._acting(effects)
+        layouts = self._layouts(acting)
+        reduced = self._reduced(acting, layouts, watch, keep, anew=False)
+        if self._asked is None:
+            self._asked, self._first = [_key(e) for e in acting], layouts
+        return reduced
+
+    def closer(self, effects: Sequence[Effect], watch: Watch = SILENT) -> Reduced:
+        """The same for few effects at shapes between the grid's, whose columns are formed anew.
+
+        What was asked before is kept: another way to the same effects asks it again.
+        """
+        if self._asked is None:
+            return self.of(effects, watch)
+        acting = self._acting(effects)
+        key = tuple(_key(e) for e in acting)
+        if key not in self._closer:
+            if len(self._closer) >= MOST_CLOSER:
+                self._closer.pop(next(iter(self._closer)))
+            self._closer[key] = self._reduced(acting, self._layouts(acting), watch, None, anew=True)
+        known = self._closer[key]
+        # Noise is limited in place by whoever asks.
+        return replace(known, groups=[replace(g, noise=g.noise.copy()) for g in known.groups])
+
+    def _acting(self, effects: Sequence[Effect]) -> list[Effect]:
+        """Those that can act in these runs."""
+        phases = {run.phase for _, run in self._pairs}
+        cables = {run.cable for _, run in self._pairs}
+        return [
+            e
+            for e in effects
+            if (e.bench is True or not self._on_bench)
+            and (not e.phases or phases & set(e.phases))
+            and cables >= set(e.cables)
+        ]
+
+    def _layouts(self, effects: Sequence[Effect]) -> dict[bool, Layout]:
+        """The features of the finger's runs and of those of the motor alone (True), of what there is."""
+        kinds = [run.phase == "motor_bench" for _, run in self._pairs]
+        layouts = {}
+        for on_bench in sorted(set(kinds)):
+            number = kinds.index(on_bench)
+            session, run = self._pairs[number]
+            known = next(self._cache.segments(number), None)
+            motion = known.motion if known is not None else next(segments_of(run, session.rig))
+            beside = len(set(kinds)) == 2
+            layouts[on_bench] = layout_of(motion.glimpse(), session, effects, beside_finger=beside)
+        return layouts
+
+    def _reduced(
+        self,
+        effects: Sequence[Effect],
+        layouts: Mapping[bool, Layout],
+        watch: Watch,
+        keep: Keep | None,
+        anew: bool,
+    ) -> Reduced:
+        pairs, runs = self._pairs, [run for _, run in self._pairs]
+        seek_cycle = all(told_frequency(run) is None for run in runs)
+        asked, start = {}, 0
+        for on_bench, layout in layouts.items():
+            asked[on_bench] = asked_of(layout, effects, self._first.get(on_bench), start, anew, seek_cycle)
+            start += layout.signal_count
+        whole = _joined(*layouts.values())
+        dealt, places = deal_runs(runs)
+        groups: dict[GroupKey, Group] = {}
+        seen: list[Senses] = []
+        each = [asked[run.phase == "motor_bench"] for run in runs]
+        parts = sums_in_turn(pairs, effects, whole.signal_count, each, self._cache, keep)
+        for number, run in enumerate(runs):
+            watch.tell(number / len(pairs), f"reading run {run.name}")
+            sums = next(parts)
+            key = group_key(run)
+            if key not in groups:
+                groups[key] = _empty_group(run, whole, dealt[key])
+            _add(groups[key], places[number], sums)
+            seen += sums.senses
+        check_senses(seen)
+        for group in groups.values():
+            remove_common_trend(group)
+        radius = 1.0 if self._on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
+        return Reduced(whole, list(groups.values()), self._on_bench, radius)
 
 
-def reduce_sessions(
-    sessions: Sequence[Session],
-    effects: Sequence[Effect],
-    watch: Watch = SILENT,
-    keep: Keep | None = None,
-    recall: Recall | None = None,
-) -> Reduced:
-    """One pass over the data; ``keep`` is shown every stretch as it passes.
+MOST_CLOSER = 8
+"""So many reductions of a second look are kept, each of a few megabytes."""
+_Key = tuple[str, object, tuple[tuple[tuple[str, float], ...], ...]]
 
-    ``recall`` tells whether a second process takes a share of the runs (not together with ``keep``), and
-    holds what earlier passes over the same sessions left.
+
+def _key(effect: Effect) -> _Key:
+    """What decides the columns of an effect."""
+    return effect.id, effect.columns, tuple(tuple(sorted(shape.items())) for shape in effect.shapes)
+
+
+def _joined(finger: Layout, *bench: Layout) -> Layout:
+    """The features of all runs, those of the motor alone last."""
+    if not bench:
+        return finger
+    return replace(
+        finger,
+        features=(*finger.features, *bench[0].features),
+        base=np.concatenate((finger.base, len(finger.features) + bench[0].base)),
+        signals=np.concatenate((finger.signals, finger.signal_count + bench[0].signals)),
+    )
+
+
+def reduce_sessions(sessions: Sequence[Session], effects: Sequence[Effect], watch: Watch = SILENT) -> Reduced:
+    """One pass over the data, of which nothing is kept.
 
     Raises:
         UserError: nothing to analyse, a run that cannot be read, or channels whose sense is turned.
         Cancelled: the user asked for it.
     """
-    pairs, on_bench = runs_to_analyse(sessions)
-    phases, cables = {run.phase for _, run in pairs}, {run.cable for _, run in pairs}
-    effects = [
-        e for e in effects if (e.bench is True or not on_bench) and (not e.phases or phases & set(e.phases))
-    ]
-    effects = [e for e in effects if cables >= set(e.cables)]
-    dealt, places = deal_runs([run for _, run in pairs])
-    groups: dict[GroupKey, Group] = {}
-    layout: Layout | None = None
-    seen: list[Senses] = []
-    parts = sums_in_turn(pairs, effects, recall or Recall(), keep)
-    for number, (_, run) in enumerate(pairs):
-        watch.tell(number / len(pairs), f"reading run {run.name}")
-        layout, sums = next(parts)
-        key = group_key(run)
-        if key not in groups:
-            groups[key] = _empty_group(run, layout, dealt[key])
-        _add(groups[key], places[number], sums)
-        seen += sums.senses
-    assert layout is not None
-    check_senses(seen)
-    for group in groups.values():
-        remove_common_trend(group)
-    radius = 1.0 if on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
-    return Reduced(layout, list(groups.values()), on_bench, radius)
+    return Reduction(sessions).of(effects, watch)
 
 
 def _empty_group(run: Run, layout: Layout, dealt: list[Fold]) -> Group:
@@ -160,19 +250,27 @@ Grid = tuple[str, Sequence[Shape]]
 def sums_in_turn(
     pairs: Sequence[tuple[Session, Run]],
     effects: Sequence[Effect],
-    recall: Recall,
+    size: int,
+    asked: Sequence[Asked],
+    cache: SegmentCache,
     keep: Keep | None,
-) -> Iterator[tuple[Layout, RunSums]]:
+) -> Iterator[RunSums]:
     """The sums of every run, in order; a second process works ahead on every run that is not yet begun.
 
-    The layout is made here, from the first run: only its sums travel between the processes. A run goes to the
-    process that has read it before.
+    Only sums travel between the processes. A run goes to the process that has read it before. Without a
+    second process, runs that are kept are shared by threads.
+
+    Args:
+        size: signals of all runs. asked: of each run.
     """
-    layout, asked = layout_of_all(pairs, effects, recall)
-    size = layout.signal_count
     grids = [(e.id, e.shapes) for e in effects]
     # A user's own effect lives in this process only, and so does what is shown.
-    alone = recall.executor is None or keep is not None or any(of_the_user(e) for e in effects)
+    alone = cache.executor is None or keep is not None or any(of_the_user(e) for e in effects)
+    if alone and all(number in cache for number in range(len(pairs))):
+        formed = [effects[k] for one in asked for k in one.formed]
+        if not any(of_the_user(e) for e in formed):  # nobody knows whether that code minds threads
+            yield from _in_threads(pairs, effects, size, asked, cache, keep)
+            return
     waiting = deque(range(len(pairs)))
     ahead: dict[int, Future[RunSums]] = {}
     done: dict[int, RunSums] = {}
@@ -180,31 +278,60 @@ def sums_in_turn(
     def ask(number: int) -> None:
         session, run = pairs[number]
         waiting.remove(number)
-        recall.elsewhere.add(number)
-        assert recall.executor is not None
-        ahead[number] = recall.executor.submit(
-            _elsewhere, number, replace(session, runs=()), run, grids, asked[number], recall.number
+        cache.elsewhere.add(number)
+        assert cache.executor is not None
+        ahead[number] = cache.executor.submit(
+            _elsewhere, number, replace(session, runs=()), run, grids, asked[number], cache.number
         )
 
     try:
         for number in range(len(pairs)):
             while number not in done:
                 while not alone and sum(not f.done() for f in ahead.values()) < TASKS_AHEAD:
-                    theirs = _theirs(recall, waiting)
+                    theirs = _theirs(cache, waiting)
                     if theirs is None:
                         break
                     ask(theirs)
-                own = next((n for n in waiting if alone or n not in recall.elsewhere), None)
+                own = next((n for n in waiting if alone or n not in cache.elsewhere), None)
                 if own is not None and (number in waiting or not ahead[number].done()):
                     waiting.remove(own)
                     shown = None if keep is None else partial(_shown, keep, asked[own].start, size)
-                    done[own] = run_sums(own, *pairs[own], effects, asked[own], shown, recall)
+                    done[own] = run_sums(own, *pairs[own], effects, asked[own], shown, cache)
                 else:
                     done[number] = ahead.pop(number).result()
-            yield layout, done.pop(number)
+            yield done.pop(number)
     finally:
         for future in ahead.values():
             future.cancel()
+
+
+def _in_threads(
+    pairs: Sequence[tuple[Session, Run]],
+    effects: Sequence[Effect],
+    size: int,
+    asked: Sequence[Asked],
+    cache: SegmentCache,
+    keep: Keep | None,
+) -> Iterator[RunSums]:
+    """The sums of runs that are kept, by one thread for each core: nearly all of it is linear algebra."""
+
+    def one(number: int) -> tuple[RunSums, list[Decimated]]:
+        shown: list[Decimated] = []
+        show = None if keep is None else lambda session, run, low: shown.append(low)
+        return run_sums(number, *pairs[number], effects, asked[number], show, cache), shown
+
+    count = os.cpu_count() or 1
+    ahead: deque[Future[tuple[RunSums, list[Decimated]]]] = deque()
+    with ThreadPoolExecutor(count) as threads:
+        for number in range(len(pairs) + count):
+            if number < len(pairs):
+                ahead.append(threads.submit(one, number))
+            if number >= count:
+                sums, shown = ahead.popleft().result()
+                for low in shown:
+                    assert keep is not None
+                    _shown(keep, asked[number - count].start, size, *pairs[number - count], low)
+                yield sums
 
 
 def _shown(
@@ -213,7 +340,7 @@ def _shown(
     size: int,
     session: Session,
     run: Run,
-    low: Narrow,
+    low: Decimated,
 ) -> None:
     """Keep a stretch with its signals in their places among those of all runs."""
     columns = low.columns
@@ -223,16 +350,16 @@ def _shown(
     keep(session, run, replace(low, columns=columns, live=low.live + start))
 
 
-def _theirs(recall: Recall, waiting: Iterable[int]) -> int | None:
+def _theirs(cache: SegmentCache, waiting: Iterable[int]) -> int | None:
     """The run that the second process is given next: one that it has read, or one that neither has.
 
     Of the latter the next in turn is left to this process.
     """
-    read = [n for n in waiting if n in recall.elsewhere]
-    return (read + [n for n in waiting if n not in recall][1:2] + [None])[0]
+    read = [n for n in waiting if n in cache.elsewhere]
+    return (read + [n for n in waiting if n not in cache][1:2] + [None])[0]
 
 
-_recalled = Recall(number=-1)
+_cached = SegmentCache(number=-1)
 """In the second process: what it has read of the analysis that is going on."""
 
 
@@ -240,8 +367,8 @@ def _elsewhere(
     number: int, session: Session, run: Run, grids: Sequence[Grid], asked: Asked, analysis: int
 ) -> RunSums:
     """What the second process does."""
-    global _recalled
-    if _recalled.number != analysis:
-        _recalled = Recall(number=analysis)
+    global _cached
+    if _cached.number != analysis:
+        _cached = SegmentCache(number=analysis)
     effects = [replace(CATALOGUE[name], shapes=shapes) for name, shapes in grids]
-    return run_sums(number, session, run, effects, asked, None, _recalled)
+    return run_sums(number, session, run, effects, asked, None, _cached)

@@ -1,8 +1,8 @@
 """The sums of one run: its segments read or taken from the cache, and reduced to products of signals.
 
-A second look asks the same runs for few other columns. Opening the file again, differentiating its channels
-and forming what every model holds would cost more than those: a first reading keeps the motion of every
-segment, and the signals of every model.
+A later pass asks the same runs for few other columns, or for none. Opening the file again, differentiating
+its channels and forming the columns would cost more than all the rest: the first reading keeps the motion of
+every segment, and its signals.
 """
 
 from __future__ import annotations
@@ -17,31 +17,27 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.columns import Asked, effect_columns
 from fingerlab.diagnosis.equations.features import BoolArray, IntArray
-from fingerlab.diagnosis.gram.decimation import Narrow, _fill, narrow_columns, repeating_bases
+from fingerlab.diagnosis.gram.decimation import Decimated, decimated_columns, fill, repeating_bases
 from fingerlab.diagnosis.gram.sums import Part, RunSums, Sums
-from fingerlab.diagnosis.signals.segments import senses, stretches
+from fingerlab.diagnosis.signals.segments import segments_of, senses
 from fingerlab.effects.base import Effect
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
 
-MOST_BYTES = 48_000_000
-"""So much is kept in each process, about forty runs of half a minute; longer recordings are read again."""
-
-
-_NUMBERS = count()
+MOST_BYTES = 96_000_000
+"""So much is kept in each process, about fifty runs of half a minute; longer recordings are read again."""
 
 
 @dataclass(frozen=True)
-class Seen:
-    """A stretch as it was read, and what every model sees of it at the narrow rate.
+class CachedSegment:
+    """A segment as the first reading saw it, with its signals at the decimated rate.
 
-    ``low`` (signals, n), in single precision as the filter gives it, holds the signals of the first
-    ``features`` features; ``live`` are those that are not zero throughout. ``taut``, ``rest`` (n,) bool and
-    ``time`` (n,) s as in :class:`decimation.Narrow`.
+    ``low`` (live, n), in single precision as the filter gives it, holds the signals ``live``, (live,), which
+    are those that are not zero throughout. ``taut``, ``rest`` (n,) bool and ``time`` (n,) s as in
+    :class:`decimation.Decimated`.
     """
 
     motion: Motion
-    features: int
     low: np.ndarray[tuple[int, ...], np.dtype[np.float32]]
     live: IntArray
     taut: BoolArray
@@ -57,8 +53,11 @@ class Seen:
         return self.low.nbytes + sum(a.nbytes for a in arrays if isinstance(a, np.ndarray))
 
 
+_NUMBERS = count()
+
+
 @dataclass
-class Recall:
+class SegmentCache:
     """Who reads the runs of one analysis, and what they keep of them.
 
     Attributes:
@@ -70,46 +69,53 @@ class Recall:
     executor: Executor | None = None
     number: int = field(default_factory=partial(next, _NUMBERS))
     elsewhere: set[int] = field(default_factory=set)
-    _runs: dict[int, list[Seen]] = field(default_factory=dict, repr=False)
+    _runs: dict[int, list[CachedSegment]] = field(default_factory=dict, repr=False)
     _size: int = 0
 
-    def stretches(self, run: int) -> Iterator[Seen]:
-        """The stretches of a run that is kept; none of others. States of friction are formed anew."""
-        for seen in self._runs.get(run, ()):
-            yield replace(seen, motion=replace(seen.motion, _memory={}))
+    def segments(self, run: int) -> Iterator[CachedSegment]:
+        """The segments of a run that is kept; none of others. States of friction are formed anew."""
+        for segment in self._runs.get(run, ()):
+            yield replace(segment, motion=replace(segment.motion, _memory={}))
 
-    def keep(self, run: int, stretches: Sequence[Seen]) -> None:
+    def keep(self, run: int, segments: Sequence[CachedSegment]) -> None:
         """Keep a run that was read to its end."""
-        self._size += sum(seen.size for seen in stretches)
-        self._runs[run] = [replace(s, motion=replace(s.motion, _memory={})) for s in stretches]
+        self._size += sum(one.size for one in segments)
+        self._runs[run] = [replace(s, motion=replace(s.motion, _memory={})) for s in segments]
 
-    def has_room(self, stretches: Sequence[Seen]) -> bool:
+    def has_room(self, segments: Sequence[CachedSegment]) -> bool:
         """Whether these could be kept, too."""
-        return self._size + sum(seen.size for seen in stretches) <= MOST_BYTES
+        return self._size + sum(one.size for one in segments) <= MOST_BYTES
 
     def __contains__(self, run: int) -> bool:
         return run in self._runs
 
 
-Keep = Callable[[Session, Run, Narrow], None]
-"""Who is shown every stretch of a run as it passes."""
+def decimated_again(segment: CachedSegment, effects: Sequence[Effect], asked: Asked) -> Decimated:
+    """The signals that are asked for, of a segment that was read before; few are formed."""
+    low = np.zeros((len(asked.cached), len(segment.time)))
+    rows = np.full(max(int(segment.live.max(initial=-1)), int(asked.cached.max())) + 1, -1)
+    rows[segment.live] = np.arange(len(segment.live))
+    known = asked.cached >= 0
+    places = np.flatnonzero(known)
+    held = rows[asked.cached[places]]
+    places, held = places[held >= 0], held[held >= 0]
+    low[places] = segment.low[held]
+    wanted = [effects[k] for k in asked.formed]
+    # Positions of their features, in the order in which the columns come.
+    signals = np.concatenate([asked.features[k] for k in asked.formed] or [np.zeros(0, dtype=int)])
+    formed = fill(low, segment.motion, effect_columns(segment.motion, wanted), signals, known)
+    live = np.sort(np.concatenate((places, np.array(formed, dtype=places.dtype))))
+    return Decimated(low.T, segment.taut, segment.time, segment.motion, segment.rest, live)
 
 
-def narrow_again(seen: Seen, effects: Sequence[Effect], signals: IntArray) -> Narrow:
-    """The same of a stretch that was read before; ``signals`` begin as they did then."""
-    known = len(seen.low)
-    low = np.zeros((max(int(signals.max()) + 1, known), len(seen.time)))
-    low[:known] = seen.low
-    rest = _fill(low, seen.motion, effect_columns(seen.motion, effects), signals[seen.features :], known)
-    live = np.concatenate((seen.live, np.array(rest, dtype=seen.live.dtype)))
-    return Narrow(low.T, seen.taut, seen.time, seen.motion, seen.rest, live)
+def to_cache(low: Decimated) -> CachedSegment:
+    """What later passes need of a segment."""
+    signals = low.columns.T[low.live].astype(np.float32)
+    return CachedSegment(low.wide, signals, low.live, low.taut, low.rest, low.time)
 
 
-def to_recall(low: Narrow, asked: Asked) -> Seen:
-    """What a later reading needs of a stretch beside its motion."""
-    known = int(asked.signals[: asked.common].max()) + 1
-    common = low.columns.T[:known].astype(np.float32)
-    return Seen(low.wide, asked.common, common, low.live[low.live < known], low.taut, low.rest, low.time)
+Keep = Callable[[Session, Run, Decimated], None]
+"""Who is shown every segment of a run as it passes."""
 
 
 def run_sums(
@@ -119,11 +125,11 @@ def run_sums(
     effects: Sequence[Effect],
     asked: Asked,
     keep: Keep | None,
-    recall: Recall,
+    cache: SegmentCache,
 ) -> RunSums:
-    """Products of all signals over a run, in stretches of at most a minute; ``number`` is its own."""
+    """Products of all signals over a run, in segments of at most a minute; ``number`` is its own."""
     result = RunSums(run.name)
-    for low in _narrowed(number, session, run, effects, asked, recall):
+    for low in _decimated(number, session, run, effects, asked, cache):
         motion = low.wide
         sense = senses(run, motion)
         result.senses += [] if sense is None else [sense]
@@ -143,26 +149,26 @@ def run_sums(
     return result
 
 
-def _narrowed(
-    number: int, session: Session, run: Run, effects: Sequence[Effect], asked: Asked, recall: Recall
-) -> Iterator[Narrow]:
-    """All signals of a run's stretches, read or recalled."""
-    if number in recall:
-        for seen in recall.stretches(number):
-            yield narrow_again(seen, effects, asked.signals)
+def _decimated(
+    number: int, session: Session, run: Run, effects: Sequence[Effect], asked: Asked, cache: SegmentCache
+) -> Iterator[Decimated]:
+    """All signals of a run's segments, read or from the cache; a first reading is kept."""
+    if number in cache:
+        for segment in cache.segments(number):
+            yield decimated_again(segment, effects, asked)
         return
-    found: list[Seen] | None = []
-    for motion in stretches(run, session.rig):
-        low = narrow_columns(motion, effects, asked.signals)
+    found: list[CachedSegment] | None = [] if asked.first else None
+    for motion in segments_of(run, session.rig):
+        low = decimated_columns(motion, effects, asked.signals)
         yield low
         if found is not None:
-            found.append(to_recall(low, asked))
-            found = found if recall.has_room(found) else None
+            found.append(to_cache(low))
+            found = found if cache.has_room(found) else None
     if found is not None:
-        recall.keep(number, found)
+        cache.keep(number, found)
 
 
-def _products(low: Narrow, live: Array) -> Sums:
+def _products(low: Decimated, live: Array) -> Sums:
     """Sums over one stretch, of its live signals, (live, n)."""
     taut = int(low.taut.sum())
     loose, still = live[:, ~low.taut], live[:, low.taut & low.rest]

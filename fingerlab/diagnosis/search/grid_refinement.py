@@ -17,8 +17,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.weights import Weights
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
-from fingerlab.diagnosis.gram.runs import Recall
+from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
 from fingerlab.diagnosis.score.fitted_model import Trial
 from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Study
@@ -26,7 +25,6 @@ from fingerlab.diagnosis.score.selection import USUAL_LEFT, among, idle_steps, j
 from fingerlab.diagnosis.search.next_effect import refine, weigh
 from fingerlab.diagnosis.search.path import LONGEST_PATH, STEP_PROMISE, density, forward, worth_adding
 from fingerlab.effects.base import Effect, Shape
-from fingerlab.sessions.model import Session
 
 LOOKING_ITERATIONS = 3
 ROUNDS = 2
@@ -45,10 +43,9 @@ def settled(study: Study, effects: Sequence[Effect]) -> Trial:
 
 
 def closely(
-    sessions: Sequence[Session],
+    reduction: Reduction,
     effects: Sequence[Effect],
     watch: Watch = SILENT,
-    recall: Recall | None = None,
 ) -> tuple[Study, Trial]:
     """All effects in, settled on their grids and then looked at again; own weights.
 
@@ -56,22 +53,20 @@ def closely(
         UserError: an effect does not apply to these runs, or a run cannot be read.
         Cancelled: the user asked for it.
     """
-    recall = recall or Recall()
-    study = Study(reduce_sessions(sessions, effects, watch, recall=recall))
+    study = Study(reduction.of(effects, watch))
     for one in effects:
         if one not in study.reduced.layout.effects:
             raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
     trial = settled(study, effects)
     if not worth_a_look(trial.model.choices):
         return study, trial
-    return look_again(sessions, trial.model.choices, watch, recall)
+    return look_again(reduction, trial.model.choices, watch)
 
 
 def look_again(
-    sessions: Sequence[Session],
+    reduction: Reduction,
     found: Sequence[Choice],
     watch: Watch = SILENT,
-    recall: Recall | None = None,
 ) -> tuple[Study, Trial]:
     """The effects at the best of the shapes around those found, under their own model's weights.
 
@@ -82,7 +77,7 @@ def look_again(
         Cancelled: the user asked for it.
     """
     closer = [_closer(c) for c in found]
-    study = Study(reduce_sessions(sessions, closer, watch, recall=recall))
+    study = Study(reduction.closer(closer, watch))
     places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(closer, found, strict=True)]
     trial = study.settle([Choice(e, i) for e, i in zip(closer, places, strict=True)])
     return study, _at_best_shapes(study, trial, ROUNDS)
@@ -98,10 +93,9 @@ def _at_best_shapes(study: Study, trial: Trial, rounds: int) -> Trial:
 
 
 def look_again_along(
-    sessions: Sequence[Session],
+    reduction: Reduction,
     path: Sequence[Trial],
     watch: Watch = SILENT,
-    recall: Recall | None = None,
 ) -> tuple[Study, list[Trial]]:
     """A path of models, each held out, with the shapes of a second look; steps that it spares drop out.
 
@@ -109,7 +103,7 @@ def look_again_along(
     """
     chosen = list(path)
     while True:
-        study, last = look_again(sessions, chosen[-1].model.choices, watch, recall)
+        study, last = look_again(reduction, chosen[-1].model.choices, watch)
         by_id = {c.effect.id: c for c in last.model.choices}
         kept = [[by_id[c.effect.id] for c in step.model.choices if c.effect.id in by_id] for step in chosen]
         steps = [study.hold_out(study.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
@@ -136,11 +130,10 @@ def _mends_a_shape(study: Study, steps: Sequence[Trial]) -> bool:
 
 
 def look_beyond(
-    sessions: Sequence[Session],
+    reduction: Reduction,
     catalogue: Sequence[Effect],
     path: Sequence[Trial],
     watch: Watch,
-    recall: Recall | None = None,
 ) -> tuple[Study, list[Trial]] | None:
     """The path with steps that show only beside the closer shapes of the effects on it; None: there are none.
 
@@ -151,7 +144,7 @@ def look_beyond(
         Cancelled: the user asked for it.
     """
     given = closest(path[-1])
-    study = Study(reduce_sessions(sessions, shaped_like(catalogue, given), watch, recall=recall))
+    study = Study(reduction.of(shaped_like(catalogue, given), watch))
     effects = study.reduced.layout.effects
     base = study.hold_out(settled(study, given))
     evidence = weigh(study, base, effects, watch, STEP_PROMISE * least_fall(base))
@@ -161,7 +154,7 @@ def look_beyond(
         return None
     first = len(path[0].model.choices)
     fewer = [study.fit(found[0].model.choices[:k], found[0]) for k in range(first, len(given))]
-    return look_again_along(sessions, [*fewer, *found], watch, recall)
+    return look_again_along(reduction, [*fewer, *found], watch)
 
 
 def closest(trial: Trial) -> list[Effect]:
@@ -223,11 +216,10 @@ MOST_RIVALS = 3
 
 
 def looked_at_closely(
-    sessions: Sequence[Session],
+    reduction: Reduction,
     study: Study,
     evidence: Evidence,
     watch: Watch,
-    recall: Recall | None = None,
 ) -> Evidence:
     """The evidence with the odds of the best effects among each other as a second look at each finds them.
 
@@ -244,7 +236,7 @@ def looked_at_closely(
     if not any(worth_a_look(t.model.choices) for t in trials):
         return evidence
     log_odds = evidence.log_odds.copy()
-    log_odds[rivals] = among(evidence.base, _seen_closely(sessions, study, trials, watch, recall))
+    log_odds[rivals] = among(evidence.base, _seen_closely(reduction, study, trials, watch))
     found = float(evidence.probabilities.sum())
     return replace(evidence, log_odds=log_odds, probabilities=found * shares_of(log_odds))
 
@@ -259,23 +251,19 @@ class _Look:
     density: float
 
 
-def _seen_closely(
-    sessions: Sequence[Session], study: Study, trials: Sequence[Trial], watch: Watch, recall: Recall | None
-) -> list[Trial]:
+def _seen_closely(reduction: Reduction, study: Study, trials: Sequence[Trial], watch: Watch) -> list[Trial]:
     """Every trial as a second look finds it, held out, all in the floors of the likeliest."""
     kept = study.weights
-    looks = [_look(sessions, study, trial, watch, recall) for trial in trials]
+    looks = [_look(reduction, study, trial, watch) for trial in trials]
     likeliest = min(looks, key=lambda look: look.density)
     seen = [_scored(look, likeliest.weights) for look in looks]
     study.weights = kept
     return seen
 
 
-def _look(
-    sessions: Sequence[Session], study: Study, trial: Trial, watch: Watch, recall: Recall | None
-) -> _Look:
+def _look(reduction: Reduction, study: Study, trial: Trial, watch: Watch) -> _Look:
     if worth_a_look(trial.model.choices):
-        study, trial = look_again(sessions, trial.model.choices, watch, recall)
+        study, trial = look_again(reduction, trial.model.choices, watch)
     else:
         trial = study.settle(trial.model.choices, trial)
     return _Look(study, trial, study.weights, density(study, trial))

@@ -42,7 +42,7 @@ EDGE = 4
 """Zeros on either side of the wide kernel, for two differences that reach beyond it."""
 
 
-def wide_kernels(sample_rate_hz: float) -> tuple[Array, int]:
+def derivative_kernels(sample_rate_hz: float) -> tuple[Array, int]:
     """Low-pass kernel at 40 Hz with its first and second derivative, shape (taps, 3), and the decimation.
 
     Units 1, 1/s, 1/s^2. At a sampling rate below 250 Hz nothing is decimated.
@@ -64,7 +64,7 @@ def wide_kernels(sample_rate_hz: float) -> tuple[Array, int]:
     return np.stack((smooth, slope, bend), axis=1), step
 
 
-def widen(values: Array, kernels: Array, step: int) -> Array:
+def differentiate(values: Array, kernels: Array, step: int) -> Array:
     """Values with first and second derivative at the wide rate, shape (3, m); only whole windows."""
     count = max(0, (len(values) - len(kernels)) // step + 1)
     block = np.hstack([_block_kernel(k, step) for k in kernels.T])
@@ -82,15 +82,15 @@ EFFECTIVE_SHARE = float(1.0 / (NARROW_RATE_HZ / WIDE_RATE_HZ * np.sum(_NARROW**2
 EFFECTIVE_SHARE = min(1.0, EFFECTIVE_SHARE)
 
 
-def narrow_count(length: int) -> int:
+def decimated_count(length: int) -> int:
     """Number of decimated samples that a wide signal of ``length`` samples gives."""
     return max(0, (length - NARROW_TAPS) // NARROW_STEP + 1)
 
 
-def narrow(columns: Array) -> Array:
-    """Low-pass at 8 Hz and decimate to 25 Hz; shape (..., n) -> (..., narrow_count(n))."""
+def decimate(columns: Array) -> Array:
+    """Low-pass at 8 Hz and decimate to 25 Hz; shape (..., n) -> (..., decimated_count(n))."""
     length = columns.shape[-1]
-    count = narrow_count(length)
+    count = decimated_count(length)
     if count == 0:
         return np.zeros((*columns.shape[:-1], 0))
     flat = columns.reshape(-1, length)

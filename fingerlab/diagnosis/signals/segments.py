@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.signals.filters import wide_kernels, widen
+from fingerlab.diagnosis.signals.filters import derivative_kernels, differentiate
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Rig
@@ -34,7 +34,7 @@ FINGER_CHANNELS = ("motor_position", "motor_torque", "mcp_angle", "pip_angle")
 BENCH_CHANNELS = ("motor_position", "motor_torque")
 
 
-def stretches(run: Run, rig: Rig) -> Iterator[Motion]:
+def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
     """The run's motion after its start-up ramp, in stretches of at most a minute without a gap.
 
     Raises:
@@ -71,7 +71,7 @@ def stretches(run: Run, rig: Rig) -> Iterator[Motion]:
 
 def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int) -> Iterator[Motion]:
     """Samples ``start:stop`` and the ``lead`` before them, in pieces between gaps of the recording."""
-    lead -= lead % wide_kernels(run.sample_rate_hz)[1]
+    lead -= lead % derivative_kernels(run.sample_rate_hz)[1]
     names = [*(BENCH_CHANNELS if on_bench else FINGER_CHANNELS)]
     extra = "load_torque" if on_bench else "endpoint_force" if run.phase == "contact" else ""
     names += [extra] if run.has(extra) else []
@@ -88,7 +88,7 @@ def _whole(time: Array, rate: float, lead: int) -> Iterator[tuple[slice, int]]:
 
     Behind a gap nobody knows what rubs or creeps: it finds its state as it does at the start of a run.
     """
-    step = wide_kernels(rate)[1]
+    step = derivative_kernels(rate)[1]
     for piece in whole_pieces(time, rate):
         its_lead = lead
         if piece.start:
@@ -111,11 +111,11 @@ def _motion(
     What rubs, creeps or has play remembers how it came here: its state is followed through the ``lead``,
     where no equation is counted.
     """
-    kernels, step = wide_kernels(run.sample_rate_hz)
+    kernels, step = derivative_kernels(run.sample_rate_hz)
 
     def read(name: str) -> Array:
         _check_numbers(run, name, samples[name], first)
-        return widen(samples[name], kernels, step)
+        return differentiate(samples[name], kernels, step)
 
     position, torque = read("motor_position"), read("motor_torque")
     joints = force = load = None
@@ -203,7 +203,7 @@ def _force(run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, st
             f"Run {run.name} is a contact run, but 'endpoint_force' holds values that are not numbers; "
             "it needs the load cell's force in N."
         )
-    return widen(np.nan_to_num(values), kernels[:, :1], step)[0]
+    return differentiate(np.nan_to_num(values), kernels[:, :1], step)[0]
 
 
 NO_TORQUE = 1e-9

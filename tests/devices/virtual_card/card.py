@@ -11,6 +11,8 @@ from typing import Any, Protocol
 from fingerlab.devices.clock import VirtualClock
 
 SINGLE_POINT, CONTINUOUS = 12522, 10123
+DIGITAL = ("do", "di")
+ENABLE = "port0/line0"
 RATE = 1000.0
 
 
@@ -48,7 +50,7 @@ class SimplePlant:
 
 @dataclass
 class Channel:
-    """A virtual channel: ``kind`` is ai, ao, ci or do; ``terminal`` without the device's name."""
+    """A virtual channel: ``kind`` is ai, ao, ci, do or di; ``terminal`` without the device's name."""
 
     kind: str
     terminal: str
@@ -83,7 +85,8 @@ class Card:
     """State of the card. Time passes only while somebody waits for a sample, or by ``pass_time``.
 
     Attributes:
-        volts: at the output terminal. line: level of the enable line.
+        volts: at the output terminal. line: level of the enable line. inputs: level of each line that is
+            read; one that is not named is open, and pulled down. edges: line -> ticks at which it changed.
         hooks: RPC name -> function called first, which may raise DaqFailure, to make things go wrong.
         stopped_clock: no more edges. partial: samples that the next block read delivers instead of all.
         layout: where a partial read puts them: ``rows``, ``packed`` or ``zeros`` (whole buffer returned).
@@ -97,6 +100,9 @@ class Card:
         self.name = name
         self.product, self.serial, self.simulated = "PCIe-6343", 0x1C0FFEE, False
         self.volts, self.line = 0.0, False
+        self.inputs: dict[str, bool] = {}
+        self.levels: dict[str, bool] = {}
+        self.edges: dict[str, list[int]] = {}
         self.tasks: dict[str, CardTask] = {}
         self.hooks: dict[str, Callable[[], None]] = {}
         self.stopped_clock = False
@@ -142,9 +148,16 @@ class Card:
         if task.kind == "ai" and task.mode == SINGLE_POINT and len(task.channels) % 2:
             raise DaqFailure(-200820)
         for other in self.tasks.values():
-            if other.reserved and other.kind == task.kind:
-                raise DaqFailure(-200587 if task.kind == "do" else -50103)
+            if other.reserved and self._clash(task, other):
+                raise DaqFailure(-200587 if task.kind in DIGITAL else -50103)
         task.reserved = True
+
+    @staticmethod
+    def _clash(task: CardTask, other: CardTask) -> bool:
+        """Two tasks want the same engine of the card; digital lines on demand only clash line by line."""
+        if task.kind not in DIGITAL or other.kind not in DIGITAL:
+            return task.kind == other.kind
+        return bool({c.terminal for c in task.channels} & {c.terminal for c in other.channels})
 
     def start(self, name: str) -> None:
         self.reserve(name)
@@ -168,6 +181,7 @@ class Card:
         self.resets += 1
         self.tasks.clear()
         self.volts, self.line = 0.0, False
+        self.levels.clear()
 
     # ---- time ------------------------------------------------------------------------------------
 
@@ -258,9 +272,19 @@ class Card:
         task.running = True
 
     def write_line(self, name: str, high: bool) -> None:
-        self.task(name)
+        terminal = self.task(name).channels[0].terminal
         self.reserve(name)
-        self.line = high
+        if terminal == ENABLE:
+            self.line = high
+        if self.levels.get(terminal, False) is not high:
+            self.edges.setdefault(terminal, []).append(len(self.history))
+        self.levels[terminal] = high
+
+    def read_levels(self, name: str) -> list[bool]:
+        """On demand: the lines of a task, in its order."""
+        task = self.task(name)
+        self.reserve(name)
+        return [self.inputs.get(channel.terminal, False) for channel in task.channels]
 
     def _readable(self, name: str) -> CardTask:
         task = self.task(name)
@@ -274,5 +298,6 @@ KNOWN = {
     "ao": {f"ao{k}" for k in range(4)},
     "ci": {f"ctr{k}" for k in range(4)},
     "do": {f"port0/line{k}" for k in range(32)},
+    "di": {f"port0/line{k}" for k in range(32)},
 }
 """Terminals of a PCIe-6343 (NI 6343 specifications: 32 analog inputs, 4 outputs, 4 counters, 48 lines)."""

@@ -24,7 +24,7 @@ TASK_STRINGS = {
 }
 TASK_NUMBERS = {0x2181: lambda task: len(task.channels)}
 READ_NUMBERS = {0x192A: lambda task: task.total}
-CHANNEL_TYPES = {"ai": 10100, "ao": 10102, "ci": 10131, "do": 10153}
+CHANNEL_TYPES = {"ai": 10100, "ao": 10102, "ci": 10131, "do": 10153, "di": 10151}
 
 
 class Servicer(NiDAQmxServicer):
@@ -111,6 +111,11 @@ def _write_lines(card: Card, request: Any) -> dict[str, Any]:
     return {"samps_per_chan_written": 1}
 
 
+def _read_lines(card: Card, request: Any) -> dict[str, Any]:
+    levels = card.read_levels(request.task.name)
+    return {"read_array": bytes(levels), "samps_per_chan_read": 1, "num_bytes_per_samp": 1}
+
+
 def _reset(card: Card, request: Any) -> None:
     if request.device_name != card.name:
         raise DaqFailure(-200220)
@@ -132,6 +137,8 @@ for _name, _work in {
     "CreateAOVoltageChan": lambda c, r: c.add(r.task.name, "ao", r.physical_channel, r.min_val, r.max_val),
     "CreateCIAngEncoderChan": lambda card, r: card.add(r.task.name, "ci", r.counter),
     "CreateDOChan": lambda card, r: card.add(r.task.name, "do", r.lines),
+    "CreateDIChan": lambda card, r: card.add(r.task.name, "di", r.lines),
+    "ReadDigitalLines": _read_lines,
     "CfgSampClkTiming": lambda card, r: card.time(
         r.task.name, r.sample_mode_raw or r.sample_mode, r.source, r.samps_per_chan
     ),
