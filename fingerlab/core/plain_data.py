@@ -38,12 +38,12 @@ class Mismatch(ValueError):
     """Data that is not what it should be; the text is the rest of a sentence, without a full stop.
 
     Attributes:
-        place: names that lead to the value. wanted: what it should be; empty where it is no value.
+        place: names that lead to the value. wanted: what ``value`` should be; empty without one.
     """
 
-    def __init__(self, place: tuple[str, ...], says: str, wanted: str = "") -> None:
+    def __init__(self, place: tuple[str, ...], says: str, wanted: str = "", value: object = None) -> None:
         super().__init__(" ".join((*place, says)))
-        self.place, self.wanted = place, wanted
+        self.place, self.wanted, self.value = place, wanted, value
 
 
 def structured(kind: type[T], data: object, refuse_unknown: bool = False) -> T:
@@ -110,14 +110,14 @@ def _told(error: str, data: object, kind: Any) -> Mismatch:
         wanted = WANTED.get(expected[1], expected[1])
     else:  # one of several words or numbers
         wanted = f"one of {', '.join(map(str, get_args(kind)))}"
-    return Mismatch(place, f"is {data!r}; it should be {wanted}", wanted)
+    return Mismatch(place, f"is {data!r}; it should be {wanted}", wanted, data)
 
 
 def _check_finite(found: object, place: tuple[str, ...]) -> None:
     for spec in fields(found):  # type: ignore[arg-type]
         value, here = getattr(found, spec.name), (*place, spec.name)
         if isinstance(value, float) and not math.isfinite(value):
-            raise Mismatch(here, f"is {value!r}; it should be {WANTED['float']}", WANTED["float"])
+            raise Mismatch(here, f"is {value!r}; it should be {WANTED['float']}", WANTED["float"], value)
         if is_dataclass(value):
             _check_finite(value, here)
 
