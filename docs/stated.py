@@ -51,8 +51,8 @@ def page() -> str:
         "# Numbers of the diagnosis",
         "Each decision of [the diagnosis](theory.md#floor-score-and-evidence) rests on numbers that no law "
         "of physics gives. Here they all stand, read from `diagnosis/settings.py` when this page was "
-        "built, with what it says of them. A squared score is a misfit per independent value, in units of the "
-        "floor; log odds are natural.",
+        "built, with what it says of them. A squared score is a misfit per independent value, in units of "
+        "the floor; log odds are natural.",
     ]
     for title, rows in stated().items():
         lines = [f"| `{key}` | {shown(value)} | {said} |" for key, value, said in rows]

@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial.legendre import legvander
 
 from fingerlab.diagnosis.equations.columns import Column, all_columns
-from fingerlab.diagnosis.equations.features import SHIFTS_S, SLOPE, BoolArray, IntArray
+from fingerlab.diagnosis.equations.features import SHIFT_SAMPLES, SLOPE, BoolArray, IntArray
 from fingerlab.diagnosis.settings import (
     AT_ONCE,
     AT_REST_DEG,
@@ -24,7 +24,6 @@ from fingerlab.diagnosis.settings import (
     REST_REACH,
     SLACK_TENSION_N,
     TREND_DEGREE,
-    WIDE_RATE_HZ,
 )
 from fingerlab.diagnosis.signals.filters import NARROW_HALF, NARROW_STEP, decimate, decimated_count
 from fingerlab.effects.base import Effect
@@ -56,7 +55,7 @@ def rest_moments(position: Array) -> BoolArray:
     return np.asarray(np.ptp(windows, axis=1) < np.radians(AT_REST_DEG))
 
 
-MARGIN = round(max(abs(s) for s in SHIFTS_S) * WIDE_RATE_HZ)
+MARGIN = max(abs(samples) for samples in SHIFT_SAMPLES)
 """Samples at the wide rate on either side of those that are judged: room for the delays."""
 
 
@@ -133,7 +132,7 @@ def _shifted(values: Array, shift: int | None, rate: float, inner: slice) -> Arr
         return values[inner]
     if shift == SLOPE:
         return np.asarray(np.gradient(values, 1.0 / rate)[inner])
-    late = round(SHIFTS_S[shift] * WIDE_RATE_HZ)
+    late = SHIFT_SAMPLES[shift]
     return values[inner.start - late : max(inner.stop - late, 0)]
 
 
