@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from PySide6.QtWidgets import (
@@ -17,7 +18,20 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from .recording import Details
+
+
+@dataclass
+class Details:
+    """What the operator says of the session to come."""
+
+    folder: Path
+    title: str = ""
+    operator: str = ""
+    notes: str = ""
+
+    def attributes(self) -> dict[str, str]:
+        """For the session file; without what was left empty."""
+        return {name: text for name in ("operator", "notes") if (text := getattr(self, name).strip())}
 
 
 class DetailsDialog(QDialog):

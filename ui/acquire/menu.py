@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 from ..tab import SEPARATOR, Command
+from .panel import Panel
+from .plots import LivePlots
+from .prompt_bar import PromptBar
+from .recording import Recording
+from .toolbar import Toolbar
 
-if TYPE_CHECKING:
-    from .tab import AcquireTab
 
 
-def acquire_menu(tab: AcquireTab) -> tuple[Command, ...]:
+def acquire_menu(
+    panel: Panel,
+    bar: Toolbar,
+    plots: LivePlots,
+    prompt: PromptBar,
+    recording: Recording,
+    take_moment: Callable[[], Any],
+    disconnect: Callable[[], Any],
+) -> tuple[Command, ...]:
     """All that can be done on the tab; a key does what its button does."""
-    panel, bar, plots, recording = tab.panel, tab.toolbar, tab.plots, tab.recording
-    connected = tab.connected
+
+    def connected() -> bool:
+        return recording.station.bench is not None
 
     def press(text: str, button: Any, keys: str) -> Command:
         return Command(text, button.click, keys, lambda: connected() and button.isEnabled())
@@ -28,11 +41,11 @@ def acquire_menu(tab: AcquireTab) -> tuple[Command, ...]:
         press("&Start or change", panel.start, "Ctrl+Return"),
         press("To res&t", panel.finish, "Ctrl+Backspace"),
         press("Run &protocol", panel.run, "Ctrl+Shift+Return"),
-        Command("&Done as asked", tab.prompt.button.click, "Ctrl+D", tab.prompt.isVisible),
+        Command("&Done as asked", prompt.button.click, "Ctrl+D", prompt.isVisible),
         SEPARATOR,
         press("Re&cord or end run", panel.record, "Ctrl+R"),
         press("Pause recording", panel.pause, "Ctrl+Shift+P"),
-        Command("&Marker with a note", tab.take_moment, "Ctrl+M", lambda: panel.mark.isEnabled()),
+        Command("&Marker with a note", take_moment, "Ctrl+M", lambda: panel.mark.isEnabled()),
         press("&Write to file", panel.write, "Ctrl+S"),
         Command("Finish writing l&ater", panel.later.click, None, lambda: recording.writing.under_way),
         SEPARATOR,
@@ -42,5 +55,5 @@ def acquire_menu(tab: AcquireTab) -> tuple[Command, ...]:
         Command("Scroll &back", lambda: plots.scroll_by(-0.5), "Alt+Left", connected),
         Command("Scroll for&ward", lambda: plots.scroll_by(0.5), "Alt+Right", connected),
         SEPARATOR,
-        Command("Disco&nnect", tab.disconnect_rig, None, connected),
+        Command("Disco&nnect", disconnect, None, connected),
     )

@@ -19,26 +19,13 @@ from fingerlab.acquisition.recording import SessionInfo
 from fingerlab.core.errors import UserError
 
 from ..tasks import Failed
+from .details_dialog import Details
 from .station import NO_BENCH, Station
 from .writing import Ending, Writing
 
 WRITING = "Writing and verifying"
 AFTER_STOP_MS = 300
 """The recording goes on for this long after a stop, so that the stop itself is in it."""
-
-
-@dataclass
-class Details:
-    """What the operator says of the session to come."""
-
-    folder: Path
-    title: str = ""
-    operator: str = ""
-    notes: str = ""
-
-    def attributes(self) -> dict[str, str]:
-        """For the session file; without what was left empty."""
-        return {name: text for name in ("operator", "notes") if (text := getattr(self, name).strip())}
 
 
 @dataclass

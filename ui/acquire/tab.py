@@ -79,7 +79,15 @@ class AcquireTab(Tab):
         self._lasts_s: float | None = None
         self._moves: Mapping[str, Any] | None = None
         self._build()
-        self.commands = acquire_menu(self)
+        self.commands = acquire_menu(
+            self.panel,
+            self.toolbar,
+            self.plots,
+            self.prompt,
+            self.recording,
+            self.take_moment,
+            self.disconnect_rig,
+        )
         self._connect()
         self._refresh()
 
