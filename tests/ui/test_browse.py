@@ -24,10 +24,10 @@ from pytestqt.qtbot import QtBot
 from fingerlab.core.errors import Cancelled
 from fingerlab.library.notes import FILE_NAME
 from fingerlab.sessions import open_session
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.sessions import sessions_tab as browse_tab
 from fingerlab.ui.sessions.session_table import NAME, QUALITY, RECORDED, TAGS, VERDICT
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
-from fingerlab.ui.window import MainWindow
 
 from .hands import LEFT, PATIENCE, child, click, drop, invented_diagnosis, lab_of
 from .looking import look
@@ -213,7 +213,7 @@ def test_a_recorded_session_appears_and_a_dropped_folder_is_browsed(
     folder: Path,
 ) -> None:
     window, tab = browsing
-    window.desk.recorded(make_session("library/new.h5"))
+    window.context.recorded(make_session("library/new.h5"))
     qtbot.waitUntil(lambda: [p.name for p in tab.page.paths()] == ["new.h5"], timeout=PATIENCE)
     drop(window, folder / "may")
     qtbot.waitUntil(lambda: texts(tab, NAME) == ["index.h5\nIndex finger"], timeout=PATIENCE)
@@ -250,7 +250,9 @@ def test_export_and_copy_with_tags_from_the_menu(
     out.mkdir()
     monkeypatch.setattr(QFileDialog, "getExistingDirectory", staticmethod(lambda *_: str(out)))
     entry(window, "Export as CSV").trigger()
-    qtbot.waitUntil(lambda: window.desk.log[-1:] != [] and "Written" in window.desk.log[-1], timeout=PATIENCE)
+    qtbot.waitUntil(
+        lambda: window.context.log[-1:] != [] and "Written" in window.context.log[-1], timeout=PATIENCE
+    )
     assert sorted(p.name for p in out.iterdir()) == [
         "ring-001.csv", "ring-002.csv", "ring-003.csv", "ring.json",
     ]  # fmt: skip

@@ -12,7 +12,7 @@ from PySide6.QtCore import QObject, QThread, Signal
 
 from fingerlab.core.errors import UserError
 
-from ..tasks import Failed
+from ..app.worker import Failed
 
 Done = Callable[[Any], None]
 

@@ -12,7 +12,7 @@ from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.sessions.model import Session
 
-from ..tasks import IsCancelled, Progress, TaskRunner
+from ..app.worker import IsCancelled, Progress, TaskRunner
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.gram.reduction import Reduction
