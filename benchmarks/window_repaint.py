@@ -53,7 +53,7 @@ def repaint(window: MainWindow, app: QApplication) -> Repainted:
     found.real_share = watch.share()
     tab = window.tab("acquire")
     tab.controller.close()  # type: ignore[attr-defined]
-    while tab.controller.caller.busy:  # type: ignore[attr-defined]
+    while tab.controller.worker.busy:  # type: ignore[attr-defined]
         pause(0.05)
     return found
 
@@ -77,7 +77,7 @@ def connect(tab: AcquireTab) -> None:
         pause(0.05)
     pause(0.3)
     for button in (tab.panel.initialise, tab.panel.enable, tab.panel.start):
-        while tab.controller.caller.busy:
+        while tab.controller.worker.busy:
             pause(0.02)
         tab.panel.refresh()
         button.click()

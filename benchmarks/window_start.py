@@ -106,4 +106,4 @@ def switch_times(window: MainWindow, app: QApplication) -> dict[str, list[float]
 def _looks_for_devices(window: MainWindow) -> bool:
     acquire = window.tab("acquire")
     assert isinstance(acquire, AcquireTab)
-    return acquire.controller.caller.busy
+    return acquire.controller.worker.busy

@@ -49,7 +49,7 @@ def acquire_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tab = window.tab("acquire")
     assert isinstance(tab, acquire.AcquireTab)
     tab.controller._opener = lambda wanted: on_virtual_clock(wanted, folder)
-    wait_until(lambda: not tab.controller.caller.busy)
+    wait_until(lambda: not tab.controller.worker.busy)
     yield "connect"
     tab.controller.open(BenchRequest("simulated", effect=EFFECT))
     wait_until(lambda: tab.controller.bench is not None)
@@ -86,7 +86,7 @@ def acquire_states(window: MainWindow, folder: Path) -> Iterator[str]:
     yield "stopped"
     tab.panel.release.click()
     tab.panel.write.click()
-    wait_until(lambda: not tab.controller.caller.busy)
+    wait_until(lambda: not tab.controller.worker.busy)
     window.context.hush()
     tab.toolbar.model_chosen.emit("none")
     tab.panel.by_protocol.click()

@@ -67,7 +67,7 @@ class Rig:
 
     def wait_idle(self) -> None:
         """Wait until nothing is being asked of a bench."""
-        self._qtbot.waitUntil(lambda: not self.controller.caller.busy, timeout=PATIENCE)
+        self._qtbot.waitUntil(lambda: not self.controller.worker.busy, timeout=PATIENCE)
 
     def connect(self, name: str) -> None:
         """Click one of the buttons that connect a rig; from then on time stands still but in :meth:`run`."""

@@ -40,7 +40,7 @@ def test_from_connecting_to_a_file_that_opens(rig: Rig, qtbot: QtBot) -> None:
     rig.run(1.5)
     assert rig.mode is Mode.ENABLED
     rig.click("write")
-    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.caller.busy, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.worker.busy, timeout=PATIENCE)
     session = open_session(rig.files()[0])
     (run,) = session.runs
     assert run.phase == "on_air"
@@ -162,7 +162,7 @@ def test_closing_while_running_asks_and_stops_first(
 
 def test_disconnect_leads_back_to_the_choice(rig: Rig, qtbot: QtBot) -> None:
     rig.click("disconnect")
-    qtbot.waitUntil(lambda: not rig.controller.caller.busy, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: not rig.controller.worker.busy, timeout=PATIENCE)
     assert rig.button("connectSimulated").isVisible()
     assert rig.label("rigState") == "No rig"
     assert not child(rig.window, QLabel, "statusDevice").isVisible()
@@ -174,7 +174,7 @@ def test_what_was_recorded_is_one_click_away(rig: Rig, qtbot: QtBot) -> None:
     rig.click("record")
     rig.run(0.2)
     rig.click("write")
-    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.caller.busy, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.worker.busy, timeout=PATIENCE)
     asked: list[list[Path]] = []
     rig.window.context.open_paths = lambda paths, tab="": asked.append(list(paths))  # type: ignore[method-assign]
     rig.click("openRecording")

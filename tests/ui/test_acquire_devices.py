@@ -227,7 +227,7 @@ def test_a_device_of_one_s_own_is_asked_about_once_and_driven(  # type: ignore[n
     rig = unconnected(lambda choice: choice.build())
     rig.click("connectOwn")
     assert asked == ["waiting"]
-    assert not rig.controller.caller.busy  # nothing of the file was run
+    assert not rig.controller.worker.busy  # nothing of the file was run
     rig.connect("connectOwn")
     assert "rotor" in rig.label("deviceName")
     assert not rig.controller.opened.simulated
@@ -370,7 +370,7 @@ def test_with_processes_of_their_own_and_the_loop_lost(  # type: ignore[no-untyp
     os.kill(rig.controller.bench.loop_process.pid, signal.SIGKILL if hasattr(signal, "SIGKILL") else 9)
     message = child(rig.window, QLabel, "message")
     qtbot.waitUntil(lambda: message.isVisible() and "loop" in message.text(), timeout=PATIENCE)
-    qtbot.waitUntil(lambda: not rig.controller.caller.busy and not rig.recording.recording, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: not rig.controller.worker.busy and not rig.recording.recording, timeout=PATIENCE)
     (run,) = open_session(rig.write()).runs
     assert run.length > 250
     rig.window.setFocus(Qt.FocusReason.OtherFocusReason)

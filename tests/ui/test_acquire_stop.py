@@ -51,7 +51,7 @@ def test_stop_in_every_state(rig: Rig, state: str, qtbot: QtBot) -> None:
         qtbot.waitUntil(lambda: rig.bench.status().recording == 0, timeout=PATIENCE)
         rig.run(0.1)
         rig.click("write")
-        qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.caller.busy, timeout=PATIENCE)
+        qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.worker.busy, timeout=PATIENCE)
         assert open_session(rig.files()[0]).runs[0].length > 400
     rig.settle()
     rig.click("initialise")

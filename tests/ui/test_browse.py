@@ -174,10 +174,13 @@ def test_reading_a_large_folder_tells_how_far_it_is_and_can_be_stopped(
     browsing: Opened, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window, tab = browsing
-    stopped = threading.Event()
+    later, stopped, now = threading.Event(), threading.Event(), [0.0]
+    tab.clock = lambda: now[0]
 
-    def slowly(_folder, _known, tell, cancelled):  # type: ignore[no-untyped-def]
-        tell(("one.h5", 0.4))
+    def slowly(_folder, _known, progress, cancelled):  # type: ignore[no-untyped-def]
+        progress(0.4, "one.h5")
+        later.wait(PATIENCE / 1000)
+        progress(0.4, "one.h5")
         while not cancelled():
             stopped.wait(0.01)
         stopped.set()
@@ -187,9 +190,10 @@ def test_reading_a_large_folder_tells_how_far_it_is_and_can_be_stopped(
     again = child(window, QPushButton, "readAgain")
     QTest.mouseClick(again, LEFT)
     qtbot.waitUntil(lambda: tab.page.count.text() == "Reading, 40 %", timeout=PATIENCE)
-    tab._began -= 12.0  # so long ago: 40 % in 12 s
-    tab._on_told("scan", ("one.h5", 0.4))
-    assert tab.page.count.text() == "Reading, 40 %, about 18 s left"
+    now[0] = 12.0  # 40 % in 12 s
+    later.set()
+    left = "Reading, 40 %, about 18 s left"
+    qtbot.waitUntil(lambda: tab.page.count.text() == left, timeout=PATIENCE)
     assert again.text() == "&Stop reading"
     QTest.mouseClick(again, LEFT)
     assert stopped.wait(PATIENCE / 1000)

@@ -344,7 +344,7 @@ def test_live_volts_of_the_rig_that_acquire_connects(
         levels.append(tab.wizard.reading)
     assert levels[1] - levels[0] == pytest.approx(9.81 * 0.5 / 11.194, abs=0.005)
     rig.tab.disconnect_rig()
-    qtbot.waitUntil(lambda: not rig.controller.caller.busy)
+    qtbot.waitUntil(lambda: not rig.controller.worker.busy)
     assert rig.label("calibrationState") == "No rig is connected."
     tab.leave()
 

@@ -365,7 +365,7 @@ class AcquirePanel(QWidget):
             button.refuse(recording.refusal(what))
         self._refresh_writing()
         status, session = self._controller.status, recording.session
-        if self._controller.caller.title == WRITING or recording.writing.under_way:
+        if self._controller.worker.title == WRITING or recording.writing.under_way:
             words = recording.writing.words or f"{WRITING} …"
         elif recording.recording and status is not None:
             words = f"{status.recorded:,} samples".replace(",", "\u202f")

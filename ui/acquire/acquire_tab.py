@@ -46,7 +46,6 @@ from .bench_setup import (
     open_bench,
     run_choices,
 )
-from .caller import Call
 from .connect_page import ConnectPage
 from .live_model import LiveModelComparison
 from .live_plots import LivePlots
@@ -166,8 +165,8 @@ class AcquireTab(Tab):
         if not self._looked:
             self._looked = True
             QTimer.singleShot(AFTER_PICTURE_MS, self, self._painted.set)
-            self.controller.caller.call(
-                Call(LOOKING, self._choices, lambda choices: self.connect_page.show_choices(*choices))
+            self.controller.call(
+                LOOKING, self._choices, lambda choices: self.connect_page.show_choices(*choices)
             )
             self._look_for_devices()
         self.plots.refresh()
@@ -207,7 +206,7 @@ class AcquireTab(Tab):
         self._painted.set()
         self.protocol.running.answer()
         self.recording.writing.hurry()
-        self.controller.caller.shut_down()
+        self.controller.worker.shut_down(finish=True)
         self.recording.finish()
         self.controller.shut_down()
 
@@ -319,8 +318,8 @@ class AcquireTab(Tab):
     def _look_for_devices(self) -> None:
         rig_file = self.connect_page.rig_file
         self.connect_page.show_looking()
-        self.controller.caller.call(
-            Call(LOOKING, lambda: self._finder(rig_file), self.connect_page.show_found, self._on_not_looked)
+        self.controller.call(
+            LOOKING, lambda: self._finder(rig_file), self.connect_page.show_found, self._on_not_looked
         )
 
     def _on_not_looked(self, failed: Failed) -> None:
@@ -330,10 +329,8 @@ class AcquireTab(Tab):
 
     def _look_for_runs(self, session: Path) -> None:
         self.context.hush()
-        self.controller.caller.call(
-            Call(
-                LOOKING, lambda: run_choices(session), lambda runs: self.connect_page.show_runs(session, runs)
-            )
+        self.controller.call(
+            LOOKING, lambda: run_choices(session), lambda runs: self.connect_page.show_runs(session, runs)
         )
 
     def _on_station(self) -> None:
@@ -393,7 +390,7 @@ class AcquireTab(Tab):
     def _refresh(self) -> None:
         connected = self.connected()
         self.pages.setCurrentWidget(self.bench_page if connected else self.connect_page)
-        busy = self.controller.caller.title if self.controller.caller.busy else ""
+        busy = self.controller.worker.title
         self.connect_page.show_busy(busy if busy != LOOKING else "")
         device = self.controller.status.device if self.controller.status is not None else ""
         self.bar.show_device(device, self.recording.in_protocol)

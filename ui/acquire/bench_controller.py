@@ -19,9 +19,8 @@ from fingerlab.acquisition.ring import RingReader
 from fingerlab.acquisition.watching import Kind, endangered, notices
 
 from ..app.context import ApplicationContext, Light, RigLine
-from ..app.worker import Failed
+from ..app.worker import Failed, Worker, attempt
 from .bench_setup import BenchRequest, OpenBench, OpenCall, open_bench
-from .caller import Call, Caller, attempt
 from .live_channels import FORCE_RESIDUAL, MODELLED, MODELLED_FORCE, MODELLED_TORQUE, SHOWN, TORQUE_RESIDUAL
 from .live_history import LiveHistory
 
@@ -78,7 +77,7 @@ class BenchController(QObject):
         self.history = LiveHistory((*SHOWN, *MODELLED), 1000.0, 1.0)
         self.model: LiveModel | None = None
         self._cycles = CycleTimes(1000.0)
-        self.caller = Caller(self)
+        self.worker = Worker(self)
         self._opener = opener
         self._reader: RingReader | None = None
         self._seen: Status | None = None
@@ -88,8 +87,8 @@ class BenchController(QObject):
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)
         self._timer.setInterval(TICK_MS)
         self._timer.timeout.connect(self.tick)
-        self.caller.busy_changed.connect(self.changed)
-        self.caller.failed.connect(self._on_failed)
+        self.worker.busy_changed.connect(self.changed)
+        self.worker.failed.connect(self._on_failed)
         context.stop_asked.connect(self.stop)
 
     # opening and closing
@@ -104,7 +103,7 @@ class BenchController(QObject):
                 before.close()
             return self._opener(wanted)
 
-        self.caller.call(Call("Connecting", work, self._on_opened))
+        self.call("Connecting", work, self._on_opened)
         self.changed.emit()
 
     def close(self) -> None:
@@ -112,14 +111,14 @@ class BenchController(QObject):
         bench, self.bench = self.bench, None
         self._let_go()
         if bench is not None:
-            self.caller.call(Call("Disconnecting", bench.close))
+            self.call("Disconnecting", bench.close)
         self.changed.emit()
 
     def shut_down(self) -> None:
         """The window closes: end the processes, which stops the motor, and wait for them."""
         bench, self.bench = self.bench, None
         self._let_go()
-        self.caller.shut_down()
+        self.worker.shut_down(finish=True)
         if bench is not None:
             bench.close()
 
@@ -169,8 +168,8 @@ class BenchController(QObject):
         """Why an event cannot be asked for now, empty where it can."""
         if self.status is None:
             return NO_BENCH
-        if self.caller.busy:
-            return f"{self.caller.title} is under way."
+        if self.worker.busy:
+            return f"{self.worker.title} is under way."
         if self.status.loop_ended:
             return "The device is gone; connect it again."
         status = self.status
@@ -198,23 +197,32 @@ class BenchController(QObject):
         if bench is None:
             self.context.tell(NO_BENCH)
             return
-        call = Call(title, lambda: work(bench), done, failed)
         if has_virtual_clock(bench) and not long:
-            result, failure = attempt(call)  # nobody else turns its clock
+            result, failure = attempt(title, lambda: work(bench))  # nobody else turns its clock
             if failure is not None:
                 (failed or self._on_failed)(failure)
             else:
                 done(result)
             self.tick()
             return
-        self.caller.call(call)
+        self.call(title, lambda: work(bench), done, failed)
+
+    def call(
+        self,
+        title: str,
+        work: Callable[[], Any],
+        done: Callable[[Any], None] = lambda _: None,
+        failed: Callable[[Failed], None] | None = None,
+    ) -> None:
+        """Do something off the GUI thread, after what was asked before."""
+        self.worker.start(title, lambda *_: work(), done, failed=failed, replace=False)
 
     def stop(self) -> None:
         """The latched stop. Never waits."""
         bench = self.bench
         if bench is None:
             return
-        if has_virtual_clock(bench) and self.caller.busy:
+        if has_virtual_clock(bench) and self.worker.busy:
             Bench.stop(bench)  # its clock is being turned by another thread
         else:
             bench.stop()
@@ -253,7 +261,7 @@ class BenchController(QObject):
         bench, reader = self.bench, self._reader
         if bench is None or reader is None:
             return
-        if has_virtual_clock(bench) and not self.caller.busy:
+        if has_virtual_clock(bench) and not self.worker.busy:
             bench.step(round(TICK_MS * 1e-3 * bench.rate_hz))
         bench.beat()
         piece = reader.read()

@@ -87,8 +87,8 @@ class RecordingControl(QObject):
             return "" if self.recording else "Nothing is being recorded between two runs."
         if self.in_protocol:
             return "A protocol is under way; STOP ends it."
-        if self.controller.caller.busy:
-            return f"{self.controller.caller.title} is under way."
+        if self.controller.worker.busy:
+            return f"{self.controller.worker.title} is under way."
         if what == "record" and not self.recording and self._load_rests():
             return "The known load rests on its support; start the motion first, which lifts it."
         if what == "record":

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from PySide6.QtCore import QObject, Signal
 
 from .settings import Settings
-from .worker import IsCancelled, Progress, TaskRunner
+from .worker import IsCancelled, Progress, Worker
 
 if TYPE_CHECKING:
     from fingerlab.sessions.model import Session
@@ -109,7 +109,7 @@ class ApplicationContext(QObject):
     def __init__(
         self,
         settings: Settings,
-        tasks: TaskRunner,
+        tasks: Worker,
         read: OpenCall = read_session,
         parent: QObject | None = None,
     ) -> None:

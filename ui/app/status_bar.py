@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QPushButton, QWidget
 from ..widgets.fields import PROGRESS_STEPS
 from ..widgets.labels import ElidedLabel, FittingLabel
 from .context import RigLine
-from .worker import TaskRunner
+from .worker import Worker
 
 TELLS_FROM_S = 2.0
 TELLS_FROM_SHARE = 0.05
@@ -21,7 +21,7 @@ class TaskBar(QWidget):
     """Follows a task runner. Ctrl+. cancels."""
 
     def __init__(
-        self, tasks: TaskRunner, parent: QWidget | None = None, clock: Callable[[], float] = time.monotonic
+        self, tasks: Worker, parent: QWidget | None = None, clock: Callable[[], float] = time.monotonic
     ) -> None:
         super().__init__(parent)
         self._clock, self._began = clock, 0.0
@@ -114,7 +114,7 @@ CYCLE_HELP = (
 class StatusBar(QWidget):
     """Follows the rig and a task runner."""
 
-    def __init__(self, tasks: TaskRunner, parent: QWidget | None = None) -> None:
+    def __init__(self, tasks: Worker, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.device = FittingLabel()
         self.device.setObjectName("statusDevice")

@@ -34,7 +34,7 @@ from .settings import Settings
 from .status_bar import StatusBar
 from .stop_guard import StopGuard
 from .tab_registry import Rail, Tab, TabEntry
-from .worker import Failed, TaskRunner
+from .worker import Failed, Worker
 
 SETTLED_MS = 800
 """So long after the last move: a window that is dragged would else be written with every pixel."""
@@ -85,7 +85,7 @@ class MainWindow(QMainWindow):
     ) -> None:
         super().__init__()
         self.settings = settings if settings is not None else Settings()
-        self.tasks = TaskRunner(self)
+        self.tasks = Worker(self, assurance="; the session file is unchanged")
         self.context = ApplicationContext(self.settings, self.tasks, read, self)
         self._entries = {entry.key: entry for entry in (tabs if tabs is not None else tab_registry.TABS)}
         self._tabs: dict[str, Tab] = {}

@@ -19,8 +19,8 @@ from fingerlab.sessions.model import Session
 from ..app.context import ApplicationContext, read_session
 from ..app.status_bar import time_left
 from ..app.tab_registry import SEPARATOR, Command, Tab
+from ..app.worker import Failed, IsCancelled, Progress, Worker
 from ..widgets.labels import header_name
-from .background import Background, IsCancelled, Tell
 from .edit_history import EditHistory, FileEdit, NoteEdit
 from .library_page import LibraryPage
 from .review_data import ReviewData
@@ -43,12 +43,12 @@ class FolderScan:
 
 
 def look_through(
-    folder: Path, known: Sequence[SessionFacts], tell: Tell, cancelled: IsCancelled
+    folder: Path, known: Sequence[SessionFacts], progress: Progress, cancelled: IsCancelled
 ) -> FolderScan:
     """Read a folder anew; in the background."""
 
     def found(facts: SessionFacts, share: float) -> None:
-        tell((facts.name, share))
+        progress(share, facts.name)
 
     facts = scan(folder, known, found, cancelled)
     notebook, trouble = Notebook(folder), ""
@@ -59,7 +59,6 @@ def look_through(
     return FolderScan(folder, facts, notebook, find_verdicts(folder, facts), trouble)
 
 
-SCAN = "scan"
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
 
 
@@ -81,7 +80,8 @@ class SessionsTab(Tab):
         self.writer = Writer(context, self.widget, self)
         self.notebook = Notebook(self.folder)
         self.history = EditHistory(self)
-        self._scanner = Background(self)
+        self.clock: Callable[[], float] = time.monotonic
+        self._scanner = Worker(self)
         self._looked, self._began = False, 0.0
         self._choose_next: Path | None = None
         self.commands = self._menu()
@@ -107,8 +107,7 @@ class SessionsTab(Tab):
         self.history.changed.connect(self.context.commands_changed)
         self.data.opened.connect(self._on_opened)
         self.data.failed.connect(self.context.tell)
-        self._scanner.told.connect(self._on_told)
-        self._scanner.done.connect(self._on_found)
+        self._scanner.progressed.connect(self._on_read)
         self._scanner.failed.connect(self._on_failed)
 
     @property
@@ -249,21 +248,25 @@ class SessionsTab(Tab):
             self.page.show_count()  # nothing has been recorded yet; that is no mistake
             return
         self.page.show_reading(True)
-        self._began = time.monotonic()
-        self._scanner.ask(SCAN, lambda tell, cancelled: look_through(folder, known, tell, cancelled))
+        self._began = self.clock()
+
+        def work(progress: Progress, cancelled: IsCancelled) -> FolderScan:
+            return look_through(folder, known, progress, cancelled)
+
+        self._scanner.start("Browsing", work, self._on_found)
 
     def _read_or_stop(self) -> None:
         if not self._scanner.busy:
             self.read_again()
             return
-        self._scanner.clear()
+        self._scanner.cancel()
         self.page.show_reading(False)
 
-    def _on_told(self, _key: object, part: tuple[str, float]) -> None:
-        left = time_left(part[1], time.monotonic() - self._began)
-        self.page.show_count(f"Reading, {100 * part[1]:.0f} %{f', {left}' if left else ''}")
+    def _on_read(self, share: float, _what: str) -> None:
+        left = time_left(share, self.clock() - self._began)
+        self.page.show_count(f"Reading, {100 * share:.0f} %{f', {left}' if left else ''}")
 
-    def _on_found(self, _key: object, found: FolderScan) -> None:
+    def _on_found(self, found: FolderScan) -> None:
         if found.folder != self.folder:
             return
         chosen = self.page.paths()
@@ -280,9 +283,9 @@ class SessionsTab(Tab):
             self.page.refresh_details()
         self.context.commands_changed.emit()
 
-    def _on_failed(self, _key: object, sentence: str, details: str) -> None:
+    def _on_failed(self, failed: Failed) -> None:
         self.page.show_reading(False)
-        self.context.tell(sentence, details)
+        self.context.tell(failed.sentence, failed.details)
 
     # sessions
 
