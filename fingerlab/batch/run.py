@@ -212,7 +212,7 @@ def run_batch(
     tasks = find_sessions(folder)
     if not out.parent.is_dir():
         raise UserError(f"The folder {out.parent} does not exist; make it first or choose another place.")
-    told = progress or _silent
+    told: Progress = progress or (lambda share, what: None)
     table = read_table(out)
     told(0.0, f"reading {len(tasks)} sessions")
     hashes = _hashes(tasks)
@@ -237,10 +237,6 @@ def run_batch(
         write_table(out, after)
     parts.clear()
     return BatchResult(after, len(outcomes), len(plan.kept), plan.outdated, len(gone))
-
-
-def _silent(share: float, what: str) -> None:
-    """Progress that nobody wants to see."""
 
 
 @dataclass(frozen=True)

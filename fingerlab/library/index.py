@@ -102,11 +102,11 @@ def quality_flags(session: Session) -> tuple[str, ...]:
     runs, found = session.runs, []
     if str(session.attributes.get("ended", "clean")) == "truncated":
         found.append("cut off")
-    broken = sum(_said_false(run.attributes.get("complete")) for run in runs)
+    broken = sum(not run.complete for run in runs)
     if broken:
         found.append(f"{broken} of {len(runs)} runs not complete")
     for key, words in (("dropped_samples", "dropped samples"), ("late_cycles", "late cycles")):
-        count = sum(_count(run.attributes.get(key)) for run in runs)
+        count = sum(int(run.counted(key)) for run in runs)
         if count:
             found.append(f"{count} {words}")
     blind = sum(run.phase == "contact" and not run.has("endpoint_force") for run in runs)
@@ -158,14 +158,6 @@ def _rig_words(session: Session, tags: tuple[str, ...]) -> str:
 
 def _text(value: object) -> str:
     return "" if value is None else str(value).strip()
-
-
-def _said_false(value: object) -> bool:
-    return str(1 if value is None else value).lower() in ("0", "0.0", "false")
-
-
-def _count(value: object) -> int:
-    return int(value) if isinstance(value, (int, float)) and value > 0 else 0
 
 
 def scan(

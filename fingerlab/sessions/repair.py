@@ -149,7 +149,9 @@ def assemble_files(
     root = {key: plain(value) for key, value in runs[0][1].attrs.items()}
     extra = {key: value for key, value in root.items() if key not in OWN_ROOT_ATTRIBUTES}
     endings = [_ending(file) for _, file, _ in runs]
-    extra |= {"ended": _worst([e for e, _ in endings]), "ended_note": _notes(endings) or None}
+    worst = next((kind for kind in (TRUNCATED, LOSSY) if any(kind == ended for ended, _ in endings)), CLEAN)
+    notes = " ".join(f"Run {k:03d}: {note}" for k, (_, note) in enumerate(endings, start=1) if note)
+    extra |= {"ended": worst, "ended_note": notes or None}
     with SessionWriter(
         target, str(root["rig"]), str(root["title"]), created=root["created"], attributes=extra, float32=True
     ) as writer:
@@ -260,14 +262,6 @@ def _ending(file: h5py.File) -> tuple[str, str]:
     ended = str(plain(attributes.get("ended", TRUNCATED)))
     note = str(plain(attributes.get("ended_note", "")))
     return ended, note or (_CUT_NOTE if ended == TRUNCATED else "")
-
-
-def _worst(endings: Sequence[str]) -> str:
-    return next((ended for ended in (TRUNCATED, LOSSY) if ended in endings), CLEAN)
-
-
-def _notes(endings: Sequence[tuple[str, str]]) -> str:
-    return " ".join(f"Run {k:03d}: {note}" for k, (_, note) in enumerate(endings, start=1) if note)
 
 
 def _markers(part: Path) -> list[Mapping[str, Any]]:

@@ -16,7 +16,6 @@ from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Session
 from fingerlab.signals.periods import (
     REGIONS,
-    Mask,
     consecutive_mask,
     recognise,
     region_mask,
@@ -24,7 +23,7 @@ from fingerlab.signals.periods import (
     usable,
 )
 from fingerlab.thesis.fitting import SessionFit, assemble, on_air_runs
-from fingerlab.thesis.onair import OnAirRun, Parameters, RegionFit, reduce_run
+from fingerlab.thesis.onair import OnAirRun, RegionFit, reduce_run
 from fingerlab.thesis.prediction import delayed
 from fingerlab.thesis.regression import quantile
 from fingerlab.thesis.traces import CLOUD_POINTS, JOINTS, FitSpec, Joint, Traces, trace
@@ -203,20 +202,16 @@ def _points(
         part = slice(*usable(len(traces.tension), rate))
         x = delayed(traces.tension, round(fit.delay_s * rate))[part]
         return _thinned(x, traces.lhs[joint][part])
-    mask = _mask(traces, joint, region, spec)
-    if grid is None or mask is None or not np.isfinite(fit.delay_s):
+    if grid is None:
+        return None
+    speed = grid.mean(traces.speed[joint])
+    labels = recognise(speed, speed_threshold(speed, spec.threshold))
+    find = region_mask if spec.method == "regions" else consecutive_mask
+    mask = find(labels, next(r for r in REGIONS if r == region))
+    if mask is None or not np.isfinite(fit.delay_s):
         return None
     x = grid.fold(traces.tension, fit.delay_s * rate)[:, mask]
     return _thinned(x.ravel(), grid.fold(traces.lhs[joint])[:, mask].ravel())
-
-
-def _mask(traces: Traces, joint: Joint, region: str, spec: FitSpec) -> Mask | None:
-    if traces.grid is None:
-        return None
-    speed = traces.grid.mean(traces.speed[joint])
-    labels = recognise(speed, speed_threshold(speed, spec.threshold))
-    find = region_mask if spec.method == "regions" else consecutive_mask
-    return find(labels, next(r for r in REGIONS if r == region))
 
 
 def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
@@ -238,13 +233,9 @@ def _with_pooled(view: FitView, fit: SessionFit) -> FitView:
     planes = {}
     for key, plane in view.planes.items():
         found = fit.cables[view.cable][key].pooled
-        pooled = None if found is None else _pooled_line(found, sign, plane.x)
-        planes[key] = replace(plane, pooled=pooled)
+        line = None if found is None else sign * found.moment_arm.value * plane.x + found.loss.value
+        planes[key] = replace(plane, pooled=line)
     return replace(view, planes=planes)
-
-
-def _pooled_line(found: Parameters, sign: float, x: Array) -> Array:
-    return np.asarray(sign * found.moment_arm.value * x + found.loss.value)
 
 
 def _delays(fit: SessionFit, names: tuple[str, ...]) -> dict[Joint, dict[str, tuple[float, ...]]]:

@@ -6,19 +6,31 @@ import numpy as np
 import pytest
 
 from fingerlab.physics.friction_states import (
-    dahl_state,
     dahl_states,
-    first_order_lag,
     first_order_lags,
     friction_state,
-    rubbing_force,
     rubbing_forces,
     slip_state,
     slip_states,
-    stop_operator,
     stop_operators,
 )
 from fingerlab.sessions.model import Array
+
+
+def stop_operator(position: Array, travel: float) -> Array:
+    return stop_operators(position, [travel])[0]
+
+
+def rubbing_force(position: Array, limit: Array, stiffness: float) -> Array:
+    return rubbing_forces(position, limit, [stiffness])[0]
+
+
+def dahl_state(position: Array, travel: float) -> Array:
+    return dahl_states(position, [travel])[0]
+
+
+def first_order_lag(values: Array, time_constant: float, rate_hz: float) -> Array:
+    return first_order_lags(values, [time_constant], rate_hz)[0]
 
 
 def triangle(amplitude: float, samples: int, cycles: int) -> Array:

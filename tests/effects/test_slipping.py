@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.equations.parameters import SLIP_STIFFNESSES
-from fingerlab.physics.friction_states import rubbing_force
+from fingerlab.physics.friction_states import rubbing_forces
 from fingerlab.physics.motion import Motion
 from fingerlab.rig.constants import Motor
 
@@ -21,7 +21,7 @@ def pressed(force: np.ndarray | None) -> Motion:
 def test_it_slides_while_the_load_rises_and_turns_round_on_the_way_down() -> None:
     up, down = np.linspace(0.0, 1.0, 101), np.linspace(1.0, 0.2, 81)
     force = np.concatenate((up, down[1:]))
-    sideways = rubbing_force(force, force, STIFFNESS)
+    sideways = rubbing_forces(force, force, [STIFFNESS])[0]
     # Pressed from nothing it slides at once; let go by x it has 1 - 6 x, until that reaches -(1 - x).
     assert sideways[:101] == pytest.approx(up)
     let_go = 1.0 - down[1:]

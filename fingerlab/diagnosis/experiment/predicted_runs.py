@@ -47,7 +47,7 @@ class Proposal:
     motion: Motion
     seconds: float = DURATION_S
 
-    def told(self, separates: list[str], expected: float) -> dict[str, Any]:
+    def to_json(self, separates: list[str], expected: float) -> dict[str, Any]:
         """The proposal as in ``cli.md``, with the two answers that it separates and by how much."""
         return {
             "trajectory": {**self.trajectory, "duration_s": self.seconds},
