@@ -23,7 +23,7 @@ from fingerlab.ui.acquire.connect_page import ConnectPage
 from fingerlab.ui.acquire.session_writing import DetailsDialog
 from fingerlab.ui.app import dialogs
 from fingerlab.ui.app.window import MainWindow
-from fingerlab.ui.calibrate.tab import ask_to_leave
+from fingerlab.ui.calibrate.calibrate_tab import ask_to_leave
 from fingerlab.ui.lab.own_effects import OwnEffects
 from fingerlab.ui.sessions.session_files import ImportDialog
 
