@@ -30,7 +30,7 @@ class Slot(IntEnum):
     RUN = 13  # loop: number of the trajectory, 0 before the first
     RUN_START = 14  # loop: index of its first sample
     RUN_ACTIVE = 15  # loop: 1 while it is under way
-    SAFE = 16  # loop, keeper: 1 when zero output and enable low were confirmed at the end
+    SAFE = 16  # loop, keeper: 1 when zero output and enable low were confirmed at the last stop
     LOOP_ENDED = 17  # loop: 1 when it has left in order
     LOOP_PID = 18
     RECORDER_PID = 19
@@ -46,6 +46,8 @@ class Slot(IntEnum):
     SET_AT = 29  # loop: first sample with the references and the set-up that hold now
     VERIFYING = 30  # recorder: 1 while what was written is read back
     PUT_OFF = 31  # window: 1 asks that the session being written is left for later
+    GUARDIAN = 32  # keeper: 1 when its own stop was tried and works, -1 when it does not
+    HOLD = 33  # loop: samples for which the device holds a set value
     EMERGENCY_STOP = 40  # loop: Input
     AMPLIFIER_READY = 41  # loop: Input
     DEAD_MAN = 42  # loop: 1 where the device has one
@@ -70,7 +72,8 @@ class Text(IntEnum):
     ANSWER = 1  # loop: why the last command was refused; empty where it was not
     RECORDER = 2  # recorder: what it cannot do
     DEVICE = 3  # loop: what it drives
-    SLEEP = 4  # recorder's process: why sleep could not be held off
+    GUARDIAN = 4  # keeper: why it could not stop the motor
+    SLEEP = 5  # recorder's process: why sleep could not be held off
 
 
 class Number(IntEnum):
@@ -78,6 +81,8 @@ class Number(IntEnum):
 
     APPROACH = 0  # loop: motor angle at which the wanted force was reached, rad
     WRITTEN = 1  # recorder: share of writing and verifying a session that is done, 0 to 1
+    LEFT = 2  # loop: V at the output after its clock was stopped; NaN where the device cannot tell
+    CLEARED = 3  # loop: V at the output after the stop that followed
 
 
 _SLOTS = 64

@@ -35,7 +35,13 @@ class SetUp:
 
 @dataclass(frozen=True)
 class Enable:
-    """Raise the amplifier's enable line."""
+    """Raise the amplifier's enable line.
+
+    Without ``line`` all but that: checks, limits and guardian watch, set values go out, and a bench whose
+    enable line does what it should stands still. Only the check of a rig asks for it.
+    """
+
+    line: bool = True
 
 
 @dataclass(frozen=True)
@@ -79,8 +85,31 @@ class Reset:
 
 
 @dataclass(frozen=True)
+class MoveByHand:
+    """What the operator of a simulated rig does with a hand from now on; on a real one they do it themselves.
+
+    ``channel``: ``load_cell`` (N), ``mcp``, ``pip`` or ``encoder`` (rad), moved by ``amount``.
+    """
+
+    channel: str
+    amount: float
+
+
+@dataclass(frozen=True)
+class TryOutput:
+    """With the amplifier's power off: leave ``volts`` at a card's output, stop its clock, look, then stop."""
+
+    volts: float
+
+
+@dataclass(frozen=True)
 class Quit:
     """End the loop: zero output, enable low, device given back."""
 
 
-Command = Initialise | Tare | SetUp | Enable | Disable | Start | Approach | Finish | Release | Reset | Quit
+AtRest = MoveByHand | TryOutput
+"""What is only done with the amplifier off, for the check of a rig."""
+
+Command = (
+    Initialise | Tare | SetUp | Enable | Disable | Start | Approach | Finish | Release | Reset | AtRest | Quit
+)

@@ -6,6 +6,7 @@ that are simulated or replayed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,8 +35,17 @@ IDLE_CYCLES = 10
 class InlineBench(Bench):
     """A bench stepped by hand; see :class:`Bench`."""
 
-    def __init__(self, device: Device, settings: LoopSettings, rescue: Path) -> None:
+    def __init__(
+        self,
+        device: Device,
+        settings: LoopSettings,
+        rescue: Path,
+        clock: Callable[[], float] | None = None,
+    ) -> None:
         """Open the device.
+
+        Args:
+            clock: seconds, to measure cycles; without one each lasts its period.
 
         Raises:
             UserError: the device cannot be opened.
@@ -44,8 +54,8 @@ class InlineBench(Bench):
         self.ring = Ring.make(round(RING_S * self.rate_hz), len(COLUMNS), shared=False)
         self.board = Board.make(shared=False)
         self.device = device
-        settings = replace(settings, watch_window=False, watch_recorder=False)
-        self.loop = ControlLoop(device, settings, self.ring, self.board)
+        settings = replace(settings, watch_window=False, watch_recorder=False, watch_guardian=False)
+        self.loop = ControlLoop(device, settings, self.ring, self.board, clock)
         self._recorder = Recorder(self.ring, self.board, rescue)
         self.recorder = _Near(self._recorder)
         self._number = self._cycles = 0

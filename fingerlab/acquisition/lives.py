@@ -75,7 +75,9 @@ class Standstill:
     def seen(self) -> bool:
         """To be called every few milliseconds."""
         cycles, now = self._board[Slot.CYCLES], time.monotonic()
-        if cycles != self._cycles or not self._board[Slot.ENABLE_LINE]:
+        # A set value may stand without the enable line, where a rig is checked for one that does nothing.
+        driven = self._board[Slot.ENABLE_LINE] or self._board[Slot.RUN_ACTIVE]
+        if cycles != self._cycles or not driven:
             self._cycles, self._since, self._looks = cycles, now, 0
             return False
         self._looks += 1

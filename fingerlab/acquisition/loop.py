@@ -15,11 +15,13 @@ from fingerlab.acquisition.board import Board, Input, Slot, Text
 from fingerlab.acquisition.checks import Reading
 from fingerlab.acquisition.commands import (
     Approach,
+    AtRest,
     Command,
     Disable,
     Enable,
     Finish,
     Initialise,
+    MoveByHand,
     Quit,
     Release,
     Reset,
@@ -35,11 +37,13 @@ from fingerlab.acquisition.requests import (
     ReadyStart,
     Refused,
     prepare,
+    unguarded,
     watchdogs,
 )
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.safety import Safety, safety_checks
 from fingerlab.acquisition.steering import Steering
+from fingerlab.acquisition.trying import STOPPED_MEANWHILE, move_by_hand, try_output
 from fingerlab.core.errors import UserError
 from fingerlab.devices.protocol import (
     NO_LINES,
@@ -54,8 +58,6 @@ FAREWELL_S = 0.5
 """The loop goes on reading for this long after its window is lost, so that the stop is recorded (assumed)."""
 
 STOOD_STILL = "The control loop stood still; the motor was stopped in its place, connect the device again."
-
-STOPPED_MEANWHILE = "The bench was stopped meanwhile; try again."
 
 SAFE_TRIES = 50
 """How often zero output is tried before the device is given up."""
@@ -88,6 +90,7 @@ class ControlLoop:
         self._enabling: int | None = None  # number of the enable that is answered once there is current
         self._lines = [Input.NONE, Input.NONE]
         self._lost_process = ""
+        self._look: Callable[[], None] = lambda: None
         self._quit_at = math.inf
         self._restart = False
         self._stops = board[Slot.STOP_REQUESTS]
@@ -119,6 +122,7 @@ class ControlLoop:
 
     def run(self, look: Callable[[], None] = lambda: None) -> None:
         """Cycle until told to quit, ``look`` before each; the motor has no current afterwards."""
+        self._look = look
         try:
             while not self.ended:
                 look()
@@ -132,10 +136,9 @@ class ControlLoop:
     def close(self) -> None:
         """Zero output, enable low, device given back."""
         self.ended = True
-        confirmed = self._make_safe()
+        self._make_safe()
         self.device.close()
         self._become(Event.DISABLE)
-        self._board[Slot.SAFE] = int(confirmed)
         self._board[Slot.LOOP_ENDED] = 1
 
     def cycle(self) -> None:
@@ -207,7 +210,7 @@ class ControlLoop:
                 self._lines = lines
                 self._board[Slot.EMERGENCY_STOP], self._board[Slot.AMPLIFIER_READY] = lines
                 self._board[Slot.LINES_AT] = reading.index
-        told = self._interlock.look(reading, self.machine.enable_allowed)
+        told = self._interlock.look(reading, bool(self._board[Slot.ENABLE_LINE]))
         if told is not None:
             event, sentence = told
             self._become(event)
@@ -254,6 +257,8 @@ class ControlLoop:
                 sentence = self._set_up(command)
             elif isinstance(command, ReadyStart | Approach):
                 sentence = self._start(command, reading)
+            elif isinstance(command, AtRest):
+                sentence = self._at_rest(command)
             elif isinstance(command, Quit):
                 self.ended = True
             else:
@@ -276,13 +281,17 @@ class ControlLoop:
         refusal = self.machine.refusal(event)
         if refusal:
             return refusal
-        if event is Event.ENABLE:
+        if isinstance(command, Enable):
+            refusal = unguarded(self.settings, self._board)
+            if refusal:
+                return refusal
             self._safety.reset()
             for _, dog in self._dogs:
                 dog.reset()
-            self.device.set_enable(True)
-            self._board[Slot.ENABLE_LINE] = 1
-            self._interlock.enabled(self._reader.index)
+            self.device.set_enable(command.line)
+            self._board[Slot.ENABLE_LINE] = int(command.line)
+            if command.line:
+                self._interlock.enabled(self._reader.index)
         elif event is Event.DISABLE:
             self._steering.off()
             self.device.set_enable(False)
@@ -356,6 +365,7 @@ class ControlLoop:
                 break
             confirmed = self.device.make_safe()
         self._board[Slot.ENABLE_LINE] = 0
+        self._board[Slot.SAFE] = int(confirmed)
         self._restart = True
         return confirmed
 
@@ -407,6 +417,18 @@ class ControlLoop:
             force=command.phase == "contact",
         )
         return ""
+
+    def _at_rest(self, command: AtRest) -> str:
+        if self.machine.enable_allowed:
+            return "The amplifier is enabled; disable it before anything is tried at the bench."
+        if isinstance(command, MoveByHand):
+            return move_by_hand(self.device, command)
+        self._restart = True
+        return try_output(self.device, command, self._board, self._wanted_at_rest)
+
+    def _wanted_at_rest(self) -> bool:
+        self._look()
+        return bool(self._lost_process) or self._board[Slot.STOP_REQUESTS] != self._stops
 
     def _become(self, event: Event) -> None:
         self.machine = self.machine.after(event)

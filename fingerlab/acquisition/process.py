@@ -3,8 +3,9 @@
 Who holds which end tells who lives: every process holds the writing end of a pipe to each that has to know,
 and the system closes it with the process, whatever killed it; where the system tells sooner, loop and
 guardian look there (``lives.py``). Silence without death is told by heartbeats in the board. The recorder's
-process also keeps a guardian: when the loop dies without having said goodbye, or stands still with the
-amplifier on, it writes zero output and drops the enable line through a device of its own.
+process also keeps the guardian (``guardian.py``): when the loop dies without having said goodbye, or stands
+still with the amplifier on, it writes zero output and drops the enable line through a device of its own. The
+loop opens its device once that of the guardian has been tried.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ from typing import NoReturn, Protocol
 
 from fingerlab.acquisition.awake import stay_awake
 from fingerlab.acquisition.board import Board, Slot, Text
-from fingerlab.acquisition.lives import Lives, Pulse, Standstill
-from fingerlab.acquisition.loop import SAFE_TRIES, ControlLoop
+from fingerlab.acquisition.guardian import await_trial, guard, try_stop
+from fingerlab.acquisition.lives import Lives, Standstill
+from fingerlab.acquisition.loop import ControlLoop
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.ring import Ring
@@ -35,9 +37,6 @@ from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost
 
 POLL_S = 0.02
 """How often the recorder takes what the ring has."""
-
-GUARD_S = 0.005
-"""How often the guardian looks whether the loop lives, where it is not told at once."""
 
 NICE, HIGH_PRIORITY_CLASS = -10, 0x80
 """Priority that loop and recorder ask for (setpriority(2); SetPriorityClass of the Windows API)."""
@@ -49,6 +48,9 @@ waits for a running one to use up its slice, some 3 ms."""
 
 GRACE_S = 2.0
 """How long the recorder waits for the loop to end when the window is lost."""
+
+GUARDIAN_S = 5.0
+"""How long the recorder's process waits at its end for the guardian to have stopped the motor (assumed)."""
 
 WINDOW_LOST = "The window has ended unexpectedly; the motor was stopped."
 RECORDER_LOST = "The recorder has ended unexpectedly; the motor was stopped."
@@ -92,6 +94,7 @@ def loop_main(plan: Plan, commands: Connection, recorder_lives: Connection, aliv
     board[Slot.LOOP_PID] = os.getpid()
     try:
         loop = ControlLoop(plan.device.build(), plan.settings, ring, board, time.perf_counter)
+        await_trial(board, recorder_lives)
         loop.open()
     except Exception as error:
         board.set_text(Text.FAULT, _why(error))
@@ -130,6 +133,7 @@ def _listen(loop: ControlLoop, lives: Lives, commands: Connection, recorder_live
 def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, alive: Connection) -> None:
     """The recorder's process. ``alive`` is only held, so that the loop sees it close."""
     _be_undisturbed()
+    come_first()  # before the driver starts threads of its own
     ring, board = Ring.attach(plan.ring), Board.attach(plan.board)
     try:
         # Built before it is needed: importing a driver takes longer than the motor may run. And before the
@@ -138,10 +142,16 @@ def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, aliv
     except Exception as error:
         board.set_text(Text.RECORDER, _why(error))
         _leave()
+    try_stop(own, board)
     board[Slot.RECORDER_PID] = os.getpid()
     recorder = Recorder(ring, board, plan.rescue)
-    threading.Thread(target=_guard, args=(plan, own, board, loop_lives), daemon=True).start()
-    come_first()
+    # A simulated motor stands still with its loop; without a clock nothing moves while the loop does not.
+    watched = own is not None and plan.device.real_time
+    standstill = Standstill(board, plan.settings.limits.late_time) if watched else None
+    guardian = threading.Thread(
+        target=_guard, args=(own, board, loop_lives, standstill, plan.device.real_time), daemon=True
+    )
+    guardian.start()
     if plan.device.kind not in IN_THE_LOOP:  # a simulated motor may fall asleep with its machine
         stay_awake(board)
     cut = False
@@ -156,11 +166,21 @@ def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, aliv
             name, arguments = requests.recv()
         except (EOFError, OSError):
             _end_alone(recorder, board)
-            _leave()
+            break
         if name == "quit":
             _write_whole(recorder, CLOSED if board[Slot.LOOP_ENDED] else LOOP_LOST)
-            _leave()
+            break
         _serve(recorder, requests, name, arguments)
+    guardian.join(GUARDIAN_S)  # what it has begun to stop is stopped, whoever wants this process to end
+    _leave()
+
+
+def _guard(
+    device: Device | None, board: Board, loop_lives: Connection, standstill: Standstill | None, paced: bool
+) -> None:
+    """The guardian's thread, which mostly waits, as the loop does."""
+    come_first(paced)
+    guard(device, board, loop_lives, standstill)
 
 
 def _serve(recorder: Recorder, requests: Connection, name: str, arguments: tuple[object, ...]) -> None:
@@ -189,48 +209,6 @@ def _write_whole(recorder: Recorder, note: str) -> None:
     with suppress(UserError, OSError, RuntimeError):
         recorder.cut(note)
         recorder.close()
-
-
-def _guard(plan: Plan, device: Device | None, board: Board, loop_lives: Connection) -> None:
-    """Wait for the loop's end; where it was no proper one, make the bench safe in its place."""
-    # A simulated motor stands still with its loop; without a clock nothing moves while the loop does not.
-    watched = device is not None and plan.device.real_time
-    standstill = Standstill(board, plan.settings.limits.late_time) if watched else None
-    _wait_until_lost(board, loop_lives, standstill)
-    if board[Slot.LOOP_ENDED]:
-        return
-    confirmed = device is None or _make_safe(device)
-    board[Slot.SAFE] = int(confirmed)
-    board[Slot.ENABLE_LINE] = 0
-    board[Slot.KEEPER] = 1
-    if device is None:
-        return
-    with suppress(EOFError, OSError):
-        loop_lives.recv()
-    # What the loop had handed to the driver may have come after the zero: write it once more.
-    confirmed = any(_make_safe(device) for _ in range(SAFE_TRIES))
-    board[Slot.SAFE] = int(confirmed)
-
-
-def _make_safe(device: Device) -> bool:
-    """Whether zero output and a low enable line were confirmed. A user's own device may break its word."""
-    try:
-        return device.make_safe()
-    except Exception:
-        return False
-
-
-def _wait_until_lost(board: Board, loop_lives: Connection, standstill: Standstill | None) -> None:
-    """Until the loop's process is gone, or the system says that it is going, or it stands still."""
-    pulse: Pulse | None = None
-    with suppress(EOFError, OSError):
-        while not loop_lives.poll(GUARD_S):
-            if pulse is None and board[Slot.LOOP_PID]:
-                pulse = Pulse(board[Slot.LOOP_PID])
-            if pulse is not None and pulse.dying():
-                return
-            if standstill is not None and standstill.seen():
-                return
 
 
 def _why(error: Exception) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fingerlab.acquisition.board import Slot
+from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.checks import Watchdog
 from fingerlab.acquisition.commands import Command, Start
 from fingerlab.acquisition.control import Gains, slowed
@@ -23,13 +23,18 @@ CURRENT_MARGIN = 0.95
 
 @dataclass(frozen=True)
 class LoopSettings:
-    """What the loop has to know of the bench; plain values, so that they travel to its process."""
+    """What the loop has to know of the bench; plain values, so that they travel to its process.
+
+    ``watch_...``: whose silence stops the motor. ``watch_guardian``: none is driven before the guardian has
+    tried that it can stop it.
+    """
 
     units: BenchUnits
     limits: Limits
     gains: Gains = field(default_factory=Gains)
     watch_window: bool = True
     watch_recorder: bool = True
+    watch_guardian: bool = True
 
 
 @dataclass(frozen=True)
@@ -88,6 +93,15 @@ def gains_within(settings: LoopSettings, hold: int) -> Gains:
     gains = settings.gains if hold == 1 else slowed(settings.gains, hold)
     most = min(gains.current_limit, CURRENT_MARGIN * settings.limits.current)
     return replace(gains, current_limit=most)
+
+
+def unguarded(settings: LoopSettings, board: Board) -> str:
+    """Why no motor may be enabled: nobody could stop it in the loop's place. Empty where somebody can."""
+    if not settings.watch_guardian or board[Slot.GUARDIAN] == 1:
+        return ""
+    return board.text(Text.GUARDIAN) or (
+        "The process that stops the motor when the control loop dies is not ready; open the bench again."
+    )
 
 
 def watchdogs(settings: LoopSettings, period: float) -> list[tuple[Slot, Watchdog]]:

@@ -29,6 +29,7 @@ class Steering:
         self.reference = Reference(period)
         self.amps = self.volts = 0.0
         self._units, self._hold, self._board = settings.units, hold, board
+        board[Slot.HOLD] = hold
         self._controller = PositionLoop(gains, period * hold)
         self._pull = TorqueDrive(period, gains, settings.units, settings.limits)
         self._pulling = False  # the trajectory is one of torque

@@ -53,7 +53,8 @@ class TorqueDrive:
         self.reference = Reference(period)
         self._gain = gains.derivative
         self._per_amp = units.torque_per_amp
-        self._most = most_torque(limits, units.torque_per_amp) / units.torque_per_amp
+        most = most_torque(limits, units.torque_per_amp) / units.torque_per_amp
+        self._most = min(most, gains.current_limit)
 
     def current(self, speed: float) -> float:
         """Current command, A, at a motor speed in rad/s at the pulley."""

@@ -3,35 +3,44 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from fingerlab.cli.common import json_option, refuse_existing, write_json
+from fingerlab.cli.interrupts import Interrupts
 from fingerlab.core.errors import UserError
+
+if TYPE_CHECKING:
+    from fingerlab.acquisition.bench import Bench
+    from fingerlab.acquisition.check_rig.outcomes import CheckProtocol, Operator
+    from fingerlab.acquisition.check_rig.walk import Step
+    from fingerlab.devices.choosing import DeviceChoice
+    from fingerlab.rig.constants import Rig
 
 
 @click.command("check-rig")
 @click.option(
     "--device",
     metavar="NAME",
-    help="A card such as Dev1 or host:31763/Dev1; own:FILE.py; 'simulated' for practice; else the first one "
-    "found.",
+    help="A card such as Dev1 or host:31763/Dev1; own:FILE.py; 'simulated' for practice; else it is asked.",
 )
 @click.option(
     "--rig", "rig_file", type=click.Path(path_type=Path), help="Rig file; the default rig without it."
 )
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Protocol to write (JSON).")
 @click.option(
-    "--yes", "all_yes", is_flag=True, help="Answer every question with yes: for rehearsals and tests."
+    "--yes", "all_yes", is_flag=True, help="Answer every question with yes: on the simulated rig alone."
 )
 @click.option(
     "--answer",
     "answers",
     multiple=True,
     metavar="STEP=yes|no|skip",
-    help="Answer one step's question, such as limits/force=no; may be repeated. The rest is asked.",
+    help="Answer one step's question, such as limits/force=no; may be repeated. The rest is asked, and every "
+    "yes on a bench that is real.",
 )
 @json_option
 def check_rig(
@@ -47,23 +56,19 @@ def check_rig(
     Exits with 0 where everything was confirmed. A step that failed or was left out is bad input: the bench is
     not known to be what its rig file says; the exit code is 2 then. The protocol is written either way.
     """
-    from fingerlab.devices.checking import check_rig as check
-    from fingerlab.devices.checking import write_protocol
+    from fingerlab.acquisition.check_rig.outcomes import write_protocol
+    from fingerlab.acquisition.check_rig.walk import check_answers
     from fingerlab.devices.choosing import REPLAY, choose_device
-    from fingerlab.devices.detect import detect, opening_sentence
     from fingerlab.rig.file import default_rig, load_rig
 
     refuse_existing(out)
+    given = _answers(answers)
     rig = load_rig(rig_file) if rig_file else default_rig()
-    if device is None:
-        click.echo(opening_sentence(detect(rig)), err=True)
-    operator = _Operator(_answers(answers), all_yes)
-    choice = choose_device(device, rig, real_time=not all_yes)
+    choice = choose_device(device or _asked_device(rig), rig, real_time=not all_yes)
     if choice.kind == REPLAY:
         raise UserError("A replay has no bench to check; give a card such as Dev1, or 'simulated'.")
-    chosen = choice.build()
-    click.echo(f"Checking {chosen.name}.", err=True)
-    protocol = check(chosen, rig, operator, str(rig_file or "the default rig"))
+    check_answers(given, all_yes, choice.simulated)
+    protocol = checked(choice, _Operator(given, all_yes), str(rig_file or "the default rig"))
     write_protocol(protocol, out)
     states = [outcome.state for outcome in protocol.outcomes]
     counted = ", ".join(f"{states.count(state)} {state}" for state in dict.fromkeys(states))
@@ -74,9 +79,69 @@ def check_rig(
         raise UserError(_complaint(protocol, out))
 
 
+def checked(
+    choice: DeviceChoice, operator: Operator, rig_source: str, steps: Sequence[Step] | None = None
+) -> CheckProtocol:
+    """Open the bench, walk through all steps or those given, and close it whatever happens.
+
+    Raises:
+        UserError: the bench cannot be opened, or nobody answers. KeyboardInterrupt: it was stopped.
+    """
+    from fingerlab.acquisition.check_rig.walk import STEPS
+    from fingerlab.acquisition.check_rig.walk import check_rig as check
+    from fingerlab.devices.choosing import CARD
+    from fingerlab.rig.file import default_rig
+
+    rig = choice.rig or default_rig()
+    bench = _open(choice, rig)
+    try:
+        operator.tell(f"Checking {bench.status().device}.")
+        with Interrupts(bench.stop) as interrupts:
+            walked = STEPS if steps is None else steps
+            protocol = check(bench, rig, operator, rig_source, choice.kind == CARD, walked)
+        if interrupts.asked:
+            raise KeyboardInterrupt
+    finally:
+        bench.close()
+    return protocol
+
+
+def _asked_device(rig: Rig) -> str:
+    """Which bench, said by the person at the terminal: a card that is there is not taken unasked."""
+    from fingerlab.devices.detect import detect, opening_sentence
+
+    found = detect(rig)
+    names = [one.name for one in found if one.available]
+    if not _somebody_there():
+        raise UserError(
+            f"--device is missing; name the bench to check: {' or '.join(names)}, or another card."
+        )
+    click.echo(opening_sentence(found), err=True)
+    return str(click.prompt(f"Which bench ({', '.join(names)}, or another card)", err=True))
+
+
+def _open(choice: DeviceChoice, rig: Rig) -> Bench:
+    """The bench with its loop, limits and guardian; a rehearsal without questions waits for no clock."""
+    from fingerlab.acquisition.check_rig.looking import check_settings
+    from fingerlab.acquisition.recording import rescue_folder
+
+    settings = check_settings(rig)
+    if choice.simulated and not choice.real_time:
+        from fingerlab.acquisition.inline import InlineBench
+
+        return InlineBench(choice.build(), settings, rescue_folder())
+    from fingerlab.acquisition.process_bench import ProcessBench
+
+    return ProcessBench(choice, settings, rescue_folder(), rig.daq.rate_hz)
+
+
+def _somebody_there() -> bool:
+    return sys.stdin is not None and sys.stdin.isatty()
+
+
 def _complaint(protocol: Any, out: Path) -> str:
     """Which steps failed or were left out, and what to do."""
-    from fingerlab.devices.checking import FAILED, SKIPPED
+    from fingerlab.acquisition.check_rig.outcomes import FAILED, SKIPPED
 
     said = []
     for state, words in ((FAILED, "failed"), (SKIPPED, "were left out")):
@@ -103,10 +168,8 @@ class _Operator:
             answer = self._answers.get(step, "yes")
             click.echo(f"[{step}] {question} {answer}", err=True)
             return answer
-        if sys.stdin is None or not sys.stdin.isatty():
-            raise UserError(
-                f"Nobody is there to answer the step '{step}'; run check-rig in a terminal, or give --yes."
-            )
+        if not _somebody_there():
+            raise UserError(f"Nobody is there to answer the step '{step}'; run check-rig in a terminal.")
         words = click.Choice(["yes", "no", "skip"])
         answer = click.prompt(f"[{step}] {question}", type=words, err=True)
         return str(answer)
@@ -123,7 +186,7 @@ def _answers(given: tuple[str, ...]) -> dict[str, str]:
 
 
 def _json(protocol: Any) -> dict[str, Any]:
-    from fingerlab.devices.checking import finite
+    from fingerlab.acquisition.check_rig.outcomes import finite
 
     result: dict[str, Any] = finite(protocol.to_json())
     return result

@@ -43,6 +43,11 @@ class DeviceChoice:
     real_time: bool = True
     file: Path | None = None
 
+    @property
+    def simulated(self) -> bool:
+        """Whether nothing real moves, so that a program may answer in a person's place."""
+        return self.kind == SIMULATED
+
     def build(self, clock: Clock | None = None) -> Device:
         """The device, not yet open.
 

@@ -54,7 +54,8 @@ class Device(Protocol):
     Order: ``open``, ``start``, many ``exchange``, ``make_safe``, ``close``; ``start`` may follow
     ``make_safe``. ``make_safe`` may come at any time, even before ``open`` (a guardian stops what a lost
     process left), any number of times, and never raises: it writes 0 V, drops the enable line, and says
-    whether both were confirmed.
+    whether both were confirmed. The guardian tries that once before the bench is opened, and then closes its
+    device; one that has a method ``try_stop``, which raises as ``open`` does, is asked for that instead.
     """
 
     @property

@@ -28,6 +28,7 @@ class Driven:
         self.device = device
         self.ring = Ring.make(rows, len(COLUMNS), shared=False)
         self.board = Board.make(shared=False)
+        self.board[Slot.GUARDIAN] = 1
         settings = LoopSettings(BenchUnits.from_rig(default_rig()), limits or Limits())
         self.loop = ControlLoop(device, replace(settings), self.ring, self.board)
         self.window = self.recorder = True

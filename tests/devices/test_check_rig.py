@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner
 
+from fingerlab.acquisition.check_rig.looking import check_settings
+from fingerlab.acquisition.check_rig.outcomes import CheckProtocol, Outcome, write_protocol
+from fingerlab.acquisition.check_rig.walk import STEPS, Step, check_rig
+from fingerlab.acquisition.inline import InlineBench
 from fingerlab.cli.check_rig import check_rig as command
 from fingerlab.core.errors import UserError
-from fingerlab.devices.check_card import assumptions
-from fingerlab.devices.checking import CheckProtocol, Outcome, check_rig, write_protocol
 from fingerlab.devices.faults import Faults, SensorFault
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation
+from fingerlab.rig.constants import Rig
 from fingerlab.rig.file import default_rig, parse_rig
 
 from .virtual_card import Card, InProcessChannel, Servicer
+
+OWN = Path(__file__).resolve().parents[2] / "docs" / "own_device_example.py"
 
 
 class Willing:
@@ -38,6 +44,16 @@ class Willing:
         return self.answers.get(step, "yes")
 
 
+def check(device: Any, rig: Rig, operator: Willing, **more: Any) -> CheckProtocol:
+    """The whole check of a device, on its own clock."""
+    clock = more.pop("clock", None)
+    bench = InlineBench(device, check_settings(rig), Path("not used"), clock)
+    try:
+        return check_rig(bench, rig, operator, "test", **more)
+    finally:
+        bench.close()
+
+
 def outcomes(protocol: CheckProtocol) -> dict[str, Outcome]:
     return {outcome.id: outcome for outcome in protocol.outcomes}
 
@@ -45,7 +61,7 @@ def outcomes(protocol: CheckProtocol) -> dict[str, Outcome]:
 def check_simulated(wired: str = "", operator: Willing | None = None, **more: Any) -> dict[str, Outcome]:
     rig = default_rig()
     device = SimulatedRig(rig, wired=parse_rig(wired, "wired").daq if wired else None, **more)
-    return outcomes(check_rig(device, rig, operator or Willing(), "test"))
+    return outcomes(check(device, rig, operator or Willing()))
 
 
 def card_with_bench(text: str = '[daq]\ntiming = "single-point"\n') -> tuple[Card, NiCard]:
@@ -72,7 +88,7 @@ def test_a_bench_wired_like_its_rig_file_is_confirmed() -> None:
         assert found[f"scale/{name}"].measured["shown"] == pytest.approx(known, rel=0.02)
     assert found["encoder"].measured["counts"] == pytest.approx(8600, abs=5)
     assert found["drive/monitor"].measured["current"] == pytest.approx(0.3, abs=0.02)
-    assert math.degrees(found["drive/direction"].measured["travel"]) == pytest.approx(60, abs=3)
+    assert math.degrees(found["drive/direction"].measured["travel"]) == pytest.approx(50, abs=6)
     assert len([k for k in found if k.startswith("limits/")]) == 11
     assert "10 N (thesis, section 2.2" in operator.asked["limits/force"]
     assert " 1146 °/s " in operator.asked["limits/speed"]
@@ -109,7 +125,7 @@ def test_swapped_joint_sensors_are_found() -> None:
             super().move_by_hand({"mcp": "pip", "pip": "mcp"}.get(channel, channel), amount)
 
     rig = default_rig()
-    found = outcomes(check_rig(Swapped(rig), rig, Willing(), "test"))
+    found = outcomes(check(Swapped(rig), rig, Willing()))
     assert found["moved/mcp"].state == "failed"
     assert "the PIP sensor moved instead" in found["moved/mcp"].sentence
 
@@ -124,7 +140,7 @@ def test_nothing_moves_without_consent() -> None:
 
     rig = default_rig()
     device = Watched(rig)
-    found = outcomes(check_rig(device, rig, Willing(drive="no", encoder="skip"), "test"))
+    found = outcomes(check(device, rig, Willing(drive="no", encoder="skip")))
     assert not any(device.moved)
     assert {found[k].state for k in ("drive/disabled", "drive/direction", "drive/monitor", "encoder")} == {
         "skipped"
@@ -137,7 +153,7 @@ def test_an_enable_line_that_does_nothing_is_found() -> None:
             super().set_enable(True)
 
     rig = default_rig()
-    found = outcomes(check_rig(AlwaysOn(rig), rig, Willing(), "test"))
+    found = outcomes(check(AlwaysOn(rig), rig, Willing()))
     assert found["drive/disabled"].state == "failed"
     assert "With the enable line low 0.30 A flowed" in found["drive/disabled"].sentence
 
@@ -159,19 +175,23 @@ def test_a_device_that_is_lost_ends_the_check_and_is_told() -> None:
 
 def test_the_three_assumptions_are_measured_on_a_card() -> None:
     card, device = card_with_bench()
-    found = outcomes(check_rig(device, device.rig, Willing(), "test", card.clock))
+    found = outcomes(check_card(card, device))
     assert {o.state for o in found.values()} == {"confirmed"}
     pace = found["assumption/paced-by-the-card"].measured
-    assert (pace["cycles"], pace["lost"], pace["samples_a_block"]) == (2000, 0, 1)
-    assert pace["seconds"] == pytest.approx(2.0)
+    assert (pace["cycles"], pace["lost"], pace["samples_a_block"]) == (1999, 0, 1)
+    assert pace["seconds"] == pytest.approx(1.999)
     left = found["assumption/late-write-is-lost"].measured
     assert left["after_stop"] == pytest.approx(0.2, abs=1e-3)
     assert left["after_fresh_task"] == pytest.approx(0.0, abs=1e-3)
     assert (card.volts, card.line, card.tasks) == (0.0, False, {})
 
 
+def check_card(card: Card, device: NiCard, steps: Sequence[Step] = STEPS) -> CheckProtocol:
+    return check(device, device.rig, Willing(), clock=card.clock.now, card=True, steps=steps)
+
+
 def only_assumptions(card: Card, device: NiCard) -> dict[str, Outcome]:
-    return outcomes(check_rig(device, device.rig, Willing(), "test", card.clock, (assumptions,)))
+    return outcomes(check_card(card, device, [step for step in STEPS if step.card]))
 
 
 def test_cards_that_break_an_assumption_are_told_apart() -> None:
@@ -201,7 +221,7 @@ def test_cards_that_break_an_assumption_are_told_apart() -> None:
 def test_a_device_that_cannot_be_opened_is_a_sentence() -> None:
     _, device = card_with_bench('[daq]\ndevice = "Dev9"\n')
     with pytest.raises(UserError, match="knows no card of that name"):
-        check_rig(device, device.rig, Willing(), "test")
+        check(device, device.rig, Willing())
 
 
 def test_the_protocol_file_is_dated_whole_and_never_overwritten(tmp_path: Path) -> None:
@@ -219,7 +239,7 @@ def test_the_protocol_file_is_dated_whole_and_never_overwritten(tmp_path: Path) 
     before = out.read_bytes()
     again = CliRunner().invoke(command, [*arguments, "--yes"])
     assert isinstance(again.exception, UserError)
-    protocol = check_rig(SimulatedRig(), default_rig(), Willing(), "test", steps=())
+    protocol = check(SimulatedRig(), default_rig(), Willing(), steps=())
     with pytest.raises(UserError, match="exists already"):
         write_protocol(protocol, out)
     assert out.read_bytes() == before
@@ -240,6 +260,10 @@ def test_a_failed_step_shows_in_the_exit_code(tmp_path: Path) -> None:
     ("more", "words"),
     [
         ([], "Nobody is there to answer"),
+        (["--device", "Dev1", "--yes"], "--yes is for the simulated rig"),
+        (["--device", "bench-pc:31763/Dev1", "--yes"], "--yes is for the simulated rig"),
+        (["--device", "Dev1", "--answer", "drive=yes"], "--answer drive=yes is for the simulated rig"),
+        (["--device", f"own:{OWN}", "--yes"], "--yes is for the simulated rig"),
         (["--yes", "--answer", "limits/force"], "should look like"),
         (["--yes", "--device", "replay:x.h5"], "no bench to check"),
         (["--yes", "--rig", "none.toml"], "cannot be read"),
@@ -251,3 +275,66 @@ def test_bad_requests_are_one_sentence_and_write_nothing(tmp_path: Path, more: l
     assert isinstance(result.exception, UserError)
     assert words in str(result.exception)
     assert not out.exists()
+
+
+def test_without_a_device_nobody_is_asked_and_nothing_is_taken(tmp_path: Path) -> None:
+    result = CliRunner().invoke(command, ["--out", str(tmp_path / "p.json")])
+    assert isinstance(result.exception, UserError)
+    assert "--device is missing; name the bench to check: simulated" in str(result.exception)
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"), [("no", "limits/force failed"), ("skip", "limits/force was left out")]
+)
+def test_what_failed_or_was_left_out_blocks_what_drives_later(answer: str, words: str) -> None:
+    operator = Willing(limits__force=answer)
+    card, device = card_with_bench()
+    clock = card.clock.now
+    found = outcomes(check(device, device.rig, operator, clock=clock, card=True))
+    for step in ("assumption/fresh-task-reaches-the-output", "drive/disabled", "drive/direction"):
+        assert found[step].state == "skipped"
+        assert found[step].sentence == f"Left out, for {words}; mend that and run check-rig again."
+    assert not {"assumptions", "drive"} & set(operator.asked)
+    assert not any(volts or line for volts, line in card.history)
+    assert found["stop"].state == "confirmed"
+
+
+def test_an_encoder_that_failed_blocks_the_drive() -> None:
+    found = check_simulated("[daq.encoder]\nsign = -1\n")
+    assert "Left out, for encoder failed" in found["drive/direction"].sentence
+
+
+def test_a_rig_without_a_finger_s_sensor_can_be_driven_and_one_without_a_monitor_cannot() -> None:
+    rig = parse_rig("[daq.pip]\nterminal = ''\n", "x")
+    found = outcomes(check(SimulatedRig(rig), rig, Willing()))
+    assert {found[k].state for k in ("rest/pip", "moved/pip", "scale/pip")} == {"not applicable"}
+    assert found["drive/direction"].state == "confirmed"
+    rig = parse_rig("[daq.current_monitor]\nterminal = ''\n", "x")
+    found = outcomes(check(SimulatedRig(rig), rig, Willing()))
+    assert found["drive/direction"].state == "skipped"
+    assert "no current monitor" in found["drive/direction"].sentence
+
+
+def test_no_more_than_the_test_current_ever_flows_and_the_motor_goes_no_farther_than_it_may() -> None:
+    for wired in ("", "[daq.command]\nsign = -1\n", "[daq.current_monitor]\ngain = 2.5\n"):
+        card, device = card_with_bench()
+        card.plant = SimulatedBench(Simulation(seed=2), parse_rig(wired, "wired").daq)
+        device.move_by_hand = card.plant.move_by_hand  # type: ignore[attr-defined]
+        outcomes(check(device, device.rig, Willing(), clock=card.clock.now, card=True))
+        assert max(abs(volts) for volts, line in card.history if line) <= 0.3 + 1e-9
+
+
+def test_a_stop_ends_the_check() -> None:
+    rig = default_rig()
+    bench = InlineBench(SimulatedRig(rig), check_settings(rig), Path("not used"))
+
+    class Pressing(Willing):
+        def ask(self, step: str, question: str) -> str:
+            if step == "drive":
+                bench.stop()
+            return super().ask(step, question)
+
+    found = outcomes(check_rig(bench, rig, Pressing(), "test"))
+    bench.close()
+    assert list(found)[-1] == "stopped"
+    assert "stop is latched" in found["stopped"].sentence

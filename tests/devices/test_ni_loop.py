@@ -61,6 +61,19 @@ def test_it_follows_and_gives_the_same_samples_every_time(text: str) -> None:
     assert np.all(np.diff(records[0][:, 0]) == 1)
 
 
+def test_a_card_that_turns_out_to_be_read_in_blocks_is_driven_at_the_rate_of_its_blocks() -> None:
+    rig = rig_with('[daq]\ntiming = "auto"\n')
+    card = Card(SimulatedBench(Simulation(seed=2), rig.daq))
+    bench = Driven(NiCard(rig, card.clock, InProcessChannel(Servicer(card))))  # known only once it is open
+    bench.run({**SINE, "ramp_s": 0.5}, endless=True)
+    bench.cycles(4000)
+    assert bench.board[Slot.HOLD] == 10
+    changes = np.flatnonzero(np.diff(bench.column("current_command")[-1000:]))
+    assert len(set(changes % 10)) == 1
+    last = np.degrees(bench.column("motor_position")[-1000:])
+    assert np.ptp(last) == pytest.approx(20.0, abs=1.5)  # with the gains of 1 kHz it would not be
+
+
 @MODES
 def test_a_stop_leaves_nothing_at_the_terminals_and_the_bench_can_be_seen(text: str) -> None:
     card, bench, _ = in_motion(text)

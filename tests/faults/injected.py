@@ -1,5 +1,7 @@
 """Every fault but a kill: put into a bench in full motion that records, on a virtual clock, and counted.
 
+The bench is the fake one, or the same rotor on the virtual card, driven by the real ``nidaqmx`` package.
+
 The recorder takes its turn every 20 cycles, as its process does every 20 ms. ``python -m tests.faults.sweep``
 shows the table; ``test_injected.py`` holds each to its limits.
 """
@@ -26,6 +28,7 @@ from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.core.errors import UserError
 from fingerlab.devices.clock import VirtualClock
 from fingerlab.devices.faults import Faults
+from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedRig
 from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
@@ -33,6 +36,8 @@ from fingerlab.sessions import check_session, open_session
 from fingerlab.sessions.recording_files import PART_SUFFIX, RESERVE_BYTES, PartWriter
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
+from tests.devices.card_bench import SINGLE, failing, rig_with
+from tests.devices.virtual_card import Card, InProcessChannel, Servicer
 
 AT = 2400
 """Cycle of the bench at which the fault comes: the motor is at full speed."""
@@ -50,16 +55,21 @@ class Fault:
     Attributes:
         name: for the table. device: options of the fake bench, or ``clock_steps`` of the simulated one.
         during: done once at cycle ``AT``; what it enters is left when the recording ends.
+        card: how a card has it that the fake device's options have no say in: called with the card and the
+            cycles since ``AT``, every cycle from there on.
         most_ms: plant time within which output and enable are at zero; None where the run goes on.
         words: in the sentence that the operator reads. phase: of the run.
+        card_ms: the same as ``most_ms`` for a card, whose cycles pass while the program is late.
     """
 
     name: str
     device: dict[str, Any] = field(default_factory=dict)
     during: Callable[[ExitStack, Path], None] | None = None
+    card: Callable[[Card, int], None] | None = None
     most_ms: int | None = 50
     words: str = ""
     phase: str = "contact"
+    card_ms: int | None = None
 
 
 @dataclass(frozen=True)
@@ -118,6 +128,20 @@ def set_the_clock(stack: ExitStack, place: Path) -> None:
     stack.enter_context(mock.patch.object(time, "time_ns", jumping_ns))
 
 
+def _unplugged(card: Card, since: int) -> None:
+    card.hooks["ReadAnalogF64"] = failing(-88709)
+
+
+def _hiccup(card: Card, since: int) -> None:
+    if since == 0:
+        card.hooks["ReadAnalogF64"] = lambda: (card.hooks.clear(), failing(-200284)())[1]
+
+
+def _away(cycles: int, times: int = 1) -> Callable[[Card, int], None]:
+    """So many cycles pass unseen, so many times in a row: the program was late for them."""
+    return lambda card, since: card.pass_time(cycles) if since < times * (cycles + 1) else None
+
+
 STUCK_MS = 550
 """Half a second without any change to the last bit, while what moves the sensor moves."""
 
@@ -125,8 +149,8 @@ FAULTS = [
     Fault("disk full", during=fill_the_disk, words="cannot be written"),
     Fault("less than 32 MB of room left", during=little_room, words="MB left", most_ms=300),
     Fault("target folder vanishes", during=take_the_folder_away, words="vanished", most_ms=300),
-    Fault("device unplugged", {"gone_at": AT}, words="gone", most_ms=1),
-    Fault("device reports an error", {"fault_at": AT}, words="hiccup", most_ms=1),
+    Fault("device unplugged", {"gone_at": AT}, card=_unplugged, words="gone|removed", most_ms=1),
+    Fault("device reports an error", {"fault_at": AT}, card=_hiccup, words="hiccup|-200284", most_ms=1),
     Fault("load cell gives no number", {"nan": {0: AT}}, words="force", most_ms=1),
     Fault("MCP sensor gives no number", {"nan": {1: AT}}, words="MCP", most_ms=1),
     Fault("PIP sensor gives no number", {"nan": {2: AT}}, words="PIP", most_ms=1),
@@ -138,24 +162,49 @@ FAULTS = [
     Fault("encoder stuck", {"stuck": {4: AT}}, words="encoder", most_ms=150),
     Fault("encoder jumps by 38 degrees", {"jump": (AT, 900.0)}, words="encoder jumped", most_ms=1),
     Fault("encoder jumps back by 13 degrees", {"jump": (AT, -300.0)}, words="encoder jumped", most_ms=1),
-    Fault("one cycle 30 ms late", {"late": {AT: 0.03}}, words="30 ms", most_ms=1),
-    Fault("60 cycles in a row 2 ms late", {"late": {AT + k: 2e-3 for k in range(60)}}, words="late 50 times"),
-    Fault("10 cycles lost", {"lost": {AT: 10}}, most_ms=None),
-    Fault("30 cycles lost at once", {"lost": {AT: 30}}, words="30 ms", most_ms=31),
+    Fault("one cycle 30 ms late", {"late": {AT: 0.03}}, card=_away(31), words="30 ms", most_ms=1, card_ms=32),
+    Fault(
+        "60 cycles in a row 2 ms late",
+        {"late": {AT + k: 2e-3 for k in range(60)}},
+        card=_away(3, 60),
+        card_ms=151,
+        words="late 50 times",
+    ),
+    Fault("10 cycles lost", {"lost": {AT: 10}}, card=_away(11), most_ms=None),
+    Fault("30 cycles lost at once", {"lost": {AT: 30}}, card=_away(31), words="30 ms", most_ms=31),
     Fault("machine's clock set forward and back by hours", during=set_the_clock, most_ms=None),
     Fault("rig's clock set forward by an hour", {"clock_steps": {AT: 3600.0}}, most_ms=None, phase="on_air"),
     Fault("rig's clock set back by two hours", {"clock_steps": {AT: -7200.0}}, most_ms=None, phase="on_air"),
 ]
 
 
-def possible(fault: Fault) -> bool:
-    """Whether this system can have the fault: Windows keeps a folder with open files, and has no limit."""
+class Rotor(FakeDevice):
+    """The fake bench's rotor and sensors on the card's connector."""
+
+    def advance(self, volts: float, enabled: bool) -> None:
+        """One cycle under the set value."""
+        self.volts, self.enabled = volts, enabled
+        self._move()
+        self.total += 1
+
+    def raw(self) -> tuple[float, ...]:
+        """What stands at the inputs."""
+        return self._raw()
+
+
+def possible(fault: Fault, card: bool = False) -> bool:
+    """Whether this system can have the fault: Windows keeps a folder with open files, and has no limit.
+
+    A ``card`` has a clock that nobody sets.
+    """
+    if card and "clock_steps" in fault.device:
+        return False
     return sys.platform != "win32" or fault.during not in (fill_the_disk, take_the_folder_away)
 
 
-def inject(fault: Fault, folder: Path) -> Counted:
-    """Let it happen in a recording below ``folder``."""
-    bench = _bench(fault)
+def inject(fault: Fault, folder: Path, on_card: bool = False) -> Counted:
+    """Let it happen in a recording below ``folder``, of the fake bench or of the virtual card."""
+    bench = _bench_on_card(fault) if on_card else _bench(fault)
     place = folder / "place"
     place.mkdir()
     recorder = Recorder(bench.ring, bench.board, folder / "rescued", lambda: bench.loop._reader.index / 1000)
@@ -180,6 +229,15 @@ def _bench(fault: Fault) -> Driven:
     return Driven(FakeDevice(**fault.device), Limits(stuck_torque=0.02))
 
 
+def _bench_on_card(fault: Fault) -> Driven:
+    spoilt = {name: value for name, value in fault.device.items() if name in ("nan", "stuck", "jump")}
+    card = Card(Rotor(**spoilt))
+    device = NiCard(rig_with(SINGLE), card.clock, InProcessChannel(Servicer(card)))
+    bench = Driven(device, Limits(stuck_torque=0.02))
+    device.virtual = card
+    return bench
+
+
 def _run(
     bench: Driven, recorder: Recorder, fault: Fault, stack: ExitStack, place: Path
 ) -> tuple[int, int | None]:
@@ -188,9 +246,12 @@ def _run(
     A full disk comes with the first write that it refuses.
     """
     came, faults = AT, bench.board[Slot.FAULTS]
+    card = getattr(bench.device, "virtual", None)
     while bench.board[Slot.INDEX] < LAST and not bench.loop.ended:
         bench.cycles(1)
         index = bench.board[Slot.INDEX]
+        if card is not None and fault.card is not None and index >= AT:
+            fault.card(card, index - AT)
         if fault.during is not None and index == AT:
             recorder.poll()
             fault.during(stack, place)
@@ -200,7 +261,8 @@ def _run(
                 came = index
         if bench.board[Slot.FAULTS] != faults:
             device = bench.device
-            assert (device.volts, device.enabled) == (0.0, False)
+            told = (device.volts, device.enabled) if card is None else (card.volts, card.line)
+            assert told == (0.0, False)
             return came, max(index, came)
     return came, None
 
@@ -225,14 +287,14 @@ def _missing(path: Path, start: int, newest: int) -> tuple[int, str]:
     return newest - start - int((index < newest).sum()), str(session.attributes["ended"])
 
 
-def table(folder: Path) -> Iterator[str]:
+def table(folder: Path, on_card: bool = False) -> Iterator[str]:
     """Rows of the table in ``docs/faults.md``."""
     for number, fault in enumerate(FAULTS):
-        if not possible(fault):
+        if not possible(fault, on_card):
             continue
-        place = folder / str(number)
+        place = folder / f"{number}{'c' * on_card}"
         place.mkdir()
-        seen = inject(fault, place)
+        seen = inject(fault, place, on_card)
         zero = "goes on" if seen.reaction_ms is None else f"{max(seen.reaction_ms, 1)} ms"
         sentence = seen.sentence.replace(str(place / "place"), "FOLDER").replace(str(place), "DATA")
         yield f"| {seen.name} | {zero} | {seen.lost_s:.3f} | {seen.ended} | {sentence or '-'} |"

@@ -21,6 +21,7 @@ from fingerlab.acquisition.columns import COLUMN
 from fingerlab.acquisition.ring import Ring
 from fingerlab.core.errors import UserError
 from fingerlab.sessions import check_session, open_session
+from tests.faults.live_card import Served
 from tests.faults.shared_device import make_output, read_output
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,6 +41,7 @@ class Outcome:
         lost_s: seconds of samples that the loop had published before the kill and the session lacks.
         flushed_lost: samples that the recorder had flushed before the kill and the session lacks.
         kept: samples in the session. ended: what it says of itself. wrong: samples that differ from the ring.
+        how: the signal. card: whether the bench was that behind the virtual card.
     """
 
     victim: str
@@ -53,12 +55,24 @@ class Outcome:
     kept: int
     ended: str
     wrong: int
+    how: str = "SIGKILL"
+    card: bool = False
 
 
-def kill_once(folder: Path, victim: str, after_s: float) -> Outcome:
-    """Let a bench run for ``after_s`` seconds of recording, kill ``victim``, and look."""
+def signal_of(how: str) -> int:
+    """The number of SIGTERM or SIGKILL; Windows ends a process the same way for either."""
+    return int(getattr(signal, how, signal.SIGTERM))
+
+
+def kill_once(
+    folder: Path, victim: str, after_s: float, how: str = "SIGKILL", card: Served | None = None
+) -> Outcome:
+    """Let a bench run for ``after_s`` seconds of recording, kill ``victim``, and look.
+
+    Args:
+        how: the signal's name. card: takes the place of the fake bench.
+    """
     output, session = folder / "output", folder / "session.h5"
-    make_output(output)
     arguments = [
         sys.executable,
         "-m",
@@ -67,6 +81,12 @@ def kill_once(folder: Path, victim: str, after_s: float) -> Outcome:
         str(session),
         str(folder / "saved"),
     ]
+    if card is None:
+        make_output(output)
+    else:
+        output = card.output
+        card.do("set_up", "on_air", "extension")  # the finger hangs at rest
+        arguments += ["30", card.address]
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, cwd=ROOT, text=True) as window:
         assert window.stdout is not None
         told = json.loads(window.stdout.readline())
@@ -77,11 +97,12 @@ def kill_once(folder: Path, victim: str, after_s: float) -> Outcome:
         _wait_for_samples(board, told["start"] + 1000.0 * after_s)
         before, driven, flushed = ring.last(1)[0], read_output(output), board[Slot.FLUSHED]
         killed_ns = time.monotonic_ns()
-        os.kill(told[victim], getattr(signal, "SIGKILL", signal.SIGTERM))
+        os.kill(told[victim], signal_of(how))
         zero = _wait_for_zero(output)
         at = read_output(output)
         clock = (at.changed_ns - killed_ns) / 1e6
-        plant = clock if victim == "loop" else float(at.changed_at - driven.cycles)
+        # The fake bench's cycles end with the loop; a card's go on.
+        plant = clock if victim == "loop" and card is None else float(at.changed_at - driven.cycles)
         _wait_for_end(told, window)
         rows = ring.last(ring.rows)
     kept, wrong, last, ended = _look_at(session, rows, told["start"])
@@ -90,7 +111,21 @@ def kill_once(folder: Path, victim: str, after_s: float) -> Outcome:
     ring.close()
     board.close()
     forgotten = max(0, flushed - kept)
-    return Outcome(victim, after_s, zero, plant, clock, moving, lost, forgotten, kept, ended, wrong)
+    return Outcome(
+        victim,
+        after_s,
+        zero,
+        plant,
+        clock,
+        moving,
+        lost,
+        forgotten,
+        kept,
+        ended,
+        wrong,
+        how,
+        card is not None,
+    )
 
 
 def _look_at(session: Path, rows: np.ndarray, start: int) -> tuple[int, int, int, str]:

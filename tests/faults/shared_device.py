@@ -68,6 +68,11 @@ class SharedDevice(FakeDevice):
         self._driving = False
         self._due = 0.0
 
+    def open(self) -> None:
+        super().open()
+        cycles, volts, enabled, changed, at, _ = LAYOUT.unpack(self._memory[:])
+        self._memory[:] = LAYOUT.pack(cycles, volts, enabled, changed, at, 0)  # the guardian's trial is over
+
     def start(self) -> None:
         super().start()
         self._driving = True

@@ -1,19 +1,20 @@
 """Hundreds of kills at random moments, counted in ``docs/faults.md``.
 
-``python -m tests.faults.sweep [KILLS] [SEED] [--keep FILE]`` (500 and 1 by default; some five seconds each).
-With ``--keep`` a sweep can be taken in pieces: outcomes are added to the file and counted as a whole; with
-no kills the page alone is written anew.
+``python -m tests.faults.sweep [KILLS] [SEED] [--card] [--keep FILE]`` (500 and 1 by default; some five
+seconds each, ten with ``--card``). With ``--keep`` a sweep can be taken in pieces: outcomes are added to the
+file and counted as a whole. The tables of the page that were counted are written anew; the words between are
+the page's own. With no kills and nothing kept, the tables of the other faults alone are taken.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import random
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,13 @@ import numpy as np
 
 from tests.faults.injected import table
 from tests.faults.killing import VICTIMS, kill_once
-from tests.faults.stops import section_of
+from tests.faults.killing_checks import STEPS, NotSoFar, kill_check
+from tests.faults.live_card import served
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 LIMIT_MS, LIMIT_S = 50.0, 0.25
+TRIES = 5
+"""How often a check is begun that a busy machine's late loop has ended before its step."""
 
 
 def main() -> None:
@@ -34,126 +38,100 @@ def main() -> None:
     parser.add_argument("seed", nargs="?", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="JSON lines of outcomes: added to, and counted as a whole")
     parser.add_argument("--victim", choices=VICTIMS, help="only this one; each in its turn without it")
+    parser.add_argument(
+        "--card", action="store_true", help="at the virtual card, and check-rig in each step, too"
+    )
     options = parser.parse_args()
     chance = random.Random(options.seed)
     outcomes: list[dict[str, Any]] = []
     if options.keep and options.keep.exists():
         outcomes = [json.loads(line) for line in options.keep.read_text(encoding="utf-8").splitlines()]
-    for number in range(options.kills):
-        with tempfile.TemporaryDirectory() as folder:
-            victim = options.victim or VICTIMS[number % len(VICTIMS)]
-            outcome = asdict(kill_once(Path(folder), victim, chance.uniform(0.05, 2.0)))
+    kills = kills_at_the_card if options.card else kills_at_the_fake_bench
+    for number, outcome in enumerate(kills(options, chance)):
         outcomes.append(outcome)
         if options.keep:
             with options.keep.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(outcome) + "\n")
         print(number + 1, outcome, file=sys.stderr)
+    text = PAGE.read_text(encoding="utf-8")
+    if outcomes:
+        text = with_part(text, "kills at the card" if options.card else "kills", rows(outcomes))
+        checks = [outcome for outcome in outcomes if "step" in outcome]
+        text = with_part(text, "kills of check-rig", rows_of_checks(checks)) if checks else text
     with tempfile.TemporaryDirectory() as folder:
-        injected = list(table(Path(folder)))
-    PAGE.write_text(page(outcomes, injected), encoding="utf-8")
+        text = with_part(text, "faults", list(table(Path(folder))))
+        text = with_part(text, "faults at the card", list(table(Path(folder), on_card=True)))
+    PAGE.write_text(text, encoding="utf-8")
 
 
-HEAD = (
-    "killed",
-    "kills",
-    "zero and low",
-    "motor driven at the kill",
-    "plant ms, median",
-    "plant ms, most",
-    "over 50 ms",
-    "clock ms, median",
-    "clock ms, most",
-    "s lost, most",
-    "over 0.25 s",
-    "flushed samples lost",
-    "wrong",
-)
+def with_part(text: str, name: str, rows: list[str]) -> str:
+    """The page with other rows in the table of this name: those between its heading and its end."""
+    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+    before, rest = text.split(begin)
+    old, after = rest.split(end)
+    heading = old.splitlines()[:3]  # an empty line, the heading and its rule
+    return before + begin + "\n".join([*heading, *rows, "", end]) + after
 
 
-def page(outcomes: list[dict[str, Any]], injected: list[str]) -> str:
-    """The counts as a page of documentation."""
-    rows = []
+def kills_at_the_fake_bench(options: argparse.Namespace, chance: random.Random) -> Iterator[dict[str, Any]]:
+    """Window, recorder and loop in turn, each at a random moment."""
+    for number in range(options.kills):
+        with tempfile.TemporaryDirectory() as folder:
+            victim = options.victim or VICTIMS[number % len(VICTIMS)]
+            yield asdict(kill_once(Path(folder), victim, chance.uniform(0.05, 2.0)))
+
+
+def kills_at_the_card(options: argparse.Namespace, chance: random.Random) -> Iterator[dict[str, Any]]:
+    """Every process of a recording, then check-rig in each of its steps; each by SIGTERM and by SIGKILL."""
+    turns = [(who, how) for how in ("SIGTERM", "SIGKILL") for who in (*VICTIMS, *STEPS)]
+    chance.shuffle(turns)
+    with tempfile.TemporaryDirectory() as own, served(Path(own) / "output") as card:
+        for number in range(options.kills):
+            who, how = turns[number % len(turns)]
+            with tempfile.TemporaryDirectory() as folder:
+                if who in VICTIMS:
+                    yield asdict(kill_once(Path(folder), who, chance.uniform(0.05, 2.0), how, card))
+                    continue
+            for _ in range(TRIES):
+                with suppress(NotSoFar):
+                    yield asdict(kill_check(card, who, how, chance.random()))
+                    break
+
+
+def rows(outcomes: list[dict[str, Any]]) -> list[str]:
+    """Rows of the kills of a recording's processes, with the columns that the page has."""
+    told = []
     for victim in VICTIMS:
-        mine = [o for o in outcomes if o["victim"] == victim]
+        mine = [o for o in outcomes if o.get("victim") == victim]
         if not mine:
             continue
         plant, clock = [o["plant_ms"] for o in mine], [o["clock_ms"] for o in mine]
         lost = [o["lost_s"] for o in mine]
-        rows.append(
+        told.append(
             f"| {victim} | {len(mine)} | {sum(o['zero'] for o in mine)} | {sum(o['moving'] for o in mine)} | "
             f"{np.median(plant):.0f} | {max(plant):.0f} | {sum(p > LIMIT_MS for p in plant)} | "
             f"{np.median(clock):.0f} | {max(clock):.0f} | {max(lost):.3f} | "
             f"{sum(s > LIMIT_S for s in lost)} | {sum(o['flushed_lost'] for o in mine)} | "
             f"{sum(o['wrong'] for o in mine)} |"
         )
-    return TEXT.format(
-        kills=len(outcomes),
-        head=f"| {' | '.join(HEAD)} |\n|{'---|' * len(HEAD)}",
-        rows="\n".join(rows),
-        injected="\n".join(injected),
-        stops=section_of(PAGE.read_text(encoding="utf-8")),
-        machine=f"{platform.system()}, {platform.machine()}, {os.cpu_count()} cores",
-    )
+    return told
 
 
-TEXT = """# Faults, counted
-
-What happens to motor and recording when something dies or breaks. `python -m tests.faults.sweep 500 SEED`
-(in pieces: `45 SEED --keep FILE`) takes the kills and writes this page; a handful of
-them, and every other fault, run with the test suite.
-
-## Killed processes
-
-A bench runs a sine under position control in real time and records it. One of its processes is killed
-(SIGKILL) at a random moment of the first two seconds of the recording: {kills} kills on {machine},
-which other programs shared. "Window" is the process that plays its part: it has opened the bench, begun the
-run and shows that it is alive. The bench's output stands outside of all these processes, as that of hardware
-does.
-
-Plant time is counted in the bench's own cycles (1 ms), from before the kill is sent to zero volts with
-enable low; a bench waits for a program that the machine holds up, hence the same by the machine's clock
-stands beside it. After the death of the loop, with which the cycles end, both are the machine's clock.
-
-{head}
-{rows}
-
-"Lost" are samples that the loop had published before the kill and that the session, opened afterwards (and
-repaired where it was cut), does not hold: those that were not yet flushed. "Wrong" are samples that differ
-from what was published.
-
-A killed process keeps its pipes open until the system has taken its memory back, which took up to 200 ms
-here; the loop and the guardian therefore look at the process itself (Linux), and elsewhere at the pipe.
-
-A loop that hangs without dying, as in a driver that does not return (held by SIGSTOP in
-`tests/faults/test_hangs.py`): the guardian takes its place when it has made no cycle for 0.2 s with the
-amplifier on, ten times the lateness at which the loop stops by itself. A loop that then wakes up drives no
-more.
-
-## STOP, whatever stands open
-
-{stops}
-
-## Other faults
-
-Each in full motion on a virtual clock, where the recorder takes its turn every 20 ms
-(`tests/faults/injected.py`; limits on each in `test_injected.py`). Output and enable stay at zero until the
-operator resets, initialises and enables. Lost are samples from the start of the run to the stop that the
-session lacks; a cycle that nobody saw counts.
-
-| fault | zero after | s lost | the session says | the operator reads |
-|---|---|---|---|---|
-{injected}
-
-A folder that vanished is looked for four times a second. A sensor counts as stuck after half a second without
-any change to the last bit while what moves it moves; a resting sensor is no fault. Further, in
-`tests/acquisition/test_faults_in_the_loop.py`: window or recorder alive but silent, zero after 0.5 s and 1 s;
-a blocked motor, zero after 30 to 100 ms; every limit (current, torque, position, speed, tension rise, joint
-angle, force), zero in the very sample that is beyond it.
-
-Time is the sample index, and cycle times are taken from clocks that nobody can set (`perf_counter`,
-`monotonic`): the machine's clock may be set to any hour while a run is recorded. A monotonic clock that leaps
-says that the machine has slept: the motor is then stopped as after a late cycle.
-"""
+def rows_of_checks(kills: list[dict[str, Any]]) -> list[str]:
+    """Rows of the kills of ``check-rig``, step by step."""
+    told = []
+    for step in STEPS:
+        mine = [kill for kill in kills if kill["step"] == step]
+        if not mine:
+            continue
+        plant = [kill["plant_ms"] for kill in mine if kill["driven"]]
+        ms = f"{np.median(plant):.0f} | {max(plant):.0f}" if plant else "- | -"
+        term, kill9 = (sum(kill["how"] == how for kill in mine) for how in ("SIGTERM", "SIGKILL"))
+        told.append(
+            f"| {step} | {term} + {kill9} | {sum(kill['zero'] for kill in mine)} | {len(plant)} | {ms} | "
+            f"{sum(p > LIMIT_MS for p in plant)} | {sum(not kill['ended'] for kill in mine)} |"
+        )
+    return told
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """Stands for the window in fault tests: opens a bench, lets it run, records, and shows that it is alive.
 
-``python -m tests.faults.window OUTPUT SESSION RESCUE [LATE]`` prints one line of JSON when it records. LATE
-is the lateness in s at which the loop stops by itself.
+``python -m tests.faults.window OUTPUT SESSION RESCUE [LATE [CARD]]`` prints one line of JSON when it records.
+LATE is the lateness in s at which the loop stops by itself, CARD the address of a virtual card in place of
+the bench whose output stands in the file OUTPUT.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.core.errors import UserError
+from fingerlab.devices.choosing import choose_device
 from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
 from tests.faults.shared_device import SharedChoice
@@ -28,10 +30,11 @@ SINE = {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0, "offset_deg"
 PATIENT = Limits(late_time=30.0, late_cycles=1e9, window_time=20.0, recorder_time=20.0)
 
 
-def main(output: str, session: str, rescue: str, late: str = "30") -> None:
+def main(output: str, session: str, rescue: str, late: str = "30", card: str = "") -> None:
     rig = default_rig()
     settings = LoopSettings(BenchUnits.from_rig(rig), replace(PATIENT, late_time=float(late)))
-    bench = ProcessBench(SharedChoice(Path(output)), settings, Path(rescue))
+    choice = choose_device(f"{card}/Dev1") if card else SharedChoice(Path(output))
+    bench = ProcessBench(choice, settings, Path(rescue))
     bench.recorder.open(SessionInfo(Path(session), rig.to_json(), "fault test", "2026-11-01T09:00:00+01:00"))
     for command in (SetUp("on_air", "extension"), Initialise(), Enable(), Start(SINE, True)):
         bench.ask(command)

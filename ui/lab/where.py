@@ -12,8 +12,8 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidg
 
 from fingerlab.diagnosis.answer.results import Comparison
 from fingerlab.diagnosis.answer.where import COORDINATES, Profile, most_orderly, profile
-from fingerlab.report.diagnosis_words import PHASE_WORDS
-from fingerlab.report.where_words import (
+from fingerlab.report.diagnosis_words import (
+    PHASE_WORDS,
     axis_title,
     bin_words,
     coordinate_unit,

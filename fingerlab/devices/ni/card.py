@@ -13,7 +13,7 @@ from fingerlab.devices.clock import Clock, RealClock
 from fingerlab.devices.lateness import LatenessMeter
 from fingerlab.devices.ni.connection import Connection
 from fingerlab.devices.ni.errors import SAMPLES_NOT_YET_AVAILABLE, UNSUPPORTED, answering, code_of, translated
-from fingerlab.devices.ni.stopping import write_safe
+from fingerlab.devices.ni.stopping import ReadyStop, write_safe
 from fingerlab.devices.ni.tasks import Tasks, packed, signed_counts
 from fingerlab.devices.protocol import DeviceFault, DeviceLost, Sample
 from fingerlab.rig.constants import Rig
@@ -41,6 +41,7 @@ class NiCard:
         self._clock: Clock = clock or RealClock()
         self._connection = Connection(self._daq, channel)
         self._tasks: Tasks | None = None
+        self._ready: ReadyStop | None = None
         self._running = self._refused = False
         self._single_point = self._daq.timing != "buffered"
         self._index = -1
@@ -65,10 +66,7 @@ class NiCard:
         if self._tasks is not None:
             raise DeviceFault(f"{self.name} is open already; close it before it is opened again.")
         self._refused = True
-        self._check_presence()
-        refused = write_safe(self._connection, self._daq, reset=False)
-        if refused:
-            raise refused[0]
+        self._rest()
         self._tasks = self._build()
         self._refused = False
 
@@ -132,10 +130,22 @@ class NiCard:
         self._running = False
         try:
             self._give_back()
+            ready, self._ready = self._ready, None
+            if ready is not None and ready.write():
+                return True
             # Whoever was refused the card must not take it from the program that has it.
             return not write_safe(self._connection, self._daq, reset=not self._refused)
         except Exception:  # whatever it was, the caller has to be told "not confirmed" and no more
             return False
+
+    def try_stop(self) -> None:
+        """What ``make_safe`` does, tried beforehand by a guardian, while nobody drives.
+
+        The card is not taken from a program that has it; what the stop needs is ready from now on. Raises
+        DeviceLost, DeviceFault.
+        """
+        self._rest()
+        self._ready = ReadyStop(self._connection, self._daq)
 
     def close(self) -> None:
         self.make_safe()
@@ -197,6 +207,13 @@ class NiCard:
             self._single_point = False
             return Tasks(self._connection, self._daq, single_point=False)
 
+    def _rest(self) -> None:
+        """Bring the bench to rest, where nobody else has the card."""
+        self._check_presence()
+        refused = write_safe(self._connection, self._daq, reset=False)
+        if refused:
+            raise refused[0]
+
     def _check_presence(self) -> None:
         with answering(self.name):
             names = list(self._connection.system().devices.device_names)
@@ -213,9 +230,11 @@ class NiCard:
             return
         from nidaqmx.errors import Error
 
-        if lower_enable:
+        if lower_enable:  # at once; the fresh tasks that follow are what counts
             with suppress(Error):
-                tasks.write_enable(False)  # at once; the fresh task that follows is what counts
+                tasks.write_enable(False)
+            with suppress(Error):
+                tasks.write_volts(0.0)
         tasks.discard()
 
     def _one_cycle(self, tasks: Tasks, volts: float) -> Sample:

@@ -7,10 +7,45 @@ from contextlib import suppress
 from typing import Any
 
 from fingerlab.devices.ni.connection import Connection
-from fingerlab.devices.ni.errors import translated
+from fingerlab.devices.ni.errors import answering, translated
 from fingerlab.devices.ni.tasks import add_enable, add_output
 from fingerlab.devices.protocol import DeviceFault
 from fingerlab.rig.daq import Daq
+
+
+class ReadyStop:
+    """Fresh tasks for the stop, and the way to a reset, made before they are needed: each costs calls.
+
+    A task that is configured and not yet reserved takes nothing from anybody. Raises (at construction)
+    DeviceLost, DeviceFault.
+    """
+
+    def __init__(self, connection: Connection, daq: Daq) -> None:
+        self._connection, self._daq = connection, daq
+        with answering(connection.where):
+            self._enable, self._output = connection.task("stop-enable"), connection.task("stop-output")
+            add_enable(self._enable, daq)
+            add_output(self._output, daq)
+            self._device = connection.system().devices[daq.device]
+
+    def write(self) -> bool:
+        """Stop, once; whoever holds the terminals loses them. Whether it went well; never raises."""
+        from nidaqmx.errors import Error
+
+        try:
+            try:
+                _drop(self._enable, self._daq)
+                _write_zero(self._output)
+            except Error:
+                self._device.reset_device()
+                return False  # the terminals are free now, and as at power-up: write to them anew
+            return True
+        except Error:
+            return False
+        finally:
+            for task in (self._enable, self._output):
+                with suppress(Error):
+                    task.close()
 
 
 def write_safe(connection: Connection, daq: Daq, reset: bool) -> tuple[DeviceFault, ...]:
@@ -62,16 +97,24 @@ def _write_once(connection: Connection, daq: Daq, purpose: str, write: Callable[
 
 
 def _zero(task: Any, daq: Daq) -> None:
+    add_output(task, daq)
+    _write_zero(task)
+
+
+def _write_zero(task: Any) -> None:
     from nidaqmx.stream_writers import AnalogSingleChannelWriter
 
-    add_output(task, daq)
     AnalogSingleChannelWriter(task.out_stream, auto_start=True).write_one_sample(0.0)
 
 
 def _lower(task: Any, daq: Daq) -> None:
+    add_enable(task, daq)
+    _drop(task, daq)
+
+
+def _drop(task: Any, daq: Daq) -> None:
     from nidaqmx.stream_writers import DigitalSingleChannelWriter
 
-    add_enable(task, daq)
     writer = DigitalSingleChannelWriter(task.out_stream, auto_start=True)
     writer.write_one_sample_one_line(not daq.enable.active_high)
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Comparison, Failure, Fingerprint
 from fingerlab.diagnosis.answer.wording import Z90
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, BoolArray
-from fingerlab.diagnosis.equations.model import CABLE_NAMES
 from fingerlab.diagnosis.fit.noise import floor_covariance
 from fingerlab.diagnosis.fit.weights import SLACK_SPREAD_M
 from fingerlab.diagnosis.gram.decimation import Decimated, counted

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.diagnosis.equations.model import CABLE_NAMES
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ, decimate
 from fingerlab.diagnosis.signals.segments import SETTLING_S, segments_of

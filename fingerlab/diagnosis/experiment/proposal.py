@@ -12,14 +12,15 @@ between two rival models", 1965).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.columns import layout_of
 from fingerlab.diagnosis.equations.features import Layout
-from fingerlab.diagnosis.equations.model import CABLE_NAMES, Choice, Model, build
+from fingerlab.diagnosis.equations.model import Model, build
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
 from fingerlab.diagnosis.experiment.predicted_runs import DURATION_S, Proposal, menu
 from fingerlab.diagnosis.fit.noise import LEAST_TORQUE_SPREAD, torque_noise
@@ -258,6 +259,15 @@ class Imagined:
     layout: Layout
     sums: Sums
     group: Group
+    models: dict[tuple[object, ...], Model] = field(default_factory=dict)
+
+    def model(self, fitted: FittedModel) -> Model:
+        """The model for this run alone, with those of its effects that act in it."""
+        choices = [c for c in fitted.choices if c.effect in self.layout.effects]
+        key = (fitted.model.tip_law, *((c.effect.id, c.shape) for c in choices))
+        if key not in self.models:
+            self.models[key] = build(self.layout, [self.group], choices, fitted.model.tip_law)
+        return self.models[key]
 
     def lasting(self, times: float) -> Imagined:
         """The same motion so many times as long, again and again: it tells so many times as much."""
@@ -299,8 +309,7 @@ def apart(reduced: Reduced, run: Imagined, truth: FittedModel, rival: FittedMode
 
     Both are seen under the weights of ``truth``.
     """
-    right = build(run.layout, [run.group], _choices(truth, run), truth.model.tip_law)
-    wrong = build(run.layout, [run.group], _choices(rival, run), rival.model.tip_law)
+    right, wrong = run.model(truth), run.model(rival)
     values = values_in(wrong, rival)
     told, slopes = wrong.coefficients(values, run.group)
     wander = own_to_a_run(wrong, values, told, run.group)
@@ -331,10 +340,6 @@ def held_by(candidates: Sequence[FittedModel], motion: Motion) -> list[Effect]:
     """Effects of all the models, each once, that act in such a run."""
     every = {c.effect.id: c.effect for t in candidates for c in t.choices}
     return [e for e in every.values() if e.bench or motion.finger is not None]
-
-
-def _choices(fitted: FittedModel, run: Imagined) -> list[Choice]:
-    return [c for c in fitted.choices if c.effect in run.layout.effects]
 
 
 def _group(motion: Motion) -> Group:
@@ -378,5 +383,5 @@ def known_of(model: Model, fitted: FittedModel, heat: float) -> Array:
         result[np.ix_(mine, mine)] = scaled_inverse(covariance)
     for i, unknown in enumerate(model.unknowns):
         if unknown.key not in old:
-            result[i, i] = (WEAKEST_PRIOR if unknown.open else 1.0) / unknown.gain.typical**2
+            result[i, i] = (WEAKEST_PRIOR if unknown.open else 1.0) / unknown.parameter.typical**2
     return result

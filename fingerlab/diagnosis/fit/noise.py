@@ -20,6 +20,7 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, Layout
 from fingerlab.diagnosis.equations.model import Model
+from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
@@ -222,12 +223,9 @@ def _rubbing(model: Model, values: Array, group: Group) -> Array:
     """
     values = values.copy()
     if model.tip_law == "sticks":
-        k = model.index["lateral_rub"]
-        values[k] = max(values[k], model.unknowns[k].gain.typical)
-    mine = [
-        (model.layout.features[i].parameter or "").startswith(("lateral_rub", "lateral_slip"))
-        for i in model.active
-    ]
+        k = model.index[RUBS]
+        values[k] = max(values[k], model.unknowns[k].parameter.typical)
+    mine = [model.layout.features[i].parameter in (RUBS, *SLIPS) for i in model.active]
     products = group.whole.of(model.pick)
     return row_covariance(model, values, group, products, group.samples, np.array(mine))
 

@@ -16,9 +16,10 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES, DELAY
 from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, Layout
-from fingerlab.diagnosis.equations.model import CABLE_NAMES, Model
-from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
+from fingerlab.diagnosis.equations.model import Model
+from fingerlab.diagnosis.equations.parameters import ARMS, LOSSES, TORQUE_ZERO
 from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, feature_weights
 from fingerlab.diagnosis.gram.sums import Group, Sums
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
@@ -33,7 +34,7 @@ def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
         routing = CABLE_NAMES[group.cable_sign]
         if group.on_bench or f"arm_mcp@{routing}" in arms:
             continue
-        for row, name in ((Row.MCP, "arm_mcp"), (Row.PIP, "arm_pip")):
+        for row, name in zip((Row.MCP, Row.PIP), ARMS, strict=True):
             slope = _tension_over_torque(layout, group.whole, row, group.cable_sign)
             arms[f"{name}@{routing}"] = float(np.clip(1.0 / slope if slope > 1e-9 else 0.01, 0.003, 0.035))
     return arms
@@ -50,7 +51,7 @@ def _tension_over_torque(layout: Layout, sums: Sums, row: Row, cable_sign: int) 
         ]
 
     torque = pick({"proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness", "force_gain"})
-    loss = pick({"loss_mcp", "loss_pip"})
+    loss = pick({*LOSSES})
     pull = pick({"torque_gain"}, shift=NO_SHIFT)
     inertia = pick({"rotor_inertia"}, shift=NO_SHIFT)
     # One line for each feature that takes part: what it adds to torque, loss and tension.
@@ -83,27 +84,27 @@ def surprise(
             contact, what a loss seems to be may be the tip's friction as well.
         zero_spread: of the current's zero, N m, where a run of the motor alone is to be counted on.
     """
-    known = {u.key: float(v) for u, v in zip(model.unknowns, values, strict=True)}
+    known = list(zip(model.unknowns, map(float, values), strict=True))
 
-    def free(name: str) -> Array:
-        return np.array(
-            [v for key, v in known.items() if key.startswith(name) and key.split("@")[-1] in routings]
-        )
+    def free(names: Collection[str]) -> Array:
+        return np.array([v for u, v in known if u.name in names and not u.effect and u.cable in routings])
 
-    zeros = {u.key: u.gain.typical for u in model.unknowns if u.key == TORQUE_ZERO}
-    spreads = [*zeros.values(), *([] if zero_spread is None or zeros else [zero_spread])]
-    losses = free("loss_")
+    zeros = [(value, u.parameter.typical) for u, value in known if u.key == TORQUE_ZERO]
+    spreads = [spread for _, spread in zeros]
+    spreads += [] if zero_spread is None or zeros else [zero_spread]
+    losses = free(LOSSES)
     if len(losses) == 0:  # a bench, whose own offset could be the difference with no chance involved
         return sum(SIMPLER_FIRST * len(c.effect.offsets) for c in model.choices)
     variance = np.mean(losses**2) + USUAL_LOSS_NM**2
     result = len(losses) * np.log(variance / USUAL_LOSS_NM**2)
-    result += sum((known[key] / spread) ** 2 for key, spread in zeros.items())
-    levers = free("arm_") / radius
+    result += sum((zero / spread) ** 2 for zero, spread in zeros)
+    levers = free(ARMS) / radius
     told = levers @ levers / variance + sum(1.0 / spread**2 for spread in spreads)
     for choice in model.choices:
         for name in choice.effect.offsets:
             # Friction opposes the motion in either direction, so that the difference stays within the mean.
-            width = max(2.0 * known[f"{choice.effect.id}.{choice.effect.excess[name]}"], 1e-12)
+            mean = values[model.index[f"{choice.effect.id}.{choice.effect.excess[name]}"]]
+            width = max(2.0 * float(mean), 1e-12)
             result += max(2.0 * np.log(width * np.sqrt(told / (2 * np.pi))), SIMPLER_FIRST)
     return float(result)
 
@@ -245,9 +246,8 @@ class Fitter:
         """
         groups = self.data.groups
         pressed = {g.key[0] for g in groups} - {g.key[0] for g in groups if not g.in_contact}
-        losses = tuple(f"loss_{joint}@{routing}" for joint in ("mcp", "pip") for routing in pressed)
         weak = [
-            u.open or u.key.startswith(losses) or (u.key == "delay" and u.gain.high > 0.01)
+            u.open or (u.name in LOSSES and u.cable in pressed) or (u.key == DELAY and self.model.delayed)
             for u in self.model.unknowns
         ]
         return np.where(weak, WEAK_PRIOR, 1.0)

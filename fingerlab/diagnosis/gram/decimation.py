@@ -15,12 +15,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial.legendre import legvander
 
 from fingerlab.diagnosis.equations.columns import Column, all_columns
-from fingerlab.diagnosis.equations.features import SHIFTS_S, SLOPE, BoolArray, IntArray
+from fingerlab.diagnosis.equations.features import SHIFT_SAMPLES, SLOPE, BoolArray, IntArray
 from fingerlab.diagnosis.signals.filters import (
     NARROW_HALF,
     NARROW_RATE_HZ,
     NARROW_STEP,
-    WIDE_RATE_HZ,
     decimate,
     decimated_count,
 )
@@ -61,7 +60,7 @@ def rest_moments(position: Array) -> BoolArray:
     return np.asarray(np.ptp(windows, axis=1) < np.radians(AT_REST_DEG))
 
 
-MARGIN = round(max(abs(s) for s in SHIFTS_S) * WIDE_RATE_HZ)
+MARGIN = max(abs(samples) for samples in SHIFT_SAMPLES)
 """Samples at the wide rate on either side of those that are judged: room for the delays."""
 AT_ONCE = 64
 """So many signals are filtered together: they fit into the processor's cache."""
@@ -140,7 +139,7 @@ def _shifted(values: Array, shift: int | None, rate: float, inner: slice) -> Arr
         return values[inner]
     if shift == SLOPE:
         return np.asarray(np.gradient(values, 1.0 / rate)[inner])
-    late = round(SHIFTS_S[shift] * WIDE_RATE_HZ)
+    late = SHIFT_SAMPLES[shift]
     return values[inner.start - late : max(inner.stop - late, 0)]
 
 

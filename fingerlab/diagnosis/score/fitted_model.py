@@ -154,7 +154,7 @@ def sensitivity(fitter: Fitter, fitted: FittedModel) -> Sensitivity:
     effect = fitted.last_effect
     names = [n for n in own_keys(fitted, effect).items() if n[0] not in effect.offsets]
     places = [fitted.model.index[key] for _, key in names]
-    typical = np.array([fitted.model.unknowns[i].gain.typical for i in places])
+    typical = np.array([fitted.model.unknowns[i].parameter.typical for i in places])
     if not places:
         return NO_SENSITIVITY
     patterns = list(np.diag(typical)) + ([typical] if len(places) > 1 else [])

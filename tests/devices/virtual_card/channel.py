@@ -84,10 +84,10 @@ class InProcessChannel:
 
 
 class TcpServer:
-    """The servicer behind a real port of this machine."""
+    """The servicer behind a real port of this machine; with ``workers`` it takes so many calls at a time."""
 
-    def __init__(self, servicer: Servicer) -> None:
-        self._server = grpc.server(ThreadPoolExecutor(max_workers=1))
+    def __init__(self, servicer: Servicer, workers: int = 1) -> None:
+        self._server = grpc.server(ThreadPoolExecutor(max_workers=workers))
         add_NiDAQmxServicer_to_server(servicer, self._server)
         self.address = f"127.0.0.1:{self._server.add_insecure_port('127.0.0.1:0')}"
         self._server.start()

@@ -1,0 +1,197 @@
+"""What the steps of a check see of the bench and may do with it: the very bench that records.
+
+Every sample comes from the ring, every current through the control loop with its limits, its watchdogs and
+its guardian. No step has a device of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from fingerlab.acquisition.bench import Bench
+from fingerlab.acquisition.check_rig.outcomes import (
+    CONFIRMED,
+    FAILED,
+    NO,
+    SKIP,
+    SKIPPED,
+    YES,
+    Operator,
+    Outcome,
+)
+from fingerlab.acquisition.columns import COLUMN
+from fingerlab.acquisition.commands import Command, Disable, Enable, Initialise, MoveByHand, SetUp, Start
+from fingerlab.acquisition.control import Gains
+from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.requests import LoopSettings
+from fingerlab.acquisition.units import BenchUnits
+from fingerlab.core.errors import UserError
+from fingerlab.devices.protocol import RAW_CHANNELS
+from fingerlab.rig.constants import Rig
+from fingerlab.sessions.model import Array
+
+TEST_CURRENT = 0.3
+"""A; twice what motor and gearbox need to turn at all (RE40 no-load current 137 mA). The loop sends no more
+in the whole of a check, whatever the encoder says."""
+
+FARTHEST = math.radians(90.0)
+"""Beyond it the loop stops a motor that is under check, unless the rig file does earlier (assumed)."""
+
+RAW = slice(COLUMN[f"raw/{RAW_CHANNELS[0]}"], COLUMN[f"raw/{RAW_CHANNELS[0]}"] + len(RAW_CHANNELS))
+
+
+def check_settings(rig: Rig) -> LoopSettings:
+    """What the control loop is told for a check: the rig's own limits, or narrower ones.
+
+    Raises:
+        UserError: the rig holds impossible ones.
+    """
+    limits = rig.limits
+    limits = replace(
+        limits,
+        position_low=max(limits.position_low, -FARTHEST),
+        position_high=min(limits.position_high, FARTHEST),
+    )
+    # No brake: it would take away the current that is to be measured, and drive on where the encoder's sense
+    # is wrong. Current, travel, speed and time are limited without it.
+    gains = Gains(derivative=0.0, current_limit=TEST_CURRENT)
+    return LoopSettings(BenchUnits.from_rig(rig), limits, gains)
+
+
+class BenchFailed(Exception):
+    """The bench stopped, refused or was lost; the text is its sentence."""
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What a motor did under the test current.
+
+    Attributes:
+        rows: of the ring, shape (n, columns). fault: why the loop stopped it; empty where it did not.
+    """
+
+    rows: Array
+    fault: str
+
+    def column(self, name: str) -> Array:
+        """One of the ring's columns, shape (n,)."""
+        return self.rows[:, COLUMN[name]]
+
+
+@dataclass
+class Look:
+    """The bench under check and the means to look at it.
+
+    Attributes:
+        rig: what is to be confirmed.
+        rest: mean raw values at rest, by the first step. rest_spread: their standard deviations.
+    """
+
+    bench: Bench
+    rig: Rig
+    operator: Operator
+    rest: Array = field(default_factory=lambda: np.full(len(RAW_CHANNELS), math.nan))
+    rest_spread: Array = field(default_factory=lambda: np.full(len(RAW_CHANNELS), math.nan))
+
+    def rows(self, seconds: float, hand: tuple[str, float] | None = None) -> Array:
+        """Rows of the ring of so many seconds without any current, shape (n, columns).
+
+        Args:
+            hand: channel and amount (SI) that the simulated rig moves by itself, as the operator was asked
+                to do on a real one.
+
+        Raises:
+            BenchFailed: the bench stopped meanwhile.
+        """
+        reader = self.bench.ring.reader()
+        with told():
+            if hand is None:
+                self.bench.wait(seconds)
+            else:
+                self.bench.wait(0.25 * seconds)
+                self.bench.ask(MoveByHand(*hand))
+                self.bench.wait(0.75 * seconds)
+        rows = reader.read().rows
+        if hand is not None:
+            self.ask(MoveByHand(hand[0], 0.0))
+        return rows
+
+    def watch(self, seconds: float, hand: tuple[str, float] | None = None) -> Array:
+        """Raw values (V, counts) of :meth:`rows`, shape (n, 5). Raises BenchFailed."""
+        return self.rows(seconds, hand)[:, RAW]
+
+    def ask(self, command: Command) -> None:
+        """Ask the loop. Raises BenchFailed where it refuses."""
+        with told():
+            self.bench.ask(command)
+
+    def until(self, condition: Callable[[], bool], seconds: float, what: str) -> None:
+        """Wait for the bench. Raises BenchFailed."""
+        with told():
+            self.bench.wait_until(condition, seconds, what)
+
+    def drive(self, seconds: float, rise: float, travel: float, line: bool) -> Driven:
+        """Let the test current flow, at most so long and until the motor has turned so far; off afterwards.
+
+        Args:
+            seconds: how long. rise: s until the current is reached. travel: rad.
+            line: whether the enable line is raised; without it nothing should happen.
+
+        Raises:
+            BenchFailed: the bench refused, or was lost or stopped by the operator.
+        """
+        bench, torque = self.bench, TEST_CURRENT * BenchUnits.from_rig(self.rig).torque_per_amp
+        for command in (SetUp("motor_bench", "none"), Initialise(position=0.0), Enable(line)):
+            self.ask(command)
+        reader, fault = bench.ring.reader(), ""
+        push: dict[str, Any] = {
+            "kind": "torque",
+            "time_s": [0.0, seconds],
+            "torque_n_m": [torque, torque],
+            "ramp_s": rise,
+        }
+
+        def over() -> bool:
+            last = bench.ring.last(1)
+            far = len(last) and abs(last[0, COLUMN["motor_position"]]) > travel
+            return bool(far) or not bench.status().run_active
+
+        try:
+            bench.ask(Start(push))
+            bench.wait_until(over, 2.0 * seconds, "The test current")
+            bench.ask(Disable())
+        except UserError as error:
+            status = bench.status()
+            if status.mode is not Mode.FAULT or status.loop_ended:
+                if not (status.loop_ended or status.latched):
+                    self.ask(Disable())
+                raise BenchFailed(str(error)) from error
+            fault = status.fault or str(error)
+        return Driven(reader.read().rows, fault)
+
+
+@contextmanager
+def told() -> Iterator[None]:
+    """Tell what the bench says from what is said to who asked for the check."""
+    try:
+        yield
+    except UserError as error:
+        raise BenchFailed(str(error)) from error
+
+
+def asked(look: Look, step: str, title: str, question: str, measured: dict[str, Any]) -> Outcome:
+    """What only the operator can tell."""
+    answer = look.operator.ask(step, question)
+    state = {YES: CONFIRMED, NO: FAILED, SKIP: SKIPPED}.get(answer, FAILED)
+    words = {
+        CONFIRMED: "The operator confirms it.",
+        FAILED: "The operator says no; correct the rig file and check again.",
+        SKIPPED: "The operator left it out.",
+    }
+    return Outcome(step, title, state, words[state], question, answer, measured)

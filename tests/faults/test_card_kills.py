@@ -1,0 +1,48 @@
+"""Kills at the virtual card, driven by the real nidaqmx package. The sweep has a hundred more."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.faults.killing import kill_once
+from tests.faults.killing_checks import NotSoFar, kill_check
+from tests.faults.live_card import Served, served
+
+
+@pytest.fixture(scope="module")
+def card(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with served(tmp_path_factory.mktemp("card") / "output") as serving:
+        yield serving
+
+
+@pytest.mark.parametrize(
+    ("victim", "how"), [("loop", "SIGKILL"), ("recorder", "SIGTERM"), ("window", "SIGKILL")]
+)
+def test_the_card_is_told_zero_whoever_dies(tmp_path: Path, card: Served, victim: str, how: str) -> None:
+    outcome = kill_once(tmp_path, victim, 0.4, how, card)
+    assert outcome.zero
+    assert outcome.moving
+    assert outcome.plant_ms <= 250  # on a machine that is busy; the sweep counts them
+    assert outcome.flushed_lost == 0
+    assert outcome.wrong == 0
+
+
+@pytest.mark.parametrize(
+    ("step", "how"),
+    [("drive", "SIGKILL"), ("drive", "SIGTERM"), ("drive, line low", "SIGKILL"), ("output", "SIGTERM")],
+)
+def test_a_check_that_is_killed_leaves_no_set_value(card: Served, step: str, how: str) -> None:
+    for _ in range(5):
+        try:
+            kill = kill_check(card, step, how, 0.3)
+            break
+        except NotSoFar:
+            continue
+    assert kill.driven
+    assert kill.enabled is (step == "drive")
+    assert kill.zero
+    assert kill.plant_ms <= 250
+    assert kill.ended
