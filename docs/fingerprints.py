@@ -35,8 +35,9 @@ def picture(effect: Effect) -> str:
     """The drawing as an ``<svg>`` element; empty for an effect whose course is not known here."""
     motion = _motion("contact" if effect.phases == ("contact",) else "on_air")
     x, x_label = _coordinate(effect, motion)
-    if effect.id in OUTSIDE:
-        y, y_label = OUTSIDE[effect.id](effect, motion)
+    outside = next((OUTSIDE[name] for name in (effect.special, *effect.relaxes) if name in OUTSIDE), None)
+    if outside is not None:
+        y, y_label = outside(effect, motion)
     else:
         terms = _shown(effect, motion)
         if not terms:
@@ -124,13 +125,13 @@ def _other_arm(effect: Effect, motion: Motion) -> tuple[Array, str]:
 
 
 OUTSIDE = {
-    "cable_stretch": _stretch,
-    "cable_slack": _slack,
-    "transport_delay": _delay,
-    "contact_compliance": _sinking,
-    "routing_change": _other_arm,
+    "slack": _slack,
+    "delay": _delay,
+    "cable_compliance": _stretch,
+    "tip_compliance": _sinking,
+    "arm_pip@flexion": _other_arm,
 }
-"""Effects that are no column of their own in a fit, or that set a term free which every model has."""
+"""What effects do that are no column of their own in a fit, or that set free what every model has."""
 SLACK_FROM_N, SLACK_M_PER_N = 2.5, 1e-3
 """Tension below which the made-up cable is loose, and how much it then pays out; assumed."""
 
@@ -149,7 +150,7 @@ def _coordinate(effect: Effect, motion: Motion) -> tuple[Array, str]:
         "motor speed": (DEGREE * motion.velocity, "°/s"),
         "motor angle": (DEGREE * motion.position, "°"),
         "motor acceleration": (motion.acceleration, "rad/s²"),
-        "tension": (np.maximum(tension - SLACK_FROM_N, 0.0) if effect.id == "cable_slack" else tension, "N"),
+        "tension": (np.maximum(tension - SLACK_FROM_N, 0.0) if effect.special == "slack" else tension, "N"),
         "tension times direction of travel": (tension * np.sign(motion.velocity), "N"),
         "force": (np.zeros_like(tension) if motion.force is None else motion.force, "N"),
     }

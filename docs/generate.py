@@ -19,8 +19,10 @@ from typing import Any
 import click
 
 from fingerlab.cli.main import COMMANDS, cli
-from fingerlab.diagnosis.equations.parameters import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD, nuisance_ranges
-from fingerlab.effects import CATALOGUE, Effect, Gain
+from fingerlab.diagnosis.equations.parameters import nuisance_ranges
+from fingerlab.diagnosis.settings import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
+from fingerlab.effects import CATALOGUE, Effect
+from fingerlab.physics.parameter import Parameter
 from fingerlab.report.equation_text import markdown_words
 from fingerlab.rig.daq import Limits, limits_table
 from fingerlab.rig.file import CONSTANT_UNITS, default_rig, sources_of
@@ -137,7 +139,7 @@ def _unknowns(effect: Effect) -> Iterator[str]:
         yield "It has no unknown of its own."
 
 
-def gain_table(gains: Mapping[str, Gain]) -> str:
+def gain_table(gains: Mapping[str, Parameter]) -> str:
     """Unknowns with unit, range, typical strength and source, as a Markdown table."""
     rows = [
         f"| `{name}` | {gain.title or name.replace('_', ' ')} | {gain.unit} | "

@@ -112,7 +112,7 @@ def _connected(address: str) -> Any:
 
 def _check_workers(client: Any, address: str, folder: Path) -> None:
     try:
-        answers: dict[str, tuple[str, bool]] = client.run(_worker_facts, str(folder))
+        answers: dict[str, tuple[str, bool]] = client.run(worker_facts, str(folder))
     except Exception as error:
         why = " ".join(f"{type(error).__name__}: {error}".split())
         raise UserError(
@@ -133,7 +133,7 @@ def _check_workers(client: Any, address: str, folder: Path) -> None:
             )
 
 
-def _worker_facts(folder: str) -> tuple[str, bool]:
+def worker_facts(folder: str) -> tuple[str, bool]:
     """What a worker says of itself: its version of the program, and whether it sees the folder."""
     return fingerlab.__version__, Path(folder).is_dir()
 
@@ -212,7 +212,7 @@ def run_batch(
     tasks = find_sessions(folder)
     if not out.parent.is_dir():
         raise UserError(f"The folder {out.parent} does not exist; make it first or choose another place.")
-    told = progress or _silent
+    told: Progress = progress or (lambda share, what: None)
     table = read_table(out)
     told(0.0, f"reading {len(tasks)} sessions")
     hashes = _hashes(tasks)
@@ -237,10 +237,6 @@ def run_batch(
         write_table(out, after)
     parts.clear()
     return BatchResult(after, len(outcomes), len(plan.kept), plan.outdated, len(gone))
-
-
-def _silent(share: float, what: str) -> None:
-    """Progress that nobody wants to see."""
 
 
 @dataclass(frozen=True)

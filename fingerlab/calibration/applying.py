@@ -105,7 +105,11 @@ def apply_again(
             dataset = copy[f"runs/{run}/{CHANNELS[name][1]}"]
             dataset[...] = values.astype(dataset.dtype)
         write_attributes(copy, attributes)
-    return target, [_told(name, used[name], pieces) for name in used]
+    told = []
+    for name, record in used.items():
+        runs = sum(1 for _, one, _ in pieces if one == name)
+        told.append(f"{name}: {runs} {'run' if runs == 1 else 'runs'} by {record.title}")
+    return target, told
 
 
 def _recalculated(
@@ -137,8 +141,3 @@ def _anew(volts: Array, values: Array, old: AnalogInput, record: CalibrationReco
     zero_volts = old.volts(-moved)  # where the old channel was told to be zero
     result: Array = np.where(np.abs(moved) <= NO_REFERENCE * size, fresh, record.gain * (volts - zero_volts))
     return result
-
-
-def _told(name: str, record: CalibrationRecord, pieces: list[tuple[str, str, Array]]) -> str:
-    runs = sum(1 for _, one, _ in pieces if one == name)
-    return f"{name}: {runs} {'run' if runs == 1 else 'runs'} by {record.title}"

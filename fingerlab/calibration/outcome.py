@@ -184,13 +184,13 @@ def outcome_of(plan: CalibrationPlan, steps: Sequence[SteadyStep]) -> Calibratio
     calibration = calibrate_steps(plan.sensor, steps, plan.marks)
     names = list(dict.fromkeys(move.sweep for move in plan.moves))
     members = {name: [i for i, move in enumerate(plan.moves) if move.sweep == name] for name in names}
-    sweeps = tuple(
-        _sweep(plan, name, [steps[i] for i in chosen], [plan.moves[i].mark for i in chosen])
-        for name, chosen in members.items()
-    )
+    sweeps = []
+    for name, chosen in members.items():
+        line = calibrate_steps(plan.sensor, [steps[i] for i in chosen], [plan.marks[i] for i in chosen])
+        sweeps.append(Sweep(name, line.gain.value, line.offset.value, line.r2))
     repeat = _repeat(calibration, members[names[0]], members[names[1]]) if len(names) > 1 else None
     misplaced = find_misplaced(plan, steps, range(len(steps)))
-    return CalibrationOutcome(plan, calibration, sweeps, repeat, misplaced)
+    return CalibrationOutcome(plan, calibration, tuple(sweeps), repeat, misplaced)
 
 
 def compare(new: Calibration, gain: dict[str, Any], offset: dict[str, Any]) -> CalibrationChange:
@@ -213,11 +213,6 @@ def amount_text(sensor: Sensor, value: float) -> str:
     if abs(value) < 0.1:
         return f"{1e3 * value:.1f} m{sensor.unit}"
     return f"{value:.3f} {sensor.unit}"
-
-
-def _sweep(plan: CalibrationPlan, name: str, steps: Sequence[SteadyStep], marks: Sequence[float]) -> Sweep:
-    line = calibrate_steps(plan.sensor, steps, marks)
-    return Sweep(name, line.gain.value, line.offset.value, line.r2)
 
 
 def _repeat(calibration: Calibration, first: Sequence[int], second: Sequence[int]) -> Repeat | None:

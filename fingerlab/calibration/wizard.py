@@ -248,18 +248,15 @@ class Wizard:
         tolerance = SHARE * self.plan.spacing_volts
         recent = slice(-64, None)  # more than the two seconds that are judged
         self.stillness = judge(self.time[recent], self.volts[recent], tolerance)
-        if self.phase is Phase.CHANGE and self._has_left(value):
+        left = self.plan.spacing_volts * LEFT
+        if self.phase is Phase.CHANGE and (
+            self._left_behind is None or abs(value - self._left_behind) > left
+        ):
             self.phase = Phase.SETTLE
         if self.phase is Phase.SETTLE and self.light == "stable":
-            self._begin_hold(moment)
+            self.phase, self._hold = Phase.HOLD, moment
         if self.phase is Phase.HOLD:
             self._hold_on(moment, 2.0 * tolerance)
-
-    def _has_left(self, value: float) -> bool:
-        return self._left_behind is None or abs(value - self._left_behind) > LEFT * self.plan.spacing_volts
-
-    def _begin_hold(self, moment: float) -> None:
-        self.phase, self._hold = Phase.HOLD, moment
 
     def _hold_on(self, moment: float, tolerance: float) -> None:
         assert self._hold is not None

@@ -105,7 +105,7 @@ def _print(result: Calibration, marks: list[float], notes: list[str]) -> None:
     from rich.table import Table
 
     sensor = result.sensor
-    scale, unit = (180.0 / math.pi, "°") if sensor.unit == "rad" else (1.0, sensor.unit)
+    scale, unit = sensor.screen.factor, sensor.screen.symbol
     console = Console(width=None if sys.stdout.isatty() else 110, highlight=False)
     console.print(sensor.title, style="bold")
     for note in notes:

@@ -58,17 +58,10 @@ def write_text_safely(path: Path, text: str) -> None:
     Raises:
         UserError: the place is taken, cannot be written to, or is full.
     """
-    from fingerlab.core.files import claim, move_into_place
+    from fingerlab.core.files import new_file
 
-    part = claim(path)
-    try:
+    with new_file(path, "choose a folder with room and write access.") as part:
         part.write_text(text, encoding="utf-8")
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise UserError(
-            f"{path} cannot be written ({error.strerror}); choose a folder with room and write access."
-        ) from None
-    move_into_place(part, path)
 
 
 def tell_own_effects() -> None:

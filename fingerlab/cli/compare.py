@@ -59,7 +59,7 @@ def compare(
         _print(result)
     drawn = None
     if figures is not None:
-        from fingerlab.report.extended_figures import comparison_figures
+        from fingerlab.report.force_figures import comparison_figures
 
         drawn = (comparison_figures(result), figures)
     write_results(comparison_json(result), json_target, None, drawn)

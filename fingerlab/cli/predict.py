@@ -62,7 +62,7 @@ def predict(session_file: Path, model_file: Path, figures: Path | None, json_tar
         _print(session, model, result)
     drawn = None
     if figures is not None:
-        from fingerlab.report.prediction_figures import prediction_figures
+        from fingerlab.report.force_figures import prediction_figures
 
         drawn = (prediction_figures(result), figures)
     write_results(prediction_json(session, model, result), json_target, None, drawn)

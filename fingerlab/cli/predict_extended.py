@@ -50,7 +50,7 @@ def predict_with_effects(
         _print(session, extended, result)
     drawn = None
     if figures is not None:
-        from fingerlab.report.extended_figures import extended_figures
+        from fingerlab.report.force_figures import extended_figures
 
         drawn = (extended_figures(result), figures)
     write_results(extended_json(session, model, result), json_target, None, drawn)

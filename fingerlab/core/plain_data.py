@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
+from functools import cache
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
@@ -37,12 +38,12 @@ class Mismatch(ValueError):
     """Data that is not what it should be; the text is the rest of a sentence, without a full stop.
 
     Attributes:
-        place: names that lead to the value. wanted: what it should be; empty where it is no value.
+        place: names that lead to the value. wanted: what ``value`` should be; empty without one.
     """
 
-    def __init__(self, place: tuple[str, ...], says: str, wanted: str = "") -> None:
+    def __init__(self, place: tuple[str, ...], says: str, wanted: str = "", value: object = None) -> None:
         super().__init__(" ".join((*place, says)))
-        self.place, self.wanted = place, wanted
+        self.place, self.wanted, self.value = place, wanted, value
 
 
 def structured(kind: type[T], data: object, refuse_unknown: bool = False) -> T:
@@ -64,11 +65,16 @@ def structured(kind: type[T], data: object, refuse_unknown: bool = False) -> T:
     return found
 
 
-def _prepared(kind: type[Any], data: object, place: tuple[str, ...], refuse_unknown: bool) -> dict[str, Any]:
+@cache
+def _hints(kind: Any) -> dict[str, Any]:
+    return get_type_hints(kind)
+
+
+def _prepared(kind: Any, data: object, place: tuple[str, ...], refuse_unknown: bool) -> dict[str, Any]:
     known = {spec.name: spec for spec in fields(kind)}
     if not isinstance(data, Mapping):
         raise Mismatch(place, f"is not a section; it should hold {', '.join(known)}", WANTED["object"])
-    result, hints = {}, get_type_hints(kind)
+    result, hints = {}, _hints(kind)
     for name, value in data.items():
         if name not in known:
             if refuse_unknown:
@@ -95,7 +101,8 @@ def _told(error: str, data: object, kind: Any) -> Mismatch:
     for name in place:
         if isinstance(data, Mapping):
             data = data.get(name)
-            kind = get_type_hints(kind).get(name) if is_dataclass(kind) else None
+            hints: dict[str, Any] = _hints(kind) if isinstance(kind, type) and is_dataclass(kind) else {}
+            kind = hints.get(name)
         elif isinstance(data, (list, tuple)) and name.isdecimal():
             data, kind = data[int(name)], None
     expected = _EXPECTED.match(at["what"])
@@ -103,14 +110,14 @@ def _told(error: str, data: object, kind: Any) -> Mismatch:
         wanted = WANTED.get(expected[1], expected[1])
     else:  # one of several words or numbers
         wanted = f"one of {', '.join(map(str, get_args(kind)))}"
-    return Mismatch(place, f"is {data!r}; it should be {wanted}", wanted)
+    return Mismatch(place, f"is {data!r}; it should be {wanted}", wanted, data)
 
 
 def _check_finite(found: object, place: tuple[str, ...]) -> None:
     for spec in fields(found):  # type: ignore[arg-type]
         value, here = getattr(found, spec.name), (*place, spec.name)
         if isinstance(value, float) and not math.isfinite(value):
-            raise Mismatch(here, f"is {value!r}; it should be {WANTED['float']}", WANTED["float"])
+            raise Mismatch(here, f"is {value!r}; it should be {WANTED['float']}", WANTED["float"], value)
         if is_dataclass(value):
             _check_finite(value, here)
 

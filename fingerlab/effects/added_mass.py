@@ -1,7 +1,5 @@
 """Mass that the budget left out: a point on the distal body."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fingerlab.effects.base import Effect, Formula, Row, Shape, Term

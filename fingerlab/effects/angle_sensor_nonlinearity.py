@@ -1,7 +1,5 @@
 """Harmonic error of the angle sensors."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

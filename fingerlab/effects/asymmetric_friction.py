@@ -1,7 +1,5 @@
 """Friction in motor and gearbox that differs between the two directions."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fingerlab.effects.base import Effect, Formula, Row, Shape, Term

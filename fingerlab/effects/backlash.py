@@ -1,7 +1,5 @@
 """Play between gearbox and pulley, taken up at each reversal."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fingerlab.effects.base import Effect, Formula, Row, Shape, Term

@@ -22,6 +22,8 @@ from dataclasses import InitVar, dataclass, field, replace
 from enum import IntEnum
 from typing import Final, Literal
 
+import numpy as np
+
 from fingerlab.effects.example import Example
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter, Role
@@ -96,6 +98,10 @@ FAMILIES = (
     "Others",
 )
 """Under which an effect stands in the documents."""
+
+
+EXAMPLE_TOLERANCE = 1e-6
+"""Relative; slopes of angle errors are taken by differences."""
 
 
 @dataclass(frozen=True)
@@ -216,3 +222,22 @@ class Effect:
     def gains_at(self, shape: int) -> dict[str, Parameter]:
         """The gains with the limits that they have at one point of ``shapes``."""
         return {name: gain.at(self.shapes[shape]) for name, gain in self.gains.items()}
+
+    def example_problem(self) -> str:
+        """In which column the example expects something else than there is, in words; empty: in none."""
+        if self.example is None:
+            return ""
+        motion, found = self.example.motion(), dict[str, Array]()
+        for term in self.columns(motion, self.example.shape):
+            key = f"{Row(term.row).name} {term.gain}"
+            found[key] = found.get(key, np.zeros(len(motion.time))) + term.values
+        for key, values in self.example.expected.items():
+            if key not in found:
+                return f"expects a column {key!r}, and there are {', '.join(found) or 'none'}"
+            expected = np.broadcast_to(np.asarray(values, float), len(motion.time))
+            off = ~np.isclose(found[key], expected, rtol=EXAMPLE_TOLERANCE, atol=1e-12)
+            if off.any():
+                at = int(np.flatnonzero(off)[0])
+                return f"expects {expected[at]:g} for {key!r} at sample {at}, and it is {found[key][at]:g}"
+        extra = found and not self.example.expected
+        return f"expects no column, and there are {', '.join(found)}" if extra else ""

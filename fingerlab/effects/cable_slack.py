@@ -1,7 +1,5 @@
 """The cable hangs loose: the fit counts the cable equation one-sidedly; there is no column."""
 
-from __future__ import annotations
-
 from fingerlab.effects.base import Effect, Formula, Row
 from fingerlab.effects.example import Example
 from fingerlab.effects.transmission import no_columns

@@ -1,7 +1,5 @@
 """A cable that gives, with a damper beside its spring."""
 
-from __future__ import annotations
-
 import math
 
 from fingerlab.effects.base import Effect, Formula, Row, Shape, Term

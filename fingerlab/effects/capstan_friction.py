@@ -1,7 +1,5 @@
 """The sheath takes its share of the tension."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

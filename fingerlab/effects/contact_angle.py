@@ -1,7 +1,5 @@
 """A contact force that leans from the load cell's axis."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A fingertip and a load cell that give way."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Coulomb friction of the joints: a state that runs to the other side over a small travel."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fingerlab.effects.base import Effect, Formula, Row, Shape, Term

@@ -1,7 +1,5 @@
 """A base that stands at another angle than the rig file says."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 

@@ -1,7 +1,5 @@
 """A spring between MCP and PIP."""
 
-from __future__ import annotations
-
 from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
 from fingerlab.effects.example import Example
 from fingerlab.physics.motion import Motion

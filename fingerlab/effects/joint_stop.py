@@ -1,7 +1,5 @@
 """A stiff end of travel, flat or round."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Friction of gear or cable that grows with the torque transmitted."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fingerlab.effects.base import Effect, Formula, Row, Shape, Term

@@ -1,7 +1,5 @@
 """Coulomb friction in motor and gearbox."""
 
-from __future__ import annotations
-
 from fingerlab.effects.base import Effect, Formula, Row
 from fingerlab.effects.example import Example
 from fingerlab.effects.grids import rubbing

@@ -1,7 +1,5 @@
 """Another inertia of rotor, gearbox and pulley than the rig file says."""
 
-from __future__ import annotations
-
 from fingerlab.effects.base import BESIDE_A_FINGER, Effect, Formula, Row, Shape, Term
 from fingerlab.effects.example import Example
 from fingerlab.effects.transmission import drive_terms, pull_terms

@@ -1,7 +1,5 @@
 """Friction in motor and gearbox that builds up over degrees (Dahl)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

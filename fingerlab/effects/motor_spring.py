@@ -1,7 +1,5 @@
 """An elastic torque on the motor side."""
 
-from __future__ import annotations
-
 from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
 from fingerlab.effects.example import Example
 from fingerlab.effects.transmission import drive_terms

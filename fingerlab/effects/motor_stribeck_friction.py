@@ -1,7 +1,5 @@
 """Stribeck friction in motor and gearbox: Coulomb friction that is larger near zero speed."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

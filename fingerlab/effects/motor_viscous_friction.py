@@ -1,7 +1,5 @@
 """Viscous friction in motor and gearbox."""
 
-from __future__ import annotations
-
 from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
 from fingerlab.effects.example import Example
 from fingerlab.effects.transmission import drive_terms

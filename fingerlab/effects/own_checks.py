@@ -26,6 +26,7 @@ from fingerlab.effects.base import (
     Shape,
     Term,
 )
+from fingerlab.effects.example import Example
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.physics.parameter import LOSS, Parameter, Role
@@ -98,6 +99,9 @@ def checked(effect: object, file: str) -> Effect:
         raise UserError(f"{where} has columns that cannot be called; give a function of motion and shape.")
     guarded = replace(effect, columns=Guarded(effect.columns, effect.id, file))
     _check_columns(guarded, where)
+    problem = guarded.example_problem()
+    if problem:
+        raise UserError(f"{where} is not as in its example, which {problem}.")
     return guarded
 
 
@@ -125,6 +129,8 @@ def _check_words(effect: Effect, where: str) -> None:
     _all_of(effect.cables, ("extension", "flexion"), f"{where}, cables")
     _one_of(effect.bench, (True, False, BESIDE_A_FINGER), f"{where}, bench")
     _one_of(effect.family, FAMILIES, f"{where}, family")
+    if effect.example is not None and not isinstance(effect.example, Example):
+        raise UserError(f"{where} has an example that is none; it should be an Example(...).")
     if effect.formula is not None:
         _check_formula(effect.formula, f"{where}, formula")
 
@@ -165,6 +171,8 @@ def _check_gains(effect: Effect, where: str) -> None:
             raise UserError(f"{here} is a {type(gain).__name__}; it should be a Gain(...).")
         if not isinstance(gain.unit, str) or not gain.unit.strip():
             raise UserError(f"{here} has no unit; it should be an SI unit such as 'N m', or '1'.")
+        if not all(isinstance(text, str) for text in (gain.title, gain.name, gain.symbol)):
+            raise UserError(f"{here} has a title, name or symbol that is no text.")
         if not isinstance(gain.source, str) or not gain.source.strip():
             raise UserError(f"{here} has no source; say where the range comes from, or 'assumed'.")
         if not all(_is_number(v) for v in (gain.low, gain.high, gain.typical)) or not gain.low < gain.high:

@@ -1,7 +1,5 @@
 """Friction of the joints that builds up over degrees (Dahl)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Other moment arms of the flexion cable: an unknown of every model, set free; there is no column."""
 
-from __future__ import annotations
-
 from fingerlab.effects.base import Effect, Formula, Row
 from fingerlab.effects.example import Example
 from fingerlab.effects.transmission import no_columns

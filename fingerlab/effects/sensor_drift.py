@@ -1,7 +1,5 @@
 """An angle sensor that drifts as it warms up."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

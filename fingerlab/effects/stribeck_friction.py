@@ -1,7 +1,5 @@
 """Stribeck friction of the joints: Coulomb friction that is larger near zero speed."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

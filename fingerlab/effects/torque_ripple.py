@@ -1,7 +1,5 @@
 """Torque that repeats with the motor angle."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

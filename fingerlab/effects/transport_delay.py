@@ -1,7 +1,5 @@
 """Angles and force are recorded late: the fit shifts the motor's channels; there is no column."""
 
-from __future__ import annotations
-
 from fingerlab.effects.base import Effect, Formula, Row
 from fingerlab.effects.example import Example
 from fingerlab.effects.transmission import no_columns

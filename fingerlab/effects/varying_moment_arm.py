@@ -1,7 +1,5 @@
 """Moment arms that change with the joint angle."""
 
-from __future__ import annotations
-
 import math
 
 from fingerlab.effects.base import Effect, Formula, Row, Shape, Term

@@ -1,7 +1,5 @@
 """Joint springs that relax: a spring in series with a damper beside each (standard linear solid)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

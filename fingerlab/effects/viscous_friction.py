@@ -1,7 +1,5 @@
 """Viscous friction of the joints."""
 
-from __future__ import annotations
-
 from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
 from fingerlab.effects.example import Example
 from fingerlab.effects.joints import both, joint_terms

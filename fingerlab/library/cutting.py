@@ -21,13 +21,12 @@ from fingerlab.core.progress import Progress
 from fingerlab.library.index import started_at, text_list, time_of
 from fingerlab.library.pyramid import PIECE
 from fingerlab.library.reviewing import markers_of
-from fingerlab.sessions.format import as_stored
+from fingerlab.sessions.format import OWN_ROOT_ATTRIBUTES, as_stored
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.reading import content_hash
 from fingerlab.sessions.writing import SessionWriter
 
 TAKEN_FROM = "taken_from"
-_OWN_ROOT = ("format", "format_version", "created", "title", "rig", "software")
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ def cut_session(
     Raises:
         UserError: no sample lies in the stretch, or the target exists or cannot be written.
     """
-    attributes = {key: value for key, value in session.attributes.items() if key not in _OWN_ROOT}
+    attributes = {key: value for key, value in session.attributes.items() if key not in OWN_ROOT_ATTRIBUTES}
     title = f"{session.title}, run {stretch.run.name} cut"
     with SessionWriter(
         target, str(session.attributes["rig"]), title, created=session.created, attributes=attributes
@@ -121,7 +120,7 @@ def _began(session: Session) -> tuple[bool, float, str]:
 def _shared_attributes(sessions: Sequence[Session]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Root attributes that all sessions have alike, and those of each session alone, for its runs."""
     kept = [
-        {key: value for key, value in s.attributes.items() if key not in (*_OWN_ROOT, "tags")}
+        {key: value for key, value in s.attributes.items() if key not in (*OWN_ROOT_ATTRIBUTES, "tags")}
         for s in sessions
     ]
     common = {

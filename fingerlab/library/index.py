@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.sessions.model import Run, Session
@@ -65,11 +64,11 @@ def read_facts(path: Path, name: str) -> SessionFacts:
     except OSError as error:
         return SessionFacts(path, name, 0, 0.0, problem=f"{path} cannot be read ({error.strerror}).")
     if was_cut(path):
-        return _with(bare, problem="The recording was cut off; opening it makes it whole.")
+        return replace(bare, problem="The recording was cut off; opening it makes it whole.")
     try:
         session = open_session(path)
     except UserError as error:
-        return _with(bare, problem=str(error))
+        return replace(bare, problem=str(error))
     return facts_of(session, bare)
 
 
@@ -77,7 +76,7 @@ def facts_of(session: Session, bare: SessionFacts) -> SessionFacts:
     """Facts of a session that is open; ``bare`` brings path, name, size and time."""
     attributes = session.attributes
     tags = text_list(attributes.get("tags"))
-    return _with(
+    return replace(
         bare,
         title=session.title,
         created=session.created,
@@ -103,11 +102,11 @@ def quality_flags(session: Session) -> tuple[str, ...]:
     runs, found = session.runs, []
     if str(session.attributes.get("ended", "clean")) == "truncated":
         found.append("cut off")
-    broken = sum(_said_false(run.attributes.get("complete")) for run in runs)
+    broken = sum(not run.complete for run in runs)
     if broken:
         found.append(f"{broken} of {len(runs)} runs not complete")
     for key, words in (("dropped_samples", "dropped samples"), ("late_cycles", "late cycles")):
-        count = sum(_count(run.attributes.get(key)) for run in runs)
+        count = sum(int(run.counted(key)) for run in runs)
         if count:
             found.append(f"{count} {words}")
     blind = sum(run.phase == "contact" and not run.has("endpoint_force") for run in runs)
@@ -157,21 +156,8 @@ def _rig_words(session: Session, tags: tuple[str, ...]) -> str:
     return f"{bench}, simulated" if "simulated" in tags else bench
 
 
-def _with(bare: SessionFacts, **changes: Any) -> SessionFacts:
-    fields: Mapping[str, Any] = {**vars(bare), **changes}
-    return SessionFacts(**fields)
-
-
 def _text(value: object) -> str:
     return "" if value is None else str(value).strip()
-
-
-def _said_false(value: object) -> bool:
-    return str(1 if value is None else value).lower() in ("0", "0.0", "false")
-
-
-def _count(value: object) -> int:
-    return int(value) if isinstance(value, (int, float)) and value > 0 else 0
 
 
 def scan(

@@ -70,11 +70,6 @@ def _plays(position: Array, travels: Sequence[float] | Array) -> Array:
     return _joined(_clamp(start, low, high), len(position))
 
 
-def stop_operator(position: Array, travel: float) -> Array:
-    """The state of :func:`stop_operators` for one travel, (n,)."""
-    return stop_operators(position, [travel])[0]
-
-
 def rubbing_forces(position: Array, limit: Array, stiffnesses: Sequence[float] | Array) -> Array:
     """Forces of springs that stick until they would exceed +-``limit``, (m, n), one a stiffness; from zero.
 
@@ -112,11 +107,6 @@ def _handed_on(shift: Array, low: Array, high: Array, first: float) -> Array:
     start = np.full((len(shift), count), first)
     start[:, 1:] = _clamp(first + shift, low, high)[:, :-1]
     return start
-
-
-def rubbing_force(position: Array, limit: Array, stiffness: float) -> Array:
-    """The force of :func:`rubbing_forces` for one stiffness, (n,)."""
-    return rubbing_forces(position, limit, [stiffness])[0]
 
 
 SLIP_RATIO, SLIP_LEAST = 2.0, 0.525
@@ -194,11 +184,6 @@ def dahl_states(position: Array, travels: Sequence[float] | Array) -> Array:
     return _joined(_relaxed(decay, drive), len(position))
 
 
-def dahl_state(position: Array, travel: float) -> Array:
-    """The state of :func:`dahl_states` for one travel, (n,)."""
-    return dahl_states(position, [travel])[0]
-
-
 def first_order_lags(values: Array, time_constants: Sequence[float] | Array, sample_rate_hz: float) -> Array:
     """Values through 1/(1 + time_constant s), (m, n), one a time constant (s); at rest on the first value."""
     keep = np.exp(-1.0 / (sample_rate_hz * _column(time_constants)))
@@ -206,11 +191,6 @@ def first_order_lags(values: Array, time_constants: Sequence[float] | Array, sam
     drive[:, 0] = values[0]
     blocks = _blocked(drive)
     return _joined(_relaxed(np.repeat(keep[None], BLOCK, axis=0), blocks), len(values))
-
-
-def first_order_lag(values: Array, time_constant: float, sample_rate_hz: float) -> Array:
-    """The values of :func:`first_order_lags` for one time constant, (n,)."""
-    return first_order_lags(values, [time_constant], sample_rate_hz)[0]
 
 
 def _relaxed(decay: Array, drive: Array) -> Array:

@@ -14,12 +14,13 @@ from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.errors import equation_errors
 from fingerlab.diagnosis.answer.results import EquationError
 from fingerlab.diagnosis.equations.model import Choice, Model
+from fingerlab.diagnosis.equations.parameters import ARMS, CABLE_OFFSET
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.fit.weights import Weights
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
-from fingerlab.diagnosis.score.fitted_model import Trial
-from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.effects.base import Effect
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, Variant
 from fingerlab.prediction.force import contact_runs
@@ -80,24 +81,27 @@ def compare_models(
     with threadpool_limits(limits=1, user_api="blas"):
         effects = _union([variant for _, variant in entries.values()])
         reduced = reduce_sessions([session], effects, Watch(lambda share, what: tell(0.6 * share, what)))
-        study = Study(reduced)
+        scorer = Scorer(reduced)
         tell(0.6, "fitting")
-        trials = {
-            name: _Entrant(study, reduced, variant, any(h.sha256 == sha256 for h in model.sessions), name)
+        entrants = {
+            name: _Entrant(scorer, reduced, variant, any(h.sha256 == sha256 for h in model.sessions), name)
             for name, (model, variant) in entries.items()
         }
-        _take_best_weights(study, list(trials.values()))
+        settled = {name: entrant.settled() for name, entrant in entrants.items()}
+        # All are told in floors of the model that comes closest to its own.
+        closest = min(entrants, key=lambda name: entrants[name].judged(*settled[name]).score)
+        floors = settled[closest][1]
         rows = []
-        for number, (name, entrant) in enumerate(trials.items()):
-            tell(0.7 + 0.3 * number / len(trials), f"predicting with {name}")
-            scored = entrant.judged()
+        for number, (name, entrant) in enumerate(entrants.items()):
+            tell(0.7 + 0.3 * number / len(entrants), f"predicting with {name}")
+            scored = entrant.judged(settled[name][0], floors)
             rows.append(
                 ComparedModel(
                     name,
                     tuple(c.effect.id for c in entrant.variant.effects),
                     entrant.own,
                     scored.score,
-                    equation_errors(study, scored) if entrant.own else {},
+                    equation_errors(reduced, scored) if entrant.own else {},
                     predict_variant(entrant.variant, session, sha256, name) if contact_runs(session) else (),
                 )
             )
@@ -117,9 +121,9 @@ def _union(variants: Sequence[Variant]) -> list[Effect]:
 
 @dataclass
 class _Entrant:
-    """One variant in the study of the session; ``own`` where it was fitted to this very session."""
+    """One variant in the scorer of the session; ``own`` where it was fitted to this very session."""
 
-    study: Study
+    scorer: Scorer
     reduced: Reduced
     variant: Variant
     own: bool
@@ -127,8 +131,10 @@ class _Entrant:
 
     def __post_init__(self) -> None:
         self.choices = [self._choice(c) for c in self.variant.effects]
-        model = self.study.model(self.choices)
-        self.trial = Trial(model, Fit(self._values(model), np.eye(len(model.unknowns)), 0.0))
+        model = self.scorer.model(self.choices)
+        self.start = FittedModel(
+            model, Fit(self._values(model), np.eye(len(model.unknowns)), 0.0), self.scorer.first_weights
+        )
 
     def _choice(self, chosen: ChosenEffect) -> Choice:
         for one in self.reduced.layout.effects:
@@ -140,50 +146,40 @@ class _Entrant:
         )
 
     def _values(self, model: Model) -> Array:
-        values = self.study.start_values(model)
-        for key, place in model.index.items():
-            if key in self.variant.values:
-                values[place] = self.variant.values[key]
-            elif key.startswith("arm_"):
+        values = self.scorer.start_values(model)
+        for place, unknown in enumerate(model.unknowns):
+            if unknown.key in self.variant.values:
+                values[place] = self.variant.values[unknown.key]
+            elif unknown.name in ARMS:
                 raise UserError(
-                    f"{self.name} was not fitted with the {key.partition('@')[2]} cable; compare it on "
+                    f"{self.name} was not fitted with the {unknown.cable} cable; compare it on "
                     "sessions with the cables that it was fitted with."
                 )
         return values
 
-    def settle(self) -> None:
-        """Weights that belong to this model; a model of another session only finds its motor zero."""
+    def settled(self) -> tuple[FittedModel, Weights]:
+        """The fit and the weights that belong to it; of a model of another session only the motor zero."""
         if self.own:
-            self.trial = self.study.settle(self.choices, self.trial)
-            return
+            fitted = self.scorer.fit_reweighted(self.choices, self.start)
+            return fitted, fitted.weights
+        fitted, weights = self.start, self.start.weights
         for _ in range(2):
-            self.trial = self._zeroed(self.trial)
-            self.study.reweigh(self.trial)
+            fitted = self._zeroed(fitted, weights)
+            weights = self.scorer.own_weights(fitted)
+        return fitted, weights
 
-    def judged(self) -> Trial:
-        """Scored under the present weights on runs that its values have not seen."""
+    def judged(self, fitted: FittedModel, weights: Weights) -> FittedModel:
+        """Scored under these weights on runs that its values have not seen."""
         if self.own:
-            return self.study.hold_out(self.study.fit(self.choices, self.trial), residuals=True)
-        return self.study.count(self._zeroed(self.trial))
+            again = self.scorer.fit(self.choices, fitted, weights=weights)
+            return self.scorer.score_held_out(again, residuals=True)
+        return self.scorer.score_in_sample(self._zeroed(fitted, weights))
 
-    def _zeroed(self, trial: Trial) -> Trial:
+    def _zeroed(self, fitted: FittedModel, weights: Weights) -> FittedModel:
         """With the cable's offset fitted: the motor's zero is no physics and differs by session."""
-        model, values = trial.model, trial.fit.values.copy()
-        free = np.array([place for key, place in model.index.items() if key.startswith("offset")], dtype=int)
+        model, values = fitted.model, fitted.fit.values.copy()
+        free = np.flatnonzero([u.name == CABLE_OFFSET and not u.effect for u in model.unknowns])
         if len(free):
-            gradient, information = Fitter(model, self.study.data, self.study.weights).normal_equations(
-                values
-            )
+            gradient, information = Fitter(model, self.scorer.data, weights).normal_equations(values)
             values[free] -= np.linalg.solve(information[np.ix_(free, free)], gradient[free])
-        return Trial(model, Fit(values, trial.fit.information, 0.0))
-
-
-def _take_best_weights(study: Study, entrants: Sequence[_Entrant]) -> None:
-    """All are told in floors of the model that comes closest to its own."""
-    first = study.weights
-    settled: list[tuple[float, int, Weights]] = []
-    for entrant in entrants:
-        study.weights = first
-        entrant.settle()
-        settled.append((entrant.judged().score, len(settled), study.weights))
-    study.weights = min(settled)[2]
+        return FittedModel(model, Fit(values, fitted.fit.information, 0.0), weights)

@@ -10,12 +10,12 @@ from threadpoolctl import threadpool_limits
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.wording import every_parameter
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.score.fitted_model import Trial
-from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Study
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import temperature
-from fingerlab.diagnosis.search.grid_refinement import closely
+from fingerlab.diagnosis.search.grid_refinement import fit_refined
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
-from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
 from fingerlab.effects import effect
 from fingerlab.models.file import ParameterEstimate, hash_sessions
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, HeldOut, Variant
@@ -38,15 +38,15 @@ def fit_extended(
     chosen = [effect(name) for name in dict.fromkeys(effects)]
     tell = progress or (lambda share, what: None)
     with threadpool_limits(limits=1, user_api="blas"):
-        study, trial = closely(
+        scorer, trial = fit_refined(
             Reduction(sessions), chosen, Watch(lambda share, what: tell(0.5 * share, what))
         )
         tell(0.6, "fitting")
-        nominal = study.fit([], study.fit([], trial), FULL_ITERATIONS)
+        nominal = scorer.fit([], scorer.fit([], trial), FULL_ITERATIONS)
         hashes = {id(s): h.sha256 for s, h in zip(sessions, hash_sessions(sessions), strict=True)}
-        folds = _contact_folds(study, sessions, hashes)
-        variants = [_variant(study, t, folds) for t in (trial, nominal)]
-        parameters = _estimates(study.hold_out(trial))
+        folds = _contact_folds(scorer, sessions, hashes)
+        variants = [_variant(scorer, t, folds) for t in (trial, nominal)]
+        parameters = _estimates(scorer.score_held_out(trial))
         done: list[Variant] = []
         for number, variant in enumerate(variants):
             tell(0.7 + 0.15 * number, "calibrating the interval")
@@ -65,9 +65,9 @@ class _LeftOut:
     runs: tuple[tuple[str, str], ...]
 
 
-def _contact_folds(study: Study, sessions: Sequence[Session], hashes: Mapping[int, str]) -> list[_LeftOut]:
+def _contact_folds(scorer: Scorer, sessions: Sequence[Session], hashes: Mapping[int, str]) -> list[_LeftOut]:
     """Contact runs as :func:`deal_runs` dealt them to folds; none of a group with a single fold."""
-    names = {g.key: [f.runs for f in g.folds] for g in study.reduced.groups}
+    names = {g.key: [f.runs for f in g.folds] for g in scorer.reduced.groups}
     pairs = runs_to_analyse(sessions)[0]
     dealt: dict[tuple[GroupKey, int], list[tuple[str, str]]] = {}
     for (session, run), k in zip(pairs, deal_runs([run for _, run in pairs])[1], strict=True):
@@ -79,31 +79,30 @@ def _contact_folds(study: Study, sessions: Sequence[Session], hashes: Mapping[in
     return [_LeftOut(key, k, tuple(runs)) for (key, k), runs in dealt.items()]
 
 
-def _fitted_without(study: Study, trial: Trial, out: _LeftOut) -> Trial:
+def _fitted_without(scorer: Scorer, trial: FittedModel, out: _LeftOut) -> FittedModel:
     """The same model fitted to all runs but those of one fold, under the same weights."""
-    groups = [g.without(out.fold) if g.key == out.key else g for g in study.reduced.groups]
-    rest = Study(replace(study.reduced, groups=groups), weights=study.weights)
-    return rest.fit(trial.model.choices, trial, FULL_ITERATIONS)
+    groups = [g.without(out.fold) if g.key == out.key else g for g in scorer.reduced.groups]
+    return Scorer(replace(scorer.reduced, groups=groups)).fit(trial.model.choices, trial, FULL_ITERATIONS)
 
 
-def _variant(study: Study, trial: Trial, folds: Sequence[_LeftOut]) -> Variant:
+def _variant(scorer: Scorer, trial: FittedModel, folds: Sequence[_LeftOut]) -> Variant:
     held_out = []
     for out in folds:
-        values = _by_key(_fitted_without(study, trial, out))
+        values = _by_key(_fitted_without(scorer, trial, out))
         for session in dict.fromkeys(sha for sha, _ in out.runs):
             held_out.append(HeldOut(session, tuple(name for sha, name in out.runs if sha == session), values))
     effects = tuple(
         ChosenEffect(effect(c.effect.id), dict(c.effect.shapes[c.shape]) if len(c.effect.shapes) else {})
         for c in trial.model.choices
     )
-    return Variant(effects, _by_key(trial), tuple(held_out), study.hold_out(trial).score)
+    return Variant(effects, _by_key(trial), tuple(held_out), scorer.score_held_out(trial).score)
 
 
-def _by_key(trial: Trial) -> dict[str, float]:
-    return {u.key: float(v) for u, v in zip(trial.model.unknowns, trial.fit.values, strict=True)}
+def _by_key(trial: FittedModel) -> dict[str, float]:
+    return trial.values
 
 
-def _estimates(trial: Trial) -> dict[str, ParameterEstimate]:
+def _estimates(trial: FittedModel) -> dict[str, ParameterEstimate]:
     """All unknowns with 90 % intervals, as the diagnosis tells them."""
     return every_parameter(trial, temperature(trial.misfit, trial.count))
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.plain_data import WANTED, Mismatch, structured
+from fingerlab.core.plain_data import Mismatch, structured
 from fingerlab.rig.daq import Daq, Limits, read_daq, read_limits
 
 T = TypeVar("T")
@@ -82,12 +82,8 @@ class Rig:
         """The JSON text of ``session-format.md``, unknown keys included."""
         data: dict[str, Any] = dict(self.extra)
         if self.finger is not None:
-            data["finger"] = {f.name: getattr(self.finger, f.name) for f in fields(self.finger)}
-        data["motor"] = {
-            f.name: getattr(self.motor, f.name)
-            for f in fields(self.motor)
-            if getattr(self.motor, f.name) is not None
-        }
+            data["finger"] = vars(self.finger)
+        data["motor"] = {name: value for name, value in vars(self.motor).items() if value is not None}
         if self.tolerance:
             data["tolerance"] = dict(self.tolerance)
         return json.dumps(data)
@@ -123,10 +119,11 @@ class Rig:
 
 def _constants(kind: type[T], data: Any, where: str) -> T:
     """Finger or motor from its numbers; null is as good as absent."""
-    stated = {k: v for k, v in data.items() if v is not None} if isinstance(data, Mapping) else data
+    if not isinstance(data, Mapping):
+        raise UserError(f"{where} is not an object of named numbers.")
     try:
-        return structured(kind, stated)
+        return structured(kind, {name: value for name, value in data.items() if value is not None})
     except Mismatch as error:
-        right = " in SI units" if error.wanted == WANTED["float"] else ""
-        right = "; it should be a number in SI units" if "lacks" in str(error) else right
-        raise UserError(f"{where} {error}{right}.") from None
+        right = f"holds '{error.place[0]}' = {error.value!r}" if error.wanted else str(error)
+        wanted = error.wanted or "a number"
+        raise UserError(f"{where} {right}; it should be {wanted} in SI units.") from None

@@ -191,9 +191,8 @@ def _judge_attributes(run: Run) -> list[Finding]:
         ("dropped_samples", "samples were dropped"),
         ("late_cycles", "control cycles came late"),
     ):
-        count = run.attributes.get(key)
-        if isinstance(count, (int, float)) and count > 0:
-            found.append(Finding("warning", run.name, f"{count:g} {words} while recording."))
-    if str(run.attributes.get("complete", 1)).lower() in ("0", "0.0", "false"):
+        if run.counted(key):
+            found.append(Finding("warning", run.name, f"{run.counted(key):g} {words} while recording."))
+    if not run.complete:
         found.append(Finding("warning", run.name, "recording stopped before the trajectory was complete."))
     return found

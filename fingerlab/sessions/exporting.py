@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +121,7 @@ def _pieces(run: Run) -> Iterator[dict[str, Array]]:
         yield run.load(None, start, start + PIECE_SAMPLES)
 
 
-def _write_delimited(run: Run, part: Path, delimiter: str) -> None:
+def _write_delimited(_: Session, run: Run, part: Path, delimiter: str) -> None:
     titles = [column_title(name, unit) for name, unit in run.units.items()]
     if any(delimiter in title or '"' in title for title in titles):
         raise UserError(
@@ -133,14 +134,6 @@ def _write_delimited(run: Run, part: Path, delimiter: str) -> None:
             writer.write_batch(
                 pa.record_batch([pa.array(values) for values in piece.values()], schema=schema)
             )
-
-
-def _write_csv(_: Session, run: Run, part: Path) -> None:
-    _write_delimited(run, part, ",")
-
-
-def _write_txt(_: Session, run: Run, part: Path) -> None:
-    _write_delimited(run, part, "\t")
 
 
 def _write_parquet(session: Session, run: Run, part: Path) -> None:
@@ -244,7 +237,7 @@ def _write_extras(session: Session, part: Path) -> None:
 
 
 _WRITERS: dict[str, Callable[[Session, Run, Path], None]] = {
-    "csv": _write_csv,
-    "txt": _write_txt,
+    "csv": partial(_write_delimited, delimiter=","),
+    "txt": partial(_write_delimited, delimiter="\t"),
     "parquet": _write_parquet,
 }

@@ -45,6 +45,8 @@ REQUIRED_CHANNELS = {"on_air": _FINGER, "contact": _FINGER, "motor_bench": _MOTO
 FINGER_PHASES = frozenset({"on_air", "contact"})
 """Phases in which the rig must know its finger."""
 
+OWN_ROOT_ATTRIBUTES = ("format", "format_version", "created", "title", "rig", "software")
+"""Root attributes that whoever writes a session sets itself; all others travel with the runs."""
 REQUIRED_ROOT_ATTRIBUTES = ("created", "title", "rig")
 REQUIRED_RUN_ATTRIBUTES = ("phase", "cable", "sample_rate_hz", "trajectory")
 

@@ -86,6 +86,16 @@ class Run:
         return {"flexion": 1, "extension": -1}.get(self.cable, 0)
 
     @property
+    def complete(self) -> bool:
+        """Whether its trajectory came to its end; one that says nothing of it did."""
+        return str(self.attributes.get("complete", 1)).lower() not in ("0", "0.0", "false")
+
+    def counted(self, name: str) -> float:
+        """A count that the recording kept of itself, such as ``dropped_samples``; 0 where it kept none."""
+        count = self.attributes.get(name)
+        return count if isinstance(count, (int, float)) and count > 0 else 0
+
+    @property
     def seconds(self) -> float:
         """Nominal length of the run, s."""
         return self.length / self.sample_rate_hz

@@ -18,7 +18,14 @@ import numpy as np
 
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.core.progress import Progress
-from fingerlab.sessions.format import FORMAT_NAME, MAY_BE_NAN, REQUIRED_CHANNELS, as_stored, plain
+from fingerlab.sessions.format import (
+    FORMAT_NAME,
+    MAY_BE_NAN,
+    OWN_ROOT_ATTRIBUTES,
+    REQUIRED_CHANNELS,
+    as_stored,
+    plain,
+)
 from fingerlab.sessions.recording_files import (
     ASSEMBLING,
     CLEAN,
@@ -41,7 +48,6 @@ that it lives; two of a session's chunks."""
 WRITING_SHARE = 0.63
 """Of the time until a session is whole, what writing takes; reading back takes the rest (measured)."""
 MARKERS_SUFFIX = ".markers"
-_OWN_ROOT = ("format", "format_version", "created", "title", "rig", "software")
 _OWN_RUN = ("phase", "cable", "sample_rate_hz", "trajectory")
 _WRITE_FLAGS = 0x05  # superblock version 3: open for writing, open in single-writer mode
 _CUT_NOTE = "The recording was cut off; what had been flushed is here."
@@ -141,9 +147,11 @@ def assemble_files(
     runs = _with_samples(files, name)
     total, done = sum(length for _, _, length in runs), 0
     root = {key: plain(value) for key, value in runs[0][1].attrs.items()}
-    extra = {key: value for key, value in root.items() if key not in _OWN_ROOT}
+    extra = {key: value for key, value in root.items() if key not in OWN_ROOT_ATTRIBUTES}
     endings = [_ending(file) for _, file, _ in runs]
-    extra |= {"ended": _worst([e for e, _ in endings]), "ended_note": _notes(endings) or None}
+    worst = next((kind for kind in (TRUNCATED, LOSSY) if any(kind == ended for ended, _ in endings)), CLEAN)
+    notes = " ".join(f"Run {k:03d}: {note}" for k, (_, note) in enumerate(endings, start=1) if note)
+    extra |= {"ended": worst, "ended_note": notes or None}
     with SessionWriter(
         target, str(root["rig"]), str(root["title"]), created=root["created"], attributes=extra, float32=True
     ) as writer:
@@ -254,14 +262,6 @@ def _ending(file: h5py.File) -> tuple[str, str]:
     ended = str(plain(attributes.get("ended", TRUNCATED)))
     note = str(plain(attributes.get("ended_note", "")))
     return ended, note or (_CUT_NOTE if ended == TRUNCATED else "")
-
-
-def _worst(endings: Sequence[str]) -> str:
-    return next((ended for ended in (TRUNCATED, LOSSY) if ended in endings), CLEAN)
-
-
-def _notes(endings: Sequence[tuple[str, str]]) -> str:
-    return " ".join(f"Run {k:03d}: {note}" for k, (_, note) in enumerate(endings, start=1) if note)
 
 
 def _markers(part: Path) -> list[Mapping[str, Any]]:

@@ -98,18 +98,10 @@ def beside_published(ours: Mapping[str, Spread]) -> tuple[PublishedQuantity, ...
     Args:
         ours: values over runs for every key of ``PUBLISHED``, in the unit given there.
     """
+    found = ((one, ours[one.key]) for one in PUBLISHED)
     return tuple(
-        PublishedQuantity(
-            p.key,
-            p.title,
-            p.unit,
-            ours[p.key].mean,
-            ours[p.key].deviation,
-            ours[p.key].values,
-            p.value,
-            p.deviation,
-        )
-        for p in PUBLISHED
+        PublishedQuantity(p.key, p.title, p.unit, o.mean, o.deviation, o.values, p.value, p.deviation)
+        for p, o in found
     )
 
 

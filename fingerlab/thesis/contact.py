@@ -155,37 +155,30 @@ def parameter_sets(model: Model, where: str) -> Mapping[str, ParameterSet]:
             f"{where} is of method '{model.method}' and holds no moment arms; a force prediction needs a "
             "model that 'fingerlab fit' wrote for a session with runs on air."
         )
+    threshold = model.details.get("threshold_percent", 10)
+    if isinstance(threshold, bool) or not isinstance(threshold, (int, float)) or not 0 <= threshold < 50:
+        raise UserError(
+            f"{where}, 'threshold_percent' is {threshold!r}; it should be a number from 0 to 50 per cent."
+        )
     sets: dict[str, ParameterSet] = {}
-    threshold = _threshold(model, where)
     for cable in ("extension", "flexion"):
         for joint in JOINTS:
             regions = _regions(model, cable, joint)
             if model.method == "regions" and len(regions) > 1:
-                sets[_name(joint, "all regions", cable)] = ParameterSet(
-                    "all regions", joint, cable, regions, threshold
+                sets[f"{cable}/{joint}/all_regions"] = ParameterSet(
+                    "all regions", joint, cable, regions, float(threshold)
                 )
             for region in ("extension", "flexion", "whole"):
                 if region in regions:
                     only = {region: regions[region]}
-                    sets[_name(joint, region, cable)] = ParameterSet(region, joint, cable, only, threshold)
+                    sets[f"{cable}/{joint}/{region}"] = ParameterSet(
+                        region, joint, cable, only, float(threshold)
+                    )
     if not sets:
         raise UserError(
             f"{where} holds no moment arm of a moving region; fit it again to runs that move the joints."
         )
     return sets
-
-
-def _name(joint: Joint, region: str, cable: str) -> str:
-    return f"{cable}/{joint}/{region.replace(' ', '_')}"
-
-
-def _threshold(model: Model, where: str) -> float:
-    value = model.details.get("threshold_percent", 10)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value < 50:
-        raise UserError(
-            f"{where}, 'threshold_percent' is {value!r}; it should be a number from 0 to 50 per cent."
-        )
-    return float(value)
 
 
 def _regions(model: Model, cable: str, joint: Joint) -> Mapping[str, Parameters]:

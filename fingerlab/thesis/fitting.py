@@ -18,7 +18,7 @@ from fingerlab.models.file import Model, hash_sessions
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import named_frequency
 from fingerlab.thesis.onair import CableFit, OnAirRun, Spread, pool, reduce_run
-from fingerlab.thesis.regression import CONFIDENCE
+from fingerlab.thesis.regression import quantile
 from fingerlab.thesis.traces import FitSpec, trace
 
 LARGEST_PIECE = 300_000
@@ -192,8 +192,5 @@ def delay_estimate(mean: float, delays: Spread) -> ParameterEstimate:
     good = [value for value in delays.values if np.isfinite(value)]
     half = float("nan")
     if len(good) > 1:
-        from scipy.stats import t as student  # slow to import
-
-        quantile = float(student.ppf(0.5 + CONFIDENCE / 2, len(good) - 1))
-        half = quantile * delays.deviation / float(np.sqrt(len(good)))
+        half = quantile(len(good) - 1) * delays.deviation / float(np.sqrt(len(good)))
     return ParameterEstimate(mean, "s", mean - half, mean + half)

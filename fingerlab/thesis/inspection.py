@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Session
 from fingerlab.signals.periods import (
     REGIONS,
-    Mask,
     consecutive_mask,
     recognise,
     region_mask,
@@ -24,9 +23,9 @@ from fingerlab.signals.periods import (
     usable,
 )
 from fingerlab.thesis.fitting import SessionFit, assemble, on_air_runs
-from fingerlab.thesis.onair import OnAirRun, Parameters, RegionFit, reduce_run
+from fingerlab.thesis.onair import OnAirRun, RegionFit, reduce_run
 from fingerlab.thesis.prediction import delayed
-from fingerlab.thesis.regression import CONFIDENCE
+from fingerlab.thesis.regression import quantile
 from fingerlab.thesis.traces import CLOUD_POINTS, JOINTS, FitSpec, Joint, Traces, trace
 
 LARGEST_CONDITION = 1e8
@@ -71,13 +70,10 @@ def kinematic_arms(runs: Sequence[CableSums]) -> dict[Joint, ParameterEstimate] 
         scores = np.stack([run.right - run.matrix @ arms for run in runs])
         count = len(runs)
         variance = inverse @ (scores.T @ scores) @ inverse * count / (count - 1.0)
-        from scipy.stats import t as student  # slow to import
-
-        half = float(student.ppf(0.5 + CONFIDENCE / 2, count - 1)) * np.sqrt(np.diag(variance))
-    joints: tuple[Joint, ...] = ("mcp", "pip")
+        half = quantile(count - 1) * np.sqrt(np.diag(variance))
     return {
         joint: ParameterEstimate(float(arms[i]), "m", float(arms[i] - half[i]), float(arms[i] + half[i]))
-        for i, joint in enumerate(joints)
+        for i, joint in enumerate(JOINTS)
     }
 
 
@@ -206,20 +202,16 @@ def _points(
         part = slice(*usable(len(traces.tension), rate))
         x = delayed(traces.tension, round(fit.delay_s * rate))[part]
         return _thinned(x, traces.lhs[joint][part])
-    mask = _mask(traces, joint, region, spec)
-    if grid is None or mask is None or not np.isfinite(fit.delay_s):
+    if grid is None:
+        return None
+    speed = grid.mean(traces.speed[joint])
+    labels = recognise(speed, speed_threshold(speed, spec.threshold))
+    find = region_mask if spec.method == "regions" else consecutive_mask
+    mask = find(labels, next(r for r in REGIONS if r == region))
+    if mask is None or not np.isfinite(fit.delay_s):
         return None
     x = grid.fold(traces.tension, fit.delay_s * rate)[:, mask]
     return _thinned(x.ravel(), grid.fold(traces.lhs[joint])[:, mask].ravel())
-
-
-def _mask(traces: Traces, joint: Joint, region: str, spec: FitSpec) -> Mask | None:
-    if traces.grid is None:
-        return None
-    speed = traces.grid.mean(traces.speed[joint])
-    labels = recognise(speed, speed_threshold(speed, spec.threshold))
-    find = region_mask if spec.method == "regions" else consecutive_mask
-    return find(labels, next(r for r in REGIONS if r == region))
 
 
 def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
@@ -241,13 +233,9 @@ def _with_pooled(view: FitView, fit: SessionFit) -> FitView:
     planes = {}
     for key, plane in view.planes.items():
         found = fit.cables[view.cable][key].pooled
-        pooled = None if found is None else _pooled_line(found, sign, plane.x)
-        planes[key] = Plane(plane.tension, plane.lhs, plane.x, plane.line, plane.half, plane.r2, pooled)
-    return FitView(view.name, view.cable, view.time, view.speed, view.thresholds, view.spans, planes)
-
-
-def _pooled_line(found: Parameters, sign: float, x: Array) -> Array:
-    return np.asarray(sign * found.moment_arm.value * x + found.loss.value)
+        line = None if found is None else sign * found.moment_arm.value * plane.x + found.loss.value
+        planes[key] = replace(plane, pooled=line)
+    return replace(view, planes=planes)
 
 
 def _delays(fit: SessionFit, names: tuple[str, ...]) -> dict[Joint, dict[str, tuple[float, ...]]]:

@@ -17,7 +17,7 @@ from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.signals.periods import usable
 from fingerlab.signals.prepare import prepare
 from fingerlab.thesis.fitting import in_pieces
-from fingerlab.thesis.regression import CONFIDENCE
+from fingerlab.thesis.regression import quantile
 
 METHOD = "motor_bench"
 """``method`` of a model file that :func:`model_of_motor_bench` made."""
@@ -121,10 +121,7 @@ def _solve(session: Session, sums: Sequence[_RunSums]) -> MotorBenchFit:
     half = np.full(3, np.nan)
     if blocks > 1:
         covariance = blocks / (blocks - 1) * inverse @ (scores.T @ scores) @ inverse
-        from scipy.stats import t as student  # slow to import
-
-        quantile = float(student.ppf(0.5 + CONFIDENCE / 2, blocks - 1))
-        half[free] = quantile * np.sqrt(np.diag(covariance))
+        half[free] = quantile(blocks - 1) * np.sqrt(np.diag(covariance))
     for i in fixed:
         half[i] = values[i] * session.rig.tolerance_of("inertia") * 1.6449  # 90 % of a normal spread
     residual = {s.name: s.square - 2 * values @ s.right + values @ s.gram @ values for s in sums}

@@ -107,7 +107,7 @@ class RegressionLine:
         if self.freedom < 1:
             return np.full_like(x, np.nan)
         variance = self.intercept_error**2 + 2.0 * x * self.covariance + x**2 * self.slope_error**2
-        return _quantile(self.freedom) * np.sqrt(np.maximum(variance, 0.0))
+        return quantile(self.freedom) * np.sqrt(np.maximum(variance, 0.0))
 
     def slope_estimate(self, unit: str, sign: float = 1.0) -> ParameterEstimate:
         """``sign`` times the slope with its 90 % interval."""
@@ -118,11 +118,12 @@ class RegressionLine:
         return self._estimate(self.intercept, self.intercept_error, unit)
 
     def _estimate(self, value: float, error: float, unit: str) -> ParameterEstimate:
-        half = error * _quantile(self.freedom) if self.freedom > 0 else np.nan
+        half = error * quantile(self.freedom) if self.freedom > 0 else np.nan
         return ParameterEstimate(value, unit, value - half, value + half)
 
 
-def _quantile(freedom: int) -> float:
+def quantile(freedom: int) -> float:
+    """Student's t that leaves 5 % on either side."""
     from scipy.stats import t as student  # slow to import
 
     return float(student.ppf(0.5 + CONFIDENCE / 2, freedom))

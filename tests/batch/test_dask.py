@@ -69,7 +69,7 @@ def test_a_worker_that_does_not_see_the_sessions_is_named(cluster: LocalCluster,
 def test_a_worker_of_another_version_is_named(
     cluster: LocalCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run, "_worker_facts", _old_worker)
+    monkeypatch.setattr(run, "worker_facts", _old_worker)
     with pytest.raises(UserError, match=r"has fingerlab 0\.0\.1; install"):
         run.on_dask(cluster.scheduler_address, tmp_path)
 

@@ -68,10 +68,10 @@ def test_unknown_names_can_be_refused() -> None:
     [
         (
             {"proximal_mass": "heavy"},
-            "'finger' proximal_mass is 'heavy'; it should be a finite number in SI units.",
+            "'finger' holds 'proximal_mass' = 'heavy'; it should be a finite number",
         ),
         ({"proximal_mass": 0.01}, "'finger' lacks 'distal_mass'; it should be a number in SI units."),
-        ([1], "'finger' is not a section; it should hold proximal_mass, "),
+        ([1], "'finger' is not an object of named numbers."),
     ],
 )
 def test_a_rig_text_says_which_constant_is_wrong(finger: object, says: str, tmp_path: Path) -> None:

@@ -14,9 +14,9 @@ from fingerlab.diagnosis.fit.noise import torque_noise
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.evidence import Evidence
-from fingerlab.diagnosis.score.fitted_model import Trial
-from fingerlab.diagnosis.score.scorer import Study
-from fingerlab.diagnosis.search.next_effect import weigh
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.search.next_effect import judge_all
 from fingerlab.diagnosis.signals.conditions import runs_to_analyse
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
@@ -87,20 +87,20 @@ def reduced(*sessions: Session, names: Sequence[str] = NAMES) -> Reduced:
     return reduce_sessions(sessions, [CATALOGUE[name] for name in names])
 
 
-def judged(difference: float) -> tuple[Study, Evidence]:
+def judged(difference: float) -> tuple[Scorer, Evidence]:
     finger = finger_session(COULOMB, difference)
     bench = replace(finger, runs=(bench_run(COULOMB, difference),))
-    study = Study(reduced(finger, bench))
-    return study, weigh(study, study.settle([]), study.reduced.layout.effects, Watch())
+    scorer = Scorer(reduced(finger, bench))
+    return scorer, judge_all(scorer, scorer.fit_reweighted([]), scorer.reduced.layout.effects, Watch())
 
 
 @pytest.fixture(scope="module")
-def with_difference() -> tuple[Study, Evidence]:
+def with_difference() -> tuple[Scorer, Evidence]:
     return judged(DIFFERENCE)
 
 
-def trial_of(evidence: Evidence, name: str) -> Trial:
-    return next(t for t in evidence.trials if t.model.choices[-1].effect.id == name)
+def trial_of(evidence: Evidence, name: str) -> FittedModel:
+    return next(t for t in evidence.candidates if t.model.choices[-1].effect.id == name)
 
 
 def test_both_kinds_of_runs_are_read_together() -> None:
@@ -112,32 +112,34 @@ def test_both_kinds_of_runs_are_read_together() -> None:
     assert runs_to_analyse([bench]) == ([(bench, bench.runs[0])], True)
 
 
-def test_one_motor_in_all_runs(with_difference: tuple[Study, Evidence]) -> None:
+def test_one_motor_in_all_runs(with_difference: tuple[Scorer, Evidence]) -> None:
     """The bench adds its own unknowns and none twice; each equation sees the signals of its own runs."""
-    study, evidence = with_difference
+    scorer, evidence = with_difference
     keys = [u.key for u in evidence.base.model.unknowns]
     assert len(set(keys)) == len(keys)
     assert {"torque_gain", "rotor_inertia", "torque_zero", "load_gain", "bench_trace"} <= set(keys)
     assert not {"bench_inertia", "bench_gain", "bench_offset"} & set(keys)
-    layout = study.reduced.layout
-    for group in study.reduced.groups:
+    layout = scorer.reduced.layout
+    for group in scorer.reduced.groups:
         own = layout.signals_of(group.on_bench)
         other = layout.signals_of(not group.on_bench)
         assert np.all(np.diag(group.whole.products)[other] == 0.0)
         assert np.any(np.diag(group.whole.products)[own] > 0.0)
-    bench = next(g for g in study.reduced.groups if g.on_bench)
+    bench = next(g for g in scorer.reduced.groups if g.on_bench)
     assert bench.equations == 1
-    weights = study.weights[bench.key]
+    weights = trial_of(evidence, NAMES[0]).weights[bench.key]
     assert weights[Row.BENCH, Row.BENCH] > 0.0
     assert np.count_nonzero(weights) == 1
 
 
 def test_a_difference_between_the_directions_is_told_and_measured(
-    with_difference: tuple[Study, Evidence],
+    with_difference: tuple[Scorer, Evidence],
 ) -> None:
     _, evidence = with_difference
     found = trial_of(evidence, "asymmetric_friction")
-    odds = {t.model.choices[-1].effect.id: o for t, o in zip(evidence.trials, evidence.log_odds, strict=True)}
+    odds = {
+        t.model.choices[-1].effect.id: o for t, o in zip(evidence.candidates, evidence.log_odds, strict=True)
+    }
     assert odds["asymmetric_friction"] == 0.0
     assert max(odds[name] for name in NAMES if name != "asymmetric_friction") < -3.0
     values = dict(zip((u.key for u in found.model.unknowns), found.fit.values, strict=True))
@@ -148,7 +150,9 @@ def test_a_difference_between_the_directions_is_told_and_measured(
 
 def test_friction_alike_in_both_directions_is_no_difference() -> None:
     _, evidence = judged(0.0)
-    odds = {t.model.choices[-1].effect.id: o for t, o in zip(evidence.trials, evidence.log_odds, strict=True)}
+    odds = {
+        t.model.choices[-1].effect.id: o for t, o in zip(evidence.candidates, evidence.log_odds, strict=True)
+    }
     assert odds["motor_coulomb_friction"] == 0.0
     assert odds["asymmetric_friction"] < -3.0
 
@@ -159,15 +163,15 @@ def test_a_larger_rotor_shows_beside_a_finger_and_is_fitted_without() -> None:
     finger = finger_session(0.0, 0.0)
     run = with_inertia(bench_run(0.0, 0.0, frequency=2.0), extra)
     runs = (*(with_inertia(r, extra) for r in finger.runs), run)
-    study = Study(reduced(replace(finger, runs=runs), names=["motor_inertia"]))
-    fit = study.settle([Choice(CATALOGUE["motor_inertia"])])
+    scorer = Scorer(reduced(replace(finger, runs=runs), names=["motor_inertia"]))
+    fit = scorer.fit_reweighted([Choice(CATALOGUE["motor_inertia"])])
     index, values = fit.model.index, fit.fit.values
     told = values[index["motor_inertia.inertia"]] + values[index["rotor_inertia"]]
     assert told == pytest.approx(extra, rel=0.03)
 
-    alone = Study(reduced(replace(finger, runs=(run,))))
+    alone = Scorer(reduced(replace(finger, runs=(run,))))
     assert "motor_inertia" not in {e.id for e in alone.reduced.layout.effects}
-    base = alone.settle([])
+    base = alone.fit_reweighted([])
     found = base.fit.values[base.model.index["bench_inertia"]]
     assert found == pytest.approx(made.INERTIA + extra, rel=0.01)
 
@@ -182,5 +186,5 @@ def test_a_bench_that_never_repeats_is_as_noisy_as_the_current_beside_it() -> No
     assert bench.noise_samples == 0
     found = torque_noise(both)
     assert found == pytest.approx(2e-3**2 * 16.0 / 1000.0, rel=0.3)
-    Study(both)
+    Scorer(both)
     assert np.diag(bench.noise).max() / bench.noise_samples == pytest.approx(found, rel=0.1)

@@ -11,8 +11,9 @@ import pytest
 from fingerlab.diagnosis.answer.errors import held_out_runs
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.fitted_model import condition_weights
-from fingerlab.diagnosis.score.scorer import Study
-from fingerlab.diagnosis.signals.conditions import MOST_FOLDS, deal
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.settings import MOST_FOLDS
+from fingerlab.diagnosis.signals.conditions import deal
 
 from . import closed_form as made
 
@@ -78,11 +79,11 @@ def test_a_condition_counts_with_the_root_of_its_length_and_a_value_one_on_avera
 def test_the_score_is_told_for_every_motion_and_they_make_up_the_whole() -> None:
     """Every run stands in one row; a row's square counts with its runs' samples."""
     session = made.session(made.Bench(missing=made.Missing(viscous=(3e-3, 2e-3))))
-    study = Study(reduce_sessions([session], []))
-    trial = study.fit([])
-    assert held_out_runs([session], study.reduced, trial) == ()  # not scored yet
-    trial = study.hold_out(trial)
-    rows = held_out_runs([session], study.reduced, trial)
+    scorer = Scorer(reduce_sessions([session], []))
+    trial = scorer.fit([])
+    assert held_out_runs([session], scorer.reduced, trial) == ()  # not scored yet
+    trial = scorer.score_held_out(trial)
+    rows = held_out_runs([session], scorer.reduced, trial)
     assert sorted(name for row in rows for name in row.runs) == sorted(run.name for run in session.runs)
     known = {run.name: run for run in session.runs}
     for row in rows:

@@ -9,14 +9,14 @@ from scipy.signal import firwin, freqz
 from fingerlab.diagnosis.answer.errors import equation_errors
 from fingerlab.diagnosis.answer.results import EquationError
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
-from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.score.scorer import Scorer
 
 from . import closed_form as made
 
 
 def errors_of(missing: made.Missing) -> dict[str, EquationError]:
-    study = Study(reduce_sessions([made.session(made.Bench(missing=missing), 4)], []))
-    return equation_errors(study, study.hold_out(study.settle([]), residuals=True))
+    scorer = Scorer(reduce_sessions([made.session(made.Bench(missing=missing), 4)], []))
+    return equation_errors(scorer.reduced, scorer.score_held_out(scorer.fit_reweighted([]), residuals=True))
 
 
 @pytest.fixture(scope="module")

@@ -3,35 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.solver import Fit
 from fingerlab.diagnosis.score.evidence import alike, beside_others, borne_out, judge
-from fingerlab.diagnosis.score.fitted_model import Trial
 from fingerlab.diagnosis.score.selection import justified, small_excess
 from fingerlab.effects import CATALOGUE
 
-COUNT = 3000.0
+from .invented import at_score as trial
+
 SMALL, LARGE = "coulomb_friction", "stribeck_friction"  # one is the other without its excess at low speed
 OTHERS = [n for n in CATALOGUE if n not in (SMALL, LARGE, "transport_delay", "cable_slack")]
-
-
-def trial(score: float, *effects: str) -> Trial:
-    """A model with effects that is at ``score`` floors on every one of ten held-out runs."""
-    misfit = (score**2 - 1.0) * COUNT
-    choices = tuple(Choice(CATALOGUE[e]) for e in effects)
-    misfits = np.tile((misfit / 10, COUNT / 10), (10, 1))
-    keys = [f"{c.effect.id}.{gain}" for c in choices for gain in c.effect.gains]
-    fit = Fit(np.ones(len(keys)), np.eye(len(keys)), misfit)
-    last_gains = list(choices[-1].effect.gains) if choices else []
-    index = {key: i for i, key in enumerate(keys)}
-    model = SimpleNamespace(choices=choices, index=index, last_gains=last_gains)
-    return Trial(cast(Any, model), fit, misfits, held_out=True)
 
 
 def judged(base: float, **scores: float):
@@ -41,7 +25,7 @@ def judged(base: float, **scores: float):
 
 
 def named(evidence, name: str) -> float:
-    names = [t.model.choices[-1].effect.id for t in evidence.trials]
+    names = [t.model.choices[-1].effect.id for t in evidence.candidates]
     return float(evidence.probabilities[names.index(name)])
 
 
@@ -77,7 +61,7 @@ def test_what_one_effect_explains_is_that_effect(base: float) -> None:
 @pytest.mark.parametrize(("base", "left"), [(6.0, 1.1), (12.0, 2.5)])
 def test_equals_share_and_are_both_in_the_set(base: float, left: float) -> None:
     evidence = judged(base, viscous_friction=left, stiffness_error=left)
-    names = {evidence.trials[i].model.choices[-1].effect.id for i in alike(evidence)}
+    names = {evidence.candidates[i].model.choices[-1].effect.id for i in alike(evidence)}
     assert names == {"viscous_friction", "stiffness_error"}
     assert named(evidence, "viscous_friction") == pytest.approx(0.5, abs=0.01)
 
@@ -102,8 +86,8 @@ def test_a_step_must_explain_a_share_of_what_is_left() -> None:
 
 def test_more_independent_values_make_a_verdict_surer() -> None:
     few = judged(1.5, viscous_friction=1.38)
-    trials = [Trial(t.model, t.fit, t.misfits * 10, held_out=True) for t in few.trials]
-    many = judge(Trial(few.base.model, few.base.fit, few.base.misfits * 10, held_out=True), trials)
+    trials = [replace(t, misfits=t.misfits * 10) for t in few.candidates]
+    many = judge(replace(few.base, misfits=few.base.misfits * 10), trials)
     assert max(many.nothing, named(many, "viscous_friction")) >= max(
         few.nothing, named(few, "viscous_friction")
     )

@@ -10,13 +10,14 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.signal import firwin, freqz
 
-from fingerlab.diagnosis.answer.wording import Z90, deviations
+from fingerlab.diagnosis.answer.wording import deviations
 from fingerlab.diagnosis.fit import solver
 from fingerlab.diagnosis.fit.solver import Fitter, bounded_step
 from fingerlab.diagnosis.fit.weights import Data
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
-from fingerlab.diagnosis.score.fitted_model import Trial
-from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.settings import Z90
 from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions.model import Run, Session
 
@@ -86,7 +87,7 @@ def test_a_noisy_regressor_is_not_pulled_to_zero(corrected: bool) -> None:
     if not corrected:
         for group in reduced.groups:
             group.noise, group.noise_samples = np.zeros_like(group.noise), 0.0
-    trial = Study(reduced).fit([])
+    trial = Scorer(reduced).fit([])
     found = float(trial.fit.values[trial.model.index["bench_inertia"]])
     assert 0.6 < attenuation() < 0.9
     assert found == pytest.approx(BENCH_INERTIA * (1.0 if corrected else attenuation()), rel=0.05)
@@ -94,8 +95,8 @@ def test_a_noisy_regressor_is_not_pulled_to_zero(corrected: bool) -> None:
 
 @dataclass(frozen=True)
 class Settled:
-    study: Study
-    trial: Trial  # scored on held-out runs
+    scorer: Scorer
+    trial: FittedModel  # scored on held-out runs
 
 
 @pytest.fixture(scope="module")
@@ -103,8 +104,8 @@ def settled() -> list[Settled]:
     """Three recordings of one bench with nothing missing."""
     result = []
     for seed in (1, 2, 3):
-        study = Study(reduce_sessions([made.session(made.Bench(), seed)], []))
-        result.append(Settled(study, study.hold_out(study.settle([]))))
+        scorer = Scorer(reduce_sessions([made.session(made.Bench(), seed)], []))
+        result.append(Settled(scorer, scorer.score_held_out(scorer.fit_reweighted([]))))
     return result
 
 
@@ -155,21 +156,21 @@ def test_bounds_are_never_left(settled: list[Settled]) -> None:
 def test_held_out_scores_are_no_better_than_scores_of_the_fit(settled: list[Settled]) -> None:
     """Whoever has seen a run explains it better; the difference is what keeps a search honest."""
     for one in settled:
-        in_sample = one.study.count(one.trial)
+        in_sample = one.scorer.score_in_sample(one.trial)
         assert one.trial.misfit > in_sample.misfit
         assert one.trial.count == pytest.approx(in_sample.count)
 
 
 def test_a_held_out_run_is_not_seen_by_its_fit(settled: list[Settled]) -> None:
     """The step towards the fit without a run is that of sums which never held the run."""
-    study, trial = settled[0].study, settled[0].trial
+    scorer, trial = settled[0].scorer, settled[0].trial
     values = trial.fit.values
-    rest = [replace(g, folds=g.folds[1:] if len(g.folds) > 1 else g.folds) for g in study.reduced.groups]
-    never = Fitter(trial.model, Data(rest), study.weights)
+    rest = [replace(g, folds=g.folds[1:] if len(g.folds) > 1 else g.folds) for g in scorer.reduced.groups]
+    never = Fitter(trial.model, Data(rest), trial.weights)
     gradient, information = never.normal_equations(values)
     step = bounded_step(values, gradient, information, trial.model.low, trial.model.high)
     expected = np.clip(values + step, trial.model.low, trial.model.high)
-    found = Fitter(trial.model, study.data, study.weights).without(values, 0)
+    found = Fitter(trial.model, scorer.data, trial.weights).without(values, 0)
     assert not np.allclose(found.values, values, rtol=1e-6, atol=0)
     assert found.values == pytest.approx(expected, rel=1e-6, abs=1e-12)
     assert found.information == pytest.approx(information, rel=1e-6, abs=1e-6)

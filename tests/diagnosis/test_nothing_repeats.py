@@ -15,7 +15,7 @@ from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.session import write_session
-from fingerlab.ui.lab.wording import set_words
+from fingerlab.ui.lab.result_words import set_words
 
 from .test_no_alarm import shortened
 

@@ -31,10 +31,11 @@ from fingerlab.diagnosis.experiment.proposal import (
 from fingerlab.diagnosis.gram.decimation import decimated_columns
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.evidence import Evidence
-from fingerlab.diagnosis.score.fitted_model import Trial
-from fingerlab.diagnosis.score.scorer import Study
-from fingerlab.diagnosis.search.next_effect import weigh
-from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, NARROW_RATE_HZ
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.search.next_effect import judge_all
+from fingerlab.diagnosis.settings import NARROW_RATE_HZ
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Session
@@ -120,7 +121,7 @@ def test_an_imagined_bench_follows_its_equation() -> None:
 
 
 @pytest.fixture(scope="module")
-def judged() -> tuple[Session, Study, Evidence]:
+def judged() -> tuple[Session, Scorer, Evidence]:
     """A bench with viscous joints, and all effects judged on it, as if its data had not told them apart."""
     session = made.session(made.Bench(missing=made.Missing(viscous=(3e-3, 2e-3))))
     chosen = (
@@ -130,14 +131,14 @@ def judged() -> tuple[Session, Study, Evidence]:
         "spring_hardening",
         "stiffness_error",
     )
-    study = Study(reduce_sessions([session], [CATALOGUE[n] for n in chosen]))
-    base = study.settle([])
-    evidence = weigh(study, base, study.reduced.layout.effects, Watch())
-    return session, study, replace(evidence, log_odds=np.zeros(len(evidence.trials)))
+    scorer = Scorer(reduce_sessions([session], [CATALOGUE[n] for n in chosen]))
+    base = scorer.fit_reweighted([])
+    evidence = judge_all(scorer, base, scorer.reduced.layout.effects, Watch())
+    return session, scorer, replace(evidence, log_odds=np.zeros(len(evidence.candidates)))
 
 
 def index(evidence: Evidence, name: str) -> int:
-    return [t.model.choices[-1].effect.id for t in evidence.trials].index(name)
+    return [t.model.choices[-1].effect.id for t in evidence.candidates].index(name)
 
 
 PAIRS = [
@@ -149,10 +150,10 @@ PAIRS = [
 
 @pytest.mark.parametrize("pair", PAIRS)
 def test_a_proposal_can_be_run_and_names_what_it_separates(
-    pair: tuple[str, str], judged: tuple[Session, Study, Evidence]
+    pair: tuple[str, str], judged: tuple[Session, Scorer, Evidence]
 ) -> None:
-    session, study, evidence = judged
-    proposal = propose([session], study, evidence, [index(evidence, n) for n in pair])
+    session, scorer, evidence = judged
+    proposal = propose([session], scorer, evidence, [index(evidence, n) for n in pair])
     assert proposal is not None
     assert proposal["separates"] == list(pair)
     assert np.isfinite(proposal["expected_separation"])
@@ -162,20 +163,20 @@ def test_a_proposal_can_be_run_and_names_what_it_separates(
 
 
 def test_nothing_is_proposed_where_nothing_is_left_to_separate(
-    judged: tuple[Session, Study, Evidence],
+    judged: tuple[Session, Scorer, Evidence],
 ) -> None:
-    session, study, evidence = judged
-    assert propose([session], study, evidence, [0]) is None
-    assert propose([session], study, evidence, []) is None
+    session, scorer, evidence = judged
+    assert propose([session], scorer, evidence, [0]) is None
+    assert propose([session], scorer, evidence, []) is None
 
 
 def test_a_wider_set_of_speeds_separates_viscous_from_coulomb(
-    judged: tuple[Session, Study, Evidence],
+    judged: tuple[Session, Scorer, Evidence],
 ) -> None:
     """One amplitude at one speed cannot tell them apart; the proposal is not the slow small sine."""
-    session, study, evidence = judged
+    session, scorer, evidence = judged
     pair = [index(evidence, n) for n in ("viscous_friction", "coulomb_friction")]
-    proposal = propose([session], study, evidence, pair)
+    proposal = propose([session], scorer, evidence, pair)
     assert proposal is not None
     assert proposal["trajectory"]["frequency_hz"] != 0.2 or proposal["trajectory"]["kind"] != "sine"
 
@@ -184,27 +185,27 @@ HEAT = 3.0
 
 
 @pytest.fixture(scope="module")
-def imagined(judged: tuple[Session, Study, Evidence]) -> tuple[Imagined, Study, Trial, Trial]:
+def imagined(judged: tuple[Session, Scorer, Evidence]) -> tuple[Imagined, Scorer, FittedModel, FittedModel]:
     """A run that was not taken, and two models to tell apart there."""
-    session, study, evidence = judged
-    pair = [evidence.trials[index(evidence, n)] for n in ("viscous_friction", "coulomb_friction")]
+    session, scorer, evidence = judged
+    pair = [evidence.candidates[index(evidence, n)] for n in ("viscous_friction", "coulomb_friction")]
     values = dict(zip((u.key for u in pair[0].model.unknowns), map(float, pair[0].fit.values), strict=True))
     motion = finger_motion(made.RIG, -1, {**SINE, "amplitude_deg": 8.0}, values)
     assert motion is not None
     effects = [t.model.choices[-1].effect for t in pair]
-    return imagine(session, motion, effects), study, pair[0], pair[1]
+    return imagine(session, motion, effects), scorer, pair[0], pair[1]
 
 
 def test_a_separation_is_what_the_rival_leaves_of_every_sample(
-    imagined: tuple[Imagined, Study, Trial, Trial],
+    imagined: tuple[Imagined, Scorer, FittedModel, FittedModel],
 ) -> None:
     """The same number from whitened residuals, sample by sample, and a least-squares solver."""
-    run, study, truth, rival = imagined
+    run, scorer, truth, rival = imagined
     group = run.group
     columns = decimated_columns(run.motion, run.layout.effects, run.layout.signals).columns
     count = len(columns)
 
-    def residuals(trial: Trial) -> tuple[np.ndarray, np.ndarray]:
+    def residuals(trial: FittedModel) -> tuple[np.ndarray, np.ndarray]:
         """Of the four equations, (4 n,), and their derivatives, (4 n, p)."""
         model = build(run.layout, [group], trial.model.choices)
         h, slopes = model.coefficients(values_in(model, trial), group)
@@ -213,7 +214,7 @@ def test_a_separation_is_what_the_rival_leaves_of_every_sample(
             told[row] += h[i] * columns[:, signal]
             reach[row] += columns[:, signal, None] * slopes[i]
         there = [Row.MCP, Row.PIP, Row.CABLE, Row.TIP]
-        root = np.linalg.cholesky(study.weights[group.key][np.ix_(there, there)] * EFFECTIVE_SHARE / HEAT).T
+        root = np.linalg.cholesky(truth.weights[group.key][np.ix_(there, there)] * EFFECTIVE_SHARE / HEAT).T
         white = np.einsum("rs,sn->rn", root, told[there]), np.einsum("rs,snp->rnp", root, reach[there])
         return white[0].ravel(), white[1].reshape(4 * count, -1)
 
@@ -234,45 +235,47 @@ def test_a_separation_is_what_the_rival_leaves_of_every_sample(
     wanted = np.concatenate((gap, np.zeros(len(prior))))
     step = np.linalg.lstsq(stacked / scale, wanted, rcond=None)[0]
     left = wanted - stacked / scale @ step
-    assert separation(study, run, truth, rival, HEAT) == pytest.approx(0.5 * left @ left, rel=1e-3)
+    assert separation(scorer.reduced, run, truth, rival, HEAT) == pytest.approx(0.5 * left @ left, rel=1e-3)
 
 
-def test_nothing_separates_a_model_from_itself(imagined: tuple[Imagined, Study, Trial, Trial]) -> None:
-    run, study, truth, rival = imagined
-    assert separation(study, run, truth, truth, HEAT) == pytest.approx(0.0, abs=1e-6)
-    assert separation(study, run, truth, rival, HEAT) > 1e-3
+def test_nothing_separates_a_model_from_itself(
+    imagined: tuple[Imagined, Scorer, FittedModel, FittedModel],
+) -> None:
+    run, scorer, truth, rival = imagined
+    assert separation(scorer.reduced, run, truth, truth, HEAT) == pytest.approx(0.0, abs=1e-6)
+    assert separation(scorer.reduced, run, truth, rival, HEAT) > 1e-3
 
 
 def test_the_motor_alone_tells_what_the_motor_does_from_what_the_joints_do(
-    judged: tuple[Session, Study, Evidence],
+    judged: tuple[Session, Scorer, Evidence],
 ) -> None:
     """A viscous motor takes its torque without a finger, too; of joints such a run says nothing."""
-    session, study, evidence = judged
+    session, scorer, evidence = judged
     names = ("motor_viscous_friction", "viscous_friction")
-    motor, joint = (evidence.trials[index(evidence, n)] for n in names)
+    motor, joint = (evidence.candidates[index(evidence, n)] for n in names)
     motion = bench_motion(made.RIG, {**SINE, "amplitude_deg": 30.0}, 0.0)
     run = imagine(session, motion, held_by([motor, joint], motion), beside_finger=True)
     assert [e.id for e in run.layout.effects] == ["motor_viscous_friction"]
-    assert separation(study, run, motor, joint, HEAT) > 1.0
-    assert separation(study, run, joint, joint, HEAT) == pytest.approx(0.0, abs=1e-6)
+    assert separation(scorer.reduced, run, motor, joint, HEAT) > 1.0
+    assert separation(scorer.reduced, run, joint, joint, HEAT) == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(("nats_a_second", "seconds"), [(0.3, 60.0), (0.6, 20.0), (1e-4, None)])
 def test_a_run_that_would_not_decide_in_twenty_seconds_lasts_a_minute(
-    judged: tuple[Session, Study, Evidence],
+    judged: tuple[Session, Scorer, Evidence],
     nats_a_second: float,
     seconds: float | None,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A separation of 10 nats decides; one below 0.2 is not worth a run."""
-    session, study, evidence = judged
+    session, scorer, evidence = judged
 
-    def expected(_: Study, run: Imagined, *__: object) -> float:
+    def expected(_: Scorer, run: Imagined, *__: object) -> float:
         return nats_a_second * run.sums.samples / NARROW_RATE_HZ
 
     monkeypatch.setattr(next_experiment, "_expected", expected)
     pair = [index(evidence, name) for name in ("viscous_friction", "motor_viscous_friction")]
-    proposal = propose([session], study, evidence, pair)
+    proposal = propose([session], scorer, evidence, pair)
     if seconds is None:
         assert proposal is None
     else:
@@ -280,13 +283,15 @@ def test_a_run_that_would_not_decide_in_twenty_seconds_lasts_a_minute(
         assert proposal["trajectory"]["duration_s"] == seconds
 
 
-def test_three_times_the_time_separates_three_times_as_well(judged: tuple[Session, Study, Evidence]) -> None:
+def test_three_times_the_time_separates_three_times_as_well(judged: tuple[Session, Scorer, Evidence]) -> None:
     """Where the old runs leave the rival nothing to take up, the separation grows with the run's length."""
-    session, study, evidence = judged
-    first, second = (evidence.trials[index(evidence, n)] for n in ("viscous_friction", "coulomb_friction"))
+    session, scorer, evidence = judged
+    first, second = (
+        evidence.candidates[index(evidence, n)] for n in ("viscous_friction", "coulomb_friction")
+    )
     motion = finger_motion(made.RIG, -1, SINE, VALUES)
     assert motion is not None
     run = imagine(session, motion, held_by([first, second], motion))
-    once, thrice = (separation(study, r, first, second, 1.0) for r in (run, run.lasting(3.0)))
+    once, thrice = (separation(scorer.reduced, r, first, second, 1.0) for r in (run, run.lasting(3.0)))
     assert 1.0 < thrice / once <= 3.0 + 1e-9
     assert run.lasting(3.0).sums.samples == pytest.approx(3 * run.sums.samples, abs=1)

@@ -14,8 +14,8 @@ from fingerlab.core.errors import UserError
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
-from fingerlab.diagnosis.score.scorer import Study
-from fingerlab.diagnosis.search.next_effect import Sketch
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.search.next_effect import ScoreTest
 from fingerlab.effects import CATALOGUE
 from fingerlab.sessions import copy_session, open_session
 
@@ -82,16 +82,16 @@ def test_small_files_start_no_second_process(recorded: Path) -> None:
         assert executor is None
 
 
-def test_the_sketch_chooses_grid_points_as_whole_fits_do(recorded: Path) -> None:
-    """A fit of every grid point is the judge: the sketch's point must reach nine tenths of the best fall."""
-    study = Study(reduce_sessions([open_session(recorded)], list(CATALOGUE.values())))
-    base = study.settle([])
-    sketch = Sketch(study, base)
+def test_the_score_test_chooses_grid_points_as_whole_fits_do(recorded: Path) -> None:
+    """A fit of every grid point is the judge: the test's point must reach nine tenths of the best fall."""
+    scorer = Scorer(reduce_sessions([open_session(recorded)], list(CATALOGUE.values())))
+    base = scorer.fit_reweighted([])
+    test = ScoreTest(scorer.data, base)
     for name in ("coulomb_friction", "motor_coulomb_friction", "motor_presliding", "torque_ripple"):
         effect = CATALOGUE[name]
-        costs = [study.fit([Choice(effect, i)], base, 12).fit.cost for i in range(len(effect.shapes))]
+        costs = [scorer.fit([Choice(effect, i)], base, 12).fit.cost for i in range(len(effect.shapes))]
         fall = base.fit.cost - np.array(costs)
-        assert fall[sketch.promise(effect).shape] >= 0.9 * fall.max()
+        assert fall[test.best_point(effect).shape] >= 0.9 * fall.max()
 
 
 def test_effects_of_contact_are_no_candidates_where_nothing_is_touched(recorded: Path) -> None:

@@ -9,7 +9,7 @@ from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.noise import change_of_weight, encoder_spread, log_widening
 from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
-from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 
@@ -37,21 +37,21 @@ def test_equations_that_are_not_judged_stay_so() -> None:
 
 
 @pytest.fixture(scope="module")
-def study() -> Study:
+def scorer() -> Scorer:
     """An invented bench whose runs hold still for a while."""
-    return Study(reduce_sessions([made.session(made.Bench(), 2)], list(CATALOGUE.values())))
+    return Scorer(reduce_sessions([made.session(made.Bench(), 2)], list(CATALOGUE.values())))
 
 
-def test_friction_at_rest_frees_its_own_equation_by_a_third_of_its_square(study: Study) -> None:
-    trial = study.fit([Choice(CATALOGUE["coulomb_friction"], 1)])
+def test_friction_at_rest_frees_its_own_equation_by_a_third_of_its_square(scorer: Scorer) -> None:
+    trial = scorer.fit([Choice(CATALOGUE["coulomb_friction"], 1)])
     values = trial.fit.values.copy()
     torque = 4e-3
     values[trial.model.index["coulomb_friction.coulomb_mcp"]] = torque
     values[trial.model.index["coulomb_friction.coulomb_pip"]] = 0.0
-    group = study.reduced.groups[0]
+    group = scorer.reduced.groups[0]
     group.whole.rest = group.whole.products.copy()  # as if it stood all the time
-    weights = study.weights[group.key]
-    held = study.data.held(0, trial.model, values, weights)
+    weights = trial.weights[group.key]
+    held = scorer.data.held(0, trial.model, values, weights)
     assert held is not None
     arm = values[trial.model.index["arm_mcp@extension"]]
     # The state is nearly always at one of its extremes in these runs, so its square is nearly one.
@@ -61,9 +61,9 @@ def test_friction_at_rest_frees_its_own_equation_by_a_third_of_its_square(study:
     group.whole.rest = None
 
 
-def test_a_model_without_sticking_friction_is_weighed_as_ever(study: Study) -> None:
-    trial = study.fit([Choice(CATALOGUE["viscous_friction"])])
-    fitter = Fitter(trial.model, study.data, study.weights)
+def test_a_model_without_sticking_friction_is_weighed_as_ever(scorer: Scorer) -> None:
+    trial = scorer.fit([Choice(CATALOGUE["viscous_friction"])])
+    fitter = Fitter(trial.model, scorer.data, trial.weights)
     before = [sums.matrix.copy() for sums in fitter.sums]
     fitter.hold(trial.fit.values)
     assert all(np.array_equal(a, b.matrix) for a, b in zip(before, fitter.sums, strict=True))

@@ -53,6 +53,9 @@ def test_what_is_put_in_and_what_is_looked_for_do_not_know_each_other(room: str,
                 assert node.level == 0, path
                 names = [f"{node.module}.{alias.name}" for alias in node.names]
             assert not [name for name in names if f"{name}.".startswith(f"fingerlab.{other}.")], path
+            if room == "twin":  # no formula of the diagnosis either
+                shared = [name for name in names if name.startswith("fingerlab.physics")]
+                assert all(name.startswith("fingerlab.physics.parameter") for name in shared), path
 
 
 def test_an_unknown_effect_is_told_with_the_known_ones() -> None:

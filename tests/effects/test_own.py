@@ -129,6 +129,12 @@ def with_gain(more: str) -> str:
     return GOOD.replace("0.01, 0.001)", f"0.01, 0.001, {more})")
 
 
+def with_example(expected: str) -> str:
+    """The good file with an example of a motor that begins to turn by 1 rad/s."""
+    more = with_more(f'example=Example({{}}, {{"velocity": [0.0, 1.0]}}, {{{expected}}})')
+    return more.replace("import Effect,", "import Effect, Example,")
+
+
 def with_values(values: str) -> str:
     """The good file with other values in its column."""
     return GOOD.replace("np.tanh(motion.velocity)", values)
@@ -162,6 +168,10 @@ BROKEN = [
     ("a field of earlier versions", with_more('offsets=("size",)'), r"line 7: TypeError: .*'offsets'"),
     ("cables", with_more('cables=("wire",)'), r"cables is \('wire',\)"),
     ("where on the bench", with_more('bench="here"'), r"bench is 'here'; .*beside a finger"),
+    ("no example", with_more('example={}'), r"example that is none"),
+    ("example", with_example('"CABLE size": [0.0, 0.5]'), r"expects 0.5 for .* 1, and it is 0.7615"),
+    ("example's column", with_example('"PIP size": 0.0'), r"column 'PIP size', and there are CABLE size"),
+    ("title", with_gain('title=3'), r"title, name or symbol that is no text"),
     ("family", with_more('family="Wings"'), r"family is 'Wings'; it should be one of Joint friction"),
     ("formula", with_more('formula="x = 1"'), r"formula is a str"),
     ("units of shapes", with_more('shape_units=["gap"]'), r"shape_units \['gap'\]"),
@@ -189,6 +199,10 @@ def test_what_is_wrong_in_a_file_is_one_sentence_that_names_it(folder: Path, tex
     assert re.search(told, file.problem), file.problem
     assert whole_catalogue() == CATALOGUE
     assert "left out" in file.notice
+
+
+def test_a_good_example_is_as_welcome_as_none(folder: Path) -> None:
+    assert confirmed(folder, with_example('"CABLE size": [0.0, np.tanh(1.0)]')).problem == ""
 
 
 def test_two_files_with_one_id_keep_the_first(folder: Path) -> None:

@@ -20,9 +20,9 @@ from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.fit.noise import floor_covariance, noise_covariance
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Group, Sums
-from fingerlab.diagnosis.score.fitted_model import Trial
-from fingerlab.diagnosis.score.scorer import Study
-from fingerlab.diagnosis.search.grid_refinement import settled
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.search.grid_refinement import fit_effects
 from fingerlab.effects import whole_catalogue
 from fingerlab.sessions import open_session
 
@@ -47,12 +47,12 @@ def sums_and_noises(paths: Sequence[Path]) -> dict[str, Any]:
             reduced = reduce_sessions([open_session(p) for p in paths], list(whole_catalogue().values()))
             told = _Told(reduced.layout)
             read = {g.key: (told.array(g.noise), g.noise_samples) for g in reduced.groups}
-            study = Study(reduced)
-            trial = study.hold_out(settled(study, ()), residuals=True)
-            groups = {"/".join(g.key): _group(told, g, study, trial, *read[g.key]) for g in reduced.groups}
+            scorer = Scorer(reduced)
+            fitted = scorer.score_held_out(fit_effects(scorer, ()), residuals=True)
+            groups = {"/".join(g.key): _group(told, g, fitted, *read[g.key]) for g in reduced.groups}
     except UserError as error:
         return {"errors": str(error).replace(str(paths[0].parent), "<folder>")}
-    return {"features": len(told.labels), "groups": groups, "fit": _fit(trial)}
+    return {"features": len(told.labels), "groups": groups, "fit": _fit(fitted)}
 
 
 class _Told:
@@ -90,9 +90,9 @@ class _Told:
 
 
 def _group(
-    told: _Told, group: Group, study: Study, trial: Trial, noise_read: Any, noise_samples: float
+    told: _Told, group: Group, fitted: FittedModel, noise_read: Any, noise_samples: float
 ) -> dict[str, Any]:
-    model, values, weights = trial.model, trial.fit.values, study.weights[group.key]
+    model, values, weights = fitted.model, fitted.fit.values, fitted.weights[group.key]
     return {
         "folds": [told.sums(fold) for fold in group.folds],
         "conditions and turns": [[fold.condition, fold.turn] for fold in group.dealt],
@@ -104,22 +104,22 @@ def _group(
         "weights": weights.tolist(),
         "noise covariance": noise_covariance(model, values, group).tolist(),
         "floor covariance": floor_covariance(model, values, group, weights).tolist(),
-        "residuals": trial.residuals[group.key].tolist(),
+        "residuals": fitted.residuals[group.key].tolist(),
     }
 
 
-def _fit(trial: Trial) -> dict[str, Any]:
-    keys = [unknown.key for unknown in trial.model.unknowns]
+def _fit(fitted: FittedModel) -> dict[str, Any]:
+    keys = [unknown.key for unknown in fitted.model.unknowns]
     order = np.argsort(keys)
     return {
-        "law of the tip": trial.model.tip_law,
-        "values": dict(sorted(zip(keys, map(float, trial.fit.values), strict=True))),
-        "information": _bytes(trial.fit.information[np.ix_(order, order)]),
-        "cost": float(trial.fit.cost),
-        "misfits": trial.misfits.tolist(),
-        "widening": float(trial.widening),
-        "surprise": float(trial.surprise),
-        "score": float(trial.score),
+        "law of the tip": fitted.model.tip_law,
+        "values": dict(sorted(zip(keys, map(float, fitted.fit.values), strict=True))),
+        "information": _bytes(fitted.fit.information[np.ix_(order, order)]),
+        "cost": float(fitted.fit.cost),
+        "misfits": fitted.misfits.tolist(),
+        "widening": float(fitted.widening),
+        "surprise": float(fitted.prior_penalty),
+        "score": float(fitted.score),
     }
 
 

@@ -15,6 +15,7 @@ from scipy.io import loadmat
 from fingerlab.core.errors import UserError
 from fingerlab.sessions import content_hash, exporting, open_session
 from fingerlab.sessions.exporting import export_session
+from fingerlab.sessions.model import Run
 
 
 @pytest.fixture
@@ -130,10 +131,10 @@ def test_a_bad_sample_leaves_neither_files_nor_folder(tmp_path, make_session):
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 def test_a_disk_that_fills_up(tmp_path, session, monkeypatch, kind):
-    def full(*_):
+    def full(*_, **__):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(exporting, "_pieces", full)
+    monkeypatch.setattr(Run, "load", full)
     with pytest.raises(UserError, match=r"out cannot be written \(No space left on device\)"):
         export_session(session, kind, tmp_path / "out")
     assert not (tmp_path / "out").exists()

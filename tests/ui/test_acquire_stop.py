@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from PySide6.QtCore import QCoreApplication, Qt
+from PySide6.QtCore import QCoreApplication, QPoint, Qt
+from PySide6.QtGui import QAction, QWindow
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel, QLineEdit
 from pytestqt.qtbot import QtBot
@@ -13,13 +14,15 @@ from pytestqt.qtbot import QtBot
 from fingerlab.acquisition.machine import Mode
 from fingerlab.devices.faults import Faults, LineFault
 from fingerlab.sessions import open_session
-from fingerlab.ui.acquire.details_dialog import DetailsDialog
-from fingerlab.ui.registry import TABS
+from fingerlab.ui.acquire.session_writing import DetailsDialog
+from fingerlab.ui.app.tab_registry import TABS
 
 from .bench_hands import PATIENCE, Rig
-from .hands import LEFT, child
+from .hands import LEFT, child, click
 
 CONTROL = Qt.KeyboardModifier.ControlModifier
+NONE = Qt.KeyboardModifier.NoModifier
+STOPPED_WORDS = "STOP: motor current to zero, amplifier off"
 
 
 @pytest.mark.parametrize("state", ["idle", "initialised", "enabled", "running", "stopping", "recording"])
@@ -48,7 +51,7 @@ def test_stop_in_every_state(rig: Rig, state: str, qtbot: QtBot) -> None:
         qtbot.waitUntil(lambda: rig.bench.status().recording == 0, timeout=PATIENCE)
         rig.run(0.1)
         rig.click("write")
-        qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+        qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.worker.busy, timeout=PATIENCE)
         assert open_session(rig.files()[0]).runs[0].length > 400
     rig.settle()
     rig.click("initialise")
@@ -151,6 +154,75 @@ def test_escape_stops_from_within_a_dialog(rig: Rig) -> None:
     rig.tab.disconnect_rig()
     rig.wait_idle()
     assert not QCoreApplication.testAttribute(own)
+
+
+@pytest.mark.parametrize("button", [LEFT, Qt.MouseButton.RightButton])
+def test_the_press_stops_and_not_the_release(rig: Rig, button: Qt.MouseButton) -> None:
+    rig.start()
+    handle, place = stop_of(rig)
+    QTest.mousePress(handle, button, NONE, place)
+    assert_stopped(rig)
+    rig.run(0.7)
+    log = list(rig.window.context.log)
+    QTest.mouseRelease(handle, button, NONE, place)
+    QTest.mousePress(handle, button, NONE, place)  # again: it is stopped, and stays so
+    QTest.mouseRelease(handle, button, NONE, place)
+    assert_stopped(rig)
+    assert [line[10:] for line in rig.window.context.log[len(log) :]] == [STOPPED_WORDS]
+
+
+def test_a_finger_stops(rig: Rig) -> None:
+    rig.start()
+    handle, place = stop_of(rig)
+    finger = QTest.touchEvent(handle, QTest.createTouchDevice(), autoCommit=False)
+    finger.press(0, place, handle)
+    finger.commit()
+    assert_stopped(rig)
+
+
+@pytest.mark.qt_log_ignore("This plugin does not support")
+def test_stop_without_a_rig_does_nothing(make_window, qtbot: QtBot) -> None:  # type: ignore[no-untyped-def]
+    window = make_window(tab="model_lab")
+    menu = window.menuBar().actions()[0].menu()
+    window.menuBar().setActiveAction(window.menuBar().actions()[0])
+    qtbot.waitUntil(menu.isVisible)
+    said = list(window.context.log)
+    for key in (Qt.Key.Key_Pause, Qt.Key.Key_Escape):
+        QTest.keyClick(window.windowHandle(), key)
+    menu.close()
+    click(window, "stop")
+    assert window.context.log == said
+    assert window.stop_guard.stand_in is None
+    assert not QCoreApplication.testAttribute(Qt.ApplicationAttribute.AA_DontUseNativeDialogs)
+
+
+def test_another_key_for_the_foot_switch(rig: Rig) -> None:
+    """Which is kept; where the display has no key for the whole system, the log and STOP say so."""
+    assert any(
+        "Pause stops the motor only while FingerLab is in front" in line for line in rig.window.context.log
+    )
+    (chosen,) = (action for action in rig.window.findChildren(QAction) if action.text() == "F14")
+    chosen.trigger()
+    assert rig.window.settings.stop_key() == "F14"
+    assert "F14 while FingerLab is in front" in rig.button("stop").toolTip()
+    rig.start()
+    rig.key(Qt.Key.Key_Pause)
+    assert rig.bench.status().enabled
+    rig.key(Qt.Key.Key_F14)
+    assert_stopped(rig)
+
+
+def stop_of(rig: Rig) -> tuple[QWindow, QPoint]:
+    """The window as the system sees it, and STOP's place in it."""
+    handle, button = rig.window.windowHandle(), rig.button("stop")
+    assert handle is not None
+    return handle, button.mapTo(rig.window, button.rect().center())
+
+
+def assert_stopped(rig: Rig) -> None:
+    status = rig.bench.status()
+    assert (status.latched, status.enabled) == (True, False)
+    assert rig.bench.device.driven_current == 0.0  # type: ignore[attr-defined]
 
 
 def test_recording_shows_in_the_header_of_another_tab(rig: Rig) -> None:

@@ -13,9 +13,9 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.core.errors import UserError
 from fingerlab.library.notes import FILE_NAME
-from fingerlab.ui.browse import undoing
-from fingerlab.ui.browse.table_model import TAGS
-from fingerlab.ui.browse.undoing import EditHistory, FileEdit, Gone
+from fingerlab.ui.sessions import edit_history as undoing
+from fingerlab.ui.sessions.edit_history import EditHistory, FileEdit, Gone
+from fingerlab.ui.sessions.session_table import TAGS
 
 from .hands import PATIENCE, child, click
 from .test_browse import Opened, browsing, choose, entry, folder, row_of, texts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerlab.ui.widgets.decimate import envelope
+from fingerlab.ui.widgets.series import envelope
 
 
 def test_a_spike_of_one_sample_survives_wherever_it_is() -> None:

@@ -18,10 +18,10 @@ from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import single_run
 from fingerlab.twin.session import write_session
-from fingerlab.ui.lab.history import History, Step
-from fingerlab.ui.lab.truth_panel import TruthPanel
-from fingerlab.ui.predicting.tab import PredictTab
-from fingerlab.ui.window import MainWindow
+from fingerlab.ui.app.window import MainWindow
+from fingerlab.ui.lab.controller import ModelHistory, ModelStep
+from fingerlab.ui.lab.truth import TruthPanel
+from fingerlab.ui.predict.predict_tab import PredictTab
 
 from . import invented
 from .hands import PATIENCE, child, click, invented_diagnosis, lab_of, lab_with, wait_for_result
@@ -43,7 +43,7 @@ def pressed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def window(qtbot: QtBot, make_window: Any, pressed: Path) -> MainWindow:
     tabs = tuple(e for e in lab_with(invented_diagnosis) if e.key in ("predict", "model_lab"))
     made: MainWindow = make_window(tab="model_lab", tabs=tabs)
-    made.desk.open_paths([pressed])
+    made.context.open_paths([pressed])
     wait_for_result(qtbot, made)
     QTest.keyClick(made, Qt.Key.Key_F6)
     assert child(made, QPushButton, "handExperiment").isVisible()
@@ -55,11 +55,11 @@ def test_what_became_of_the_force_is_said_where_the_model_is_judged(qtbot: QtBot
         replace(one, errors={**one.errors, "endpoint_force": EquationError("N", rmse, 0.99, 0.05)})
         for one, rmse in ((invented.nominal_diagnosis("a"), 0.91), (invented.friction_diagnosis("a"), 0.06))
     )
-    panel, history = TruthPanel(), History(with_force)
+    panel, history = TruthPanel(), ModelHistory(with_force)
     qtbot.addWidget(panel)
     panel.show_history(history)
     assert "The error of the endpoint force on them is 0.910 N (floor 0.050 N)." in panel.held_out.text()
-    history.push(Step(("coulomb_friction",), added))
+    history.push(ModelStep(("coulomb_friction",), added))
     panel.show_history(history)
     assert "goes from 0.910 to 0.060 N (floor 0.050 N)." in panel.held_out.text()
 
@@ -71,7 +71,7 @@ def test_where_the_panel_is_narrow_buttons_go_on_below_and_a_row_stays_one_line(
     now = replace(invented.nominal_diagnosis("a"), held_out=(told, replace(told, runs=("010",), score=2.0)))
     panel = TruthPanel()
     qtbot.addWidget(panel)
-    panel.show_history(History(now))
+    panel.show_history(ModelHistory(now))
     panel.show()
     buttons = (panel.hand, panel.predict, panel.save, panel.report)
     heights = []
@@ -91,7 +91,7 @@ def test_where_the_panel_is_narrow_buttons_go_on_below_and_a_row_stays_one_line(
 
 def test_the_proposed_recording_goes_to_acquire(window: MainWindow) -> None:
     handed: list[Any] = []
-    window.desk.protocol_handed.connect(lambda steps, title: handed.append((steps, title)))
+    window.context.protocol_handed.connect(lambda steps, title: handed.append((steps, title)))
     click(window, "handExperiment")
     ((steps, title),) = handed
     assert title == "Proposed by the Model lab"

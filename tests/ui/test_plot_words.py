@@ -7,8 +7,7 @@ from PySide6.QtCore import QRectF
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from fingerlab.ui.widgets.plot_words import WordsOver
-from fingerlab.ui.widgets.quiet_plot import QuietPlot
+from fingerlab.ui.widgets.plots import QuietPlot, WordsOver
 
 LONG, SHORT = "PIP, extension: a long line of words", "a few"
 

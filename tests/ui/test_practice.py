@@ -13,7 +13,7 @@ from pytestqt.qtbot import QtBot
 from fingerlab.report.diagnosis_words import effect_title
 from fingerlab.sessions import open_session
 from fingerlab.twin.session import reveal_session
-from fingerlab.ui import practice
+from fingerlab.ui.lab import practice
 
 from .hands import child, click, invented_diagnosis, lab_of, wait_for_result
 

@@ -14,7 +14,7 @@ from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS
 from fingerlab.twin.session import write_session
-from fingerlab.ui.lab.held_out_table import HeldOutTable
+from fingerlab.ui.lab.truth import HeldOutTable
 
 from .hands import child, click, drop, lab_of
 

@@ -11,9 +11,9 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.ui.placing import PlaceKeeper
-from fingerlab.ui.settings import MAX_RECENT, Settings
-from fingerlab.ui.widgets.panes import Panes
+from fingerlab.ui.app.settings import MAX_RECENT, Settings
+from fingerlab.ui.app.window import PlaceKeeper
+from fingerlab.ui.widgets.layout import Panes
 
 
 def test_recent_files_latest_first_without_those_that_are_gone(settings: Settings, tmp_path: Path) -> None:
@@ -57,6 +57,7 @@ def test_settings_that_make_no_sense_are_ignored(qtbot: QtBot, tmp_path: Path) -
     store = QSettings(str(tmp_path / "bad.ini"), QSettings.Format.IniFormat)
     store.setValue("geometry", QByteArray(b"nonsense"))
     store.setValue("appearance", "purple")
+    store.setValue("stop_key", "Space")
     store.setValue("recent", 7)
     store.setValue("widths/sessions", ["90", "-3"])
     store.setValue("sorting/sessions", "sideways 3")
@@ -67,6 +68,7 @@ def test_settings_that_make_no_sense_are_ignored(qtbot: QtBot, tmp_path: Path) -
     room = QGuiApplication.primaryScreen().availableGeometry()
     assert room.contains(window.geometry())
     assert settings.appearance() == "system"
+    assert settings.stop_key() == "Pause"
     assert settings.recent() == []
     assert settings.widths("sessions") == ()
     assert settings.sorting("sessions") == (-1, False)

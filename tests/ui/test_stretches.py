@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.answer.results import Comparison
-from fingerlab.ui.lab.stretches import joined, run_key
+from fingerlab.ui.lab.comparison_curves import joined, run_key
 
 
 def stretch(run: str, start: float, value: float, floor: float, count: int = 4) -> Comparison:

@@ -20,13 +20,12 @@ from PySide6.QtWidgets import (
 from fingerlab.calibration.sensors import mark_text
 from fingerlab.calibration.wizard import Phase, Wizard
 
-from ..acquire.fields import ActionButton, row
-from ..theme import large_font, small_font
+from ..widgets.fields import ActionButton, row
 from ..widgets.labels import heading, remark
-from .light import StabilityLight
-from .picture import Picture
-from .plots import LivePlot
-from .wording import held_together
+from ..widgets.theme import large_font, small_font
+from .calibration_plots import LivePlot
+from .calibration_words import held_together
+from .step_picture import Picture, StabilityLight
 
 PANEL_WIDTH = 304
 NUMBERS = (0, 2)

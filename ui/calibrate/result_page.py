@@ -10,11 +10,11 @@ from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QLineEdit, QVBox
 from fingerlab.calibration.outcome import CalibrationOutcome, amount_text
 from fingerlab.calibration.store import CalibrationRecord
 
-from ..acquire.fields import ActionButton
+from ..widgets.fields import ActionButton
 from ..widgets.labels import WholeLabel, heading, remark
-from ..widgets.room import SideRoom
-from .plots import FitPlot, ResidualPlot
-from .wording import listed, number_rows, verdict_words
+from ..widgets.layout import SideRoom
+from .calibration_plots import FitPlot, ResidualPlot
+from .calibration_words import listed, number_rows, verdict_words
 
 PANEL_WIDTH = 400
 REASON_FIRST = "There are objections; say below why it is good all the same, then accept with the reason."

@@ -1,22 +1,85 @@
-"""Before a calibration: which sensor, what counts now, whether a rig is there, and the way without one."""
+"""Before a calibration: which sensor, what counts now, whether a rig gives its volts, the way without one."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
 
-from PySide6.QtCore import Signal
+import numpy as np
+from PySide6.QtCore import QObject, QTimer, Signal
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
+from fingerlab.acquisition.columns import COLUMN
+from fingerlab.acquisition.ring import RingReader
 from fingerlab.calibration import SENSORS
 from fingerlab.calibration.store import CalibrationRecord
 
-from ..acquire.fields import ActionButton, centred_column
+from ..app.context import ApplicationContext
+from ..widgets.fields import ActionButton, centred_column
 from ..widgets.labels import heading, remark
-from .wording import SENSOR_NAMES, record_words
+from .calibration_words import SENSOR_NAMES, record_words
 
-COLUMN_WIDTH = 680
-HELP = {
+TICK_MS = 50
+COLUMNS = {"load-cell": "raw/force_volts", "mcp": "raw/mcp_volts", "pip": "raw/pip_volts"}
+"""Sensor -> the bench's column of its volts."""
+
+NO_RIG = "No rig is connected."
+REPLAYED = "A replay is connected; nothing can be placed on it. Use From a recording instead."
+AMPLIFIER_ON = "The amplifier is on: disable it on Acquire before you put a hand to the rig."
+
+
+class VoltSource(QObject):
+    """Signal ``arrived(time, volts)``: arrays in s and V, a few times a second while started."""
+
+    arrived = Signal(object, object)
+
+    def __init__(self, context: ApplicationContext, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._context = context
+        self._column = 0
+        self._reader: RingReader | None = None
+        self._timer = QTimer(self)
+        self._timer.setInterval(TICK_MS)
+        self._timer.timeout.connect(self.tick)
+
+    @property
+    def refusal(self) -> str:
+        """Why nothing can be calibrated now; empty where it can."""
+        bench = self._context.bench
+        if bench is None:
+            return NO_RIG
+        if bench.calibrations is None:
+            return REPLAYED
+        return AMPLIFIER_ON if self._context.rig_line.live else ""
+
+    def start(self, sensor: str) -> None:
+        """Read this sensor from now on."""
+        self._column = COLUMN[COLUMNS[sensor]]
+        self.attach()
+        self._timer.start()
+
+    def stop(self) -> None:
+        """Read nothing more."""
+        self._timer.stop()
+        self._reader = None
+
+    def attach(self) -> None:
+        """Look at the bench that is connected now, if any."""
+        bench = self._context.bench
+        self._reader = bench.bench.ring.reader() if bench is not None else None
+
+    def tick(self) -> None:
+        """Hand on what has been read since the last time."""
+        bench = self._context.bench
+        if bench is None or self._reader is None:
+            return
+        rows = self._reader.read().rows
+        if len(rows):
+            self.arrived.emit(rows[:, COLUMN["index"]] / bench.bench.rate_hz, np.array(rows[:, self._column]))
+
+
+PAGE_WIDTH = 680
+SENSOR_HELP = {
     "load-cell": "0 to 1 kg in steps of 100 g, and back; about eight minutes.",
     "mcp": "Marks from 0° to 90°, twice; about five minutes.",
     "pip": "Marks from 0° to 90°, twice; about five minutes.",
@@ -51,7 +114,7 @@ class StartPage(QWidget):
         self._build()
 
     def _build(self) -> None:
-        inner = centred_column(self, COLUMN_WIDTH)
+        inner = centred_column(self, PAGE_WIDTH)
         inner.addWidget(heading("Calibrate a sensor", large=True))
         inner.addWidget(
             remark(
@@ -84,8 +147,9 @@ class StartPage(QWidget):
             self.current[name] = remark()
             self.current[name].setObjectName(f"current-{name}")
             words.addWidget(self.current[name])
-            words.addWidget(remark(HELP[name]))
-            start = ActionButton("Start", f"start-{name}", HELP[name], partial(self.start_asked.emit, name))
+            words.addWidget(remark(SENSOR_HELP[name]))
+            asked = partial(self.start_asked.emit, name)
+            start = ActionButton("Start", f"start-{name}", SENSOR_HELP[name], asked)
             start.setAccessibleName(f"Calibrate the {SENSOR_NAMES[name]}")
             read = QPushButton("From a recording…")
             read.setObjectName(f"file-{name}")

@@ -3,23 +3,60 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QPointF, Qt, Signal
-from PySide6.QtGui import QKeyEvent
+from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal
+from PySide6.QtGui import QColor, QKeyEvent, QPainter
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.diagnosis.answer.results import Comparison, Failure
 
-from ..theme import colours_of
-from ..widgets.curve import DecimatedCurve
-from ..widgets.plot_style import bottom_axis_height, colour_plot, label_left, line, prepare_plot, tint
-from ..widgets.time_keys import move_by_key
-from .equations import equation_text
-from .scaled import MARGIN, Shown, describe, largest, limits, scale, values_at
-from .tints import Tints
-from .wording import failure_words
+from ..widgets.plots import (
+    DecimatedCurve,
+    bottom_axis_height,
+    colour_plot,
+    label_left,
+    move_by_key,
+    prepare_plot,
+)
+from ..widgets.theme import colours_of, line, tint
+from .comparison_curves import MARGIN, ScaledComparison, describe, largest, limits, scaled, values_at
+from .result_words import equation_text, failure_words
+
+
+class Tints(pg.GraphicsObject):
+    """Lies behind the curves."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stretches: tuple[tuple[float, float], ...] = ()
+        self._colour = QColor(Qt.GlobalColor.transparent)
+        self.setZValue(-20)
+
+    def show_stretches(self, stretches: Sequence[tuple[float, float]]) -> None:
+        """From where to where on the horizontal axis, each."""
+        self.stretches = tuple(stretches)
+        self.update()
+
+    def set_colour(self, colour: QColor) -> None:
+        """With its transparency."""
+        self._colour = colour
+        self.update()
+
+    def viewRangeChanged(self) -> None:
+        self.prepareGeometryChange()
+
+    def boundingRect(self) -> QRectF:
+        return QRectF(self.viewRect())
+
+    def paint(self, painter: QPainter, *_: Any) -> None:
+        view = self.viewRect()
+        for start, stop in self.stretches:
+            if stop > view.left() and start < view.right():
+                painter.fillRect(QRectF(start, view.top(), stop - start, view.height()), self._colour)
+
 
 AXIS_WIDTH = 72
 LEAST_HEIGHT = 168
@@ -44,7 +81,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         super().__init__(parent)
         self.setObjectName("comparisonPlot")
         self.setMinimumHeight(LEAST_HEIGHT)
-        self._shown: Shown | None = None
+        self._shown: ScaledComparison | None = None
         self._failure: Failure | None = None
         self.setAcceptDrops(False)  # a file dropped here is for the window
         self.setAccessibleName("Measured and modelled against time, and the residual")
@@ -115,7 +152,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
             return
         before = self._shown
         keep_view = keep_view and before is not None
-        self._shown = shown = scale(comparison, before if keep_view else None)
+        self._shown = shown = scaled(comparison, before if keep_view else None)
         self.measured.set_series(shown.time, shown.measured)
         self.modelled.set_series(shown.time, shown.modelled)
         self.residual.set_series(shown.time, shown.residual)
@@ -135,7 +172,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         label_left(self.top, equation_text(shown.comparison.equation).quantity, shown.unit)
         label_left(self.bottom, "Residual", shown.residual_unit)
 
-    def _set_value_ranges(self, shown: Shown, floor: float, keep_view: bool) -> None:
+    def _set_value_ranges(self, shown: ScaledComparison, floor: float, keep_view: bool) -> None:
         low, high = limits(np.concatenate([shown.measured, shown.modelled]))
         height = max(largest(shown.residual), 2.0 * floor) * (1 + MARGIN)
         if keep_view:  # the residual must be seen to fall, so the scales stay

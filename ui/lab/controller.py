@@ -1,8 +1,9 @@
-"""Between the widgets and the instrument: what is open, what was found, and the calls that change it."""
+"""What is open, which models were tried, and the calls that change it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, Signal
@@ -11,11 +12,66 @@ from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.sessions.model import Session
 
-from ..tasks import IsCancelled, Progress, TaskRunner
-from .history import History, Step
+from ..app.worker import IsCancelled, Progress, Worker
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.gram.reduction import Reduction
+
+
+@dataclass(frozen=True)
+class ModelStep:
+    """A model that was fitted: the effects added to the nominal equations, and what came out."""
+
+    added: tuple[str, ...]
+    diagnosis: Diagnosis
+
+    @property
+    def last_added(self) -> str | None:
+        return self.added[-1] if self.added else None
+
+
+class ModelHistory:
+    """Steps from the nominal model onwards; a new step after an undo replaces what was undone."""
+
+    def __init__(self, nominal: Diagnosis, added: tuple[str, ...] = ()) -> None:
+        self._steps = [ModelStep(added, nominal)]
+        self._index = 0
+
+    @property
+    def now(self) -> ModelStep:
+        return self._steps[self._index]
+
+    @property
+    def first(self) -> ModelStep:
+        return self._steps[0]
+
+    @property
+    def done(self) -> tuple[ModelStep, ...]:
+        """Steps up to the present one, the nominal model first."""
+        return tuple(self._steps[: self._index + 1])
+
+    @property
+    def can_undo(self) -> bool:
+        return self._index > 0
+
+    @property
+    def can_redo(self) -> bool:
+        return self._index < len(self._steps) - 1
+
+    def push(self, step: ModelStep) -> None:
+        self._steps[self._index + 1 :] = [step]
+        self._index += 1
+
+    def undo(self) -> None:
+        self._index = max(self._index - 1, 0)
+
+    def redo(self) -> None:
+        self._index = min(self._index + 1, len(self._steps) - 1)
+
+    def undone(self) -> str | None:
+        """The effect that redo would put back."""
+        return self._steps[self._index + 1].last_added if self.can_redo else None
+
 
 DiagnoseCall = Callable[[Sequence[Session], tuple[str, ...], Progress, IsCancelled], Diagnosis]
 
@@ -57,14 +113,14 @@ class LabController(QObject):
 
     def __init__(
         self,
-        tasks: TaskRunner,
+        tasks: Worker,
         diagnose: DiagnoseCall | None = None,
         parent: QObject | None = None,
     ) -> None:
         super().__init__(parent)
         self.tasks = tasks
         self.sessions: tuple[Session, ...] = ()
-        self.history: History | None = None
+        self.history: ModelHistory | None = None
         self._diagnose = diagnose or SessionDiagnosis()
         tasks.started.connect(self.activity_changed)
         tasks.ended.connect(self.activity_changed)
@@ -85,7 +141,7 @@ class LabController(QObject):
         """Diagnose the open sessions with the nominal model."""
 
         def done(diagnosis: Diagnosis) -> None:
-            self.history = History(diagnosis)
+            self.history = ModelHistory(diagnosis)
             self.result_changed.emit()
 
         self._run((), "Comparing model and measurement", done)
@@ -98,19 +154,19 @@ class LabController(QObject):
         added = (*history.now.added, effect)
 
         def done(diagnosis: Diagnosis) -> None:
-            history.push(Step(added, diagnosis))
+            history.push(ModelStep(added, diagnosis))
             self.result_changed.emit()
 
         self._run(added, f"Refitting with {in_sentence(effect_title(effect))}", done)
 
     def undo(self) -> None:
         """Back to the model before; nothing is computed again."""
-        self._move(History.undo)
+        self._move(ModelHistory.undo)
 
     def redo(self) -> None:
-        self._move(History.redo)
+        self._move(ModelHistory.redo)
 
-    def _move(self, step: Callable[[History], None]) -> None:
+    def _move(self, step: Callable[[ModelHistory], None]) -> None:
         if self.history is not None:
             self.tasks.cancel()
             step(self.history)

@@ -1,4 +1,4 @@
-"""The error path: one bar for each model tried, what would follow in outline, the floor as a grey band."""
+"""Bottom row of the lab: the error of each model tried with undo and redo, and that of each equation."""
 
 from __future__ import annotations
 
@@ -6,18 +6,27 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from PySide6.QtCore import QEvent, QRectF, QSize, Qt
+from PySide6.QtCore import QEvent, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter, QPaintEvent, QPen
-from PySide6.QtWidgets import QSizePolicy, QToolTip, QWidget
+from PySide6.QtWidgets import (
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QSizePolicy,
+    QToolTip,
+    QVBoxLayout,
+    QWidget,
+)
 
-from fingerlab.core.text import score_text
-from fingerlab.report.diagnosis_words import effect_title
+from fingerlab.core.text import r2_text, score_text
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence
 
-from ..theme import Colours, colours_of, small_font
-from ..widgets.plot_series import Series
-from ..widgets.plot_style import tint
-from .equations import SCORE_HELP
-from .history import History
+from ..widgets.fields import set_usable
+from ..widgets.series import Series
+from ..widgets.theme import Colours, colours_of, small_font, tint
+from .controller import ModelHistory
+from .result_words import FLOOR_HELP, SCORE_HELP, error_texts
 
 BAR_WIDTH = 40.0
 MIN_COLUMN = 96.0
@@ -25,7 +34,7 @@ FLOOR_SCORE = 1.0
 
 
 @dataclass(frozen=True)
-class Bar:
+class ErrorBar:
     """One model of the path; ``tried`` ones are filled, the diagnosis' own suggestions outlined."""
 
     title: str
@@ -33,11 +42,11 @@ class Bar:
     tried: bool
 
 
-def bars_of(history: History) -> list[Bar]:
+def bars_of(history: ModelHistory) -> list[ErrorBar]:
     """What was done, then what the present diagnosis would add."""
     done = history.done
     bars = [
-        Bar(
+        ErrorBar(
             f"+ {effect_title(step.last_added)}" if step.last_added else "Nominal",
             step.diagnosis.score,
             True,
@@ -45,7 +54,7 @@ def bars_of(history: History) -> list[Bar]:
         for step in done
     ]
     suggested = [step for step in history.now.diagnosis.path if step.added is not None]
-    bars += [Bar(f"+ {effect_title(str(step.added))}", step.score, False) for step in suggested]
+    bars += [ErrorBar(f"+ {effect_title(str(step.added))}", step.score, False) for step in suggested]
     return bars
 
 
@@ -57,7 +66,7 @@ class ErrorPath(QWidget):
         self.setObjectName("errorPath")
         self.setAccessibleName("Error path")
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
-        self.bars: list[Bar] = []
+        self.bars: list[ErrorBar] = []
 
     def sizeHint(self) -> QSize:
         return QSize(400, 104)
@@ -65,7 +74,7 @@ class ErrorPath(QWidget):
     def minimumSizeHint(self) -> QSize:
         return QSize(160, 72)
 
-    def show_history(self, history: History | None) -> None:
+    def show_history(self, history: ModelHistory | None) -> None:
         """Show the path up to the present model."""
         self.bars = bars_of(history) if history is not None else []
         self.setAccessibleDescription(self.text())
@@ -78,7 +87,7 @@ class ErrorPath(QWidget):
         ]
         return " → ".join(words) + (", in multiples of the floor" if words else "")
 
-    def numbers(self) -> list[Series]:
+    def shown_series(self) -> list[Series]:
         """For CSV: the error of each model in multiples of the floor, by how many effects it has."""
         tried = [bar for bar in self.bars if bar.tried]
         parts = (("", 0, tried), ("would be", len(tried), [bar for bar in self.bars if not bar.tried]))
@@ -131,7 +140,7 @@ class ErrorPath(QWidget):
             height = room * min(bar.score, top) / top if math.isfinite(bar.score) else room
             self._paint_bar(painter, bar, QRectF(number * column, ground - height, column, height), colours)
 
-    def _paint_bar(self, painter: QPainter, bar: Bar, room: QRectF, colours: Colours) -> None:
+    def _paint_bar(self, painter: QPainter, bar: ErrorBar, room: QRectF, colours: Colours) -> None:
         metrics = QFontMetricsF(painter.font())
         width = min(BAR_WIDTH, room.width() - 8)
         body = QRectF(room.left() + 4, room.top(), width, max(room.height(), 1.0))
@@ -147,3 +156,128 @@ class ErrorPath(QWidget):
         below = QRectF(body.left(), body.bottom() + 1, room.width() - 8, metrics.height())
         title = metrics.elidedText(bar.title, Qt.TextElideMode.ElideRight, below.width())
         painter.drawText(below, Qt.AlignmentFlag.AlignLeft, title)
+
+
+HEADINGS = ("held-out error", "nominal", "now", "floor", "", "R²")
+COLUMN_HELP = (
+    "",
+    "Root mean square of the residual with the nominal model.",
+    "Root mean square of the residual with the present model.",
+    FLOOR_HELP,
+    "",
+    "Share of the variance that the present model explains on held-out runs.",
+)
+
+
+class ErrorTable(QWidget):
+    """At most four rows, one for each kind of equation."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("errorTable")
+        self.setAccessibleName("Error of each equation on held-out runs")
+        self._grid = QGridLayout(self)
+        self._grid.setContentsMargins(0, 0, 0, 0)
+        self._grid.setHorizontalSpacing(12)
+        self._grid.setVerticalSpacing(1)
+        self._grid.setColumnStretch(len(HEADINGS), 1)
+        self._labels: list[QLabel] = []
+
+    def show_history(self, history: ModelHistory | None) -> None:
+        """Rebuild the rows for the present model."""
+        while self._labels:
+            label = self._labels.pop()
+            self._grid.removeWidget(label)
+            label.deleteLater()
+        if history is None:
+            return
+        for column, text in enumerate(HEADINGS):
+            self._put(0, column, text, muted=True, help_text=COLUMN_HELP[column])
+        first, now = history.first.diagnosis.errors, history.now.diagnosis.errors
+        spoken = []
+        for row, (family, error) in enumerate(now.items(), start=1):
+            before, after, floor, unit = error_texts(first.get(family, error), error)
+            title = FAMILY_TITLES.get(family, family)
+            cells = (title, before, after, floor, unit, r2_text(error.r2))
+            for column, text in enumerate(cells):
+                self._put(row, column, text, bold=column == 2, help_text=COLUMN_HELP[column])
+            spoken.append(f"{title}: nominal {before}, now {after}, floor {floor} {unit}")
+        self._grid.setRowStretch(len(now) + 1, 1)
+        self.setAccessibleDescription("; ".join(spoken))
+
+    def cell(self, family: str, column: str) -> str:
+        """The text in a row (by key of ``Diagnosis.errors``) and a column (by heading)."""
+        for row in range(1, self._grid.rowCount()):
+            item = self._grid.itemAtPosition(row, 0)
+            label = item.widget() if item is not None else None
+            if isinstance(label, QLabel) and label.text() == FAMILY_TITLES.get(family, family):
+                found = self._grid.itemAtPosition(row, HEADINGS.index(column))
+                cell = found.widget() if found is not None else None
+                return cell.text() if isinstance(cell, QLabel) else ""
+        return ""
+
+    def _put(
+        self, row: int, column: int, text: str, muted: bool = False, bold: bool = False, help_text: str = ""
+    ) -> None:
+        label = QLabel(text)
+        font = small_font()
+        font.setBold(bold)
+        label.setFont(font)
+        label.setToolTip(help_text)
+        if muted:
+            label.setProperty("role", "muted")
+        right = column in (1, 2, 3, 5)
+        side = Qt.AlignmentFlag.AlignRight if right else Qt.AlignmentFlag.AlignLeft
+        self._grid.addWidget(label, row, column, side)
+        self._labels.append(label)
+
+
+class PathPanel(QWidget):
+    """Signals ``undo_asked`` and ``redo_asked``."""
+
+    undo_asked = Signal()
+    redo_asked = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.path = ErrorPath()
+        self.table = ErrorTable()
+        self.undo = QPushButton("Undo")
+        self.redo = QPushButton("Redo")
+        self.undo.setObjectName("undo")
+        self.redo.setObjectName("redo")
+        self.undo.clicked.connect(self.undo_asked)
+        self.redo.clicked.connect(self.redo_asked)
+        buttons = QVBoxLayout()
+        buttons.setSpacing(8)
+        buttons.addStretch(1)
+        buttons.addWidget(self.undo)
+        buttons.addWidget(self.redo)
+        buttons.addStretch(1)
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(16)
+        layout.addWidget(self.path, 1)
+        layout.addLayout(buttons)
+        layout.addWidget(self.table)
+
+    def show_history(self, history: ModelHistory | None) -> None:
+        """Show the path, the errors, and what undo and redo would do."""
+        self.path.show_history(history)
+        self.table.show_history(history)
+        can_undo = history is not None and history.can_undo
+        can_redo = history is not None and history.can_redo
+        set_usable(self.undo, can_undo)
+        set_usable(self.redo, can_redo)
+        added = history.now.last_added if history is not None else None
+        undone = history.undone() if history is not None else None
+        self.undo.setToolTip(
+            f"Take {_named(added)} out again (Ctrl+Z)." if added else "Nothing was added yet."
+        )
+        self.redo.setToolTip(
+            f"Add {_named(undone)} again (Ctrl+Shift+Z)." if undone else "Nothing was undone."
+        )
+
+
+def _named(effect: str) -> str:
+    return in_sentence(effect_title(effect))

@@ -8,27 +8,22 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Comparison, Failure, Fingerprint
-from fingerlab.diagnosis.answer.wording import Z90
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, BoolArray
-from fingerlab.diagnosis.equations.model import CABLE_NAMES
 from fingerlab.diagnosis.fit.noise import floor_covariance
-from fingerlab.diagnosis.fit.weights import SLACK_SPREAD_M
 from fingerlab.diagnosis.gram.decimation import Decimated, counted
-from fingerlab.diagnosis.gram.sums import Group
+from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.evidence import Evidence
-from fingerlab.diagnosis.score.fitted_model import Trial
-from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.settings import BINS, NARROW_RATE_HZ, SHOWN_STRETCHES, SLACK_SPREAD_M, Z90
 from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
-from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, NARROW_RATE_HZ, decimate
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, decimate
 from fingerlab.effects.base import COORDINATE_UNITS, Effect, Row
 from fingerlab.effects.transmission import winding_state
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
 
-SHOWN_STRETCHES = 48
-"""Curves are kept of this many stretches (of at most a minute); more would not be looked at one by one."""
-BINS = 15
 ROW_EQUATIONS = {
     Row.MCP: "mcp_torque",
     Row.PIP: "pip_torque",
@@ -91,20 +86,20 @@ class Display:
         )  # fmt: skip
         self.stretches.append(kept)
 
-    def curves(self, study: Study, evidence: Evidence) -> Curves:
+    def curves(self, reduced: Reduced, evidence: Evidence) -> Curves:
         """Comparisons of the model as given, and the fingerprint of every effect tried beside it."""
-        groups = {g.key: g for g in study.reduced.groups}
+        groups = {g.key: g for g in reduced.groups}
         comparisons: list[Comparison] = []
         for kept in self.stretches:
-            comparisons += _comparisons(study, evidence.base, groups[kept.key], kept)
+            comparisons += _comparisons(reduced, evidence.base, groups[kept.key], kept)
         prints = {}
-        for trial in evidence.trials:
-            one = trial.model.choices[-1].effect
-            drawn = _fingerprint(one, evidence.base, trial, groups, self.stretches, study.reduced.on_bench)
+        for fitted in evidence.candidates:
+            one = fitted.last_effect
+            drawn = _fingerprint(one, evidence.base, fitted, groups, self.stretches, reduced.on_bench)
             if drawn is not None:
                 prints[one.id] = drawn
-        best = int(np.argmax(evidence.probabilities)) if evidence.trials else -1
-        slack = best >= 0 and evidence.trials[best].model.slack_free
+        best = int(np.argmax(evidence.probabilities)) if evidence.candidates else -1
+        slack = best >= 0 and evidence.candidates[best].model.slack_free
         return Curves(tuple(comparisons), prints, _failure(comparisons, self.stretches, slack))
 
 
@@ -134,46 +129,46 @@ def _coordinates(motion: Motion) -> dict[str, Array]:
     return {name: narrowed[i] for i, name in enumerate(wide)}
 
 
-def _residuals(trial: Trial, group: Group, kept: Kept) -> dict[Row, Array]:
+def _residuals(fitted: FittedModel, group: Group, kept: Kept) -> dict[Row, Array]:
     """Residual of every equation over a stretch, in the fit's own units (N, m or N m)."""
-    h, _ = trial.model.coefficients(trial.fit.values, group)
-    rows = trial.model.rows
-    columns = kept.columns[:, trial.model.pick.signals]
+    h, _ = fitted.model.coefficients(fitted.fit.values, group)
+    rows = fitted.model.rows
+    columns = kept.columns[:, fitted.model.pick.signals]
     return {row: columns[:, rows == row] @ h[rows == row] for row in Row if np.any(rows == row)}
 
 
-def _residual(trial: Trial, group: Group, kept: Kept, row: Row) -> Array:
+def _residual(fitted: FittedModel, group: Group, kept: Kept, row: Row) -> Array:
     """As :func:`_residuals`, of one equation: a fingerprint is drawn for each of dozens of effects."""
-    h, _ = trial.model.coefficients(trial.fit.values, group)
-    chosen = trial.model.rows == row
-    return np.asarray(kept.columns[:, trial.model.pick.signals[chosen]] @ h[chosen], dtype=float)
+    h, _ = fitted.model.coefficients(fitted.fit.values, group)
+    chosen = fitted.model.rows == row
+    return np.asarray(kept.columns[:, fitted.model.pick.signals[chosen]] @ h[chosen], dtype=float)
 
 
-def _arms(trial: Trial, group: Group) -> tuple[float, float]:
+def _arms(fitted: FittedModel, group: Group) -> tuple[float, float]:
     routing = CABLE_NAMES[group.cable_sign]
-    index = trial.model.index
+    index = fitted.model.index
     return (
-        group.cable_sign * float(trial.fit.values[index[f"arm_mcp@{routing}"]]),
-        group.cable_sign * float(trial.fit.values[index[f"arm_pip@{routing}"]]),
+        group.cable_sign * float(fitted.fit.values[index[f"arm_mcp@{routing}"]]),
+        group.cable_sign * float(fitted.fit.values[index[f"arm_pip@{routing}"]]),
     )
 
 
-def _measured(trial: Trial, group: Group, kept: Kept, row: Row) -> Array:
+def _measured(fitted: FittedModel, group: Group, kept: Kept, row: Row) -> Array:
     """The measured side: tension without the rotor's inertia (N), cable wound (m), torque (N m)."""
-    h, _ = trial.model.coefficients(trial.fit.values, group)
+    h, _ = fitted.model.coefficients(fitted.fit.values, group)
     chosen = []
-    for k, i in enumerate(trial.model.active):
-        f = trial.model.layout.features[i]
+    for k, i in enumerate(fitted.model.active):
+        f = fitted.model.layout.features[i]
         measured = f.constant == -1.0 and f.owner is None and f.scale == "direct"
         inertia = f.parameter == "rotor_inertia" and f.scale == "direct"
         if f.row == row and (measured or inertia):
             chosen.append(k)
-    return np.asarray(kept.columns[:, trial.model.pick.signals[chosen]] @ h[chosen], dtype=float)
+    return np.asarray(kept.columns[:, fitted.model.pick.signals[chosen]] @ h[chosen], dtype=float)
 
 
-def _comparisons(study: Study, trial: Trial, group: Group, kept: Kept) -> list[Comparison]:
-    residuals = _residuals(trial, group, kept)
-    noise = floor_covariance(trial.model, trial.fit.values, group, study.weights[group.key])
+def _comparisons(reduced: Reduced, fitted: FittedModel, group: Group, kept: Kept) -> list[Comparison]:
+    residuals = _residuals(fitted, group, kept)
+    noise = floor_covariance(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
 
     def one(equation: str, measured: Array, modelled: Array, unit: str, variance: float) -> Comparison:
         return Comparison(
@@ -182,16 +177,16 @@ def _comparisons(study: Study, trial: Trial, group: Group, kept: Kept) -> list[C
         )  # fmt: skip
 
     if group.on_bench:
-        torque = _measured(trial, group, kept, Row.BENCH)
+        torque = _measured(fitted, group, kept, Row.BENCH)
         return [one("motor_torque", torque, torque - residuals[Row.BENCH], "N m", noise[3, 3])]
-    a, b = _arms(trial, group)
-    pull = _measured(trial, group, kept, Row.MCP)
-    wound = _measured(trial, group, kept, Row.CABLE)
+    a, b = _arms(fitted, group)
+    pull = _measured(fitted, group, kept, Row.MCP)
+    wound = _measured(fitted, group, kept, Row.CABLE)
     length = wound - residuals[Row.CABLE]
-    if trial.model.slack_free:
+    if fitted.model.slack_free:
         length = np.where(kept.taut, length, np.nan)
     mean = 0.5 * (residuals[Row.MCP] + residuals[Row.PIP])
-    radius = study.reduced.radius
+    radius = reduced.radius
     spread = 0.25 * (noise[0, 0] + noise[1, 1] + 2 * noise[0, 1])
     result = [
         one("mcp_torque", a * pull, a * (pull - residuals[Row.MCP]), "N m", a**2 * noise[0, 0]),
@@ -200,7 +195,7 @@ def _comparisons(study: Study, trial: Trial, group: Group, kept: Kept) -> list[C
         one("motor_torque", radius * pull, radius * (pull - mean), "N m", radius**2 * spread),
     ]
     if kept.levers is not None:
-        force = _force(study, kept)
+        force = _force(reduced, kept)
         for equation, arm, lever, row in (
             ("endpoint_force_pip", b, kept.levers[1], Row.PIP),
             ("endpoint_force_mcp", a, kept.levers[0], Row.MCP),
@@ -211,8 +206,8 @@ def _comparisons(study: Study, trial: Trial, group: Group, kept: Kept) -> list[C
     return result
 
 
-def _force(study: Study, kept: Kept) -> Array:
-    layout = study.reduced.layout
+def _force(reduced: Reduced, kept: Kept) -> Array:
+    layout = reduced.layout
     return np.asarray(kept.columns[:, layout.signals[layout.features.index(FORCE)]], dtype=float)
 
 
@@ -223,8 +218,8 @@ def _coordinate(effect: Effect, kept: Kept) -> Array | None:
 
 def _fingerprint(
     effect: Effect,
-    base: Trial,
-    trial: Trial,
+    base: FittedModel,
+    fitted: FittedModel,
     groups: Mapping[GroupKey, Group],
     stretches: Iterable[Kept],
     bench: bool,
@@ -239,7 +234,7 @@ def _fingerprint(
         group = groups[kept.key]
         if group.on_bench != bench:  # one axis cannot hold two equations
             continue
-        before, after = _residual(base, group, kept, row), _residual(trial, group, kept, row)
+        before, after = _residual(base, group, kept, row), _residual(fitted, group, kept, row)
         scale = 1.0 if row in (Row.CABLE, Row.BENCH, Row.TIP) else _arms(base, group)[int(row)]
         # Torque of the joint in the direction of its angle, whichever way the cable pulls.
         places.append(where)

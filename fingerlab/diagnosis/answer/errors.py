@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from fingerlab.diagnosis.answer.results import EquationError, HeldOutRuns
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
-from fingerlab.diagnosis.equations.model import CABLE_NAMES
 from fingerlab.diagnosis.fit.noise import floor_covariance
 from fingerlab.diagnosis.gram.sums import Group, Reduced
-from fingerlab.diagnosis.score.fitted_model import Trial
-from fingerlab.diagnosis.score.scorer import Study
+from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array, Run, Session
@@ -20,17 +19,17 @@ from fingerlab.sessions.model import Array, Run, Session
 FAMILY_UNITS = {"joint_torque": "N m", "cable_kinematics": "m", "motor_torque": "N m", "endpoint_force": "N"}
 
 
-def equation_errors(study: Study, trial: Trial) -> dict[str, EquationError]:
+def equation_errors(reduced: Reduced, fitted: FittedModel) -> dict[str, EquationError]:
     """RMSE, R2 and floor of each family on held-out runs.
 
     Args:
-        trial: scored with :meth:`Study.hold_out`.
+        fitted: scored with :meth:`Scorer.score_held_out`.
     """
     sums: dict[str, Array] = {}
-    for group in study.reduced.groups:
-        residual = trial.residuals[group.key]
-        noise = floor_covariance(trial.model, trial.fit.values, group, study.weights[group.key])
-        for family, values in _families(study, trial, group, residual, noise).items():
+    for group in reduced.groups:
+        residual = fitted.residuals[group.key]
+        noise = floor_covariance(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
+        for family, values in _families(reduced, fitted, group, residual, noise).items():
             sums[family] = sums.get(family, np.zeros(4)) + group.samples * np.array([*values, 1.0])
     result = {}
     for family, unit in FAMILY_UNITS.items():
@@ -46,18 +45,18 @@ def equation_errors(study: Study, trial: Trial) -> dict[str, EquationError]:
 
 
 def _families(
-    study: Study, trial: Trial, group: Group, residual: Array, noise: Array
+    reduced: Reduced, fitted: FittedModel, group: Group, residual: Array, noise: Array
 ) -> dict[str, tuple[float, float, float]]:
     """For each family: mean square of the residual, of the noise, and variance of what was measured."""
     if group.on_bench:
-        measured = _variance(study, group, Row.BENCH, None)
+        measured = _variance(reduced, group, Row.BENCH, None)
         return {"motor_torque": (residual[3, 3], noise[3, 3], measured)}
-    radius = study.reduced.radius
+    radius = reduced.radius
     routing = CABLE_NAMES[group.cable_sign]
-    values = dict(zip((u.key for u in trial.model.unknowns), trial.fit.values, strict=True))
+    values = fitted.values
     a, b = values[f"arm_mcp@{routing}"], values[f"arm_pip@{routing}"]
-    pull = _variance(study, group, Row.MCP, SHIFTS_S.index(0.0))
-    wound = _variance(study, group, Row.CABLE, SHIFTS_S.index(0.0))
+    pull = _variance(reduced, group, Row.MCP, SHIFTS_S.index(0.0))
+    wound = _variance(reduced, group, Row.CABLE, SHIFTS_S.index(0.0))
 
     def joint(c: Array) -> float:
         return float(0.5 * (a**2 * c[0, 0] + b**2 * c[1, 1]))
@@ -70,42 +69,42 @@ def _families(
         "cable_kinematics": (residual[2, 2], noise[2, 2], wound),
         "motor_torque": (motor(residual), motor(noise), radius**2 * pull),
     }
-    lever, force = _contact(study, group)
+    lever, force = _contact(reduced, group)
     if lever > 0:
         scale = (b / lever) ** 2
         result["endpoint_force"] = (scale * residual[1, 1], scale * noise[1, 1], force)
     return result
 
 
-def _find(study: Study, **wanted: object) -> int:
-    for i, feature in enumerate(study.reduced.layout.features):
+def _find(reduced: Reduced, **wanted: object) -> int:
+    for i, feature in enumerate(reduced.layout.features):
         if feature.owner is None and all(getattr(feature, k) == v for k, v in wanted.items()):
             return i
     return -1
 
 
-def _variance(study: Study, group: Group, row: Row, shift: int | None) -> float:
+def _variance(reduced: Reduced, group: Group, row: Row, shift: int | None) -> float:
     """Variance of the measured channel of an equation: N^2, m^2 or (N m)^2."""
     names = {Row.MCP: "loss_mcp", Row.CABLE: "offset", Row.BENCH: "bench_offset"}
-    measured = _find(study, row=row, constant=-1.0, shift=shift, scale="direct")
-    products = _products(study, group, [measured, _find(study, row=row, parameter=names[row])])
+    measured = _find(reduced, row=row, constant=-1.0, shift=shift, scale="direct")
+    products = _products(reduced, group, [measured, _find(reduced, row=row, parameter=names[row])])
     count = max(float(products[1, 1]), 1.0)
     return float(products[0, 0] / count - (products[0, 1] / count) ** 2)
 
 
-def _products(study: Study, group: Group, features: list[int]) -> Array:
+def _products(reduced: Reduced, group: Group, features: list[int]) -> Array:
     """Products of some features over all samples, (k, k)."""
-    signals = study.reduced.layout.signals[features]
+    signals = reduced.layout.signals[features]
     return group.whole.products[np.ix_(signals, signals)]
 
 
-def _contact(study: Study, group: Group) -> tuple[float, float]:
+def _contact(reduced: Reduced, group: Group) -> tuple[float, float]:
     """Lever (m) of the force about the PIP joint and the force's variance (N^2); zero without contact."""
     if not group.in_contact:
         return 0.0, 0.0
-    places = [study.reduced.layout.features.index(FORCE)]
-    places += [_find(study, row=Row.PIP, parameter=name) for name in ("force_gain", "loss_pip")]
-    products = _products(study, group, places)
+    places = [reduced.layout.features.index(FORCE)]
+    places += [_find(reduced, row=Row.PIP, parameter=name) for name in ("force_gain", "loss_pip")]
+    products = _products(reduced, group, places)
     force, torque, one = range(3)
     if products[force, force] <= 0:
         return 0.0, 0.0
@@ -114,14 +113,16 @@ def _contact(study: Study, group: Group) -> tuple[float, float]:
     return lever, float(products[force, force] / count - (products[force, one] / count) ** 2)
 
 
-def held_out_runs(sessions: Sequence[Session], reduced: Reduced, trial: Trial) -> tuple[HeldOutRuns, ...]:
-    """The trial's score on the runs of every condition, in the order of the groups; () if it has none."""
-    if not trial.held_out:
+def held_out_runs(
+    sessions: Sequence[Session], reduced: Reduced, fitted: FittedModel
+) -> tuple[HeldOutRuns, ...]:
+    """The model's score on the runs of every condition, in the order of the groups; () if it has none."""
+    if not fitted.held_out:
         return ()
     members = _members(sessions)
     conditions = [(g.key, c) for g in reduced.groups for c in g.conditions]
     found = []
-    for place, (misfit, count) in zip(conditions, trial.misfits, strict=True):
+    for place, (misfit, count) in zip(conditions, fitted.misfits, strict=True):
         runs = members[place]
         found.append(
             HeldOutRuns(

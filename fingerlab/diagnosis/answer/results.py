@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
-Verdict = Literal["nothing_missing", "missing_effect", "not_in_catalogue"]
+if TYPE_CHECKING:
+    from fingerlab.diagnosis.score.evidence import Verdict
 
 EQUATION_TITLES = {
     "mcp_torque": "MCP torque",

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from fingerlab.diagnosis.score.evidence import Evidence
-from fingerlab.diagnosis.score.fitted_model import Trial, own_keys
+from fingerlab.diagnosis.score.fitted_model import FittedModel, own_keys
+from fingerlab.diagnosis.settings import MOST_NAMED, Z90
 from fingerlab.effects.base import Effect, Row
 from fingerlab.models.file import ParameterEstimate
-
-Z90 = 1.645  # two-sided 90 % of a normal distribution
 
 SCREEN_UNITS = {
     "N m": (1e3, "mN m"),
@@ -26,24 +25,24 @@ SCREEN_UNITS = {
 """SI unit -> factor and unit in which a person reads it."""
 
 
-def deviations(trial: Trial, heat: float) -> dict[str, float]:
+def deviations(fitted: FittedModel, heat: float) -> dict[str, float]:
     """Standard deviation of every unknown, given what else is unknown; SI units."""
-    spread = trial.fit.deviations * np.sqrt(heat)
-    return dict(zip((u.key for u in trial.model.unknowns), (float(s) for s in spread), strict=True))
+    spread = fitted.fit.deviations * np.sqrt(heat)
+    return dict(zip((u.key for u in fitted.model.unknowns), (float(s) for s in spread), strict=True))
 
 
-def parameters(trial: Trial, effect: Effect, heat: float) -> dict[str, ParameterEstimate]:
+def parameters(fitted: FittedModel, effect: Effect, heat: float) -> dict[str, ParameterEstimate]:
     """The effect's parameters with 90 % intervals; a grid parameter's interval is to its neighbours."""
-    values = dict(zip((u.key for u in trial.model.unknowns), trial.fit.values, strict=True))
-    gains = {u.key: u.gain for u in trial.model.unknowns}
-    spread = deviations(trial, heat)
+    values = fitted.values
+    gains = {u.key: u.parameter for u in fitted.model.unknowns}
+    spread = deviations(fitted, heat)
     result = {}
-    for name, key in own_keys(trial, effect).items():
+    for name, key in own_keys(fitted, effect).items():
         gain, value = gains[key], float(values[key])
         low = max(gain.low, value - Z90 * spread[key])
         high = min(gain.high, value + Z90 * spread[key])
         result[name] = ParameterEstimate(value, gain.unit, low, high)
-    choice = next(c for c in trial.model.choices if c.effect is effect)
+    choice = next(c for c in fitted.choices if c.effect is effect)
     for name, unit in effect.shape_units.items():
         grid = sorted({float(s[name]) for s in effect.shapes})
         value = float(effect.shapes[choice.shape][name])
@@ -52,35 +51,31 @@ def parameters(trial: Trial, effect: Effect, heat: float) -> dict[str, Parameter
     return result
 
 
-def every_parameter(trial: Trial, heat: float) -> dict[str, ParameterEstimate]:
+def every_parameter(fitted: FittedModel, heat: float) -> dict[str, ParameterEstimate]:
     """All unknowns of the model by key, SI, with 90 % intervals that no bound cuts."""
-    spread = deviations(trial, heat)
+    spread = deviations(fitted, heat)
     return {
         u.key: ParameterEstimate(
-            float(v), u.gain.unit, float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
+            float(v), u.parameter.unit, float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
         )
-        for u, v in zip(trial.model.unknowns, trial.fit.values, strict=True)
+        for u, v in zip(fitted.model.unknowns, fitted.fit.values, strict=True)
     }
 
 
-def would_have_shown(trial: Trial, effect: Effect, least: float) -> str:
+def would_have_shown(fitted: FittedModel, effect: Effect, least: float) -> str:
     """The strength from which on an effect would have shown, in words; empty where none would.
 
     Args:
         least: multiple of its typical strength (see ``evidence.least_strength``).
     """
-    names = {key: name for name, key in own_keys(trial, effect).items()}
-    gains = {u.key: u.gain for u in trial.model.unknowns}
+    names = {key: name for name, key in own_keys(fitted, effect).items()}
+    gains = {u.key: u.parameter for u in fitted.model.unknowns}
     said = [
         f"{_title(effect, names[key])} {_amount(least * strength, gains[key].unit)}"
-        for key, strength in trial.reach.strengths.items()
+        for key, strength in fitted.sensitivity.strengths.items()
         if least * strength <= MOST_NAMED * max(abs(gains[key].high), abs(gains[key].low))
     ]
-    return " and ".join(said) if len(said) == len(trial.reach.strengths) else ""
-
-
-MOST_NAMED = 1.0
-"""A strength beyond this share of its plausible range is not named: none that is plausible would show."""
+    return " and ".join(said) if len(said) == len(fitted.sensitivity.strengths) else ""
 
 
 def _amount(value: float, unit: str) -> str:
@@ -102,33 +97,33 @@ def quantity(estimate: ParameterEstimate) -> str:
     return f"{round(value, digits):.{places}f} ± {round(half, digits):.{places}f}{shown}"
 
 
-def explanation(evidence: Evidence, trial: Trial, effect: Effect, shown: bool, least: float) -> str:
+def explanation(evidence: Evidence, fitted: FittedModel, effect: Effect, shown: bool, least: float) -> str:
     """One or two plain sentences with the evidence in numbers.
 
     Args:
         shown: whether it would have shown at a typical strength. least: the multiple of that from which on.
     """
-    fall = f"{evidence.base.score:.2f} to {trial.score:.2f} floors"
-    said = _said(trial, effect)
+    fall = f"{evidence.base.score:.2f} to {fitted.score:.2f} floors"
+    said = _said(fitted, effect)
     if not shown:
-        strength = would_have_shown(trial, effect, least)
+        strength = would_have_shown(fitted, effect, least)
         from_there = f" (it would have shown from {strength} on)" if strength else ""
         return (
             f"{said} These data could not show it at a plausible strength{from_there}; {effect.reveal} would."
         )
-    if trial.misfit > evidence.base.misfit * 0.98:
+    if fitted.misfit > evidence.base.misfit * 0.98:
         return f"{said} Nothing of that is seen: the held-out error goes from {fall}."
     numbers = [
         f"{_title(effect, name)} {quantity(p) if name not in effect.shape_units else _grid_value(p)}"
-        for name, p in parameters(trial, effect, evidence.temperature).items()
+        for name, p in parameters(fitted, effect, evidence.temperature).items()
     ]
     found = f" ({'; '.join(numbers)})" if numbers else ""
     return f"{said[:-1]}{found}. With it the held-out error goes from {fall}."
 
 
-def _said(trial: Trial, effect: Effect) -> str:
+def _said(fitted: FittedModel, effect: Effect) -> str:
     """The effect's sentence; a motor bench has no joints to speak of."""
-    on_bench = all(f.row == Row.BENCH for f in trial.model.layout.features)
+    on_bench = all(f.row == Row.BENCH for f in fitted.model.layout.features)
     return effect.explanation.replace(BOTH_JOINTS, ON_BENCH) if on_bench else effect.explanation
 
 

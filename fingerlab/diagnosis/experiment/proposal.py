@@ -12,55 +12,50 @@ between two rival models", 1965).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.columns import layout_of
 from fingerlab.diagnosis.equations.features import Layout
-from fingerlab.diagnosis.equations.model import CABLE_NAMES, Choice, Model, build
+from fingerlab.diagnosis.equations.model import Model, build
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
-from fingerlab.diagnosis.experiment.predicted_runs import DURATION_S, Proposal, menu
-from fingerlab.diagnosis.fit.noise import LEAST_TORQUE_SPREAD, torque_noise
+from fingerlab.diagnosis.experiment.predicted_runs import Proposal, menu
+from fingerlab.diagnosis.fit.noise import torque_noise
 from fingerlab.diagnosis.fit.solver import scaled_inverse
-from fingerlab.diagnosis.fit.weights import feature_weights, own_to_a_run
+from fingerlab.diagnosis.fit.weights import Weights, feature_weights, own_to_a_run
 from fingerlab.diagnosis.gram.decimation import decimated_columns
 from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums
 from fingerlab.diagnosis.score.evidence import Evidence, against_nothing
-from fingerlab.diagnosis.score.fitted_model import Trial, condition_weights, hidden_values
-from fingerlab.diagnosis.score.scorer import Study
-from fingerlab.diagnosis.score.selection import (
+from fingerlab.diagnosis.score.fitted_model import FittedModel, condition_weights, values_at_typical_strength
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.score.selection import by_what_is_left, left_for, small_excess
+from fingerlab.diagnosis.settings import (
     DECIDING_LOG_ODDS,
+    DECISIVE,
+    DURATION_S,
     LEAST_EXCESS,
     LEAST_FALL,
-    by_what_is_left,
-    left_for,
-    small_excess,
+    LEAST_PROBABILITY,
+    LEAST_SEPARATION,
+    LEAST_TORQUE_SPREAD,
+    LENGTHS_S,
+    LOOKING_ITERATIONS,
+    RIVALS,
+    SETTLING_S,
+    WEAKEST_PRIOR,
 )
 from fingerlab.diagnosis.signals.conditions import kind_of
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.diagnosis.signals.segments import SETTLING_S
 from fingerlab.effects.base import Effect, Row
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Session
 
-LEAST_SEPARATION = 0.2
-"""A run that is expected to bring less (nats) is not worth the operator's time."""
-RIVALS = 4
-"""So many effects of the set are separated from its first by one run; more are rarely left."""
-LOOK_ROUND = 3  # steps of a fit
-DECISIVE = 10.0
-"""A separation beyond this (nats) is worth no more: the effect is out of the set."""
-
-
-LENGTHS_S = (DURATION_S, 60.0)
-"""Lengths of a run, s; the longer one is proposed where the shorter would not decide. Assumed: an operator
-spends a minute on a question rather than come back with half an answer."""
-
 
 def propose(
-    sessions: Sequence[Session], study: Study, evidence: Evidence, chosen: Sequence[int]
+    sessions: Sequence[Session], scorer: Scorer, evidence: Evidence, chosen: Sequence[int]
 ) -> dict[str, Any] | None:
     """The proposed run as in ``cli.md``; None where nothing needs to be separated or nothing would.
 
@@ -69,12 +64,12 @@ def propose(
     """
     if len(chosen) < 2:
         return None
-    first, *rivals = [evidence.trials[i] for i in chosen[: 1 + RIVALS]]
-    runs = list(_runs(sessions, study, first, [first, *rivals]))
-    best: tuple[tuple[float, float], Proposal, Trial, float] | None = None
+    first, *rivals = [evidence.candidates[i] for i in chosen[: 1 + RIVALS]]
+    runs = list(_runs(sessions, scorer, first, [first, *rivals]))
+    best: tuple[tuple[float, float], Proposal, FittedModel, float] | None = None
     for seconds in LENGTHS_S:
         for proposal, run in _lasting(runs, seconds):
-            gains = [_expected(study, run, evidence, chosen[0], i) for i in chosen[1 : 1 + RIVALS]]
+            gains = [_expected(scorer, run, evidence, chosen[0], i) for i in chosen[1 : 1 + RIVALS]]
             worth = (sum(min(g, DECISIVE) for g in gains), min(gains))
             if best is None or worth > best[0]:
                 worst = int(np.argmin(gains))
@@ -84,25 +79,25 @@ def propose(
     if best is None or best[3] < LEAST_SEPARATION:
         return None
     _, proposal, rival, gain = best
-    return proposal.told([t.model.choices[-1].effect.id for t in (first, rival)], gain)
+    return proposal.to_json([t.last_effect.id for t in (first, rival)], gain)
 
 
 def reveal(
-    sessions: Sequence[Session], study: Study, evidence: Evidence, unseen: Sequence[int]
+    sessions: Sequence[Session], scorer: Scorer, evidence: Evidence, unseen: Sequence[int]
 ) -> dict[str, Any] | None:
     """The run that would show most of the effects that these data could not; None where none would.
 
     What is expected is told for the likeliest effect that the run would show at its typical strength.
     """
     base = evidence.base
-    unseen = [i for i in unseen if evidence.trials[i].reach.strengths][:RIVALS]
-    shares = [evidence.unseen[i] for i in unseen]
-    pairs = [_present_and_absent(study, base, evidence.trials[i]) for i in unseen]
-    runs = list(_runs(sessions, study, base, [p for p, _ in pairs]))
+    unseen = [i for i in unseen if evidence.candidates[i].sensitivity.strengths][:RIVALS]
+    shares = [evidence.undetected[i] for i in unseen]
+    pairs = [_present_and_absent(scorer, base, evidence.candidates[i]) for i in unseen]
+    runs = list(_runs(sessions, scorer, base, [p for p, _ in pairs]))
     best: tuple[float, Proposal, list[Shown]] | None = None
     for seconds in LENGTHS_S:
         for proposal, run in _lasting(runs, seconds):
-            gains = [_shown(study, run, evidence, i, *pair) for i, pair in zip(unseen, pairs, strict=True)]
+            gains = [_shown(scorer, run, evidence, i, *pair) for i, pair in zip(unseen, pairs, strict=True)]
             worth = sum(s * min(g.decides, DECISIVE) for s, g in zip(shares, gains, strict=True))
             if gains and (best is None or worth > best[0]):
                 best = worth, proposal, gains
@@ -114,17 +109,19 @@ def reveal(
     told = next((k for k, gain in enumerate(gains) if gain.decides >= DECIDING_LOG_ODDS), None)
     if told is None:
         return None
-    shown = pairs[told][0].model.choices[-1].effect.id
-    return proposal.told([shown, "nothing_missing"], gains[told].expected)
+    shown = pairs[told][0].last_effect.id
+    return proposal.to_json([shown, "nothing_missing"], gains[told].expected)
 
 
-def _present_and_absent(study: Study, base: Trial, trial: Trial) -> tuple[Trial, Trial]:
-    """The trial if its last effect were there at its typical strength and the rest hid it; and without it."""
-    without = study.fit_like(base.model.choices, trial, LOOK_ROUND)
-    known = dict(zip((u.key for u in without.model.unknowns), without.fit.values, strict=True))
-    start = np.array([known.get(u.key, 0.0) for u in trial.model.unknowns])
+def _present_and_absent(
+    scorer: Scorer, base: FittedModel, fitted: FittedModel
+) -> tuple[FittedModel, FittedModel]:
+    """The model if its last effect were there at its typical strength and the rest hid it; and without it."""
+    without = scorer.fit_same_law(base.choices, fitted, LOOKING_ITERATIONS)
+    known = without.values
+    start = np.array([known.get(u.key, 0.0) for u in fitted.model.unknowns])
     absent = replace(without, misfits=base.misfits)
-    return replace(trial, fit=replace(trial.fit, values=hidden_values(trial, start))), absent
+    return replace(fitted, fit=replace(fitted.fit, values=values_at_typical_strength(fitted, start))), absent
 
 
 @dataclass(frozen=True)
@@ -140,10 +137,12 @@ class Shown:
     expected: float
 
 
-def _shown(study: Study, run: Imagined, evidence: Evidence, i: int, truth: Trial, without: Trial) -> Shown:
-    """What the run would bring for trial ``i``; LEAST_FALL in the run's own condition decides."""
+def _shown(
+    scorer: Scorer, run: Imagined, evidence: Evidence, i: int, truth: FittedModel, without: FittedModel
+) -> Shown:
+    """What the run would bring for candidate ``i``; LEAST_FALL in the run's own condition decides."""
     base = evidence.base
-    gain = separation(study, run, truth, without, 1.0)
+    gain = separation(scorer.reduced, run, truth, without, 1.0)
     values = _values(run)
     counts = np.append(base.misfits[:, 1], values)
     needed = LEAST_FALL * float(counts.sum()) / float(condition_weights(counts)[-1])
@@ -151,13 +150,11 @@ def _shown(study: Study, run: Imagined, evidence: Evidence, i: int, truth: Trial
     usual, count = base.misfit / base.count, float(counts.sum())
     left = count * _after(base, run, usual, usual * values)
     misfit = count * _after(base, run, usual, usual * values + 2.0 * gain)
-    after = against_nothing(base, misfit, left, count) - np.log(len(evidence.trials))
-    before = np.log(max(float(evidence.unseen[i]), LEAST_SHARE) / max(evidence.nothing, LEAST_SHARE))
+    after = against_nothing(base, misfit, left, count) - np.log(len(evidence.candidates))
+    before = np.log(
+        max(float(evidence.undetected[i]), LEAST_PROBABILITY) / max(evidence.nothing, LEAST_PROBABILITY)
+    )
     return Shown(decides, float(after - before))
-
-
-LEAST_SHARE = 1e-12
-"""Probabilities are compared down to here."""
 
 
 def _values(run: Imagined) -> float:
@@ -165,7 +162,7 @@ def _values(run: Imagined) -> float:
     return EFFECTIVE_SHARE * run.group.equations * run.sums.samples
 
 
-def _after(like: Trial, run: Imagined, left: float, misfit: float) -> float:
+def _after(like: FittedModel, run: Imagined, left: float, misfit: float) -> float:
     """What a model leaves of each value with one more run, of which it leaves ``misfit``.
 
     Now it leaves ``left`` of each, in conditions as ``like`` has them.
@@ -175,18 +172,18 @@ def _after(like: Trial, run: Imagined, left: float, misfit: float) -> float:
     return float(misfits @ condition_weights(counts) / counts.sum())
 
 
-def _expected(study: Study, run: Imagined, evidence: Evidence, first: int, second: int) -> float:
+def _expected(scorer: Scorer, run: Imagined, evidence: Evidence, first: int, second: int) -> float:
     """Expected gain in the log odds of the one of two effects that is true, as likely as they are now."""
     shares = evidence.probabilities[[first, second]]
-    gains = [_gain(study, run, evidence, *ways) for ways in ((first, second), (second, first))]
-    return float(shares @ gains / max(float(shares.sum()), LEAST_SHARE))
+    gains = [_gain(scorer, run, evidence, *ways) for ways in ((first, second), (second, first))]
+    return float(shares @ gains / max(float(shares.sum()), LEAST_PROBABILITY))
 
 
-def _gain(study: Study, run: Imagined, evidence: Evidence, true: int, other: int) -> float:
+def _gain(scorer: Scorer, run: Imagined, evidence: Evidence, true: int, other: int) -> float:
     """Gain in the log odds of the true effect: by what its rival leaves, and by the constants it needs."""
-    truth, rival = evidence.trials[true], evidence.trials[other]
-    alone = run.group.on_bench and not any(g.on_bench for g in study.reduced.groups)
-    found = apart(study, run, _with_offsets(truth) if alone else truth, rival, evidence.temperature)
+    truth, rival = evidence.candidates[true], evidence.candidates[other]
+    alone = run.group.on_bench and not any(g.on_bench for g in scorer.reduced.groups)
+    found = apart(scorer.reduced, run, _with_offsets(truth) if alone else truth, rival, evidence.temperature)
     odds = evidence.log_odds[[true, other]]
     left = [left_for(float(one), evidence.least_left) for one in odds - odds.max()]
     usual = _values(run) * left[0]
@@ -195,42 +192,42 @@ def _gain(study: Study, run: Imagined, evidence: Evidence, true: int, other: int
         _after(truth, run, left[1], usual + found.left * evidence.temperature),
     ]
     gain = by_what_is_left(np.array(after)) - by_what_is_left(np.array(left))
-    return float(gain[0] - gain[1]) + (0.5 * found.zero + _constants(study, truth, rival) if alone else 0.0)
+    return float(gain[0] - gain[1]) + (0.5 * found.zero + _constants(scorer, truth, rival) if alone else 0.0)
 
 
-def _constants(study: Study, truth: Trial, rival: Trial) -> float:
+def _constants(scorer: Scorer, truth: FittedModel, rival: FittedModel) -> float:
     """Log odds that a first run of the motor alone brings by what the constants are known to be then."""
-    gain = 0.5 * (study.narrowed(rival) - study.narrowed(truth))
-    if rival.model.choices[-1].effect.offsets and not truth.model.choices[-1].effect.offsets:
-        gain += small_excess(rival, study.zero_spread) - small_excess(rival)
-    return gain + (small_excess(truth) if truth.model.choices[-1].effect.offsets else 0.0)
+    gain = 0.5 * (scorer.penalty_of_bench_run(rival) - scorer.penalty_of_bench_run(truth))
+    if rival.last_effect.offsets and not truth.last_effect.offsets:
+        gain += small_excess(rival, scorer.zero_spread) - small_excess(rival)
+    return gain + (small_excess(truth) if truth.last_effect.offsets else 0.0)
 
 
-def _with_offsets(trial: Trial) -> Trial:
-    """The trial with the constants of its last effect, which no run has told, as large as they may well be.
+def _with_offsets(fitted: FittedModel) -> FittedModel:
+    """The model with the constants of its last effect, which no run has told, as large as they may well be.
 
     If the effect is there, they are at least what one would speak of.
     """
-    effect, index = trial.model.choices[-1].effect, trial.model.index
-    values = trial.fit.values.copy()
+    effect, index = fitted.last_effect, fitted.model.index
+    values = fitted.fit.values.copy()
     for name in effect.offsets:
         place, under = index[f"{effect.id}.{name}"], index[f"{effect.id}.{effect.excess[name]}"]
-        size = np.hypot(values[place], trial.fit.deviations[place])
+        size = np.hypot(values[place], fitted.fit.deviations[place])
         size = np.clip(size, LEAST_EXCESS * values[under], values[under])
         values[place] = np.copysign(size, values[place])
-    return replace(trial, fit=replace(trial.fit, values=values))
+    return replace(fitted, fit=replace(fitted.fit, values=values))
 
 
 def _runs(
-    sessions: Sequence[Session], study: Study, like: Trial, trials: Sequence[Trial]
+    sessions: Sequence[Session], scorer: Scorer, like: FittedModel, candidates: Sequence[FittedModel]
 ) -> Iterator[tuple[Proposal, Imagined]]:
-    """Every run of the menu, as the model ``like`` would move, with the columns of all ``trials``."""
-    values = dict(zip((u.key for u in like.model.unknowns), map(float, like.fit.values), strict=True))
-    for proposal in menu(sessions, study.reduced, values):
+    """Every run of the menu, as the model ``like`` would move, with the columns of all ``candidates``."""
+    values = like.values
+    for proposal in menu(sessions, scorer.reduced, values):
         motion = proposal.motion
         yield (
             proposal,
-            imagine(sessions[0], motion, held_by(trials, motion), not study.reduced.on_bench),
+            imagine(sessions[0], motion, held_by(candidates, motion), not scorer.reduced.on_bench),
         )
 
 
@@ -242,10 +239,6 @@ def _lasting(
         yield replace(proposal, seconds=seconds), run.lasting(times)
 
 
-WEAKEST_PRIOR = 1e-4
-"""Weight of the prior, in the new run alone, of what nothing is known of: arms, offsets, gains of effects."""
-
-
 @dataclass(frozen=True)
 class Imagined:
     """A run that was not taken: its motion, and the sums over the signals that it would give."""
@@ -254,6 +247,15 @@ class Imagined:
     layout: Layout
     sums: Sums
     group: Group
+    models: dict[tuple[object, ...], Model] = field(default_factory=dict)
+
+    def model(self, fitted: FittedModel) -> Model:
+        """The model for this run alone, with those of its effects that act in it."""
+        choices = [c for c in fitted.choices if c.effect in self.layout.effects]
+        key = (fitted.model.tip_law, *((c.effect.id, c.shape) for c in choices))
+        if key not in self.models:
+            self.models[key] = build(self.layout, [self.group], choices, fitted.model.tip_law)
+        return self.models[key]
 
     def lasting(self, times: float) -> Imagined:
         """The same motion so many times as long, again and again: it tells so many times as much."""
@@ -284,16 +286,18 @@ class Apart:
     zero: float
 
 
-def separation(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) -> float:
+def separation(reduced: Reduced, run: Imagined, truth: FittedModel, rival: FittedModel, heat: float) -> float:
     """Expected gain in log evidence of ``truth`` over ``rival`` from one more run, at a temperature."""
-    found = apart(study, run, truth, rival, heat)
+    found = apart(reduced, run, truth, rival, heat)
     return 0.5 * (found.left + found.zero)
 
 
-def apart(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) -> Apart:
-    """What ``rival`` would leave of one more run if ``truth`` were true, over the temperature."""
-    right = build(run.layout, [run.group], _choices(truth, run), truth.model.tip_law)
-    wrong = build(run.layout, [run.group], _choices(rival, run), rival.model.tip_law)
+def apart(reduced: Reduced, run: Imagined, truth: FittedModel, rival: FittedModel, heat: float) -> Apart:
+    """What ``rival`` would leave of one more run if ``truth`` were true, over the temperature.
+
+    Both are seen under the weights of ``truth``.
+    """
+    right, wrong = run.model(truth), run.model(rival)
     values = values_in(wrong, rival)
     told, slopes = wrong.coefficients(values, run.group)
     wander = own_to_a_run(wrong, values, told, run.group)
@@ -305,7 +309,7 @@ def apart(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) 
     reach[np.searchsorted(every, wrong.active)] = slopes
     pick = run.layout.every[every]
     share = EFFECTIVE_SHARE / heat
-    products = run.sums.of(pick) * feature_weights(_weights(study, run), pick.rows) * share
+    products = run.sums.of(pick) * feature_weights(_weights(reduced, truth.weights, run), pick.rows) * share
     pull = gap @ products @ reach
     system = reach.T @ products @ reach
     old = len(wrong.unknowns)
@@ -320,14 +324,10 @@ def apart(study: Study, run: Imagined, truth: Trial, rival: Trial, heat: float) 
     return Apart(max(float(gap @ products @ gap - pull @ moved) - zero, 0.0), zero)
 
 
-def held_by(trials: Sequence[Trial], motion: Motion) -> list[Effect]:
+def held_by(candidates: Sequence[FittedModel], motion: Motion) -> list[Effect]:
     """Effects of all the models, each once, that act in such a run."""
-    every = {c.effect.id: c.effect for t in trials for c in t.model.choices}
+    every = {c.effect.id: c.effect for t in candidates for c in t.choices}
     return [e for e in every.values() if e.bench or motion.finger is not None]
-
-
-def _choices(trial: Trial, run: Imagined) -> list[Choice]:
-    return [c for c in trial.model.choices if c.effect in run.layout.effects]
 
 
 def _group(motion: Motion) -> Group:
@@ -336,13 +336,13 @@ def _group(motion: Motion) -> Group:
     )
 
 
-def _weights(study: Study, run: Imagined) -> Array:
+def _weights(reduced: Reduced, weights: Weights, run: Imagined) -> Array:
     """Weights of the group that the run would belong to, or of the most similar one there is."""
     key = run.group.key
-    if run.group.on_bench and key not in study.weights:
-        return _bench_weights(study.reduced)
-    same_kind = [w for k, w in study.weights.items() if k[1] == key[1]]
-    return study.weights.get(key, (same_kind or list(study.weights.values()))[0])
+    if run.group.on_bench and key not in weights:
+        return _bench_weights(reduced)
+    same_kind = [w for k, w in weights.items() if k[1] == key[1]]
+    return weights.get(key, (same_kind or list(weights.values()))[0])
 
 
 def _bench_weights(reduced: Reduced) -> Array:
@@ -352,24 +352,24 @@ def _bench_weights(reduced: Reduced) -> Array:
     return weights
 
 
-def values_in(model: Model, trial: Trial) -> Array:
-    """The trial's values for a model of another run; what it does not know starts at nothing."""
-    known = dict(zip((u.key for u in trial.model.unknowns), trial.fit.values, strict=True))
+def values_in(model: Model, fitted: FittedModel) -> Array:
+    """The model's values for a model of another run; what it does not know starts at nothing."""
+    known = fitted.values
     return np.array([known.get(u.key, start) for u, start in zip(model.unknowns, model.start(), strict=True)])
 
 
-def known_of(model: Model, trial: Trial, heat: float) -> Array:
+def known_of(model: Model, fitted: FittedModel, heat: float) -> Array:
     """What the old runs say of the rival's unknowns, (p, p); of those that they do not have, their range."""
-    old = {u.key: i for i, u in enumerate(trial.model.unknowns)}
+    old = {u.key: i for i, u in enumerate(fitted.model.unknowns)}
     size = len(model.unknowns)
     result = np.zeros((size, size))
     places = [(i, old[u.key]) for i, u in enumerate(model.unknowns) if u.key in old]
     mine, theirs = [p[0] for p in places], [p[1] for p in places]
     # Unknowns of the old runs that the new one lacks are integrated out, not held.
     if mine:
-        covariance = trial.fit.covariance[np.ix_(theirs, theirs)] * heat
+        covariance = fitted.fit.covariance[np.ix_(theirs, theirs)] * heat
         result[np.ix_(mine, mine)] = scaled_inverse(covariance)
     for i, unknown in enumerate(model.unknowns):
         if unknown.key not in old:
-            result[i, i] = (WEAKEST_PRIOR if unknown.open else 1.0) / unknown.gain.typical**2
+            result[i, i] = (WEAKEST_PRIOR if unknown.open else 1.0) / unknown.parameter.typical**2
     return result

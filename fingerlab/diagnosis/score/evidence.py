@@ -9,46 +9,54 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
-from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.selection import (
-    CONTACT_CHARGE,
-    CONTACT_SHARE,
-    DECIDING_LOG_ODDS,
-    among,
     charge,
     contact_charge,
     least_explained,
+    log_odds_among,
     temperature,
+)
+from fingerlab.diagnosis.settings import (
+    AS_LIKELY,
+    CONTACT_CHARGE,
+    CONTACT_SHARE,
+    DECIDING_LOG_ODDS,
+    IMPOSSIBLE,
+    MOST_ODDS,
+    MOST_UNDETECTED,
+    NOT_BORNE_OUT,
+    PRIOR_EFFECTS,
+    PRIOR_NOTHING,
+    PRIOR_UNKNOWN,
+    SET_LOG_ODDS,
+    SET_PROBABILITY,
+    STRONGEST,
+    UNKNOWN_LEAST,
+    UNKNOWN_LEAST_BEYOND,
+    UNKNOWN_SHARE,
+    WEAKEST,
 )
 from fingerlab.sessions.model import Array
 
-UNKNOWN_SHARE = 0.65
-"""An effect outside the catalogue is thought to explain this share of the misfit."""
-UNKNOWN_LEAST = 0.5
-"""... and is not thought of where the squared score is above one by less than about this: a misfit that small
-comes from what every bench does a little (rubbing at the fingertip, joints that stick)."""
-UNKNOWN_LEAST_BEYOND = 6.0
-"""The same for a model that holds an effect already, whose own law is never quite the plant's."""
-PRIOR_NOTHING, PRIOR_UNKNOWN, PRIOR_EFFECTS = 0.5, 0.05, 0.45
-SET_PROBABILITY = 0.95
-SET_LOG_ODDS = 3.0
-"""An effect is in the set when its log odds against the best are above minus this (odds of about 1 to 20)."""
-RUN_LOG_ODDS = float(np.log(100.0))
-"""A run is proposed until the best is a hundred times likelier than the next: what a law lacks, or a tip does
-that no law here tells, moves odds by several."""
+Verdict = Literal["nothing_missing", "missing_effect", "not_in_catalogue"]
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Judged hypotheses: the trials with their probabilities, and the two other verdicts."""
+    """Judged hypotheses: the candidates with their probabilities, and the two other verdicts.
 
-    base: Trial
-    trials: tuple[Trial, ...]
-    probabilities: Array  # (trials,)
-    log_odds: Array  # (trials,), against the best trial
+    A candidate is the ``base`` model with one effect more.
+    """
+
+    base: FittedModel
+    candidates: tuple[FittedModel, ...]
+    probabilities: Array  # (candidates,)
+    log_odds: Array  # (candidates,), against the best candidate
     nothing: float
     unknown: float
     temperature: float
@@ -56,11 +64,11 @@ class Evidence:
     """Log weights of an effect of the catalogue, nothing, and something unknown, (3,): also where the others
     are too unlikely beside one of them to have a probability."""
     least_left: float = 0.0
-    """Misfit of each value that the best trial left when all were judged; later it may be fitted closer."""
-    unseen: Array = field(default_factory=lambda: np.zeros(0))
-    """Probabilities of effects that are not found because they could not show, (trials,); see ``unseen``."""
+    """Misfit of each value that the best candidate left when all were judged; later one may fit closer."""
+    undetected: Array = field(default_factory=lambda: np.zeros(0))
+    """Probabilities of effects that are not found because they could not show, (candidates,)."""
     factors: Array = field(default_factory=lambda: np.zeros(0))
-    """How much likelier the data are with a plausible strength of each effect than with none, (trials,)."""
+    """How much likelier the data are with each effect at a plausible strength than without, (candidates,)."""
 
     @property
     def for_an_effect(self) -> float:
@@ -68,34 +76,47 @@ class Evidence:
         return float(self.logs[0] - self.logs[1])
 
     @property
-    def told(self) -> Array:
-        """Probability of each trial's last effect, seen or unseen, (trials,)."""
-        return self.probabilities + self.unseen if len(self.unseen) else self.probabilities
+    def posterior(self) -> Array:
+        """Probability of each candidate's last effect, found or not, (candidates,)."""
+        return self.probabilities + self.undetected if len(self.undetected) else self.probabilities
+
+    @property
+    def best(self) -> FittedModel:
+        """The likeliest candidate, if one of their effects is missing; there must be one."""
+        return self.candidates[int(np.argmax(self.log_odds))]
+
+    @property
+    def verdict(self) -> Verdict:
+        """The likeliest of the three answers."""
+        found = float(np.sum(self.probabilities))
+        if self.nothing >= max(found, self.unknown):
+            return "nothing_missing"
+        return "missing_effect" if found >= self.unknown else "not_in_catalogue"
 
 
-def judge(base: Trial, trials: Sequence[Trial]) -> Evidence:
-    """Probabilities of "nothing missing", of every trial's last effect, and of something unknown.
+def judge(base: FittedModel, candidates: Sequence[FittedModel]) -> Evidence:
+    """Probabilities of "nothing missing", of every candidate's last effect, and of something unknown.
 
     Args:
-        base: the model as given. trials: the model with one effect more, each; all scored on held-out runs
-            where they could matter.
+        base: the model as given. candidates: it with one effect more, each; all scored on held-out runs where
+            they could matter.
     """
     zero, count = max(base.misfit, 0.0), base.count
-    charged = np.array([t.misfit + charge(base, t) for t in trials])
-    heat = temperature(min((t.misfit for t in trials), default=zero), count)
-    in_contact = contact_charge(base, trials[int(np.argmin(charged))]) if len(trials) else 0.0
+    charged = np.array([t.misfit + charge(base, t) for t in candidates])
+    heat = temperature(min((t.misfit for t in candidates), default=zero), count)
+    in_contact = contact_charge(base, candidates[int(np.argmin(charged))]) if len(candidates) else 0.0
     tolerated = zero - least_explained(base, zero, count, in_contact)
-    effects = -0.5 * charged / heat + np.log(PRIOR_EFFECTS / max(len(trials), 1))
+    effects = -0.5 * charged / heat + np.log(PRIOR_EFFECTS / max(len(candidates), 1))
     nothing = -0.5 * tolerated / heat + np.log(PRIOR_NOTHING)
-    least_unknown = UNKNOWN_LEAST_BEYOND if base.model.choices else UNKNOWN_LEAST
+    least_unknown = UNKNOWN_LEAST_BEYOND if base.choices else UNKNOWN_LEAST
     unexplained = (1.0 - UNKNOWN_SHARE) * zero + least_unknown * count + 2 * DECIDING_LOG_ODDS * heat
     unknown = -0.5 * unexplained / heat + np.log(PRIOR_UNKNOWN)
     logs = np.array([np.logaddexp.reduce(effects), nothing, unknown])
-    log_odds = among(base, trials)
+    log_odds = log_odds_among(base, candidates)
     least_left = max(float(min(charged, default=zero)), 0.0) / max(count, 1.0)
     found, none, other = _shared(logs)
     shares = found * shares_of(log_odds)
-    return Evidence(base, tuple(trials), shares, log_odds, none, other, heat, logs, least_left)
+    return Evidence(base, tuple(candidates), shares, log_odds, none, other, heat, logs, least_left)
 
 
 def _shared(logs: Array) -> tuple[float, float, float]:
@@ -106,21 +127,15 @@ def _shared(logs: Array) -> tuple[float, float, float]:
 
 
 def shares_of(log_odds: Array) -> Array:
-    """Probability of each effect if one of them is missing, (trials,)."""
+    """Probability of each effect if one of them is missing, (candidates,)."""
     shares = np.exp(log_odds)
     return np.asarray(shares / max(float(shares.sum()), 1.0))
 
 
-def against_nothing(base: Trial, misfit: float, left: float, count: float) -> float:
+def against_nothing(base: FittedModel, misfit: float, left: float, count: float) -> float:
     """Log odds of one of many effects against none, by the misfit without it and with it."""
     fall = misfit - least_explained(base, misfit, count) - left
     return 0.5 * fall / temperature(left, count) + float(np.log(PRIOR_EFFECTS / PRIOR_NOTHING))
-
-
-IMPOSSIBLE = -700.0
-"""Log odds that leave no probability."""
-NOT_BORNE_OUT = 0.05
-"""Share of their probability that effects keep when adding the best of them is no justified step."""
 
 
 def distrusted(evidence: Evidence) -> Evidence:
@@ -137,16 +152,16 @@ def distrusted(evidence: Evidence) -> Evidence:
     )
 
 
-def borne_out(evidence: Evidence, last: Trial) -> Evidence:
+def borne_out(evidence: Evidence, last: FittedModel) -> Evidence:
     """The evidence when steps of which each is justified lead from the base to ``last``.
 
     What one effect leaves and others of the catalogue explain is no sign of something outside of it.
     """
-    beyond = len(last.model.choices) - len(evidence.base.model.choices) - 1
-    if beyond < 1 or not evidence.trials:
+    beyond = len(last.choices) - len(evidence.base.choices) - 1
+    if beyond < 1 or not evidence.candidates:
         return evidence
-    best = min(t.misfit for t in evidence.trials)
-    further = beyond * (np.log(PRIOR_EFFECTS / len(evidence.trials)) - DECIDING_LOG_ODDS)
+    best = min(t.misfit for t in evidence.candidates)
+    further = beyond * (np.log(PRIOR_EFFECTS / len(evidence.candidates)) - DECIDING_LOG_ODDS)
     gain = 0.5 * (best - last.misfit) / evidence.temperature + further
     if gain <= 0.0:
         return evidence
@@ -161,17 +176,15 @@ def beside_others(evidence: Evidence, beside: Evidence) -> Evidence:
 
     Those others are in the models of ``beside``, and are none of the answers.
     """
-    known = {
-        t.model.choices[-1].effect.id: odds for t, odds in zip(beside.trials, beside.log_odds, strict=True)
-    }
-    told = [known.get(t.model.choices[-1].effect.id, IMPOSSIBLE) for t in evidence.trials]
+    known = {t.last_effect.id: odds for t, odds in zip(beside.candidates, beside.log_odds, strict=True)}
+    told = [known.get(t.last_effect.id, IMPOSSIBLE) for t in evidence.candidates]
     log_odds = np.array(told) - max(told)
     shares = float(evidence.probabilities.sum()) * shares_of(log_odds)
     return replace(evidence, probabilities=shares, log_odds=log_odds)
 
 
 def alike(evidence: Evidence, least: float = -SET_LOG_ODDS) -> list[int]:
-    """Indices of the trials that these data cannot tell apart, best first: log odds not below ``least``."""
+    """Indices of candidates that these data cannot tell apart, best first: log odds not below ``least``."""
     order = np.argsort(-evidence.probabilities, kind="stable")
     total = evidence.probabilities.sum()
     chosen: list[int] = []
@@ -185,68 +198,57 @@ def alike(evidence: Evidence, least: float = -SET_LOG_ODDS) -> list[int]:
     return chosen
 
 
-WEAKEST, STRONGEST = 0.5, 2.0
-"""Multiples of its typical strength between which an effect that is there is thought to lie, evenly in their
-logarithm; assumed."""
-MOST_ODDS = float(np.exp(2.0))
-"""What is below a verdict's threshold speaks for an effect by at most this factor; assumed."""
-AS_LIKELY = np.exp(-1.0)
-"""An effect of which the data say that it is less likely by more than this factor has not stayed unseen."""
-MOST_UNSEEN = 0.95
-"""Effects that were not seen are together less likely than nothing."""
-
-
-def unseen(evidence: Evidence) -> Evidence:
+def with_undetected(evidence: Evidence) -> Evidence:
     """The evidence with a share for every effect that these data could not have shown.
 
     A cable that was never slack has shown that it was not.
     """
     base = evidence.base
     factors = []
-    for trial in evidence.trials:
-        if trial.model.choices[-1].effect.special == "slack":
+    for fitted in evidence.candidates:
+        if fitted.last_effect.special == "slack":
             factors.append(0.0)
         else:
-            fall = base.misfit_in_sample - trial.misfit_in_sample - charge(base, trial)
-            factors.append(bayes_factor(trial, fall, needed(evidence, trial)))
+            fall = base.misfit_in_sample - fitted.misfit_in_sample - charge(base, fitted)
+            factors.append(bayes_factor(fitted, fall, needed_fall(evidence, fitted)))
     prior = PRIOR_EFFECTS / max(len(factors), 1) / PRIOR_NOTHING
-    return with_unseen(evidence, factors, prior)
+    return share_undetected(evidence, factors, prior)
 
 
-def needed(evidence: Evidence, trial: Trial) -> float:
-    """By how much the misfit must fall for a trial's last effect to be told, beside the best model found."""
+def needed_fall(evidence: Evidence, fitted: FittedModel) -> float:
+    """By how much the misfit must fall for a candidate's effect to be told, beside the best model found."""
     base = evidence.base
-    remaining = min([base.misfit, *(t.misfit for t in evidence.trials)])
-    in_contact = CONTACT_CHARGE if _reaches_contact_alone(trial) else 0.0
+    remaining = min([base.misfit, *(t.misfit for t in evidence.candidates)])
+    in_contact = CONTACT_CHARGE if _reaches_contact_alone(fitted) else 0.0
     least = least_explained(base, remaining, base.count) + in_contact * base.count
     return max(least, 2.0 * DECIDING_LOG_ODDS * evidence.temperature)
 
 
-def _reaches_contact_alone(trial: Trial) -> bool:
-    falls = trial.reach.falls
-    return bool(len(falls)) and float(falls[trial.touching].sum()) > CONTACT_SHARE * float(falls.sum())
+def _reaches_contact_alone(fitted: FittedModel) -> bool:
+    falls = fitted.sensitivity.falls
+    return bool(len(falls)) and float(falls[fitted.in_contact].sum()) > CONTACT_SHARE * float(falls.sum())
 
 
-def with_unseen(evidence: Evidence, factors: Sequence[float], prior: float) -> Evidence:
+def share_undetected(evidence: Evidence, factors: Sequence[float], prior: float) -> Evidence:
     """The evidence with a share of "nothing missing" given to effects that the data could not have shown.
 
     Args:
-        factors: of every trial, its likelihood against that of nothing. prior: odds of one effect against
+        factors: of every candidate, its likelihood against that of nothing. prior: odds of one effect against
             nothing before anything was seen.
     """
     odds = np.minimum(prior * np.asarray(factors), 1.0)
-    odds *= min(1.0, MOST_UNSEEN / max(float(odds.sum()), 1e-300))
+    odds *= min(1.0, MOST_UNDETECTED / max(float(odds.sum()), 1e-300))
     nothing = evidence.nothing / (1.0 + float(odds.sum()))
-    return replace(evidence, nothing=nothing, unseen=odds * nothing, factors=np.asarray(factors))
+    return replace(evidence, nothing=nothing, undetected=odds * nothing, factors=np.asarray(factors))
 
 
-def bayes_factor(trial: Trial, fall: float, needed: float) -> float:
+def bayes_factor(fitted: FittedModel, fall: float, needed: float) -> float:
     """How much likelier what was seen is with the effect at a plausible strength than with nothing.
 
     The likelihood of a strength is taken as normal about the one that the ``fall`` of the misfit stands for,
     and as wide as makes the least strength that shows decide.
     """
-    least = least_strength(trial, needed)
+    least = least_strength(fitted, needed)
     if not np.isfinite(least):
         return 1.0
     width = 2.0 * DECIDING_LOG_ODDS / least**2
@@ -256,26 +258,26 @@ def bayes_factor(trial: Trial, fall: float, needed: float) -> float:
     return float(np.exp(np.minimum(log_likely, np.log(MOST_ODDS))).mean())
 
 
-def least_strength(trial: Trial, needed: float) -> float:
+def least_strength(fitted: FittedModel, needed: float) -> float:
     """The multiple of its typical strength from which on the last effect would have shown; may be inf.
 
     Args:
         needed: fall of the misfit that a verdict needs.
     """
-    shown = trial.fall_in_reach
+    shown = fitted.sensitive_fall
     return float(np.sqrt(needed / shown)) if shown > 0 else float("inf")
 
 
-def hidden(evidence: Evidence) -> list[int]:
-    """Indices of the trials whose effect could be there although no verdict says so, likeliest first.
+def undetectable(evidence: Evidence) -> list[int]:
+    """Indices of the candidates whose effect could be there although no verdict says so, likeliest first.
 
     These are effects of which the data speak rather for than against, and such as a typical strength of
     would not have shown and the data hardly speak against.
     """
-    order = np.argsort(-evidence.unseen, kind="stable")
+    order = np.argsort(-evidence.undetected, kind="stable")
     return [int(i) for i in order if evidence.factors[i] >= 1.0 or _could_hide(evidence, int(i))]
 
 
 def _could_hide(evidence: Evidence, i: int) -> bool:
-    trial = evidence.trials[i]
-    return evidence.factors[i] >= AS_LIKELY and least_strength(trial, needed(evidence, trial)) > 1.0
+    fitted = evidence.candidates[i]
+    return evidence.factors[i] >= AS_LIKELY and least_strength(fitted, needed_fall(evidence, fitted)) > 1.0

@@ -1,8 +1,9 @@
-"""A model with its fit and its scores, and what its last effect would do at its typical strength.
+"""A fitted model: its values, the weights under which it was fitted and scored, and its scores.
 
 The misfit of a model is counted in units of the repeatability floor: chi-square per independent value, after
-what noise alone would give has been taken away. It is reproducible by construction. A strength shows as far
-as the other unknowns cannot take its place.
+what noise alone would give has been taken away. It is reproducible by construction. A model's *sensitivity*
+is what its last effect would do to these data at its typical strength, as far as the other unknowns cannot
+take its place.
 """
 
 from __future__ import annotations
@@ -13,16 +14,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fingerlab.diagnosis.equations.features import BoolArray
-from fingerlab.diagnosis.equations.model import Model
+from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.fit.solver import Fit, Fitter, bounded_step
+from fingerlab.diagnosis.fit.weights import Weights
+from fingerlab.diagnosis.settings import CLEARLY_SHOWN
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Array
 
 
 @dataclass(frozen=True)
-class Reach:
-    """What the last effect of a trial would do at its typical strength.
+class Sensitivity:
+    """What the last effect of a model would do at its typical strength.
 
     Attributes:
         falls: by how much the misfit would fall with the effect, (conditions,); chi-square.
@@ -33,34 +36,57 @@ class Reach:
     strengths: Mapping[str, float]
 
 
-NO_REACH = Reach(np.zeros(0), {})
+NO_SENSITIVITY = Sensitivity(np.zeros(0), {})
 
 
 @dataclass(frozen=True)
-class Trial:
-    """A model with its fit and the misfit left on each run.
+class FittedModel:
+    """A model with its fit, the weights of that fit, and the misfit left on each run under them.
 
-    ``misfits`` holds one entry a condition of each group: (chi-square without noise, independent values);
-    from held-out runs where ``held_out`` is set.
+    Attributes:
+        weights: inverse covariance of the equations' noise under which it was fitted and scored.
+        misfits: one line a condition of each group, (conditions, 2): chi-square without noise, independent
+            values; from held-out runs where ``held_out`` is set; empty: not scored.
+        in_contact: which conditions press on the load cell, (conditions,).
+        in_sample: as ``misfits``, always of the fit to all runs; empty where it was not asked for.
+        residuals: mean products of the equations' residuals for each group, (5, 5) over ``Row``, noise
+            included; empty where it was not asked for.
+        widening: what it costs in twice the log density that sticking friction may hold any value at rest.
+        prior_penalty: what the constants of the joints' equations cost in twice the log density.
+        sensitivity: what the last effect would do; empty where it was not asked for.
     """
 
     model: Model
     fit: Fit
-    misfits: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (conditions, 2); empty: not counted
-    touching: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (conditions,): in contact
+    weights: Weights
+    misfits: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    in_contact: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     held_out: bool = False
     in_sample: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    """As ``misfits``, always of the fit to all runs: where trials are compared that are not all held out.
-
-    Empty where it was not asked for (see ``Study.told``)."""
     residuals: Mapping[GroupKey, Array] = field(default_factory=dict)
-    """Mean products of the equations' residuals for each group, (5, 5) over ``Row``, noise included."""
     widening: float = 0.0
-    """What it costs in twice the log density that sticking friction may hold any value at rest."""
-    surprise: float = 0.0
-    """What the constants of the joints' equations cost in twice the log density (see ``solver.surprise``)."""
-    reach: Reach = NO_REACH
-    """What the last effect would do at its typical strength (see ``Study.told``)."""
+    prior_penalty: float = 0.0
+    sensitivity: Sensitivity = NO_SENSITIVITY
+
+    @property
+    def choices(self) -> tuple[Choice, ...]:
+        """Its effects, each at a point of its grid, in the order in which they were added."""
+        return self.model.choices
+
+    @property
+    def effect_ids(self) -> list[str]:
+        """Ids of its effects."""
+        return [choice.effect.id for choice in self.model.choices]
+
+    @property
+    def last_effect(self) -> Effect:
+        """The effect that was added last; there must be one."""
+        return self.model.choices[-1].effect
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Value of every unknown by key, SI."""
+        return {u.key: float(v) for u, v in zip(self.model.unknowns, self.fit.values, strict=True)}
 
     @property
     def misfit(self) -> float:
@@ -71,7 +97,7 @@ class Trial:
     def misfit_in_contact(self) -> float:
         """The part of it that lies in contact."""
         weighted = self.misfits[:, 0] * condition_weights(self.misfits[:, 1])
-        return float(weighted[self.touching].sum())
+        return float(weighted[self.in_contact].sum())
 
     @property
     def misfit_in_sample(self) -> float:
@@ -79,11 +105,11 @@ class Trial:
         return float(self.in_sample[:, 0] @ condition_weights(self.in_sample[:, 1]))
 
     @property
-    def fall_in_reach(self) -> float:
+    def sensitive_fall(self) -> float:
         """By how much the misfit would fall with the last effect if it had its typical strength."""
-        if not len(self.reach.falls):
+        if not len(self.sensitivity.falls):
             return 0.0
-        return float(self.reach.falls @ condition_weights(self.misfits[:, 1]))
+        return float(self.sensitivity.falls @ condition_weights(self.misfits[:, 1]))
 
     @property
     def count(self) -> float:
@@ -111,75 +137,71 @@ def condition_weights(counts: Array) -> Array:
     return np.asarray(weights * counts.sum() / float(weights @ counts))
 
 
-CLEARLY_SHOWN = 0.5
-"""An effect whose typical strength changes the squared score by more than this is seen in any case."""
-
-
-def own_keys(trial: Trial, effect: Effect) -> dict[str, str]:
-    """Name of each of the effect's parameters -> key of the unknown, as far as the trial's model has it."""
+def own_keys(fitted: FittedModel, effect: Effect) -> dict[str, str]:
+    """Name of each of the effect's parameters -> key of the unknown, as far as the model has it."""
     if effect.special == "delay":
         return {"delay": "delay"}
     keys = {name: f"{effect.id}.{name}" for name in effect.gains} | {name: name for name in effect.relaxes}
-    return {name: key for name, key in keys.items() if key in trial.model.index}
+    return {name: key for name, key in keys.items() if key in fitted.model.index}
 
 
-def reach(fitter: Fitter, trial: Trial) -> Reach:
-    """What the trial's last effect would do at its typical strength, whichever of its gains shows best."""
-    if not trial.model.choices:
-        return NO_REACH
-    effect = trial.model.choices[-1].effect
-    names = [n for n in own_keys(trial, effect).items() if n[0] not in effect.offsets]
-    places = [trial.model.index[key] for _, key in names]
-    typical = np.array([trial.model.unknowns[i].gain.typical for i in places])
+def sensitivity(fitter: Fitter, fitted: FittedModel) -> Sensitivity:
+    """What the last effect would do at its typical strength, whichever of its gains shows best."""
+    if not fitted.choices:
+        return NO_SENSITIVITY
+    effect = fitted.last_effect
+    names = [n for n in own_keys(fitted, effect).items() if n[0] not in effect.offsets]
+    places = [fitted.model.index[key] for _, key in names]
+    typical = np.array([fitted.model.unknowns[i].parameter.typical for i in places])
     if not places:
-        return NO_REACH
+        return NO_SENSITIVITY
     patterns = list(np.diag(typical)) + ([typical] if len(places) > 1 else [])
-    best = NO_REACH
+    best = NO_SENSITIVITY
     for pattern in patterns:
-        falls = _falls(fitter, trial, _unbound(trial, places, pattern))
+        falls = _falls(fitter, fitted, _unbound(fitted, places, pattern))
         if falls.sum() < CLEARLY_SHOWN * fitter.data.count:
-            falls = _falls(fitter, trial, _moved(trial, trial.fit.values, places, pattern))
+            falls = _falls(fitter, fitted, _moved(fitted, fitted.fit.values, places, pattern))
         if not len(best.falls) or falls.sum() > best.falls.sum():
             strengths = {key: float(s) for (_, key), s in zip(names, pattern, strict=True) if s}
-            best = Reach(falls, strengths)
+            best = Sensitivity(falls, strengths)
     return best
 
 
-def _unbound(trial: Trial, places: list[int], strengths: Array) -> Array:
+def values_at_typical_strength(fitted: FittedModel, values: Array) -> Array:
+    """``values`` of the unknowns, (p,), without the last effect -> with the strengths of its sensitivity.
+
+    The other unknowns do about it what hides it best, within their bounds.
+    """
+    places = [fitted.model.index[key] for key in fitted.sensitivity.strengths]
+    strengths = np.array(list(fitted.sensitivity.strengths.values()))
+    moved = values + _moved(fitted, values, places, strengths)
+    return np.asarray(np.clip(moved, fitted.model.low, fitted.model.high))
+
+
+def _unbound(fitted: FittedModel, places: list[int], strengths: Array) -> Array:
     """As ``_moved``, but beyond the bounds of the others: what is seen then is seen the more within them."""
-    covariance = trial.fit.covariance
+    covariance = fitted.fit.covariance
     own = np.linalg.lstsq(covariance[np.ix_(places, places)], strengths, rcond=None)[0]
     return np.asarray(covariance[:, places] @ own)
 
 
-def hidden_values(trial: Trial, values: Array) -> Array:
-    """``values`` of the trial's unknowns, (p,), without its last effect -> with the strengths of its reach.
-
-    The other unknowns do about it what hides it best, within their bounds.
-    """
-    places = [trial.model.index[key] for key in trial.reach.strengths]
-    strengths = np.array(list(trial.reach.strengths.values()))
-    reached = values + _moved(trial, values, places, strengths)
-    return np.asarray(np.clip(reached, trial.model.low, trial.model.high))
-
-
-def _moved(trial: Trial, values: Array, places: list[int], strengths: Array) -> Array:
+def _moved(fitted: FittedModel, values: Array, places: list[int], strengths: Array) -> Array:
     """The strengths at their places, and what the other unknowns do about them within their bounds, (p,)."""
     start = np.zeros(len(values))
     start[places] = strengths
     own = np.zeros(len(start), dtype=bool)
     own[places] = True
-    low = np.where(own, start, np.minimum(trial.model.low - values, 0.0))
-    high = np.where(own, start, np.maximum(trial.model.high - values, 0.0))
-    information = trial.fit.information
+    low = np.where(own, start, np.minimum(fitted.model.low - values, 0.0))
+    high = np.where(own, start, np.maximum(fitted.model.high - values, 0.0))
+    information = fitted.fit.information
     return np.asarray(start + bounded_step(start, information @ start, information, low, high))
 
 
-def _falls(fitter: Fitter, trial: Trial, moved: Array) -> Array:
+def _falls(fitter: Fitter, fitted: FittedModel, moved: Array) -> Array:
     """Chi-square that ``moved`` unknowns stand for, (conditions,)."""
     falls = []
     for i, group in enumerate(fitter.data.groups):
-        change = trial.model.coefficients(trial.fit.values, group)[1] @ moved
+        change = fitted.model.coefficients(fitted.fit.values, group)[1] @ moved
         for condition in group.conditions:
             matrix = fitter.part(i, tuple(group.of_condition(condition))).matrix
             falls.append(max(float(change @ matrix @ change), 0.0))

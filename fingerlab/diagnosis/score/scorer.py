@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import BoolArray
 from fingerlab.diagnosis.equations.model import Choice, Model, build
 from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
 from fingerlab.diagnosis.fit.noise import (
@@ -24,119 +23,160 @@ from fingerlab.diagnosis.fit.noise import (
     noise_weights,
     row_covariance,
 )
-from fingerlab.diagnosis.fit.solver import Fit, Fitter, LeftOut, starting_arms, surprise
+from fingerlab.diagnosis.fit.solver import Fitter, LeftOut, starting_arms, surprise
 from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, change, own_to_a_run
 from fingerlab.diagnosis.gram.sums import Reduced
-from fingerlab.diagnosis.score.fitted_model import Trial, reach
+from fingerlab.diagnosis.score.fitted_model import FittedModel, sensitivity
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, SETTLED
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.sessions.model import Array
 
-FULL_ITERATIONS = 8
-"""A fit of so many iterations is meant to end, not to look round."""
-SETTLED = 0.05
-"""Weights that change by no larger share belong to their fit: a score then changes by some per mille."""
-MOST_ROUNDS = 8
 
+class Scorer:
+    """Fits and scores models on reduced sessions.
 
-@dataclass
-class Study:
-    """The reduced sessions, and the weights under which models are compared."""
+    What it is asked depends on its arguments alone: a fitted model brings the weights that it is scored
+    under. Only what follows from values is kept (models, and what scores one).
 
-    reduced: Reduced
-    weights: Weights = field(default_factory=dict)
-    arms: dict[str, float] = field(default_factory=dict)
-    touches: bool = False
-    models: dict[tuple[object, ...], Model] = field(default_factory=dict)
-    _scored: tuple[Weights, dict[int, tuple[Fit, Fitter]]] = field(default_factory=lambda: ({}, {}))
+    Attributes:
+        reduced: the sessions; their noise is filled in and limited here.
+        data: what a fit is shown of them.
+    """
 
-    def __post_init__(self) -> None:
-        self.arms = starting_arms(self.reduced.layout, self.reduced.groups)
-        fill_missing_noise(self.reduced)
+    def __init__(self, reduced: Reduced) -> None:
+        self.reduced = reduced
+        self._arms = starting_arms(reduced.layout, reduced.groups)
+        fill_missing_noise(reduced)
         with ThreadPoolExecutor() as threads:  # large matrices, for once: a core each
-            list(threads.map(limit_noise, self.reduced.groups))
-        if not self.weights:
-            self.weights = {g.key: first_weights() for g in self.reduced.groups}
-        self.data = Data(self.reduced.groups)
-        self.touches = any(g.in_contact for g in self.reduced.groups)
+            list(threads.map(limit_noise, reduced.groups))
+        self.data = Data(reduced.groups)
+        self._models: dict[tuple[object, ...], Model] = {}
+        self._fitters: dict[tuple[object, ...], Fitter] = {}
+        self._fitters_weights: tuple[bytes, ...] = ()
 
-    def start_values(self, model: Model, like: Trial | None = None) -> Array:
+    @property
+    def first_weights(self) -> Weights:
+        """Weights before anything is known of the noise."""
+        return {g.key: first_weights() for g in self.reduced.groups}
+
+    @property
+    def zero_spread(self) -> float:
+        """Spread of the current's zero, N m."""
+        return self.reduced.layout.nuisances[TORQUE_ZERO].typical
+
+    def model(self, choices: Sequence[Choice], law: str = "slides") -> Model:
+        """The model with these effects; built once, for most are fitted again under other weights."""
+        key = _model_key(law, choices)
+        if key not in self._models:
+            self._models[key] = build(self.reduced.layout, self.reduced.groups, choices, law)
+        return self._models[key]
+
+    def start_values(self, model: Model, like: FittedModel | None = None) -> Array:
         """Start of a fit: the values of ``like`` where they are shared, else arms from a regression."""
         values = model.start()
-        known = dict(self.arms)
+        known = dict(self._arms)
         if like is not None:
-            known |= dict(zip((u.key for u in like.model.unknowns), like.fit.values, strict=True))
+            known |= like.values
         for key, value in known.items():
             if key in model.index:
                 values[model.index[key]] = value
         return np.clip(values, model.low, model.high)
 
-    def fit(self, choices: Sequence[Choice], like: Trial | None = None, iterations: int = 10) -> Trial:
+    def fit(
+        self,
+        choices: Sequence[Choice],
+        like: FittedModel | None = None,
+        iterations: int = 10,
+        weights: Weights | None = None,
+    ) -> FittedModel:
         """Fit nominal model, nuisances and ``choices`` to all runs.
 
         A fit to the end takes the law of the tip that fits best, others that of ``like``.
+
+        Args:
+            like: where the fit starts. weights: those of ``like`` if not given, else the first ones.
         """
-        trial = self.fit_like(choices, like, iterations)
-        return trial if iterations < FULL_ITERATIONS else self.with_best_law(trial, iterations)
+        fitted = self.fit_same_law(choices, like, iterations, weights)
+        return fitted if iterations < FULL_ITERATIONS else self.with_best_law(fitted, iterations)
 
-    def fit_like(self, choices: Sequence[Choice], like: Trial | None, iterations: int) -> Trial:
-        """The same with the law of the tip that ``like`` has."""
-        return self._fit(choices, "slides" if like is None else like.model.tip_law, like, iterations)
+    def fit_same_law(
+        self,
+        choices: Sequence[Choice],
+        like: FittedModel | None,
+        iterations: int,
+        weights: Weights | None = None,
+    ) -> FittedModel:
+        """As :meth:`fit` with the law of the tip that ``like`` has."""
+        return self._fit(choices, "slides" if like is None else like.model.tip_law, like, iterations, weights)
 
-    def with_best_law(self, trial: Trial, iterations: int) -> Trial:
-        """The trial, or the same under another law of the tip if that fits better."""
-        if not self.touches:
-            return trial
-        laws = [law for law in TIP_LAWS if law != trial.model.tip_law]
-        others = [self._fit(trial.model.choices, law, trial, iterations) for law in laws]
-        return min([trial, *others], key=lambda t: t.fit.cost)
+    def with_best_law(self, fitted: FittedModel, iterations: int) -> FittedModel:
+        """The model, or the same under another law of the tip if that fits better."""
+        if not any(g.in_contact for g in self.reduced.groups):
+            return fitted
+        laws = [law for law in TIP_LAWS if law != fitted.model.tip_law]
+        others = [self._fit(fitted.choices, law, fitted, iterations) for law in laws]
+        return min([fitted, *others], key=lambda one: one.fit.cost)
 
-    def _fit(self, choices: Sequence[Choice], law: str, like: Trial | None, iterations: int) -> Trial:
+    def _fit(
+        self,
+        choices: Sequence[Choice],
+        law: str,
+        like: FittedModel | None,
+        iterations: int,
+        weights: Weights | None = None,
+    ) -> FittedModel:
+        if weights is None:
+            weights = self.first_weights if like is None else like.weights
         model = self.model(choices, law)
-        fit = Fitter(model, self.data, self.weights).run(self.start_values(model, like), iterations)
-        return Trial(model, fit)
+        fit = Fitter(model, self.data, weights).run(self.start_values(model, like), iterations)
+        return FittedModel(model, fit, weights)
 
-    def model(self, choices: Sequence[Choice], law: str = "slides") -> Model:
-        """The model with these effects; built once, for most are fitted again under other weights."""
-        key = (law, *((c.effect.id, c.shape) for c in choices))
-        if key not in self.models:
-            self.models[key] = build(self.reduced.layout, self.reduced.groups, choices, law)
-        return self.models[key]
+    def own_weights(self, fitted: FittedModel) -> Weights:
+        """Inverse of the noise covariance that the model's own features leave between cycles."""
+        return {g.key: noise_weights(fitted.model, fitted.fit.values, g) for g in self.reduced.groups}
 
-    def count(self, trial: Trial) -> Trial:
-        """The trial with its misfit on every group of runs, in sample."""
-        fitter = self._fitter(trial)
-        misfits = self._in_sample(fitter, trial)
-        return replace(
-            trial,
-            misfits=misfits,
-            in_sample=misfits,
-            touching=self._touching(),
-            held_out=False,
-            widening=fitter.widening,
-            surprise=self._surprise(trial),
-        )
+    def fit_reweighted(
+        self,
+        choices: Sequence[Choice],
+        like: FittedModel | None = None,
+        weights: Weights | None = None,
+    ) -> FittedModel:
+        """Fit and reweigh until the weights belong to the fit; it starts as :meth:`fit` does."""
+        fitted = self.fit(choices, like, weights=weights)
+        for _ in range(MOST_ROUNDS):
+            before = fitted.weights
+            fitted = self.fit(choices, fitted, weights=self.own_weights(fitted))
+            if change(before, fitted.weights) < SETTLED:
+                break
+        return fitted
 
-    def told(self, trial: Trial) -> Trial:
-        """A scored trial with what only an answer tells of it: its misfit in sample, and its effect's reach.
+    def deviance(self, fitted: FittedModel) -> float:
+        """Minus twice the log density of the data under a model and its own weights, up to a constant."""
+        return fitted.fit.cost + self.noise_deviance(fitted)
 
-        Under the weights that it was scored with.
+    def noise_deviance(self, fitted: FittedModel) -> float:
+        """Minus twice the log density that noise alone has under the model's weights, of all values.
+
+        What a misfit lacks for likelihoods under different weights to be comparable: a model that calls more
+        of its residual noise has a smaller misfit, and a lower density everywhere.
         """
-        fitter = self._fitter(trial)
-        in_sample = trial.in_sample if len(trial.in_sample) else self._in_sample(fitter, trial)
-        return replace(trial, in_sample=in_sample, reach=reach(fitter, trial))
+        result = 0.0
+        for group in self.reduced.groups:
+            exist = np.diag(fitted.weights[group.key]) > 0
+            weights = fitted.weights[group.key][np.ix_(exist, exist)]
+            noise = noise_covariance(fitted.model, fitted.fit.values, group)[np.ix_(exist, exist)]
+            each = float(np.trace(weights @ noise) - np.linalg.slogdet(weights)[1])
+            result += EFFECTIVE_SHARE * group.samples * each
+        return result
 
-    def _in_sample(self, fitter: Fitter, trial: Trial) -> Array:
-        """Chi-square without noise and independent values of each condition, (conditions, 2)."""
-        return np.array(
-            [
-                self._square(fitter, trial.fit.values, i, tuple(group.of_condition(c)))
-                for i, group in enumerate(self.reduced.groups)
-                for c in group.conditions
-            ]
-        )
+    def score_in_sample(self, fitted: FittedModel) -> FittedModel:
+        """The model with its misfit on every condition, by the fit to all runs."""
+        fitter = self._fitter(fitted)
+        misfits = self._in_sample(fitter, fitted)
+        return self._scored(fitted, fitter, misfits=misfits, in_sample=misfits, held_out=False)
 
-    def hold_out(self, trial: Trial, residuals: bool = False) -> Trial:
-        """The same model with every run scored by a fit that has not seen it.
+    def score_held_out(self, fitted: FittedModel, residuals: bool = False) -> FittedModel:
+        """The model with every run scored by a fit that has not seen it.
 
         The folds of one turn are left out together. A group with one run only is scored in sample. With
         ``residuals`` the equations' own residuals are kept too.
@@ -144,9 +184,9 @@ class Study:
         groups = self.reduced.groups
         scored: dict[tuple[int, int], list[tuple[float, float]]] = {}
         products = {g.key: np.zeros((5, 5)) for g in groups}
-        fitter = self._fitter(trial)
+        fitter = self._fitter(fitted)
         for turn in sorted({fold.turn for g in groups for fold in g.dealt}):
-            left = fitter.without(trial.fit.values, turn)
+            left = fitter.without(fitted.fit.values, turn)
             for i, group in enumerate(groups):
                 unseen = group.of_turn(turn)
                 for k, fold in enumerate(group.dealt):
@@ -154,78 +194,60 @@ class Study:
                         one = self._square(fitter, left.values, i, (k,), left if k in unseen else None)
                         scored.setdefault((i, fold.condition), []).append(one)
                         if residuals:
-                            products[group.key] += self._products(trial.model, left.values, i, k)
-        misfits = [np.sum(scored[i, c], axis=0) for i, g in enumerate(groups) for c in g.conditions]
-        means = {g.key: products[g.key] / max(g.samples, 1) for g in groups}
+                            products[group.key] += self._products(fitted.model, left.values, i, k)
+        misfits = np.array([np.sum(scored[i, c], axis=0) for i, g in enumerate(groups) for c in g.conditions])
+        means = {g.key: products[g.key] / max(g.samples, 1) for g in groups} if residuals else {}
+        found = self._scored(fitted, fitter, misfits=misfits, in_sample=np.zeros((0, 2)), held_out=True)
+        return replace(found, residuals=means)
+
+    def with_sensitivity(self, fitted: FittedModel) -> FittedModel:
+        """A scored model with what only an answer needs: its misfit in sample, and its sensitivity."""
+        fitter = self._fitter(fitted)
+        in_sample = fitted.in_sample if len(fitted.in_sample) else self._in_sample(fitter, fitted)
+        return replace(fitted, in_sample=in_sample, sensitivity=sensitivity(fitter, fitted))
+
+    def penalty_of_bench_run(self, fitted: FittedModel) -> float:
+        """By how much a run of the motor alone would add to the penalty of the model's constants."""
+        return self._prior_penalty(fitted, self.zero_spread) - self._prior_penalty(fitted)
+
+    def _scored(
+        self, fitted: FittedModel, fitter: Fitter, misfits: Array, in_sample: Array, held_out: bool
+    ) -> FittedModel:
         return replace(
-            trial,
-            misfits=np.array(misfits),
-            in_sample=np.zeros((0, 2)),
-            touching=self._touching(),
-            held_out=True,
-            residuals=means if residuals else {},
+            fitted,
+            misfits=misfits,
+            in_sample=in_sample,
+            in_contact=np.array([g.in_contact for g in self.reduced.groups for _ in g.conditions]),
+            held_out=held_out,
             widening=fitter.widening,
-            surprise=self._surprise(trial),
+            prior_penalty=self._prior_penalty(fitted),
         )
 
-    def _touching(self) -> BoolArray:
-        """Which conditions of all groups are in contact, (conditions,)."""
-        return np.array([g.in_contact for g in self.reduced.groups for _ in g.conditions])
-
-    def _surprise(self, trial: Trial, zero_spread: float | None = None) -> float:
+    def _prior_penalty(self, fitted: FittedModel, zero_spread: float | None = None) -> float:
         routings = {g.key[0] for g in self.reduced.groups if not g.in_contact}
-        return surprise(trial.model, trial.fit.values, self.reduced.radius, routings, zero_spread)
+        return surprise(fitted.model, fitted.fit.values, self.reduced.radius, routings, zero_spread)
 
-    def narrowed(self, trial: Trial) -> float:
-        """By how much a run of the motor alone would make the trial's constants more of a surprise."""
-        return self._surprise(trial, self.zero_spread) - self._surprise(trial)
+    def _fitter(self, fitted: FittedModel) -> Fitter:
+        """What scores the model; those under the last weights are kept, for an answer asks them again."""
+        weights = tuple(fitted.weights[g.key].tobytes() for g in self.reduced.groups)
+        if weights != self._fitters_weights:
+            self._fitters, self._fitters_weights = {}, weights
+        key = (*_model_key(fitted.model.tip_law, fitted.choices), fitted.fit.values.tobytes())
+        if key not in self._fitters:
+            fitter = Fitter(fitted.model, self.data, fitted.weights)
+            fitter.hold(fitted.fit.values)
+            self._fitters[key] = fitter
+        return self._fitters[key]
 
-    @property
-    def zero_spread(self) -> float:
-        """Spread of the current's zero, N m."""
-        return self.reduced.layout.nuisances[TORQUE_ZERO].typical
-
-    def _fitter(self, trial: Trial) -> Fitter:
-        """What scores the trial; kept while the weights stay, for what an answer tells asks it again."""
-        if self._scored[0] is not self.weights:
-            self._scored = self.weights, {}
-        known = self._scored[1]
-        if id(trial.fit) not in known:
-            fitter = Fitter(trial.model, self.data, self.weights)
-            fitter.hold(trial.fit.values)
-            known[id(trial.fit)] = trial.fit, fitter  # with the fit, so that its identity stays its own
-        return known[id(trial.fit)][1]
-
-    def reweigh(self, trial: Trial) -> None:
-        """Take the noise covariance that the trial's own features leave between cycles as the new weights."""
-        model, values = trial.model, trial.fit.values
-        self.weights = {g.key: noise_weights(model, values, g) for g in self.reduced.groups}
-
-    def settle(self, choices: Sequence[Choice], like: Trial | None = None) -> Trial:
-        """Fit and reweigh until the weights belong to the fit."""
-        trial = self.fit(choices, like)
-        for _ in range(MOST_ROUNDS):
-            before = self.weights
-            self.reweigh(trial)
-            trial = self.fit(choices, trial)
-            if change(before, self.weights) < SETTLED:
-                break
-        return trial
-
-    def level(self, trial: Trial) -> float:
-        """Twice the negative log density that noise alone has under the present weights, of all values.
-
-        What a misfit lacks for likelihoods under different weights to be comparable: a model that calls more
-        of its residual noise has a smaller misfit, and a lower density everywhere.
-        """
-        result = 0.0
-        for group in self.reduced.groups:
-            exist = np.diag(self.weights[group.key]) > 0
-            weights = self.weights[group.key][np.ix_(exist, exist)]
-            noise = noise_covariance(trial.model, trial.fit.values, group)[np.ix_(exist, exist)]
-            each = float(np.trace(weights @ noise) - np.linalg.slogdet(weights)[1])
-            result += EFFECTIVE_SHARE * group.samples * each
-        return result
+    def _in_sample(self, fitter: Fitter, fitted: FittedModel) -> Array:
+        """Chi-square without noise and independent values of each condition, (conditions, 2)."""
+        return np.array(
+            [
+                self._square(fitter, fitted.fit.values, i, tuple(group.of_condition(c)))
+                for i, group in enumerate(self.reduced.groups)
+                for c in group.conditions
+            ]
+        )
 
     def _square(
         self, fitter: Fitter, values: Array, i: int, part: FoldNumbers, left: LeftOut | None = None
@@ -253,6 +275,11 @@ class Study:
         if slack is not None and not model.slack_free:
             products = products + slack
         return row_covariance(model, values, group, products, 1.0)
+
+
+def _model_key(law: str, choices: Sequence[Choice]) -> tuple[object, ...]:
+    """What tells models on the same sessions apart."""
+    return (law, *((c.effect.id, c.shape) for c in choices))
 
 
 def explained(own: Array, h: Array, sums: Weighted) -> float:

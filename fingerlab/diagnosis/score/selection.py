@@ -16,88 +16,81 @@ from collections.abc import Sequence
 import numpy as np
 
 from fingerlab.diagnosis.equations.features import BoolArray
-from fingerlab.diagnosis.score.fitted_model import Trial
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.settings import (
+    CONTACT_CHARGE,
+    CONTACT_SHARE,
+    CORRELATED_VALUES,
+    COST_OF_A_GAIN,
+    DECIDING_LOG_ODDS,
+    EARNED_SHARE,
+    EXCESS_SPREAD,
+    LEAST_DIFFERENCE,
+    LEAST_EXCESS,
+    LEAST_FALL,
+    LEAST_FALL_BEYOND,
+    LEAST_SHARE,
+    MUCH,
+    NEXT_SHARE,
+    SYSTEMATIC_VALUES,
+    USUAL_LEFT,
+)
 from fingerlab.sessions.model import Array
 
-CORRELATED_VALUES = 16.0
-"""Independent noise values within one correlation time (about a second) of a systematic misfit; assumed."""
-EARNED_SHARE = 0.001
-"""Share of the explained misfit that every further unknown gains by chance and bias."""
-LEAST_SHARE = 0.2
-"""A missing effect must explain this share of the reproducible misfit, or nothing is missing."""
-LEAST_FALL = 0.05
-"""... and lower the squared score by this much: below, the misfit is a matter of sensor steps."""
-LEAST_FALL_BEYOND = 0.2
-"""The same for a model that holds an effect already: its own law is never quite the plant's."""
-CONTACT_CHARGE = 0.1
-"""... and by this much more where it explains runs in contact alone: how a tip rubs and settles is never
-described to the end, and a lean of the force takes up what is left."""
-CONTACT_SHARE = 0.6
-"""An effect of whose gain this share lies in contact explains the contact."""
-NEXT_SHARE = 0.4
-"""A second effect must explain more of what is left: the first one's own law is never quite the plant's
-(where a joint sticks, say), and a partner that only mends that law is not missing physics."""
-DECIDING_LOG_ODDS = 5.0
-"""Log odds that decide (about 150 to 1)."""
-MUCH = 1.0
-"""Squared score above one that no bench leaves (``USUAL_LEFT``) and no nearly right law (about 0.5)."""
-NEARLY_RIGHT = 0.4
-"""Squared score above one up to which several effects together are taken for right; assumed."""
 
+def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0) -> bool:
+    """Whether adding the model's last effect to ``base`` is a step that the held-out runs bear out.
 
-def justified(base: Trial, trial: Trial, level: float = 0.0) -> bool:
-    """Whether adding the trial's last effect to ``base`` is a step that the held-out runs bear out.
-
-    ``level`` is added to the trial's misfit where the two are seen under different weights. That a further
+    ``level`` is added to the model's misfit where the two are seen under different weights. That a further
     effect lowers the floor makes it likelier, but explains nothing of what the first one left.
     """
-    fall = base.misfit - trial.misfit - level
-    explained = min(fall, fall + level) if base.model.choices else fall
-    heat = temperature(trial.misfit, trial.count)
-    in_contact = contact_charge(base, trial)
-    likely = 0.5 * (fall - charge(base, trial) - in_contact * trial.count) / heat > DECIDING_LOG_ODDS
+    fall = base.misfit - fitted.misfit - level
+    explained = min(fall, fall + level) if base.choices else fall
+    heat = temperature(fitted.misfit, fitted.count)
+    in_contact = contact_charge(base, fitted)
+    likely = 0.5 * (fall - charge(base, fitted) - in_contact * fitted.count) / heat > DECIDING_LOG_ODDS
     return bool(likely and explained > least_explained(base, base.misfit, base.count, in_contact))
 
 
-def idle_steps(steps: Sequence[Trial]) -> list[int]:
+def idle_steps(steps: Sequence[FittedModel]) -> list[int]:
     """Numbers of the steps of a path that the one before does not justify; 0 is the model as given."""
     return [k for k in range(1, len(steps)) if not justified(steps[k - 1], steps[k])]
 
 
-def least_fall(base: Trial) -> float:
+def least_fall(base: FittedModel) -> float:
     """By how much the misfit must fall for an effect beyond ``base`` to be worth a step."""
     return least_explained(base, base.misfit, base.count)
 
 
-def least_explained(base: Trial, misfit: float, count: float, in_contact: float = 0.0) -> float:
+def least_explained(base: FittedModel, misfit: float, count: float, in_contact: float = 0.0) -> float:
     """What an effect beyond ``base`` must explain of a misfit of ``count`` values.
 
     Args:
         in_contact: see :func:`contact_charge`.
     """
-    beyond = bool(base.model.choices)
+    beyond = bool(base.choices)
     least = (LEAST_FALL_BEYOND if beyond else LEAST_FALL) + in_contact
     return max((NEXT_SHARE if beyond else LEAST_SHARE) * misfit, least * count)
 
 
-def freedom(trial: Trial) -> int:
-    """Unknowns that the trial's last effect brings: gains, and one for a grid of shapes."""
-    effect = trial.model.choices[-1].effect
-    gains = len(trial.model.last_gains) - len(effect.offsets)  # what the losses could be explains no misfit
+def freedom(fitted: FittedModel) -> int:
+    """Unknowns that the model's last effect brings: gains, and one for a grid of shapes."""
+    effect = fitted.last_effect
+    gains = len(fitted.model.last_gains) - len(effect.offsets)  # what the losses could be explains no misfit
     return gains + len(effect.relaxes) + (1 if len(effect.shapes) > 3 else 0)
 
 
-def charge(base: Trial, trial: Trial) -> float:
-    """What is added to a trial's misfit for the unknowns that its last effect brings."""
-    earned = EARNED_SHARE * freedom(trial) * max(max(base.misfit, 0.0) - trial.misfit, 0.0)
-    return earned + max(trial.widening - base.widening, 0.0)
+def charge(base: FittedModel, fitted: FittedModel) -> float:
+    """What is added to a model's misfit for the unknowns that its last effect brings."""
+    earned = EARNED_SHARE * freedom(fitted) * max(max(base.misfit, 0.0) - fitted.misfit, 0.0)
+    return earned + max(fitted.widening - base.widening, 0.0)
 
 
-def contact_charge(base: Trial, trial: Trial) -> float:
+def contact_charge(base: FittedModel, fitted: FittedModel) -> float:
     """By how much more the squared score must fall for an effect that explains runs in contact alone."""
-    if trial.model.choices[-1].effect.phases == ("contact",):
+    if fitted.last_effect.phases == ("contact",):
         return CONTACT_CHARGE
-    fall, there = base.misfit - trial.misfit, base.misfit_in_contact - trial.misfit_in_contact
+    fall, there = base.misfit - fitted.misfit, base.misfit_in_contact - fitted.misfit_in_contact
     return CONTACT_CHARGE if fall > 0 and there > CONTACT_SHARE * fall else 0.0
 
 
@@ -106,48 +99,31 @@ def temperature(misfit: float, count: float) -> float:
     return 1.0 + CORRELATED_VALUES * max(misfit, 0.0) / max(count, 1.0)
 
 
-def much_left(trial: Trial, much: float = MUCH) -> bool:
+def much_left(fitted: FittedModel, much: float = MUCH) -> bool:
     """Whether a model leaves so much that something is missing for certain."""
-    return trial.misfit > much * trial.count
+    return fitted.misfit > much * fitted.count
 
 
-SYSTEMATIC_VALUES = 16.0
-"""Independent values that a session's systematic misfit is worth, however long it is: what no model explains
-is the same in every run. Found on blind trials of the simulated bench for odds by the ratio of whole scores;
-the present form was chosen on such trials, too, and is not cross-validated."""
-USUAL_LEFT = 0.14
-"""Squared score, above one, that every model leaves of a bench (bench-plain's); it tells nothing."""
-LEAST_DIFFERENCE = 0.02
-"""Two models whose squared scores differ by less than this leave the same."""
-COST_OF_A_GAIN = 0.5
-"""Log odds that a further unknown must overcome."""
-LEAST_EXCESS = 0.2
-"""Share of a friction by which that at low speed is usually larger at least where one speaks of Stribeck's;
-assumed. The unevenness of a simple law of friction is taken up by a smaller one."""
-EXCESS_SPREAD = 0.3
-"""How far below it may lie, one standard deviation of its logarithm; assumed."""
-
-
-def among(base: Trial, trials: Sequence[Trial]) -> Array:
-    """Log odds of the effects among each other, against the best, (trials,): if one of them, then which?
+def log_odds_among(base: FittedModel, candidates: Sequence[FittedModel]) -> Array:
+    """Log odds of the effects among each other, against the best, (candidates,): if one of them, then which?
 
     What the best of them leaves beyond the usual is systematic, the error of its law, and the other laws have
     errors of unknown size, too: the odds go by how many times as much a model leaves, not by the difference.
     """
-    if not trials:
+    if not candidates:
         return np.zeros(0)
-    left = np.array([max(t.misfit + charge(base, t), 0.0) / max(t.count, 1.0) for t in trials])
+    left = np.array([max(t.misfit + charge(base, t), 0.0) / max(t.count, 1.0) for t in candidates])
     log = by_what_is_left(left)
-    log -= COST_OF_A_GAIN * np.array([freedom(t) for t in trials])
-    log -= 0.5 * np.array([t.surprise for t in trials])
-    log -= np.array([small_excess(t) for t in trials])
-    log[idle(base, trials)] -= 2.0 * DECIDING_LOG_ODDS
+    log -= COST_OF_A_GAIN * np.array([freedom(t) for t in candidates])
+    log -= 0.5 * np.array([t.prior_penalty for t in candidates])
+    log -= np.array([small_excess(t) for t in candidates])
+    log[idle(base, candidates)] -= 2.0 * DECIDING_LOG_ODDS
     return np.asarray(log - log.max())
 
 
-def idle(base: Trial, trials: Sequence[Trial]) -> BoolArray:
-    """Which effects explain so little that they would not be missing if they were alone, (trials,)."""
-    falls = np.array([base.misfit - t.misfit - charge(base, t) for t in trials])
+def idle(base: FittedModel, candidates: Sequence[FittedModel]) -> BoolArray:
+    """Which effects explain so little that they would not be missing if they were alone, (candidates,)."""
+    falls = np.array([base.misfit - t.misfit - charge(base, t) for t in candidates])
     return falls < least_fall(base)
 
 
@@ -168,20 +144,20 @@ def left_for(log_odds: float, least: float) -> float:
     return least + _law_error(np.array([least])) * float(np.expm1(-2.0 * log_odds / SYSTEMATIC_VALUES))
 
 
-def small_excess(trial: Trial, zero_spread: float | None = None) -> float:
+def small_excess(fitted: FittedModel, zero_spread: float | None = None) -> float:
     """Log odds against a last effect whose excess is so small that the simpler effect would be named.
 
     ``zero_spread``: as it would be if a constant were there to none but this spread (N m).
     """
-    effect = trial.model.choices[-1].effect
+    effect = fitted.last_effect
     if not effect.excess:
         return 0.0
-    index = trial.model.index
+    index = fitted.model.index
     names = [(index[f"{effect.id}.{a}"], index[f"{effect.id}.{b}"]) for a, b in effect.excess.items()]
-    extra = sum(abs(float(trial.fit.values[a])) for a, _ in names)
-    under = sum(abs(float(trial.fit.values[b])) for _, b in names)
+    extra = sum(abs(float(fitted.fit.values[a])) for a, _ in names)
+    under = sum(abs(float(fitted.fit.values[b])) for _, b in names)
     if effect.offsets:
-        spread = sum(float(trial.fit.deviations[a]) for a, _ in names)
+        spread = sum(float(fitted.fit.deviations[a]) for a, _ in names)
         if zero_spread is not None:
             extra, spread = 0.0, 1.0 / np.hypot(1.0 / spread, 1.0 / zero_spread)
         return min(-_log_beyond(LEAST_EXCESS * under, extra, spread), 2.0 * DECIDING_LOG_ODDS)

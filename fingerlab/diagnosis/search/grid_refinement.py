@@ -11,7 +11,7 @@ point.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
@@ -19,55 +19,60 @@ from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.weights import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
-from fingerlab.diagnosis.score.fitted_model import Trial
-from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Study
-from fingerlab.diagnosis.score.selection import USUAL_LEFT, among, idle_steps, justified, least_fall
-from fingerlab.diagnosis.search.next_effect import refine, weigh
-from fingerlab.diagnosis.search.path import LONGEST_PATH, STEP_PROMISE, density, forward, worth_adding
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.score.selection import idle_steps, justified, least_fall, log_odds_among
+from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all
+from fingerlab.diagnosis.search.path import forward_selection, worth_adding
+from fingerlab.diagnosis.settings import (
+    FULL_ITERATIONS,
+    LONGEST_PATH,
+    LOOKING_ITERATIONS,
+    MOST_RIVALS,
+    ROUNDS,
+    STEP_GAIN,
+    USUAL_LEFT,
+)
 from fingerlab.effects.base import Effect, Shape
 
-LOOKING_ITERATIONS = 3
-ROUNDS = 2
-"""Times that the shapes of several effects are gone through, each given the others'."""
 
-
-def settled(study: Study, effects: Sequence[Effect]) -> Trial:
+def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:
     """All effects in, each at the point of its grid that fits best beside the others; own weights."""
-    trial = study.settle([])
+    fitted = scorer.fit_reweighted([])
     for one in effects:
-        choices = list(trial.model.choices)
-        shapes = [study.fit([*choices, Choice(one, i)], trial, 3) for i in range(len(one.shapes))]
-        trial = refine(study, min(shapes, key=lambda t: t.fit.cost))
-        trial = study.settle(trial.model.choices, trial)
-    return _at_best_shapes(study, trial, ROUNDS) if len(effects) > 1 else trial
+        choices = list(fitted.choices)
+        shapes = [scorer.fit([*choices, Choice(one, i)], fitted, 3) for i in range(len(one.shapes))]
+        fitted = climb_grid(scorer, min(shapes, key=lambda m: m.fit.cost))
+        fitted = scorer.fit_reweighted(fitted.choices, fitted)
+    return _at_best_shapes(scorer, fitted) if len(effects) > 1 else fitted
 
 
-def closely(
+def fit_refined(
     reduction: Reduction,
     effects: Sequence[Effect],
     watch: Watch = SILENT,
-) -> tuple[Study, Trial]:
-    """All effects in, settled on their grids and then looked at again; own weights.
+) -> tuple[Scorer, FittedModel]:
+    """All effects in, fitted on their grids and then between the points; own weights.
 
     Raises:
         UserError: an effect does not apply to these runs, or a run cannot be read.
         Cancelled: the user asked for it.
     """
-    study = Study(reduction.of(effects, watch))
+    scorer = Scorer(reduction.of(effects, watch))
     for one in effects:
-        if one not in study.reduced.layout.effects:
+        if one not in scorer.reduced.layout.effects:
             raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
-    trial = settled(study, effects)
-    if not worth_a_look(trial.model.choices):
-        return study, trial
-    return look_again(reduction, trial.model.choices, watch)
+    fitted = fit_effects(scorer, effects)
+    if not can_refine(fitted.choices):
+        return scorer, fitted
+    return refine_grid(reduction, fitted.choices, watch)
 
 
-def look_again(
+def refine_grid(
     reduction: Reduction,
     found: Sequence[Choice],
     watch: Watch = SILENT,
-) -> tuple[Study, Trial]:
+) -> tuple[Scorer, FittedModel]:
     """The effects at the best of the shapes around those found, under their own model's weights.
 
     Args:
@@ -76,103 +81,172 @@ def look_again(
     Raises:
         Cancelled: the user asked for it.
     """
-    closer = [_closer(c) for c in found]
-    study = Study(reduction.closer(closer, watch))
-    places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(closer, found, strict=True)]
-    trial = study.settle([Choice(e, i) for e, i in zip(closer, places, strict=True)])
-    return study, _at_best_shapes(study, trial, ROUNDS)
+    finer = [_finer(c) for c in found]
+    scorer = Scorer(reduction.closer(finer, watch))
+    places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, found, strict=True)]
+    fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)])
+    return scorer, _at_best_shapes(scorer, fitted)
 
 
-def _at_best_shapes(study: Study, trial: Trial, rounds: int) -> Trial:
-    """The trial with every effect at the shape that fits best beside the others."""
-    several = [k for k, c in enumerate(trial.model.choices) if len(c.effect.shapes) > 1]
-    for _ in range(rounds if len(several) > 1 else 1):
+def _at_best_shapes(scorer: Scorer, fitted: FittedModel) -> FittedModel:
+    """The model with every effect at the shape that fits best beside the others."""
+    several = [k for k, c in enumerate(fitted.choices) if len(c.effect.shapes) > 1]
+    for _ in range(ROUNDS if len(several) > 1 else 1):
         for k in several:
-            trial = _best_shape(study, trial, k)
-    return trial
+            fitted = _best_shape(scorer, fitted, k)
+    return fitted
 
 
-def look_again_along(
+def _best_shape(scorer: Scorer, fitted: FittedModel, k: int) -> FittedModel:
+    """The model with its effect ``k`` at the shape that fits best, under the weights of that model."""
+    for _ in range(2):  # the weights that come with the best shape may prefer another one
+        before = fitted.choices[k].shape
+        found = min(_other_shapes(scorer, fitted, k), key=lambda m: m.fit.cost)
+        fitted = scorer.fit_reweighted(found.choices, found)
+        if found.choices[k].shape == before:
+            break
+    return fitted
+
+
+def _other_shapes(scorer: Scorer, fitted: FittedModel, k: int) -> list[FittedModel]:
+    """The model with its effect ``k`` at each of its shapes."""
+    before, effect, after = fitted.choices[:k], fitted.choices[k].effect, fitted.choices[k + 1 :]
+    return [
+        scorer.fit_same_law([*before, Choice(effect, i), *after], fitted, LOOKING_ITERATIONS)
+        for i in range(len(effect.shapes))
+    ]
+
+
+def refine_path(
     reduction: Reduction,
-    path: Sequence[Trial],
+    path: Sequence[FittedModel],
     watch: Watch = SILENT,
-) -> tuple[Study, list[Trial]]:
-    """A path of models, each held out, with the shapes of a second look; steps that it spares drop out.
+) -> tuple[Scorer, list[FittedModel]]:
+    """A path of models, each held out, with refined shapes; steps that it spares drop out.
 
     A step of fewer effects has them at the shapes that they have beside the others.
     """
     chosen = list(path)
     while True:
-        study, last = look_again(reduction, chosen[-1].model.choices, watch)
-        by_id = {c.effect.id: c for c in last.model.choices}
-        kept = [[by_id[c.effect.id] for c in step.model.choices if c.effect.id in by_id] for step in chosen]
-        steps = [study.hold_out(study.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
+        scorer, last = refine_grid(reduction, chosen[-1].choices, watch)
+        by_id = {c.effect.id: c for c in last.choices}
+        kept = [[by_id[name] for name in step.effect_ids if name in by_id] for step in chosen]
+        steps = [scorer.score_held_out(scorer.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
         idle = idle_steps(steps)
-        if not idle and len(steps) > 2 and _mends_a_shape(study, steps):
+        if not idle and len(steps) > 2 and _mends_a_shape(scorer, steps):
             idle = [len(steps) - 1]
         if not idle or idle[0] == 1:
-            return study, steps
+            return scorer, steps
         chosen = chosen[: idle[0]]
 
 
-def _mends_a_shape(study: Study, steps: Sequence[Trial]) -> bool:
+def _mends_a_shape(scorer: Scorer, steps: Sequence[FittedModel]) -> bool:
     """Whether the last effect does no more than other shapes of the earlier ones would."""
     shorter = steps[-2]
-    for k, choice in enumerate(shorter.model.choices):
-        others = shorter.model.choices[:k], shorter.model.choices[k + 1 :]
-        tried = [
-            study.fit_like([*others[0], Choice(choice.effect, i), *others[1]], shorter, LOOKING_ITERATIONS)
-            for i in range(len(choice.effect.shapes))
-        ]
-        shorter = min(tried, key=lambda t: t.fit.cost)
-    shorter = study.hold_out(study.fit(shorter.model.choices, shorter, FULL_ITERATIONS))
-    return not (justified(shorter, steps[-1]) and worth_adding(study, shorter, steps[-1]))
+    for k in range(len(shorter.choices)):
+        shorter = min(_other_shapes(scorer, shorter, k), key=lambda m: m.fit.cost)
+    shorter = scorer.score_held_out(scorer.fit(shorter.choices, shorter, FULL_ITERATIONS))
+    return not (justified(shorter, steps[-1]) and worth_adding(scorer, shorter, steps[-1]))
 
 
-def look_beyond(
+def extend_path(
     reduction: Reduction,
     catalogue: Sequence[Effect],
-    path: Sequence[Trial],
+    path: Sequence[FittedModel],
     watch: Watch,
-) -> tuple[Study, list[Trial]] | None:
-    """The path with steps that show only beside the closer shapes of the effects on it; None: there are none.
+) -> tuple[Scorer, list[FittedModel]] | None:
+    """The path with steps that show only beside the refined shapes of its effects; None: there are none.
 
     Returns:
-        As ``look_again_along``.
+        As ``refine_path``.
 
     Raises:
         Cancelled: the user asked for it.
     """
-    given = closest(path[-1])
-    study = Study(reduction.of(shaped_like(catalogue, given), watch))
-    effects = study.reduced.layout.effects
-    base = study.hold_out(settled(study, given))
-    evidence = weigh(study, base, effects, watch, STEP_PROMISE * least_fall(base))
+    given = at_found_shapes(path[-1])
+    scorer = Scorer(reduction.of(with_shapes_of(catalogue, given), watch))
+    effects = scorer.reduced.layout.effects
+    base = scorer.score_held_out(fit_effects(scorer, given))
+    evidence = judge_all(scorer, base, effects, watch, STEP_GAIN * least_fall(base))
     most = LONGEST_PATH - (len(path) - 1)
-    found = forward(study, evidence, effects, len(given), watch, most)
+    found = forward_selection(scorer, evidence, effects, len(given), watch, most)
     if len(found) == 1:
         return None
-    first = len(path[0].model.choices)
-    fewer = [study.fit(found[0].model.choices[:k], found[0]) for k in range(first, len(given))]
-    return look_again_along(reduction, [*fewer, *found], watch)
+    first = len(path[0].choices)
+    fewer = [scorer.fit(found[0].choices[:k], found[0]) for k in range(first, len(given))]
+    return refine_path(reduction, [*fewer, *found], watch)
 
 
-def closest(trial: Trial) -> list[Effect]:
+def break_ties(
+    reduction: Reduction,
+    scorer: Scorer,
+    evidence: Evidence,
+    weights: Weights,
+    watch: Watch,
+) -> Evidence:
+    """The evidence with the odds of effects that are alike on their grids as refined shapes give them.
+
+    Args:
+        weights: from which effects without other shapes are reweighted.
+
+    Raises:
+        Cancelled: the user asked for it.
+    """
+    tied = worth_untying(evidence)
+    if not tied:
+        return evidence
+    refined: list[tuple[Scorer, FittedModel]] = []
+    for candidate in (evidence.candidates[i] for i in tied):
+        if can_refine(candidate.choices):
+            refined.append(refine_grid(reduction, candidate.choices, watch))
+        else:
+            alone = scorer.fit_reweighted(candidate.choices, candidate, weights)
+            refined.append((scorer, alone))
+            weights = alone.weights
+    # All are scored in the floors of the likeliest.
+    floors = min((by.deviance(fitted), k) for k, (by, fitted) in enumerate(refined))[1]
+    under = refined[floors][1].weights
+    scored = [
+        by.score_held_out(by.fit(fitted.choices, fitted, FULL_ITERATIONS, under)) for by, fitted in refined
+    ]
+    return untied(evidence, tied, scored)
+
+
+def worth_untying(evidence: Evidence) -> list[int]:
+    """Indices of the likeliest candidates that are alike; none where refined shapes cannot tell them apart.
+
+    So where one is alone, where the best leaves no more than every model does, or where no shape of any is
+    left to look at.
+    """
+    tied = alike(evidence)[:MOST_RIVALS]
+    alone = len(tied) < 2 or evidence.least_left <= USUAL_LEFT
+    return [] if alone or not any(can_refine(evidence.candidates[i].choices) for i in tied) else tied
+
+
+def untied(evidence: Evidence, tied: Sequence[int], refined: Sequence[FittedModel]) -> Evidence:
+    """The evidence with the odds of the ``tied`` candidates by what they leave at their refined shapes."""
+    log_odds = evidence.log_odds.copy()
+    log_odds[tied] = log_odds_among(evidence.base, refined)
+    found = float(evidence.probabilities.sum())
+    return replace(evidence, log_odds=log_odds, probabilities=found * shares_of(log_odds))
+
+
+def at_found_shapes(fitted: FittedModel) -> list[Effect]:
     """The model's effects, each with the one shape that was found as its grid."""
-    return [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in trial.model.choices]
+    return [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in fitted.choices]
 
 
-def shaped_like(catalogue: Sequence[Effect], found: Sequence[Effect]) -> list[Effect]:
+def with_shapes_of(catalogue: Sequence[Effect], found: Sequence[Effect]) -> list[Effect]:
     """The catalogue with the effects that were found in place of their namesakes."""
     return [next((f for f in found if f.id == e.id), e) for e in catalogue]
 
 
-def worth_a_look(choices: Sequence[Choice]) -> bool:
+def can_refine(choices: Sequence[Choice]) -> bool:
     """Whether any of the effects has shapes between the points of its grid."""
-    return any(len(_closer(c).shapes) > 1 for c in choices)
+    return any(len(_finer(c).shapes) > 1 for c in choices)
 
 
-def _closer(choice: Choice) -> Effect:
+def _finer(choice: Choice) -> Effect:
     """The effect with the shapes around the one found, which is among them."""
     effect = choice.effect
     if not len(effect.shapes):
@@ -190,85 +264,3 @@ def _place(shapes: Sequence[Shape], wanted: Shape) -> int:
 
 def _same(one: Shape, other: Shape) -> bool:
     return all(abs(one.get(k, 0.0) - other.get(k, 0.0)) < 1e-9 for k in {*one, *other})
-
-
-def _best_shape(study: Study, trial: Trial, k: int) -> Trial:
-    """The trial with its effect ``k`` at the shape that fits best, under the weights of that model."""
-    choices = list(trial.model.choices)
-    effect = choices[k].effect
-
-    def at(shape: int) -> list[Choice]:
-        return [*choices[:k], Choice(effect, shape), *choices[k + 1 :]]
-
-    for _ in range(2):  # the weights that come with the best shape may prefer another one
-        tried = [study.fit_like(at(i), trial, LOOKING_ITERATIONS) for i in range(len(effect.shapes))]
-        found = min(tried, key=lambda t: t.fit.cost)
-        same = found.model.choices[k].shape == choices[k].shape
-        trial = study.settle(found.model.choices, found)
-        choices = list(trial.model.choices)
-        if same:
-            break
-    return trial
-
-
-MOST_RIVALS = 3
-"""So many of a set are looked at again, the likeliest first."""
-
-
-def looked_at_closely(
-    reduction: Reduction,
-    study: Study,
-    evidence: Evidence,
-    watch: Watch,
-) -> Evidence:
-    """The evidence with the odds of the best effects among each other as a second look at each finds them.
-
-    Unchanged where one is alone, where the best leaves no more than every model does, or where no shape of
-    any is left to look at.
-
-    Raises:
-        Cancelled: the user asked for it.
-    """
-    rivals = alike(evidence)[:MOST_RIVALS]
-    trials = [evidence.trials[i] for i in rivals]
-    if len(rivals) < 2 or evidence.least_left <= USUAL_LEFT:
-        return evidence
-    if not any(worth_a_look(t.model.choices) for t in trials):
-        return evidence
-    log_odds = evidence.log_odds.copy()
-    log_odds[rivals] = among(evidence.base, _seen_closely(reduction, study, trials, watch))
-    found = float(evidence.probabilities.sum())
-    return replace(evidence, log_odds=log_odds, probabilities=found * shares_of(log_odds))
-
-
-@dataclass(frozen=True)
-class _Look:
-    """A trial as a second look finds it: in which study, with its own weights, and its density there."""
-
-    study: Study
-    trial: Trial
-    weights: Weights
-    density: float
-
-
-def _seen_closely(reduction: Reduction, study: Study, trials: Sequence[Trial], watch: Watch) -> list[Trial]:
-    """Every trial as a second look finds it, held out, all in the floors of the likeliest."""
-    kept = study.weights
-    looks = [_look(reduction, study, trial, watch) for trial in trials]
-    likeliest = min(looks, key=lambda look: look.density)
-    seen = [_scored(look, likeliest.weights) for look in looks]
-    study.weights = kept
-    return seen
-
-
-def _look(reduction: Reduction, study: Study, trial: Trial, watch: Watch) -> _Look:
-    if worth_a_look(trial.model.choices):
-        study, trial = look_again(reduction, trial.model.choices, watch)
-    else:
-        trial = study.settle(trial.model.choices, trial)
-    return _Look(study, trial, study.weights, density(study, trial))
-
-
-def _scored(look: _Look, weights: Weights) -> Trial:
-    look.study.weights = weights
-    return look.study.hold_out(look.study.fit(look.trial.model.choices, look.trial, FULL_ITERATIONS))

@@ -1,4 +1,4 @@
-"""The way from the model as given to all that is missing: effect after effect, while each is borne out."""
+"""The path from the model as given to all that is missing: effect after effect, while each is borne out."""
 
 from __future__ import annotations
 
@@ -10,229 +10,228 @@ from fingerlab.core.progress import Watch
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.weights import Weights
 from fingerlab.diagnosis.score.evidence import Evidence, alike
-from fingerlab.diagnosis.score.fitted_model import Trial
-from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Study
-from fingerlab.diagnosis.score.selection import (
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.score.selection import idle_steps, justified, least_fall, log_odds_among, much_left
+from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid, judge_all, readjust_shapes
+from fingerlab.diagnosis.settings import (
+    FRONT,
+    FULL_ITERATIONS,
+    LONGEST_PATH,
     NEXT_SHARE,
-    among,
-    idle_steps,
-    justified,
-    least_fall,
-    much_left,
+    RUNNERS_UP,
+    SCREEN_ITERATIONS,
+    STEP_GAIN,
 )
-from fingerlab.diagnosis.search.next_effect import FRONT, SCREEN_ITERATIONS, Sketch, refine, reshape, weigh
 from fingerlab.effects.base import Effect
 
-LONGEST_PATH = 4
-"""At most this many effects are added."""
-STEP_PROMISE = 0.25
-"""An effect that promises less than this share of what a further step must reach is no candidate for it."""
-RUNNERS_UP = 2
-"""So many other beginnings are tried where a way ends with much left."""
 
-
-def forward(
-    study: Study,
+def forward_selection(
+    scorer: Scorer,
     first: Evidence,
     effects: Sequence[Effect],
     keep: int,
     watch: Watch,
     most: int = LONGEST_PATH,
-) -> list[Trial]:
+) -> list[FittedModel]:
     """The model as given, then with each effect worth adding; all held out, under the last step's weights.
 
-    At ``most`` so many are added. Where much is left at the end, one effect may have stood for two: the way
+    At ``most`` so many are added. Where much is left at the end, one effect may have stood for two: the path
     then begins with one of the next best instead, if that leads further.
+
+    Args:
+        first: every effect judged beside the model as given, which holds ``keep`` of them.
     """
-    weights = study.weights
-    found = _walked(study, first, effects, keep, watch, most)
+    found = _forward(scorer, first, effects, keep, watch, most)
     if most > 1 and len(found) > 1 and much_left(found[-1]):
-        ends = [(density(study, found[-1]), found, study.weights)]
+        ends = [(scorer.deviance(found[-1]), found)]
         for begin in _runners_up(first, found[1]):
-            study.weights = weights
-            settled = study.hold_out(study.settle(begin.model.choices, begin))
-            other = _walked(study, first, effects, keep, watch, most, settled)
+            settled = scorer.score_held_out(scorer.fit_reweighted(begin.choices, begin))
+            other = _forward(scorer, first, effects, keep, watch, most, settled)
             if other[-1].misfit < (1.0 - NEXT_SHARE) * found[-1].misfit:
-                ends.append((density(study, other[-1]), other, study.weights))
-        _, found, study.weights = min(ends, key=lambda end: end[0])
+                ends.append((scorer.deviance(other[-1]), other))
+        _, found = min(ends, key=lambda end: end[0])
     return found
 
 
-def density(study: Study, trial: Trial) -> float:
-    """Minus twice the log density of the data under a model and its own weights, up to a constant."""
-    return trial.fit.cost + study.level(trial)
+def _runners_up(evidence: Evidence, taken: FittedModel) -> list[FittedModel]:
+    """The candidates that leave least after the one that was taken."""
+    others = [c for c in evidence.candidates if c.last_effect.id not in taken.effect_ids]
+    return sorted(others, key=lambda c: c.misfit)[:RUNNERS_UP]
 
 
-def _runners_up(evidence: Evidence, taken: Trial) -> list[Trial]:
-    """The trials that leave least after the one that was taken."""
-    held = {c.effect.id for c in taken.model.choices}
-    others = [t for t in evidence.trials if t.model.choices[-1].effect.id not in held]
-    return sorted(others, key=lambda t: t.misfit)[:RUNNERS_UP]
-
-
-def _walked(
-    study: Study,
+def _forward(
+    scorer: Scorer,
     first: Evidence,
     effects: Sequence[Effect],
     keep: int,
     watch: Watch,
     most: int,
-    begin: Trial | None = None,
-) -> list[Trial]:
-    """The way from ``first`` by the best effect at each step, or by ``begin`` at the first.
+    begin: FittedModel | None = None,
+) -> list[FittedModel]:
+    """The path from ``first`` by the best effect at each step, or by ``begin`` at the first.
 
     Two effects may hide each other: seen through one of them alone, what the other does can pass for noise.
     A step that is not borne out by itself is therefore kept for a while where much is left to explain, and
     stands if a later one bears it out.
     """
-    steps, weights = [first.base], [study.weights]
+    present = (begin or first.base).weights  # those under which a model was fitted last
+    steps, weights = [first.base], [present]
     sound = 1  # so many of the steps are borne out
     rivals: dict[str, list[Effect]] = {}
     evidence = first
-    while len(steps) <= most and evidence.trials:
+    while len(steps) <= most and evidence.candidates:
         if evidence.for_an_effect <= 0.0:
             break
-        best = evidence.trials[int(np.argmax(evidence.log_odds))]
-        best = begin if begin is not None and len(steps) == 1 else best
+        best = begin if begin is not None and len(steps) == 1 else evidence.best
         if not justified(evidence.base, best):
             break
-        borne_out = worth_adding(study, steps[sound - 1], best)
+        borne_out = worth_adding(scorer, steps[sound - 1], best)
         if not (borne_out or much_left(best)):
             break
-        chosen = drop_idle(study, best, keep)
-        if len(chosen.model.choices) > 1:
-            chosen = reshape(study, chosen)
+        chosen = eliminate_backward(scorer, best, keep)
+        if len(chosen.choices) > 1:
+            chosen = readjust_shapes(scorer, chosen)
+        present = chosen.weights
         steps.append(chosen)
-        weights.append(study.weights)
-        rivals[best.model.choices[-1].effect.id] = _rivals(evidence)
+        weights.append(present)
+        rivals[best.last_effect.id] = _rivals(evidence)
         sound = len(steps) if borne_out else sound
         if len(steps) > most:
             break
-        watch.tell(0.5, f"looking beyond {best.model.choices[-1].effect.title.lower()}")
-        evidence = weigh(study, chosen, effects, watch, STEP_PROMISE * least_fall(chosen))
-    steps, weights = _straight(study, steps[:sound], weights[:sound], keep)
+        watch.tell(0.5, f"looking beyond {best.last_effect.title.lower()}")
+        evidence = judge_all(scorer, chosen, effects, watch, STEP_GAIN * least_fall(chosen))
+        present = evidence.base.weights
+    kept = one_more_each(steps[:sound], keep)
+    if kept is None:
+        present = weights[sound - 1]
+        steps = _refitted_steps(scorer, steps[sound - 1], keep)
+        weights = [present] * len(steps)
+    else:
+        steps, weights = [steps[k] for k in kept], [weights[k] for k in kept]
     if len(steps) > 2:
         every = effects if much_left(steps[-1]) else ()
-        steps, weights = _exchanged(study, steps[-1], keep, rivals, every) or (steps, weights)
-    return _borne_out(study, steps, weights)
+        exchanged = _exchanged(scorer, steps[-1], present, keep, rivals, every)
+        if exchanged is not None:
+            steps, weights = exchanged, [step.weights for step in exchanged]
+    return _justified_steps(scorer, steps, weights)
 
 
-def _straight(
-    study: Study, steps: Sequence[Trial], weights: Sequence[Weights], keep: int
-) -> tuple[list[Trial], list[Weights]]:
-    """The way, one effect more at each step, without steps to effects that the end has made needless."""
-    choices = steps[-1].model.choices
-    last = {c.effect.id for c in choices}
-    kept = [k for k, step in enumerate(steps) if last.issuperset(c.effect.id for c in step.model.choices)]
-    if len(kept) == len(choices) - keep + 1:
-        return [steps[k] for k in kept], [weights[k] for k in kept]
-    study.weights = weights[-1]
-    return _one_by_one(study, steps[-1], keep), [weights[-1]] * (len(choices) - keep + 1)
+def one_more_each(steps: Sequence[FittedModel], keep: int) -> list[int] | None:
+    """Numbers of the steps to effects that the end still holds; None where those are not one effect apart."""
+    end = steps[-1]
+    kept = [k for k, step in enumerate(steps) if set(end.effect_ids).issuperset(step.effect_ids)]
+    return kept if len(kept) == len(end.choices) - keep + 1 else None
 
 
-def _one_by_one(study: Study, end: Trial, keep: int) -> list[Trial]:
-    """The way to a model with its effects in the order that they have in it."""
-    choices, sizes = end.model.choices, range(keep, len(end.model.choices) + 1)
-    return [study.hold_out(study.fit(choices[:k], end, FULL_ITERATIONS)) for k in sizes]
+def _refitted_steps(scorer: Scorer, end: FittedModel, keep: int) -> list[FittedModel]:
+    """The path to a model with its effects in the order that they have in it."""
+    sizes = range(keep, len(end.choices) + 1)
+    return [scorer.score_held_out(scorer.fit(end.choices[:k], end, FULL_ITERATIONS)) for k in sizes]
 
 
-def worth_adding(study: Study, base: Trial, best: Trial) -> bool:
+def worth_adding(scorer: Scorer, base: FittedModel, best: FittedModel) -> bool:
     """Whether the step is justified with either model seen under its own weights.
 
     A model may not earn its own floor: what it calls noise has to be paid for in density.
     """
-    kept, gained = study.weights, study.level(best)
-    study.settle(base.model.choices, base)
-    before = study.hold_out(study.fit(base.model.choices, base, FULL_ITERATIONS))
-    gained -= study.level(before)
-    study.weights = kept
+    settled = scorer.fit_reweighted(base.choices, base, best.weights)
+    before = scorer.score_held_out(scorer.fit(base.choices, base, FULL_ITERATIONS, settled.weights))
+    gained = scorer.noise_deviance(best) - scorer.noise_deviance(before)
     return justified(before, best, gained)
 
 
-def drop_idle(study: Study, trial: Trial, keep: int) -> Trial:
-    """The trial without effects, beyond the first ``keep``, that later ones have made needless."""
-    choices = list(trial.model.choices)
+def eliminate_backward(scorer: Scorer, fitted: FittedModel, keep: int) -> FittedModel:
+    """The model without effects, beyond the first ``keep``, that later ones have made needless."""
+    choices = list(fitted.choices)
     for choice in list(choices[keep:-1]):
         without = [c for c in choices if c is not choice]
-        smaller = study.hold_out(study.fit(without, trial, FULL_ITERATIONS))
-        reordered = study.hold_out(study.fit([*without, choice], trial, FULL_ITERATIONS))
+        smaller = scorer.score_held_out(scorer.fit(without, fitted, FULL_ITERATIONS))
+        reordered = scorer.score_held_out(scorer.fit([*without, choice], fitted, FULL_ITERATIONS))
         if not justified(smaller, reordered):
             choices = without
-    if len(choices) == len(trial.model.choices):
-        return trial
-    return study.hold_out(study.fit(choices, trial, FULL_ITERATIONS))
+    if len(choices) == len(fitted.choices):
+        return fitted
+    return scorer.score_held_out(scorer.fit(choices, fitted, FULL_ITERATIONS))
 
 
 def _rivals(evidence: Evidence) -> list[Effect]:
     """Effects that were hardly told from the one that was taken, itself left out."""
-    return [evidence.trials[i].model.choices[-1].effect for i in alike(evidence)[: FRONT + 1]][1:]
+    return [evidence.candidates[i].last_effect for i in alike(evidence)[: FRONT + 1]][1:]
 
 
 def _exchanged(
-    study: Study, last: Trial, keep: int, rivals: Mapping[str, Sequence[Effect]], every: Sequence[Effect] = ()
-) -> tuple[list[Trial], list[Weights]] | None:
+    scorer: Scorer,
+    last: FittedModel,
+    weights: Weights,
+    keep: int,
+    rivals: Mapping[str, Sequence[Effect]],
+    every: Sequence[Effect] = (),
+) -> list[FittedModel] | None:
     """Steps to a model in which effects have given way to rivals that do better beside the later ones.
 
     What was taken first was judged with the others still missing; of ``every`` effect those are tried, too,
     that promise most beside the others. None: all stay.
+
+    Args:
+        weights: under which the effects are compared.
     """
-    choices = list(last.model.choices)
+    choices = list(last.choices)
     for place in range(keep, len(choices) - 1):
         others = [*choices[:place], *choices[place + 1 :]]
         held = {c.effect.id for c in choices}
         wanted = [e for e in rivals.get(choices[place].effect.id, ()) if e.id not in held]
         if not (wanted or every):
             continue
-        base = study.hold_out(study.fit(others, last, FULL_ITERATIONS))
-        promise = Sketch(study, base).promise
+        base = scorer.score_held_out(scorer.fit(others, last, FULL_ITERATIONS, weights))
+        predicted = ScoreTest(scorer.data, base).best_point
         known = {*held, *(e.id for e in wanted)}
-        rest = sorted((e for e in every if e.id not in known), key=lambda e: -promise(e).fall)
+        rest = sorted((e for e in every if e.id not in known), key=lambda e: -predicted(e).gain)
         wanted += rest[:FRONT]
-        tried = [refine(study, study.fit([*others, choices[place]], last, SCREEN_ITERATIONS))]
-        tried += [
-            refine(study, study.fit([*others, Choice(e, promise(e).shape)], last, SCREEN_ITERATIONS))
-            for e in wanted
+        tried = [choices[place], *(Choice(e, predicted(e).shape) for e in wanted)]
+        found = [
+            climb_grid(scorer, scorer.fit([*others, one], last, SCREEN_ITERATIONS, weights)) for one in tried
         ]
-        odds = among(base, [study.hold_out(t) for t in tried])
-        choices[place] = tried[int(np.argmax(odds))].model.choices[-1]
-    if [c.effect.id for c in choices] == [c.effect.id for c in last.model.choices]:
+        odds = log_odds_among(base, [scorer.score_held_out(one) for one in found])
+        choices[place] = found[int(np.argmax(odds))].choices[-1]
+    if [c.effect.id for c in choices] == last.effect_ids:
         return None
-    steps = _one_by_one(study, study.settle(choices, last), keep)
-    return steps, [study.weights] * len(steps)
+    return _refitted_steps(scorer, scorer.fit_reweighted(choices, last, weights), keep)
 
 
-def _borne_out(study: Study, steps: list[Trial], weights: list[Weights]) -> list[Trial]:
+def _justified_steps(scorer: Scorer, steps: list[FittedModel], weights: list[Weights]) -> list[FittedModel]:
     """The steps as far as each is justified under the weights of the last one kept.
 
     Where an earlier one is not, the same effects in another order may be.
     """
     while True:
-        study.weights = weights[-1]
-        scored = [study.hold_out(study.fit(s.model.choices, s, FULL_ITERATIONS)) for s in steps]
+        under = weights[len(steps) - 1]
+        scored = [scorer.score_held_out(scorer.fit(s.choices, s, FULL_ITERATIONS, under)) for s in steps]
         idle = idle_steps(scored)
         if not idle:
             return scored
         if idle[0] < len(steps) - 1:
-            other = _reordered(study, scored)
+            other = _reordered(scorer, scored)
             if not idle_steps(other):
                 return other
-        steps, weights = steps[: idle[0]], weights[: idle[0]]
+        steps = steps[: idle[0]]
 
 
-def _reordered(study: Study, steps: Sequence[Trial]) -> list[Trial]:
-    """The way to the last model that begins with what is missed most."""
-    keep = len(steps[0].model.choices)
-    trial, order = steps[-1], list[Choice]()
-    while len(trial.model.choices) > keep + 1:
-        choices = trial.model.choices
+def _reordered(scorer: Scorer, steps: Sequence[FittedModel]) -> list[FittedModel]:
+    """The path to the last model that begins with what is missed most."""
+    keep = len(steps[0].choices)
+    fitted, order = steps[-1], list[Choice]()
+    while len(fitted.choices) > keep + 1:
+        choices = fitted.choices
         without = {
-            i: study.fit([*choices[:i], *choices[i + 1 :]], trial, FULL_ITERATIONS)
+            i: scorer.fit([*choices[:i], *choices[i + 1 :]], fitted, FULL_ITERATIONS)
             for i in range(keep, len(choices))
         }
         idlest = min(without, key=lambda i: without[i].fit.cost)
         order.insert(0, choices[idlest])
-        trial = without[idlest]
-    path = [steps[0], study.hold_out(trial)]
+        fitted = without[idlest]
+    path = [steps[0], scorer.score_held_out(fitted)]
     for choice in order:
-        path.append(study.hold_out(study.fit([*path[-1].model.choices, choice], steps[-1], FULL_ITERATIONS)))
+        longer = scorer.fit([*path[-1].choices, choice], steps[-1], FULL_ITERATIONS)
+        path.append(scorer.score_held_out(longer))
     return path

@@ -1,7 +1,5 @@
 """Screws, magnets and covers on the distal body and at the PIP axis."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
 
 

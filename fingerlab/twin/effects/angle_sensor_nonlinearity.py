@@ -1,7 +1,5 @@
 """Offset and unequal amplitude of the angle sensors' bridges."""
 
-from __future__ import annotations
-
 import math
 
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant

@@ -1,7 +1,5 @@
 """Motor and gearbox rub more in one direction than in the other."""
 
-from __future__ import annotations
-
 from fingerlab.twin.layout import MOTOR
 from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Bench, PlantEffect, Values, constant
 

@@ -4,8 +4,6 @@ Idealised: the cable's torque reaches the motor also while the gap is crossed. U
 a free pulley would rest against one flank for ever and play would never show.
 """
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
 
 

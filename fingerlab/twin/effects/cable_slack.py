@@ -1,7 +1,5 @@
 """Dead travel: the cable hangs loose until this length is wound."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
 
 

@@ -1,7 +1,5 @@
 """A compliant cable."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
 
 

@@ -1,7 +1,5 @@
 """The cable rubs in its sheath and sticks there at reversal."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
 
 

@@ -1,7 +1,5 @@
 """The fingertip presses on a face that leans from the load cell's axis."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import TOUCH, Bench, PlantEffect, Values, constant
 
 

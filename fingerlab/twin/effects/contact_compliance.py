@@ -1,7 +1,5 @@
 """A soft fingertip on the load cell."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import TOUCH, Bench, PlantEffect, Values, constant
 
 

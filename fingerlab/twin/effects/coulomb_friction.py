@@ -1,7 +1,5 @@
 """Both hinges rub: a spring-slider that truly sticks."""
 
-from __future__ import annotations
-
 from fingerlab.twin.layout import MCP, PIP
 from fingerlab.twin.plant import FINGER, RATIO, WIND_UP, Bench, PlantEffect, Values, constant, dry
 

@@ -1,7 +1,5 @@
 """The distal body's spin counts with its absolute speed, as it really does."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
 
 

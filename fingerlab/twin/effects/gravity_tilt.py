@@ -1,7 +1,5 @@
 """The base stands at another angle than the wrist angle in the rig file."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
 
 

@@ -1,7 +1,5 @@
 """A spring that pulls the two joint angles together (glove, skin, tendon)."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
 
 

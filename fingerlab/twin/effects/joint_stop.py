@@ -1,7 +1,5 @@
 """The PIP hinge meets a stop in extension."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
 
 

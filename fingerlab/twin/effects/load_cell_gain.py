@@ -1,7 +1,5 @@
 """The load cell reads too much."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import TOUCH, Bench, PlantEffect, Values, constant
 
 

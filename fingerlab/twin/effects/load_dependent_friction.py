@@ -1,7 +1,5 @@
 """Tooth friction: a share of the torque transmitted is lost in either direction."""
 
-from __future__ import annotations
-
 from fingerlab.twin.layout import MOTOR
 from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Bench, PlantEffect, Values, constant
 

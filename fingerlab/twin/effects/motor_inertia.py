@@ -1,7 +1,5 @@
 """A coupling and a larger pulley on the output shaft."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant
 
 

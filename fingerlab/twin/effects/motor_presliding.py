@@ -1,7 +1,5 @@
 """Seals of motor and gearbox: friction that builds up over degrees."""
 
-from __future__ import annotations
-
 from fingerlab.twin.layout import MOTOR
 from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant, spread
 

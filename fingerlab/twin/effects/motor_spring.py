@@ -1,7 +1,5 @@
 """An elastic torque at the output shaft (cable loop, seals, return spring)."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant
 
 

@@ -1,7 +1,5 @@
 """Motor and gearbox rub, and break away harder than they slide."""
 
-from __future__ import annotations
-
 from fingerlab.twin.layout import MOTOR
 from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Bench, PlantEffect, Values, breaking_away, constant
 

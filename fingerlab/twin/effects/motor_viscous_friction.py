@@ -1,7 +1,5 @@
 """Grease in motor and gearbox."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant
 
 

@@ -1,7 +1,5 @@
 """Soft seals in both hinges: friction that builds up over degrees (spring-sliders in a row)."""
 
-from __future__ import annotations
-
 from fingerlab.twin.layout import MCP, PIP
 from fingerlab.twin.plant import FINGER, RATIO, Bench, PlantEffect, Values, constant, spread
 

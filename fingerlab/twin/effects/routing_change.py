@@ -1,7 +1,5 @@
 """The flexion cable passes the MCP closer and the PIP farther than the bench expects."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
 
 

@@ -1,7 +1,5 @@
 """The MCP angle sensor drifts as it warms up."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
 
 

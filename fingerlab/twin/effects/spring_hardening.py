@@ -1,7 +1,5 @@
 """Joint springs with a cubic term."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, RATIO, Bench, PlantEffect, Values, constant, per_joint
 
 

@@ -1,7 +1,5 @@
 """Joint springs stiffer than the rig file says."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
 
 

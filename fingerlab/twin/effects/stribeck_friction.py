@@ -1,7 +1,5 @@
 """Both hinges rub, and break away harder than they slide."""
 
-from __future__ import annotations
-
 from fingerlab.twin.layout import MCP, PIP
 from fingerlab.twin.plant import FINGER, RATIO, WIND_UP, Bench, PlantEffect, Values, breaking_away, constant
 

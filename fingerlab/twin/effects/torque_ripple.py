@@ -1,7 +1,5 @@
 """Torque that repeats with the motor angle (gear mesh, commutation)."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant
 
 

@@ -1,7 +1,5 @@
 """Joint angles and force reach the recorder later than the motor's own channels."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
 
 

@@ -1,7 +1,5 @@
 """Cable guides whose lever changes as the joint turns."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
 
 

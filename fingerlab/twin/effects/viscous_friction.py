@@ -1,7 +1,5 @@
 """Grease in both hinges."""
 
-from __future__ import annotations
-
 from fingerlab.twin.plant import FINGER, RATIO, Bench, PlantEffect, Values, constant, per_joint
 
 

@@ -1,0 +1,236 @@
+"""Which effects are missing: one more than the model as given, then all, then between their grids' points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from fingerlab.core.progress import SILENT, Progress, Watch
+from fingerlab.diagnosis.fit.weights import Weights
+from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.score.evidence import (
+    Evidence,
+    beside_others,
+    borne_out,
+    distrusted,
+    with_undetected,
+)
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.score.selection import justified, much_left
+from fingerlab.diagnosis.search.grid_refinement import (
+    break_ties,
+    can_refine,
+    extend_path,
+    fit_effects,
+    refine_path,
+)
+from fingerlab.diagnosis.search.next_effect import judge_all, rescore
+from fingerlab.diagnosis.search.path import forward_selection
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, LEAST_FALL_BEYOND, LONGEST_PATH, NEARLY_RIGHT
+from fingerlab.effects.base import Effect
+
+
+class Stages:
+    """Spreads the progress of the stages over one bar, which never goes back.
+
+    How many rounds a search takes is not known before; a later round moves on from where the last one ended.
+    """
+
+    def __init__(self, progress: Progress | None, cancelled: Callable[[], bool] | None) -> None:
+        self._progress = progress
+        self._cancelled = cancelled
+        self._reached = 0.0
+
+    def part(self, low: float, high: float) -> Watch:
+        """What reports a stage that takes the bar from ``low`` to ``high``."""
+
+        def tell(share: float, what: str) -> None:
+            self._reached = max(self._reached, low + (high - low) * share)
+            if self._progress is not None:
+                self._progress(self._reached, what)
+
+        return Watch(tell, self._cancelled)
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of the sessions: which effects there are, and which of them are ``given``."""
+
+    reduction: Reduction
+    catalogue: Sequence[Effect]
+    given: Sequence[Effect]
+    stages: Stages
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the search found.
+
+    Attributes:
+        scorer: on the whole catalogue.
+        evidence: for one effect more than the model as given.
+        path: models from the one as given to all that is missing.
+        refined: what scored the path where its shapes were refined; None: they were not.
+    """
+
+    scorer: Scorer
+    evidence: Evidence
+    path: Sequence[FittedModel]
+    refined: Scorer | None
+
+
+@dataclass(frozen=True)
+class RefinedPath:
+    """A path, ``of`` effects at points of their grids, with refined shapes."""
+
+    of: FittedModel
+    scorer: Scorer
+    path: list[FittedModel]
+
+    def is_of(self, end: FittedModel) -> bool:
+        """Whether a path to ``end`` would be refined from the same points."""
+        return _points(self.of) == _points(end)
+
+
+def _points(fitted: FittedModel) -> list[tuple[str, int]]:
+    return [(c.effect.id, c.shape) for c in fitted.choices]
+
+
+def search_effects(question: Question, scorer: Scorer) -> Found:
+    """One effect more, then all; judged in the end under the weights of what was found last.
+
+    Args:
+        scorer: on the whole catalogue.
+
+    Raises:
+        Cancelled: the user asked for it.
+    """
+    effects = scorer.reduced.layout.effects
+    base = fit_effects(scorer, question.given)
+    evidence = judge_all(scorer, base, effects, question.stages.part(0.4, 0.7))
+    evidence, path, first = _path(question, scorer, evidence)
+    evidence, weights = _judged_beside(scorer, evidence, path, effects)
+    if len(path) == 1 and evidence.verdict == "missing_effect":
+        evidence = distrusted(evidence)
+    refined, path = _refined(question, path, first)
+    if refined is not None:
+        refined, path = _restarted(question, evidence.best, refined, path)
+        weights = path[-1].weights
+    if refined is not None or len(path) > 2:
+        # Every score of an answer is told in the floors of the same, last model.
+        evidence = rescore(scorer, evidence, weights)
+        path = [evidence.base, *path[1:]]
+    evidence = borne_out(evidence, path[-1])
+    candidates = (_with_no_turn(scorer, evidence.base, one) for one in evidence.candidates)
+    evidence = replace(
+        evidence,
+        base=scorer.with_sensitivity(evidence.base),
+        candidates=tuple(map(scorer.with_sensitivity, candidates)),
+    )
+    return Found(scorer, with_undetected(evidence), path, refined)
+
+
+def _path(
+    question: Question, scorer: Scorer, evidence: Evidence
+) -> tuple[Evidence, list[FittedModel], RefinedPath | None]:
+    """The path from the evidence for one effect to all; and the evidence, where ties of it were broken.
+
+    They are where the path ends at once: among rivals it may have taken the wrong one. The best effect is
+    looked at between the points of its grid before others are tried beside it: what only its shape lacks, no
+    other effect is asked for.
+    """
+    keep = len(question.given)
+    effects, watch = scorer.reduced.layout.effects, question.stages.part(0.7, 0.88)
+    path = forward_selection(scorer, evidence, effects, keep, watch, most=1)
+    first = None
+    if len(path) == 2 and can_refine(path[-1].choices):
+        watched = question.stages.part(0.7, 0.75)
+        first = RefinedPath(path[-1], *refine_path(question.reduction, path, watched))
+    if first is None or asks_for_more(first.path[-1]):
+        path = forward_selection(scorer, evidence, effects, keep, watch)
+    if evidence.verdict != "missing_effect" or len(path) != 2:
+        return evidence, path, first
+    watch = question.stages.part(0.88, 0.9)
+    untied = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch)
+    if untied.best is evidence.best:
+        return untied, path, first
+    return untied, [untied.base, untied.best], first
+
+
+def asks_for_more(refined: FittedModel) -> bool:
+    """Whether one effect with refined shapes leaves enough for a further one to be worth a step."""
+    return much_left(refined, LEAST_FALL_BEYOND)
+
+
+def _judged_beside(
+    scorer: Scorer, evidence: Evidence, path: Sequence[FittedModel], effects: Sequence[Effect]
+) -> tuple[Evidence, Weights]:
+    """The evidence; where its best effect stood for two others, by what effects do beside the later ones.
+
+    With the weights of the models that were compared last.
+    """
+    last = path[-1]
+    if len(path) < 3 or evidence.best.last_effect.id in last.effect_ids:
+        return evidence, last.weights
+    keep = len(path[0].choices)
+    others = [*last.choices[:keep], *last.choices[keep + 1 :]]
+    base = scorer.score_held_out(scorer.fit(others, last, FULL_ITERATIONS))
+    beside = judge_all(scorer, base, effects, SILENT)
+    return beside_others(evidence, beside), beside.base.weights
+
+
+def _refined(
+    question: Question, path: list[FittedModel], first: RefinedPath | None
+) -> tuple[Scorer | None, list[FittedModel]]:
+    """The path between the points of the grids, and beyond its end; no scorer where that changes nothing.
+
+    ``first``: a path that is refined already, maybe the same.
+    """
+    if len(path) == 1 or not can_refine(path[-1].choices):
+        return None, path
+    reduction, stages = question.reduction, question.stages
+    if first is not None and first.is_of(path[-1]):
+        scorer, path = first.scorer, first.path
+    else:
+        scorer, path = refine_path(reduction, path, stages.part(0.9, 0.93))
+    while much_left(path[-1]) and len(path) <= LONGEST_PATH:
+        longer = extend_path(reduction, question.catalogue, path, stages.part(0.93, 0.97))
+        if longer is None or len(longer[1]) <= len(path):  # found, but not borne out when refined
+            break
+        scorer, path = longer
+    return scorer, path
+
+
+def _restarted(
+    question: Question, best: FittedModel, scorer: Scorer, path: list[FittedModel]
+) -> tuple[Scorer, list[FittedModel]]:
+    """The path, or one that is likelier and begins with the ``best`` effect at its refined shape."""
+    if not worth_restarting(path, best):
+        return scorer, path
+    watch = question.stages.part(0.97, 0.99)
+    alone = refine_path(question.reduction, [path[0], best], watch)[1]
+    other = extend_path(question.reduction, question.catalogue, alone, watch)
+    if other is None or other[0].deviance(other[1][-1]) >= scorer.deviance(path[-1]):
+        return scorer, path
+    return other
+
+
+def worth_restarting(path: Sequence[FittedModel], best: FittedModel) -> bool:
+    """Whether a path of several effects may lead further if it begins with the ``best`` one refined.
+
+    Beside an effect that stands beside its best shape, a later one may have mended the shape.
+    """
+    end = path[-1]
+    return len(path) > 2 and best.last_effect.id in end.effect_ids and much_left(end, NEARLY_RIGHT)
+
+
+def _with_no_turn(scorer: Scorer, base: FittedModel, fitted: FittedModel) -> FittedModel:
+    """The model; where its effect is not seen, at a point of its grid with no effect: what hides is small."""
+    *others, last = fitted.choices
+    if last.effect.turns is None or justified(base, fitted):
+        return fitted
+    points = range(len(last.effect.shapes))
+    still = [i for i in points if all(g.low <= 0.0 <= g.high for g in last.effect.gains_at(i).values())]
+    fits = [scorer.fit([*others, replace(last, shape=i)], base) for i in still]
+    return scorer.score_in_sample(min(fits, key=lambda one: one.fit.cost))

@@ -1,0 +1,127 @@
+"""STOP with everything open that can stand open, counted in ``docs/faults.md``.
+
+``python -m tests.faults.stops`` starts an X server without a screen (Xvfb) with a window manager (openbox),
+and in it the window with the simulated rig in real time. Whatever the program can open is opened
+(``tests/ui/everything_open.py``), stopped by a press, by Escape and by the foot switch's key, all as events
+of the X server. ``--keep FILE`` writes the page from outcomes taken before.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "faults.md"
+BEGIN, END = "<!-- made by tests.faults.stops -->", "<!-- end of what tests.faults.stops made -->"
+DISPLAY = ":97"
+LIMIT_MS = 50.0
+WAYS = ("press", "Escape", "key")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--keep", type=Path, help="JSON lines of outcomes: written, or read where it exists")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        path = options.keep or Path(folder) / "stops.jsonl"
+        if not path.exists():
+            take(path)
+        outcomes = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    PAGE.write_text(with_section(PAGE.read_text(encoding="utf-8"), section(outcomes)), encoding="utf-8")
+
+
+def take(path: Path) -> None:
+    """Take the outcomes under an X server of its own."""
+    environment = {**os.environ, "DISPLAY": DISPLAY, "QT_QPA_PLATFORM": "xcb", "FINGERLAB_STOPS": str(path)}
+    server = subprocess.Popen(["Xvfb", DISPLAY, "-screen", "0", "1920x1080x24"])
+    time.sleep(2.0)
+    manager = subprocess.Popen(["openbox"], env=environment)
+    test = "tests/ui/test_stop_everywhere.py"
+    try:
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            test,
+            "-k",
+            "anything_open",
+            "-p",
+            "no:cacheprovider",
+        ]
+        subprocess.run(command, env=environment, cwd=ROOT, check=False)
+    finally:
+        for process in (manager, server):
+            process.terminate()
+            process.wait()
+
+
+def section(outcomes: list[dict[str, Any]]) -> str:
+    """The outcomes as a part of the page."""
+    names = list(dict.fromkeys(outcome["surface"] for outcome in outcomes))
+    found = {(o["surface"], o["way"]): o for o in outcomes}
+    rows = []
+    for name in names:
+        cells = [cell(found.get((name, way))) for way in WAYS]
+        rows.append(f"| {name} | {' | '.join(cells)} |")
+    times = [o["plant_ms"] for o in outcomes if o["plant_ms"] is not None]
+    return TEXT.format(
+        rows="\n".join(rows),
+        count=len(outcomes),
+        most=f"{max(times):.0f}",
+        median=f"{sorted(times)[len(times) // 2]:.0f}",
+        over=sum(ms > LIMIT_MS for ms in times),
+        never=sum(o["plant_ms"] is None for o in outcomes),
+        wrong=sum(bool(o["wrong"]) for o in outcomes),
+    )
+
+
+def cell(outcome: dict[str, Any] | None) -> str:
+    """ms, or what went wrong."""
+    if outcome is None:
+        return "–"
+    ms = "never" if outcome["plant_ms"] is None else f"{outcome['plant_ms']:.0f}"
+    return f"{ms} ({outcome['wrong']})" if outcome["wrong"] else ms
+
+
+def with_section(page: str, text: str) -> str:
+    """The page with this section in place of the one that it has."""
+    begin, end = page.index(BEGIN), page.index(END) + len(END)
+    return page[:begin] + text.rstrip("\n") + page[end:]
+
+
+def section_of(page: str) -> str:
+    """The section that a page has, for whoever writes the rest of it anew."""
+    return page[page.index(BEGIN) : page.index(END) + len(END)]
+
+
+TEXT = (
+    BEGIN
+    + """
+
+`python -m tests.faults.stops` takes this table: the simulated rig in real time under position control, the
+window under an X server with a window manager, and events of that server (XTEST). Whatever the program can
+open is opened, and 0.3 s later STOP is pressed and held, or Escape or the foot switch's key (Pause) is sent.
+The figure is plant time in ms: samples of the ring from before the event to the first with zero set value
+and enable low. {count} stops: median {median} ms, most {most} ms, over 50 ms {over}, not stopped {never};
+an entry picked, a dialog shut by the press or the key, or something that did not open: {wrong}.
+
+| standing open | press | Escape | key |
+|---|---|---|---|
+{rows}
+
+"""
+    + END
+)
+
+
+if __name__ == "__main__":
+    main()

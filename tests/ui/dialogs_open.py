@@ -1,0 +1,305 @@
+"""Every dialog of the program, and what opens it; menus of fields and of plots."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from PySide6.QtCore import QPoint
+from PySide6.QtGui import QAction, QContextMenuEvent, QCursor
+from PySide6.QtWidgets import (
+    QApplication,
+    QFileDialog,
+    QLineEdit,
+    QPlainTextEdit,
+    QWidget,
+)
+
+from fingerlab.ui.acquire.acquire_bars import FROM_FILE
+from fingerlab.ui.acquire.acquire_tab import ask_to_close
+from fingerlab.ui.acquire.connect_page import ConnectPage
+from fingerlab.ui.acquire.session_writing import DetailsDialog
+from fingerlab.ui.app import dialogs
+from fingerlab.ui.app.window import MainWindow
+from fingerlab.ui.calibrate.calibrate_tab import ask_to_leave
+from fingerlab.ui.lab.own_effects import OwnEffects
+from fingerlab.ui.sessions.session_files import ImportDialog
+
+from .standing_open import Stage, Step, Surface, standing
+
+# what is needed to open some of them
+
+
+def _of(window: MainWindow, kind: type) -> Any:
+    return window.findChildren(kind)[-1]
+
+
+def _details(stage: Stage) -> None:
+    stage.tab("acquire").panel.details.click()
+
+
+def _own_effects(stage: Stage) -> None:
+    stage.tab("model_lab").show_own_effects()
+
+
+def _own_file(stage: Stage) -> tuple[Path, bytes]:
+    path = stage.folder / "own.py"
+    path.write_text("pass\n", encoding="utf-8")
+    return path, path.read_bytes()
+
+
+def _fit_save(stage: Stage) -> None:
+    tab = stage.tab("fit")
+    tab.found = tab.found or SimpleNamespace()
+    tab.save()
+
+
+def _save_wanted(stage: Stage) -> None:
+    wanted = stage.tab("predict").wanted
+    wanted.plan = SimpleNamespace(beyond=())
+    wanted.ask_and_save()
+
+
+def _texts(stage: Stage) -> list[Path]:
+    path = stage.folder / "bench.txt"
+    path.write_text("".join(f"{n / 1000} 0 0 0 0 0 0\n" for n in range(200)), encoding="utf-8")
+    return [path]
+
+
+def _import(stage: Stage) -> None:
+    stage.tab("sessions").writer.import_texts(_texts(stage), stage.folder)
+
+
+def _take_session(stage: Stage) -> None:
+    dialog = QApplication.activeModalWidget()
+    assert isinstance(dialog, QFileDialog)
+    field = dialog.findChild(QLineEdit)
+    assert isinstance(field, QLineEdit)
+    field.setText(str(stage.session))
+    dialog.accept()
+
+
+def _own_device(stage: Stage) -> None:
+    page: ConnectPage = stage.tab("acquire").connect_page
+    page._browse_own()
+
+
+def _first_plot(stage: Stage) -> QWidget:
+    plot = stage.window.plots.current()
+    assert plot is not None
+    return plot
+
+
+def _amplitude(stage: Stage) -> QWidget:
+    field = stage.tab("acquire").panel.motion.numbers["amplitude_deg"].findChild(QLineEdit)
+    assert isinstance(field, QWidget)
+    return field
+
+
+def _notes(stage: Stage) -> QWidget:
+    notes = _of(stage.window, DetailsDialog).notes
+    assert isinstance(notes, QPlainTextEdit)
+    return notes.viewport()
+
+
+def _log_over_stop(stage: Stage) -> None:
+    stage.window.menus.log.trigger()
+    dialog = standing(stage.window)[-1]
+    button = stage.window.header.stop
+    dialog.move(button.mapToGlobal(QPoint(-260, -100)))
+
+
+def _context_menu(of: Callable[[Stage], QWidget]) -> Step:
+    def open_it(stage: Stage) -> None:
+        field = of(stage)
+        field.setFocus()
+        centre = field.rect().center()
+        event = QContextMenuEvent(QContextMenuEvent.Reason.Mouse, centre, field.mapToGlobal(centre))
+        QApplication.sendEvent(field, event)
+
+    return open_it
+
+
+def _menu_entry(window: MainWindow, words: str) -> QAction:
+    (found,) = (a for a in window.findChildren(QAction) if a.text().replace("&", "").rstrip("…") == words)
+    return found
+
+
+def _about(stage: Stage) -> None:
+    _menu_entry(stage.window, "About FingerLab").trigger()
+
+
+DIALOGS = (
+    Surface("Keys (F1)", (lambda s: _menu_entry(s.window, "Keys").trigger(),)),
+    Surface("Log", (lambda s: s.window.menus.log.trigger(),), ("app/dialogs.py:_show",)),
+    Surface("Log, moved over STOP", (_log_over_stop,)),
+    Surface("About FingerLab", (_about,), ("app/window.py:MainWindow._about",)),
+    Surface("Open session", (lambda s: s.window.ask_and_open(),), ("app/window.py:MainWindow.ask_and_open",)),
+    Surface(
+        "Save the plot",
+        (lambda s: s.window.plots.ask_and_save(_first_plot(s)),),
+        ("app/plot_menu.py:PlotMenu.ask_and_save",),
+    ),
+    Surface("Details of the session", (_details,), ("acquire/session_writing.py:DetailsDialog",)),
+    Surface(
+        "Details > Folder for recordings",
+        (_details, lambda s: _of(s.window, DetailsDialog)._choose()),
+        ("acquire/session_writing.py:DetailsDialog._choose",),
+    ),
+    Surface(
+        "Stop and close? (Disconnect, Quit)",
+        (lambda s: ask_to_close(s.tab("acquire").widget, "The amplifier is on"),),
+        ("acquire/acquire_tab.py:ask_to_close",),
+    ),
+    Surface(
+        "Model from a file",
+        (lambda s: s.tab("acquire").toolbar.model_chosen.emit(FROM_FILE),),
+        ("acquire/live_model.py:LiveModelComparison._on_chosen",),
+    ),
+    Surface(
+        "Trajectory file",
+        (lambda s: s.tab("acquire").panel.motion._choose_file(),),
+        ("acquire/motion_form.py:MotionForm._choose_file",),
+    ),
+    Surface("Own device", (_own_device,), ("acquire/connect_page.py:ConnectPage._browse_own",)),
+    Surface(
+        "Replay a recording",
+        (lambda s: s.tab("acquire").connect_page._on_replay(),),
+        ("acquire/connect_page.py:ConnectPage._on_replay",),
+    ),
+    Surface(
+        "Rig file",
+        (lambda s: s.tab("acquire").connect_page._on_rig(),),
+        ("acquire/connect_page.py:ConnectPage._on_rig",),
+    ),
+    Surface(
+        "Run an own file?",
+        (lambda s: dialogs.ask_to_run(s.window, *_own_file(s), False, "it"),),
+        ("app/dialogs.py:ask_to_run",),
+    ),
+    Surface(
+        "Recording of a sensor",
+        (lambda s: s.tab("calibrate")._ask_for_files("load-cell"),),
+        ("calibrate/calibrate_tab.py:CalibrateTab._ask_for_files",),
+        "calibrate",
+    ),
+    Surface(
+        "Session to calibrate anew",
+        (lambda s: s.tab("calibrate")._ask_for_session(),),
+        ("calibrate/calibrate_tab.py:CalibrateTab._ask_for_session",),
+        "calibrate",
+    ),
+    Surface(
+        "Session to calibrate anew > Copy as",
+        (lambda s: s.tab("calibrate")._ask_for_session(), _take_session),
+        (),
+        "calibrate",
+    ),
+    Surface(
+        "Leave the calibration?",
+        (lambda s: ask_to_leave(s.tab("calibrate").widget),),
+        ("calibrate/calibrate_tab.py:ask_to_leave",),
+        "calibrate",
+    ),
+    Surface(
+        "Folder of sessions",
+        (lambda s: s.tab("sessions").ask_folder(),),
+        ("sessions/sessions_tab.py:SessionsTab.ask_folder",),
+        "sessions",
+    ),
+    Surface(
+        "Session to lay over",
+        (lambda s: s.tab("sessions").review_beside(),),
+        ("sessions/sessions_tab.py:SessionsTab.review_beside",),
+        "sessions",
+    ),
+    Surface(
+        "Folder for exported files",
+        (lambda s: s.tab("sessions").writer.export(s.session, "csv"),),
+        ("sessions/session_files.py:Writer.export",),
+        "sessions",
+    ),
+    Surface(
+        "Merge, cut, copy: new session",
+        (lambda s: s.tab("sessions").writer.merge([s.session, s.session]),),
+        ("sessions/session_files.py:Writer._ask_file",),
+        "sessions",
+    ),
+    Surface(
+        "Text files to import",
+        (lambda s: s.tab("sessions").ask_texts(),),
+        ("sessions/session_files.py:Writer.ask_texts",),
+        "sessions",
+    ),
+    Surface("Import text files", (_import,), ("sessions/session_files.py:ImportDialog",), "sessions"),
+    Surface(
+        "Import text files > list of phases",
+        (_import, lambda s: _of(s.window, ImportDialog)._each[0][0].showPopup()),
+        (),
+        "sessions",
+    ),
+    Surface(
+        "Import text files > Rig file",
+        (_import, lambda s: _of(s.window, ImportDialog)._choose_rig()),
+        ("sessions/session_files.py:ImportDialog._choose_rig",),
+        "sessions",
+    ),
+    Surface("Save model file (Fit)", (_fit_save,), ("fit/fit_tab.py:FitTab.save",), "fit"),
+    Surface(
+        "Add model files",
+        (lambda s: s.tab("predict").ask_and_add(),),
+        ("predict/predict_tab.py:PredictTab.ask_and_add",),
+        "predict",
+    ),
+    Surface(
+        "Wanted force",
+        (lambda s: s.tab("predict").wanted.panel._choose_file(),),
+        ("predict/wanted_panel.py:WantedPanel._choose_file",),
+        "predict",
+    ),
+    Surface(
+        "Save trajectory", (_save_wanted,), ("predict/wanted_force.py:WantedView.ask_and_save",), "predict"
+    ),
+    Surface(
+        "Save model",
+        (lambda s: s.tab("model_lab").actions.ask_and_save(),),
+        ("lab/result_actions.py:ResultActions.ask_and_save",),
+        "model_lab",
+    ),
+    Surface(
+        "Save report page",
+        (lambda s: s.tab("model_lab").save_report(),),
+        ("lab/model_lab_tab.py:ModelLabTab.save_report",),
+        "model_lab",
+    ),
+    Surface("Own effects", (_own_effects,), ("lab/own_effects.py:OwnEffects",), "model_lab"),
+    Surface(
+        "Own effects > Folder",
+        (_own_effects, lambda s: _of(s.window, OwnEffects)._choose()),
+        ("lab/own_effects.py:OwnEffects._choose",),
+        "model_lab",
+    ),
+    Surface(
+        "Own effects > Run it?",
+        (
+            _own_effects,
+            lambda s: dialogs.ask_to_run(_of(s.window, OwnEffects), *_own_file(s), True, "it"),
+        ),
+        (),
+        "model_lab",
+    ),
+    Surface(
+        "Menu of a plot", (lambda s: s.window.plots.open(_first_plot(s), QCursor.pos() + QPoint(40, 200)),)
+    ),
+    Surface("Menu of a text field", (_context_menu(lambda s: s.tab("acquire").panel.note),)),
+    Surface(
+        "Menu of a number field",
+        (_context_menu(_amplitude),),
+    ),
+    Surface(
+        "Menu of a text in a dialog",
+        (_details, _context_menu(_notes)),
+    ),
+)  # fmt: skip

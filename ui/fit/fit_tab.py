@@ -1,0 +1,273 @@
+"""The Fit tab: how to fit, and the fit and how it came about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, get_args
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import (
+    QComboBox,
+    QFileDialog,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QStackedWidget,
+    QVBoxLayout,
+    QWidget,
+)
+
+from fingerlab.models.file import save_model
+from fingerlab.signals.periods import THRESHOLDS_PERCENT
+from fingerlab.thesis.fitting import model_of_fit
+from fingerlab.thesis.inspection import Inspection, inspect_session
+from fingerlab.thesis.traces import Delay, FitSpec, Method
+
+from ..app.context import ApplicationContext
+from ..app.tab_registry import Command, Tab
+from ..app.worker import IsCancelled, Progress
+from ..widgets.labels import header_name, heading, remark
+from ..widgets.layout import lay_out_invitation
+from .fit_view import FitResultView
+
+if TYPE_CHECKING:
+    from fingerlab.sessions.model import Session
+
+METHOD_WORDS: dict[Method, str] = {
+    "regions": "four regions",
+    "flexion-extension": "flexion and extension",
+    "whole": "whole run",
+}
+DELAY_WORDS: dict[Delay, str] = {
+    "none": "no delay",
+    "xcorr": "by cross-correlation, one a run",
+    "findsignal": "by least squares, one a region",
+    "finddelay": "as the thesis: finddelay",
+}
+PANEL_WIDTH = 240
+
+
+class FitPanel(QWidget):
+    """Signals ``analyse_asked``, ``save_asked``, ``run_chosen(name)``."""
+
+    analyse_asked = Signal()
+    save_asked = Signal()
+    run_chosen = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setFixedWidth(PANEL_WIDTH)
+        self.method = _choice("method", "Regions", [(METHOD_WORDS[m], m) for m in get_args(Method)])
+        self.delay = _choice("delay", "Delay", [(DELAY_WORDS[d], d) for d in get_args(Delay)])
+        self.threshold = _choice(
+            "threshold",
+            "Threshold",
+            [(f"{t} % of the speed range", float(t)) for t in THRESHOLDS_PERCENT],
+        )
+        self.method.setToolTip("Into which parts of the period the runs are cut; each has a line of its own.")
+        self.threshold.setToolTip(
+            "Joint speed that parts motion from standstill, thesis sections 4.1 and 4.2."
+        )
+        self.delay.setToolTip("The tension is shifted by the delay before the line is fitted.")
+        self.analyse = QPushButton("&Analyse the runs on air")
+        self.analyse.setObjectName("analyse")
+        self.analyse.setProperty("primary", "true")
+        self.save = QPushButton("&Save model file…")
+        self.save.setObjectName("saveModel")
+        self.run = _choice("fitRun", "Run shown", [])
+        self.run.setToolTip("Run that the plots show (Alt+Up, Alt+Down for the next); the table is of all.")
+        self.remarks = remark()
+        self.remarks.setObjectName("fitRemarks")
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(8, 0, 0, 0)
+        layout.setSpacing(4)
+        layout.addWidget(heading("How to fit"))
+        for title, box in (("Re&gions", self.method), ("&Delay", self.delay), ("&Threshold", self.threshold)):
+            layout.addWidget(_label(title, box))
+            layout.addWidget(box)
+        layout.addSpacing(4)
+        layout.addWidget(self.analyse)
+        layout.addSpacing(16)
+        layout.addWidget(heading("What is shown"))
+        layout.addWidget(_label("&Run", self.run))
+        layout.addWidget(self.run)
+        layout.addWidget(self.remarks)
+        layout.addStretch(1)
+        layout.addWidget(self.save)
+        self.analyse.clicked.connect(self.analyse_asked)
+        self.save.clicked.connect(self.save_asked)
+        self.run.currentTextChanged.connect(self.run_chosen)
+        self.set_ready(False, "There is no fit yet: analyse first.")
+
+    def spec(self) -> FitSpec:
+        """What is chosen."""
+        return FitSpec(self.method.currentData(), self.delay.currentData(), self.threshold.currentData())
+
+    def set_ready(self, ready: bool, why_not: str = "") -> None:
+        """Whether there is a fit to keep."""
+        self.save.setEnabled(ready)
+        self.save.setToolTip("Parameters, intervals and origin; never over a file." if ready else why_not)
+
+    def show_runs(self, names: Sequence[str], remarks: str) -> None:
+        """Runs of another fit; the one that was shown stays if it is there."""
+        before = self.run.currentText()
+        self.run.blockSignals(True)
+        self.run.clear()
+        self.run.addItems(list(names))
+        self.run.setCurrentIndex(max(self.run.findText(before), 0))
+        self.run.blockSignals(False)
+        self.remarks.setText(remarks)
+
+
+def _choice(name: str, words: str, entries: Sequence[tuple[str, object]]) -> QComboBox:
+    box = QComboBox()
+    box.setObjectName(name)
+    box.setAccessibleName(words)
+    for text, data in entries:
+        box.addItem(text, data)
+    return box
+
+
+def _label(text: str, buddy: QWidget) -> QLabel:
+    label = QLabel(text)
+    label.setBuddy(buddy)
+    return label
+
+
+MODEL_FILTER = "Model file (*.json)"
+OWNER = "fit"
+NO_SESSION = (
+    "Open a session with runs on air. Moment arms, friction losses and delays of both joints will stand "
+    "here, with the regions of the motion and the line behind each number."
+)
+NOT_YET = (
+    "Analyse the runs on air: the joints' speeds with their regions, joint torque against cable tension with "
+    "the regression line, R² and delay of each run, and a table of the parameters will stand here."
+)
+
+
+class FitTab(Tab):
+    """Asks :func:`inspect_session` and shows what comes back."""
+
+    def __init__(self, context: ApplicationContext) -> None:
+        super().__init__(context)
+        self.sessions: tuple[Session, ...] = ()
+        self.found: Inspection | None = None
+        self.panel = FitPanel()
+        self.view = FitResultView()
+        self.view.panes.remember(context.settings)
+        self.header = self.name = header_name("fitSession", "Session that is fitted")
+        self.empty = QWidget()
+        self.pages = QStackedWidget()
+        self.pages.addWidget(self.empty)
+        self.pages.addWidget(self.view)
+        self.widget = QWidget()
+        self._build()
+        self.panel.analyse_asked.connect(self.analyse)
+        self.panel.save_asked.connect(self.save)
+        self.panel.run_chosen.connect(self.view.show_run)
+        self.view.run_wanted.connect(self.panel.run.setCurrentText)
+        self.commands = (
+            Command("&Analyse the runs on air", self.analyse, "Ctrl+Return", lambda: bool(self.sessions)),
+            Command("Next run", lambda: self._step(1), "Alt+Down", lambda: self.found is not None),
+            Command("Previous run", lambda: self._step(-1), "Alt+Up", lambda: self.found is not None),
+            Command("&Save model file…", self.save, "Ctrl+S", lambda: self.found is not None),
+        )
+        self._refresh()
+
+    def _build(self) -> None:
+        self.empty_title, self.empty_text = heading(large=True), remark()
+        self.empty_title.setObjectName("fitEmpty")
+        self.empty_open = QPushButton("&Open a session…")
+        self.empty_open.setProperty("primary", "true")
+        self.empty_open.clicked.connect(self.context.open_asked)
+        lay_out_invitation(self.empty, self.empty_title, self.empty_text, self.empty_open)
+        across = QHBoxLayout(self.widget)
+        across.setContentsMargins(8, 8, 8, 8)
+        across.addWidget(self.pages, 1)
+        across.addWidget(self.panel)
+
+    def window_title(self) -> str:
+        return self.sessions[0].path.name if self.sessions else ""
+
+    def on_session_opened(self, sessions: tuple[Session, ...]) -> None:
+        self.sessions, self.found = sessions, None
+        self._refresh()
+
+    def analyse(self) -> None:
+        """Fit the first open session off the GUI thread."""
+        if not self.sessions:
+            return
+        session, spec, opened = self.sessions[0], self.panel.spec(), self.sessions
+        self.context.hush()
+
+        def work(progress: Progress, cancelled: IsCancelled) -> Inspection:
+            return inspect_session(session, spec, progress)
+
+        def done(found: Inspection) -> None:
+            if self.sessions is opened:
+                self.found = found
+                self._refresh()
+
+        self.context.tasks.start(f"Fitting {session.path.name}", work, done, OWNER)
+
+    def save(self) -> None:
+        """Keep the fit as a model file; a file that exists is refused by the writer itself."""
+        found = self.found
+        if found is None:
+            return
+        session = self.sessions[0]
+        start = Path(self.context.settings.folder()) / f"{session.path.stem}-fit.json"
+        name, _ = QFileDialog.getSaveFileName(
+            self.widget,
+            "Save model file",
+            str(start),
+            MODEL_FILTER,
+            options=QFileDialog.Option.DontConfirmOverwrite,
+        )
+        if not name:
+            return
+        path = Path(name)
+
+        def work(progress: Progress, cancelled: IsCancelled) -> Path:
+            save_model(model_of_fit(session, found.fit), path)
+            return path
+
+        self.context.tasks.start(
+            "Saving the model", work, lambda done: self.context.tell(f"Model file saved: {done}"), OWNER
+        )
+
+    def _step(self, by: int) -> None:
+        box = self.panel.run
+        box.setCurrentIndex(min(max(box.currentIndex() + by, 0), box.count() - 1))
+
+    def _refresh(self) -> None:
+        found, opened = self.found, bool(self.sessions)
+        self.name.setText(self.sessions[0].path.name if opened else "")
+        self.panel.analyse.setEnabled(opened)
+        self.panel.analyse.setToolTip("Ctrl+Return" if opened else "No session is open.")
+        self.panel.set_ready(found is not None, "There is no fit yet: analyse first.")
+        if found is None:
+            self.empty_title.setText("Not analysed yet" if opened else "No session open")
+            self.empty_text.setText(NOT_YET if opened else NO_SESSION)
+            self.empty_open.setVisible(not opened)
+            self.panel.show_runs((), "")
+            self.pages.setCurrentWidget(self.empty)
+        else:
+            self.view.show_inspection(found)
+            self.panel.show_runs(tuple(found.views), _remarks(found, len(self.sessions)))
+            self.view.show_run(self.panel.run.currentText())
+            self.pages.setCurrentWidget(self.view)
+        self.context.commands_changed.emit()
+
+
+def _remarks(found: Inspection, sessions: int) -> str:
+    words = ["± is half the 90 % interval."]
+    if sessions > 1:
+        words.append("Of the open sessions, the first is fitted.")
+    if found.fit.skipped:
+        names = ", ".join(name for name, _ in found.fit.skipped)
+        reasons = " or ".join(dict.fromkeys(reason for _, reason in found.fit.skipped))
+        words.append(f"Not used: {names} ({reasons}).")
+    return " ".join(words)

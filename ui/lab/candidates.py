@@ -1,0 +1,305 @@
+"""The candidates, ranked: effects and the two other outcomes, the verdict above, "Add to model" below."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from PySide6.QtCore import (
+    QAbstractListModel,
+    QModelIndex,
+    QObject,
+    QPersistentModelIndex,
+    QRect,
+    QSize,
+    Qt,
+    Signal,
+)
+from PySide6.QtGui import QColor, QFont, QFontMetrics, QKeyEvent, QPainter
+from PySide6.QtWidgets import (
+    QHBoxLayout,
+    QListView,
+    QPushButton,
+    QStyle,
+    QStyledItemDelegate,
+    QStyleOptionViewItem,
+    QVBoxLayout,
+    QWidget,
+)
+
+from fingerlab.core.text import percent
+from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.report.diagnosis_words import suspects
+
+from ..widgets.fields import set_usable
+from ..widgets.labels import WholeLabel
+from ..widgets.theme import Colours, colours_of, large_font, small_font, tint
+from .result_words import NOTHING, OUTCOME_TITLES, UNKNOWN, best_choice, set_help, set_words, verdict_headline
+
+Index = QModelIndex | QPersistentModelIndex
+
+
+@dataclass(frozen=True)
+class CandidateRow:
+    """``key`` is an effect id, or ``nothing_missing`` or ``not_in_catalogue``."""
+
+    key: str
+    title: str
+    probability: float
+    in_set: bool
+    detectable: bool
+    remark: str = ""
+
+
+def rows_of(diagnosis: Diagnosis) -> list[CandidateRow]:
+    """All rows, the verdict's first, then by probability, what the data cannot show last."""
+    many = len(suspects(diagnosis)) > 1
+    rows = [
+        CandidateRow(c.effect, c.title, c.probability, c.in_set and many, c.detectable, _remark(c.detectable))
+        for c in diagnosis.candidates
+    ]
+    rows += [
+        CandidateRow(NOTHING, OUTCOME_TITLES[NOTHING], diagnosis.probability_nothing, False, True),
+        CandidateRow(UNKNOWN, OUTCOME_TITLES[UNKNOWN], diagnosis.probability_unknown, False, True),
+    ]
+    first = diagnosis.verdict
+    return sorted(rows, key=lambda row: (row.key != first, not row.detectable, -row.probability))
+
+
+def _remark(detectable: bool) -> str:
+    return "" if detectable else "these data cannot show it"
+
+
+class CandidateList(QAbstractListModel):
+    """Rows for the list; ``RowRole`` gives the whole row."""
+
+    RowRole = Qt.ItemDataRole.UserRole + 1
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.rows: list[CandidateRow] = []
+
+    def show(self, diagnosis: Diagnosis | None) -> None:
+        self.beginResetModel()
+        self.rows = rows_of(diagnosis) if diagnosis is not None else []
+        self.endResetModel()
+
+    def rowCount(self, parent: Index | None = None) -> int:
+        return 0 if parent is not None and parent.isValid() else len(self.rows)
+
+    def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if not index.isValid():
+            return None
+        row = self.rows[index.row()]
+        if role == Qt.ItemDataRole.DisplayRole:
+            return row.title
+        if role == self.RowRole:
+            return row
+        if role in (Qt.ItemDataRole.ToolTipRole, Qt.ItemDataRole.AccessibleTextRole):
+            return _spoken(row)
+        return None
+
+    def index_of(self, key: str) -> QModelIndex:
+        """The row of an effect or outcome; an invalid index where it is not listed."""
+        for number, row in enumerate(self.rows):
+            if row.key == key:
+                return self.index(number, 0)
+        return QModelIndex()
+
+
+def _spoken(row: CandidateRow) -> str:
+    text = f"{row.title}: probability {percent(row.probability)}"
+    if row.in_set:
+        text += ", cannot be told apart from the others that are marked"
+    return f"{text}, {row.remark}" if row.remark else text
+
+
+SET_MARK = "≈"
+BAR_SHARE = 0.16
+GAP = 8
+WORTH_SAYING = 0.005
+"""Probability from which an effect that the data could not show has its number, too."""
+
+
+class CandidateDelegate(QStyledItemDelegate):
+    """One line a candidate. The chosen one is tinted; those in the set carry ≈ at the left."""
+
+    def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> QSize:
+        return QSize(160, QFontMetrics(option.font).height() + GAP)
+
+    def paint(
+        self, painter: QPainter, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex
+    ) -> None:
+        row: CandidateRow = index.data(CandidateList.RowRole)
+        widget = option.widget
+        if row is None or not isinstance(widget, QWidget):
+            return
+        colours = colours_of(widget)
+        painter.save()
+        room = QRect(option.rect)
+        if option.state & QStyle.StateFlag.State_Selected:
+            painter.fillRect(room, tint(colours.accent, 0.18))
+            painter.fillRect(QRect(room.left(), room.top(), 3, room.height()), QColor(colours.accent))
+        self._paint_row(painter, option, room.adjusted(GAP, 0, -GAP, 0), row, colours)
+        painter.restore()
+
+    def _paint_row(
+        self,
+        painter: QPainter,
+        option: QStyleOptionViewItem,
+        room: QRect,
+        row: CandidateRow,
+        colours: Colours,
+    ) -> None:
+        metrics = QFontMetrics(option.font)
+        middle = Qt.AlignmentFlag.AlignVCenter
+        mark_width = metrics.horizontalAdvance(SET_MARK) + GAP // 2
+        bar_width = int(room.width() * BAR_SHARE)
+        number_width = metrics.horizontalAdvance("> 99 %")
+        text_width = room.width() - mark_width - bar_width - number_width - 2 * GAP
+        font = QFont(option.font)
+        painter.setFont(font)
+        painter.setPen(QColor(colours.text if row.detectable else colours.muted))
+        if row.in_set:
+            painter.drawText(QRect(room.left(), room.top(), mark_width, room.height()), middle, SET_MARK)
+        title = QRect(room.left() + mark_width, room.top(), text_width, room.height())
+        painter.drawText(
+            title, middle, metrics.elidedText(row.title, Qt.TextElideMode.ElideRight, text_width)
+        )
+        number = QRect(title.right() + GAP, room.top(), number_width, room.height())
+        if not row.detectable:
+            wide = number.adjusted(0, 0, bar_width + GAP, 0)
+            worth = row.probability >= WORTH_SAYING
+            words = f"{percent(row.probability)}, not visible" if worth else "not visible here"
+            text = metrics.elidedText(words, Qt.TextElideMode.ElideRight, wide.width())
+            painter.drawText(wide, middle | Qt.AlignmentFlag.AlignRight, text)
+            return
+        painter.drawText(number, middle | Qt.AlignmentFlag.AlignRight, percent(row.probability))
+        self._paint_bar(
+            painter, QRect(number.right() + GAP, room.top(), bar_width, room.height()), row, colours
+        )
+
+    def _paint_bar(self, painter: QPainter, room: QRect, row: CandidateRow, colours: Colours) -> None:
+        height = max(6, room.height() // 3)
+        bar = QRect(room.left(), room.center().y() - height // 2, room.width(), height)
+        painter.fillRect(bar, tint(colours.floor, 0.25))
+        bar.setWidth(max(1, round(room.width() * min(max(row.probability, 0.0), 1.0))))
+        painter.fillRect(bar, QColor(colours.candidate))
+
+
+LEAST_ROWS = 2
+"""Of the list, that are always seen; with the words above it more would not fit at 1280 x 800."""
+
+
+class CandidateView(QListView):
+    """A list whose Enter key asks to add the chosen effect."""
+
+    accepted = Signal()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
+            self.accepted.emit()
+            return
+        super().keyPressEvent(event)
+
+
+class CandidatesPanel(QWidget):
+    """Signals: ``chosen(key)`` when another row is chosen, ``add_asked(effect)``."""
+
+    chosen = Signal(str)
+    add_asked = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.verdict = WholeLabel()
+        self.verdict.setProperty("role", "heading")
+        self.verdict.setFont(large_font())
+        self.verdict.setObjectName("verdict")
+        self.set_text = WholeLabel()
+        self.set_text.setProperty("role", "muted")
+        self.set_text.setFont(small_font())
+        self.set_text.setObjectName("setText")
+        self.list = CandidateList(self)
+        self.view = CandidateView()
+        self.view.setObjectName("candidates")
+        self.view.setAccessibleName("Candidates, best first")
+        self.view.setModel(self.list)
+        self.view.setItemDelegate(CandidateDelegate(self.view))
+        self.view.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.view.setVerticalScrollMode(QListView.ScrollMode.ScrollPerPixel)
+        self.view.setUniformItemSizes(True)
+        # Where room is short the list gives way and scrolls, not the words above it.
+        self.view.setMinimumHeight(LEAST_ROWS * 2 * self.fontMetrics().height())
+        self.add_button = QPushButton("Add &to model")
+        self.add_button.setObjectName("addToModel")
+        self.add_button.setProperty("primary", "true")
+        self._layout()
+        self._busy = False
+        self.view.selectionModel().currentChanged.connect(self._on_current)
+        self.view.accepted.connect(self._ask)
+        self.view.doubleClicked.connect(self._ask)
+        self.add_button.clicked.connect(self._ask)
+        self._update_button()
+
+    def _layout(self) -> None:
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(4)
+        layout.addWidget(self.verdict)
+        layout.addWidget(self.set_text)
+        layout.addWidget(self.view, 1)
+        row = QHBoxLayout()
+        row.addWidget(self.add_button)
+        row.addStretch(1)
+        layout.addLayout(row)
+
+    def show_diagnosis(self, diagnosis: Diagnosis | None) -> None:
+        """Show the rows of a diagnosis and choose the one that its verdict names."""
+        self.list.show(diagnosis)
+        self.verdict.setText(verdict_headline(diagnosis) if diagnosis is not None else "")
+        self.set_text.setText(set_words(diagnosis) if diagnosis is not None else "")
+        self.set_text.setToolTip(set_help(diagnosis) if diagnosis is not None else "")
+        if diagnosis is not None:
+            self.choose(best_choice(diagnosis))
+        self._update_button()
+
+    def choose(self, key: str) -> None:
+        """Choose a row by effect id or outcome."""
+        index = self.list.index_of(key)
+        if index.isValid():
+            self.view.setCurrentIndex(index)
+
+    def chosen_row(self) -> CandidateRow | None:
+        index = self.view.currentIndex()
+        return self.list.rows[index.row()] if index.isValid() else None
+
+    def set_busy(self, busy: bool) -> None:
+        """While the model is being refitted nothing more can be added."""
+        self._busy = busy
+        self._update_button()
+
+    def _on_current(self, current: QModelIndex, _previous: QModelIndex) -> None:
+        self._update_button()
+        row = self.chosen_row()
+        if current.isValid() and row is not None:
+            self.chosen.emit(row.key)
+
+    def _ask(self) -> None:
+        row = self.chosen_row()
+        if row is not None and self.add_button.isEnabled():
+            self.add_asked.emit(row.key)
+
+    def _update_button(self) -> None:
+        row = self.chosen_row()
+        if row is None:
+            why = "Choose an effect first."
+        elif row.key in OUTCOME_TITLES:
+            why = f"“{row.title}” is a result, not an effect: there is nothing to add."
+        elif self._busy:
+            why = "Work is running; wait for it or cancel it below."
+        else:
+            why = ""
+        set_usable(self.add_button, not why)
+        help_text = f"Refit with {row.title} in the model (Enter)." if row is not None else ""
+        self.add_button.setToolTip(why or help_text)
+        self.add_button.setAccessibleDescription(why or help_text)

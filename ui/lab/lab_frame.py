@@ -1,0 +1,241 @@
+"""What stands around the lab's plots: its header, the pages before the first result, the five steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QButtonGroup, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
+
+from ..widgets.fields import set_usable
+from ..widgets.labels import header_name, heading, remark
+from ..widgets.theme import large_font
+
+
+class LabHeader(QWidget):
+    """Signals ``open_asked``, ``report_asked``, ``reveal_asked``."""
+
+    open_asked = Signal()
+    report_asked = Signal()
+    reveal_asked = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.name = header_name("sessionName", "Open sessions", alone=False)
+        self.reveal = QPushButton("Reveal the hidden effect")
+        self.reveal.setObjectName("reveal")
+        self.reveal.setToolTip(
+            "Say which effect was put into this practice session. Your guess is what you have added by then."
+        )
+        self.report = QPushButton("Save report page…")
+        self.report.setObjectName("report")
+        self.open = QPushButton("Open…")
+        self.open.setObjectName("open")
+        self.open.setToolTip("Open a session file (Ctrl+O), or drop one here.")
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(16, 4, 8, 4)
+        layout.setSpacing(8)
+        layout.addWidget(self.name, 1)
+        for button, signal in (
+            (self.reveal, self.reveal_asked),
+            (self.report, self.report_asked),
+            (self.open, self.open_asked),
+        ):
+            button.clicked.connect(signal)
+            layout.addWidget(button)
+        self.show_session("", False, False)
+
+    def show_session(self, text: str, practice: bool, ready: bool) -> None:
+        """Say what is open; ``ready`` when there is a diagnosis to report on."""
+        # Of the runs as much as there is room for.
+        self.name.set_texts((text, text.rpartition(": ")[0] or text, text.rpartition(" · ")[0] or text))
+        self.reveal.setVisible(practice)
+        self.report.setVisible(ready)
+        self.report.setToolTip("The whole comparison as one self-contained page (Ctrl+S).")
+
+
+START_WIDTH = 520
+
+
+class LabStartPage(QWidget):
+    """Signals ``open_asked``, ``practise_asked``, ``recent_asked(path)``."""
+
+    open_asked = Signal()
+    practise_asked = Signal()
+    recent_asked = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        title = heading("No session open", large=True)
+        text = remark(
+            "Open a session file, or drop one here. Measured and modelled will then stand side by side, with "
+            "where the model fails and which physical effect is missing."
+        )
+        self.open = QPushButton("&Open a session…")
+        self.open.setProperty("primary", "true")
+        self.open.setObjectName("emptyOpen")
+        self.practise = QPushButton("&Practise on a hidden effect")
+        self.practise.setObjectName("practise")
+        self.practise.setToolTip(
+            "Records a session from the simulated rig with an effect that is not told: find it, reveal it."
+        )
+        self.open.clicked.connect(self.open_asked)
+        self.practise.clicked.connect(self.practise_asked)
+        buttons = QHBoxLayout()
+        buttons.setSpacing(8)
+        buttons.addWidget(self.open)
+        buttons.addWidget(self.practise)
+        buttons.addStretch(1)
+        self.doing = remark()
+        self.doing.setObjectName("emptyDoing")
+        self.doing.hide()
+        self._recent_title = remark("Recent")
+        self._recent = QVBoxLayout()
+        self._recent.setSpacing(0)
+        column = QWidget()
+        column.setMaximumWidth(START_WIDTH)
+        inner = QVBoxLayout(column)
+        inner.setSpacing(16)
+        inner.addWidget(title)
+        inner.addWidget(text)
+        inner.addLayout(buttons)
+        inner.addWidget(self.doing)
+        inner.addWidget(self._recent_title)
+        inner.addLayout(self._recent)
+        across = QHBoxLayout()
+        across.addStretch(1)
+        across.addWidget(column, 100)  # takes all up to its widest, so that its text gets the height it needs
+        across.addStretch(1)
+        layout = QVBoxLayout(self)
+        layout.addStretch(2)
+        layout.addLayout(across)
+        layout.addStretch(3)
+
+    def show_practice(self, on: bool) -> None:
+        """While a practice session is recorded say so where it was asked for, too."""
+        self.doing.setText("Recording a practice session")
+        self.doing.setVisible(on)
+        set_usable(self.practise, not on)
+
+    def tell_practice(self, what: str) -> None:
+        """How far that is."""
+        if not self.doing.isHidden():
+            self.doing.setText(f"Recording a practice session: {what}")
+
+    def show_recent(self, paths: Sequence[Path]) -> None:
+        """Offer recently opened files."""
+        while (item := self._recent.takeAt(0)) is not None:
+            widget = item.widget()
+            if widget is not None:
+                widget.deleteLater()
+        for path in paths[:5]:
+            button = QPushButton(path.name.replace("&", "&&"))
+            button.setProperty("step", "true")
+            button.setToolTip(str(path))
+            button.setAccessibleName(f"Open {path.name} again")
+            button.clicked.connect(lambda _checked=False, p=str(path): self.recent_asked.emit(p))
+            self._recent.addWidget(button)
+        self._recent_title.setVisible(bool(paths))
+
+
+class WaitingPage(QWidget):
+    """A session is open and its first comparison is not there (yet). Signal ``compare_asked``."""
+
+    compare_asked = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.title = heading(large=True)
+        self.title.setAlignment(Qt.AlignmentFlag.AlignHCenter)
+        self.what = remark()
+        self.what.setAlignment(Qt.AlignmentFlag.AlignHCenter)
+        self.compare = QPushButton("Compare &model and measurement")
+        self.compare.setObjectName("compareAgain")
+        self.compare.setProperty("primary", "true")
+        self.compare.clicked.connect(self.compare_asked)
+        layout = QVBoxLayout(self)
+        layout.setSpacing(16)
+        layout.addStretch(2)
+        layout.addWidget(self.title)
+        layout.addWidget(self.what)
+        layout.addWidget(self.compare, 0, Qt.AlignmentFlag.AlignHCenter)
+        layout.addStretch(3)
+        self.show_state(False, "")
+
+    def show_state(self, running: bool, what: str) -> None:
+        """While the comparison runs, say how far it is; else offer to run it."""
+        self.title.setText("Comparing model and measurement" if running else "Not compared yet")
+        self.what.setText(what if running else "The comparison was stopped or failed before it had a result.")
+        self.compare.setVisible(not running)
+
+
+STEPS = {
+    "compare": ("Compare", "Measured and modelled, side by side: the whole of the run (F2)."),
+    "where": ("Where?", "Where the model fails: over time, phase, speed, angle, tension, run (F3)."),
+    "missing": ("Missing?", "Which effect is missing: the candidates, best first (F4)."),
+    "add": ("Add", "Add an effect to the model and refit (F5)."),
+    "true": ("True?", "Does it hold on runs that the fit has not seen, and what to record next (F6)."),
+}
+
+
+class StepsColumn(QWidget):
+    """Five steps. Signal ``chosen(step)`` when the user goes to one."""
+
+    chosen = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("steps")
+        self.setAccessibleName("Steps of the Model lab")
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(0)
+        self._group = QButtonGroup(self)
+        self._buttons: dict[str, QPushButton] = {}
+        self._results = {}
+        for step, (title, help_text) in STEPS.items():
+            button = QPushButton(title)
+            button.setProperty("step", "true")
+            button.setCheckable(True)
+            button.setFont(large_font())
+            button.setToolTip(help_text)
+            button.setAccessibleName(title)
+            button.clicked.connect(lambda _checked=False, s=step: self.chosen.emit(s))
+            self._group.addButton(button)
+            self._buttons[step] = button
+            result = remark()
+            result.setContentsMargins(16, 0, 0, 16)
+            self._results[step] = result
+            layout.addWidget(button)
+            layout.addWidget(result)
+
+    def set_results(self, results: dict[str, str]) -> None:
+        """Show what each done step found; the others stay empty."""
+        for step, label in self._results.items():
+            text = results.get(step, "")
+            label.setText(_shorten(text))
+            label.setToolTip(text)
+            self._buttons[step].setAccessibleDescription(text)
+
+    def set_current(self, step: str) -> None:
+        """Make a step the current one (without going there)."""
+        self._buttons[step].setChecked(True)
+
+    def current(self) -> str:
+        """The step that is bold."""
+        return next((step for step, button in self._buttons.items() if button.isChecked()), "compare")
+
+    def button(self, step: str) -> QPushButton:
+        return self._buttons[step]
+
+    def result(self, step: str) -> str:
+        """The words below a step."""
+        return self._results[step].toolTip()
+
+
+def _shorten(text: str, limit: int = 64) -> str:
+    """A few words; the whole text is in the tooltip."""
+    if len(text) <= limit:
+        return text
+    return text[: limit - 1].rsplit(" ", 1)[0].rstrip(",;:.") + " …"

@@ -1,0 +1,223 @@
+"""The Model lab put together. Any frame can host it: it needs a controller and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QHBoxLayout, QStackedWidget, QVBoxLayout, QWidget
+
+from fingerlab.diagnosis.answer.where import Profile, stretches_in, worst_run
+from fingerlab.report.diagnosis_words import bin_words, not_shown
+
+from ..widgets.layout import Panes
+from .candidates import CandidatesPanel
+from .comparison_bar import ComparisonBar, LegendRow
+from .comparison_plot import ComparisonPlot
+from .controller import LabController, ModelStep
+from .error_path import PathPanel
+from .evidence import EvidencePanel
+from .lab_frame import StepsColumn
+from .result_words import NOTHING, UNKNOWN, best_choice, equation_text, find_candidate, step_results
+from .truth import TruthPanel
+from .where import WherePanel
+
+STEPS_WIDTH = 152
+
+
+class LabView(QWidget):
+    """Steps at the left; plots above, candidates and evidence in the middle, error path below.
+
+    Signal ``report_asked``.
+    """
+
+    report_asked = Signal()
+
+    def __init__(self, controller: LabController, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.controller = controller
+        self.steps = StepsColumn()
+        self.bar = ComparisonBar()
+        self.legend = LegendRow()
+        self.plot = ComparisonPlot()
+        self.candidates = CandidatesPanel()
+        self.evidence = EvidencePanel()
+        self.where = WherePanel()
+        self.truth = TruthPanel()
+        self.path = PathPanel()
+        self._shown_step: ModelStep | None = None
+        self._build()
+        self._connect()
+        self.refresh()
+
+    def _build(self) -> None:
+        upper = QWidget()
+        plots = QVBoxLayout(upper)
+        plots.setContentsMargins(0, 0, 0, 0)
+        plots.setSpacing(4)
+        plots.addWidget(self.bar)
+        plots.addWidget(self.legend)
+        plots.addWidget(self.plot, 1)
+        self.right = QStackedWidget()
+        for panel in (self.evidence, self.where, self.truth):
+            self.right.addWidget(panel)
+        middle = QWidget()
+        row = QHBoxLayout(middle)
+        row.setContentsMargins(0, 4, 0, 4)
+        row.setSpacing(16)
+        row.addWidget(self.candidates, 4)
+        row.addWidget(self.right, 5)
+        parts = ((upper, 11), (middle, 9), (self.path, 4))
+        self.panes = Panes("model_lab", parts, (360, 272, 100))
+        self.steps.setFixedWidth(STEPS_WIDTH)
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(8, 8, 8, 8)
+        layout.setSpacing(8)
+        left = QVBoxLayout()
+        left.addWidget(self.steps)
+        left.addStretch(1)
+        layout.addLayout(left)
+        layout.addWidget(self.panes, 1)
+
+    def _connect(self) -> None:
+        self.steps.chosen.connect(self.go_to)
+        self.bar.changed.connect(self._show_comparison)
+        self.plot.pointed.connect(self.legend.values.setText)
+        self.plot.stretch_named.connect(self.legend.name_stretch)
+        self.plot.place_named.connect(self.legend.name_place)
+        self.where.place_chosen.connect(self._on_place)
+        self.candidates.chosen.connect(self._on_candidate)
+        self.candidates.add_asked.connect(self.controller.add)
+        self.path.undo_asked.connect(self.controller.undo)
+        self.path.redo_asked.connect(self.controller.redo)
+        self.truth.report_asked.connect(self.report_asked)
+        self.controller.result_changed.connect(self.refresh)
+        self.controller.activity_changed.connect(self._on_activity)
+
+    def refresh(self) -> None:
+        """Show the controller's present diagnosis."""
+        history = self.controller.history
+        if history is None:
+            self._shown_step = None
+            self.bar.show_comparisons((), (), None)
+            self.plot.show_comparison(None, None, keep_view=False)
+            self.candidates.show_diagnosis(None)
+            self.evidence.show_choice(None, None)
+            self.where.show_equation((), None)
+            self.path.show_history(None)
+            self.truth.show_history(None)
+            self.steps.set_results({})
+            self.steps.set_current("compare")
+            return
+        diagnosis = history.now.diagnosis
+        first_look = self._shown_step is None
+        self._shown_step = history.now
+        failure = diagnosis.failure
+        wanted = (failure.equation, failure.run) if first_look and failure is not None else None
+        self.bar.show_comparisons(diagnosis.comparisons, self.controller.sessions, wanted)
+        self.candidates.show_diagnosis(diagnosis)
+        self.evidence.show_choice(best_choice(diagnosis), diagnosis)
+        self.path.show_history(history)
+        pressed = any(run.phase == "contact" for one in self.controller.sessions for run in one.runs)
+        self.truth.show_history(history, pressed)
+        self.steps.set_results(step_results(diagnosis, history))
+        if history.now.added or diagnosis.verdict == NOTHING:
+            self.steps.set_current("true")
+        else:
+            self.steps.set_current("missing" if diagnosis.verdict == UNKNOWN else "add")
+        # Where nothing is missing but not all was visible, the proposed run is what to look at next.
+        truth = history.now.added or not_shown(diagnosis)
+        self.right.setCurrentWidget(self.truth if truth else self.evidence)
+        if first_look:
+            self.candidates.view.setFocus()
+
+    def go_to(self, step: str) -> None:
+        """Go to a step of the work: show what it is about and put the keyboard there."""
+        self.steps.set_current(step)
+        diagnosis = self.controller.diagnosis
+        if diagnosis is None:
+            return
+        self.right.setCurrentWidget({"true": self.truth, "where": self.where}.get(step, self.evidence))
+        self._show_where()
+        if step == "compare":
+            self.plot.show_whole()
+            self.plot.setFocus()
+        elif step == "where":
+            if diagnosis.failure is not None:
+                self.bar.go_to(diagnosis.failure.equation, diagnosis.failure.run)
+                self.plot.show_stretch()
+            self.where.plot.setFocus()
+        elif step == "missing":
+            self.candidates.choose(best_choice(diagnosis))
+            self.candidates.view.setFocus()
+        elif step == "add":
+            target = self.candidates.add_button
+            (target if target.isEnabled() else self.candidates.view).setFocus()
+        else:
+            self.truth.report.setFocus()
+
+    def show_what_gave_it_away(self, effects: Sequence[str]) -> None:
+        """The fingerprint of a revealed effect, as it was while no model had it."""
+        history = self.controller.history
+        if history is None:
+            return
+        for step in history.done:
+            found = [e for e in effects if e not in step.added and find_candidate(step.diagnosis, e)]
+            if found:
+                self.evidence.show_choice(found[0], step.diagnosis)
+                candidate = find_candidate(step.diagnosis, found[0])
+                seen = candidate is not None and candidate.detectable
+                told = "What gave it away" if seen else "Not to be seen in these data"
+                self.evidence.title.setText(f"{told}: {self.evidence.title.text()}")
+                self.right.setCurrentWidget(self.evidence)
+                self.steps.set_current("missing")
+                return
+
+    def _show_comparison(self) -> None:
+        history, comparison = self.controller.history, self.bar.comparison()
+        if history is None or comparison is None:
+            self.plot.show_comparison(None, None, keep_view=False)
+            return
+        diagnosis = history.now.diagnosis
+        before = self.plot.comparison
+        same = before is not None and (before.equation, before.session, before.run) == (
+            comparison.equation,
+            comparison.session,
+            comparison.run,
+        )
+        self.plot.show_comparison(comparison, diagnosis.failure, keep_view=same)
+        self._show_where()
+        family = equation_text(comparison.equation).family
+        now = diagnosis.errors.get(family)
+        first = history.first.diagnosis.errors.get(family, now)
+        self.bar.show_error(first, now)
+
+    def _show_where(self) -> None:
+        """The panel is filled when it is looked at: eight pictures are not made for nobody."""
+        diagnosis = self.controller.diagnosis
+        if diagnosis is not None and self.right.currentWidget() is self.where:
+            self.where.show_equation(diagnosis.comparisons, self.bar.equation())
+
+    def _on_place(self, found: Profile, number: int) -> None:
+        """Show a place that the user chose in the curves, of the run shown or else of the worst one there."""
+        diagnosis, shown = self.controller.diagnosis, self.bar.comparison()
+        if diagnosis is None or shown is None:
+            return
+        runs = [one for one in diagnosis.comparisons if one.equation == found.equation]
+        here = [one for one in runs if (one.session, one.run) == (shown.session, shown.run)]
+        if not any(stretches_in(found, number, one) for one in here):
+            worst = worst_run(found, number, runs)
+            if worst is None:
+                return
+            self.bar.go_to(worst.equation, worst.run)
+            here = [one for one in runs if (one.session, one.run) == (worst.session, worst.run)]
+        self.plot.show_whole()
+        places = [stretch for one in here for stretch in stretches_in(found, number, one)]
+        self.plot.show_places(places, bin_words(found, number))
+
+    def _on_candidate(self, key: str) -> None:
+        self.evidence.show_choice(key, self.controller.diagnosis)
+        self.right.setCurrentWidget(self.evidence)
+
+    def _on_activity(self) -> None:
+        self.candidates.set_busy(self.controller.tasks.busy)

@@ -1,0 +1,252 @@
+"""The Model lab as a tab: nothing open, waiting for the first comparison, or the lab itself."""
+
+from __future__ import annotations
+
+import traceback
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import SignalInstance
+from PySide6.QtWidgets import QFileDialog, QStackedWidget
+
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.answer.results import EQUATION_TITLES
+
+from ..app.context import ApplicationContext
+from ..app.tab_registry import SEPARATOR, Command, Tab
+from ..app.worker import IsCancelled, Progress
+from . import practice, result_actions
+from .controller import DiagnoseCall, LabController
+from .lab_frame import STEPS, LabHeader, LabStartPage, WaitingPage
+from .result_actions import ResultActions
+from .result_words import sessions_text
+
+if TYPE_CHECKING:
+    from fingerlab.sessions.model import Session
+
+    from .lab_view import LabView
+
+REPORT_FILTER = "Web page (*.html);;PDF (*.pdf)"
+
+
+class ModelLabTab(Tab):
+    """Composes the lab; all that it shows comes from the controller."""
+
+    def __init__(self, context: ApplicationContext, diagnose: DiagnoseCall | None = None) -> None:
+        super().__init__(context)
+        self.controller = LabController(context.tasks, diagnose, self)
+        self.empty = LabStartPage()
+        self.waiting = WaitingPage()
+        self._view: LabView | None = None
+        self.pages = QStackedWidget()
+        for page in (self.empty, self.waiting):
+            self.pages.addWidget(page)
+        self.widget = self.pages
+        self.actions = ResultActions(context, self.controller, self.pages)
+        self.header = self.bar = LabHeader()
+        self.commands = self._commands()
+        self._shown = self._waits = False
+        self._connect()
+        self._refresh()
+
+    def _connect(self) -> None:
+        context = self.context
+        self.bar.open_asked.connect(context.open_asked)
+        self.bar.report_asked.connect(self.save_report)
+        self.bar.reveal_asked.connect(self.reveal)
+        self.empty.open_asked.connect(context.open_asked)
+        self.empty.practise_asked.connect(self.practise)
+        self.empty.recent_asked.connect(lambda path: context.open_paths([Path(path)]))
+        self.waiting.compare_asked.connect(self.controller.compare)
+        for signal in self._changes():
+            signal.connect(self._refresh)
+        context.tasks.progressed.connect(self._on_progress)
+        context.tasks.started.connect(lambda title: self.empty.show_practice(title == practice.TITLE))
+        context.tasks.ended.connect(lambda _how: self.empty.show_practice(False))
+
+    def _changes(self) -> tuple[SignalInstance, ...]:
+        controller = self.controller
+        return controller.sessions_changed, controller.result_changed, controller.activity_changed
+
+    @property
+    def view(self) -> LabView:
+        """The lab itself; made for the first session, since the window opens sooner without its plots."""
+        return self._view or self._make_view()
+
+    def _make_view(self) -> LabView:
+        from .lab_view import LabView
+
+        self._view = view = LabView(self.controller)
+        view.panes.remember(self.context.settings)
+        self.pages.addWidget(view)
+        view.report_asked.connect(self.save_report)
+        view.truth.hand_asked.connect(self.actions.hand_experiment)
+        view.truth.predict_asked.connect(self.actions.predict)
+        view.truth.save_asked.connect(self.actions.ask_and_save)
+        for signal in self._changes():  # the tab after the view, whose buttons it asks
+            signal.disconnect(self._refresh)
+            signal.connect(self._refresh)
+        return view
+
+    def _commands(self) -> tuple[Command, ...]:
+        compared = self._compared
+        steps = (
+            Command(title, lambda s=step: self.view.go_to(s), f"F{number}", compared)  # type: ignore[misc]
+            for number, (step, (title, _)) in enumerate(STEPS.items(), start=2)
+        )
+        equations = (
+            Command(
+                title,
+                lambda e=equation: self.view.bar.choose_equation(e),  # type: ignore[misc]
+                f"Alt+{number}",
+                lambda e=equation: e in self._equations(),  # type: ignore[misc]
+            )
+            for number, (equation, title) in enumerate(EQUATION_TITLES.items(), start=1)
+        )
+        return (
+            *steps,
+            SEPARATOR,
+            *equations,
+            SEPARATOR,
+            Command("Next run", lambda: self.view.bar.step_run(1), "Alt+Down", compared),
+            Command("Previous run", lambda: self.view.bar.step_run(-1), "Alt+Up", compared),
+            Command("Whole run", lambda: self.view.plot.show_whole(), "Alt+Home", compared),
+            SEPARATOR,
+            Command(
+                "&Add the chosen effect to the model",
+                lambda: self.view.candidates.add_button.click(),
+                "Ctrl+Return",
+                compared,
+            ),
+            Command(
+                "&Hand the proposed recording to Acquire",
+                lambda: self.view.truth.hand.click(),
+                None,
+                self._proposed,
+            ),
+            Command(
+                "&Predict the force with this model", lambda: self.view.truth.predict.click(), None, compared
+            ),
+            Command("Save &model…", self.actions.ask_and_save, "Ctrl+Shift+M", compared),
+            Command("&Save report page…", self.save_report, "Ctrl+S", compared),
+            SEPARATOR,
+            Command("&Practise on a hidden effect", self.practise),
+            Command("Re&veal the hidden effect", self.reveal, None, self._sealed),
+            SEPARATOR,
+            Command("&Own effects…", self.show_own_effects),
+        )
+
+    def show_own_effects(self) -> None:
+        """The folder of own effects, and which of its files may be run."""
+        from .own_effects import OwnEffects
+
+        OwnEffects(self.pages, self.context.settings.folder()).open()
+
+    # what the frame asks
+
+    def window_title(self) -> str:
+        sessions = self.controller.sessions
+        return sessions[0].path.name if sessions else ""
+
+    def on_shown(self) -> None:
+        self._shown = True
+        self._compare_if_due()
+
+    def on_hidden(self) -> None:
+        self._shown = False
+
+    def on_session_opened(self, sessions: tuple[Session, ...]) -> None:
+        if sessions and self._view is None:
+            self._make_view()  # so that it hears of them
+        self.controller.take(sessions)
+        self._waits = bool(sessions)
+        self._compare_if_due()
+
+    def undo(self) -> None:
+        self.controller.undo()
+
+    def redo(self) -> None:
+        self.controller.redo()
+
+    @property
+    def can_undo(self) -> bool:
+        return self.controller.history is not None and self.controller.history.can_undo
+
+    @property
+    def can_redo(self) -> bool:
+        return self.controller.history is not None and self.controller.history.can_redo
+
+    # practice and report
+
+    def practise(self) -> None:
+        """Simulate a session with a sealed effect and open it."""
+        practice.start(self.context)
+
+    def reveal(self) -> None:
+        """Say which effect the practice session holds."""
+        history = self.controller.history
+        model = history.now.added if history is not None else ()
+        try:
+            sealed = [session for session in self.controller.sessions if practice.is_sealed(session)]
+            self.context.tell(" ".join(practice.reveal(session, model) for session in sealed))
+            self.view.show_what_gave_it_away([e for s in sealed for e in practice.hidden_effects(s)])
+        except UserError as error:
+            self.context.tell(str(error), traceback.format_exc())
+
+    def save_report(self) -> None:
+        """Write the report page of what is open, off the GUI thread."""
+        sessions, history = self.controller.sessions, self.controller.history
+        if not sessions or history is None:
+            return
+        start = Path(self.context.settings.folder()) / f"{sessions[0].path.stem}.html"
+        name, _ = QFileDialog.getSaveFileName(self.widget, "Save report page", str(start), REPORT_FILTER)
+        if not name:
+            return
+        path, diagnosis = Path(name), history.now.diagnosis
+
+        def work(progress: Progress, cancelled: IsCancelled) -> Path:
+            return result_actions.write_page(sessions, path, diagnosis, progress, cancelled)
+
+        self.context.tasks.start(
+            "Writing the report page", work, lambda done: self.context.tell(f"Report page saved: {done}")
+        )
+
+    # what is shown
+
+    def _compare_if_due(self) -> None:
+        """Sessions that were opened while another tab was in front wait until this one is looked at."""
+        if self._waits and self._shown:
+            self._waits = False
+            self.controller.compare()
+
+    def _on_progress(self, _share: float, what: str) -> None:
+        self.waiting.show_state(True, what)
+        self.empty.tell_practice(what)
+
+    def _proposed(self) -> bool:
+        return self._compared() and self.view.truth.hand.isEnabled()
+
+    def _compared(self) -> bool:
+        return self.controller.history is not None
+
+    def _equations(self) -> frozenset[str]:
+        diagnosis = self.controller.diagnosis
+        return frozenset(c.equation for c in diagnosis.comparisons) if diagnosis is not None else frozenset()
+
+    def _sealed(self) -> bool:
+        return any(practice.is_sealed(session) for session in self.controller.sessions)
+
+    def _refresh(self) -> None:
+        sessions, history = self.controller.sessions, self.controller.history
+        self.bar.show_session(
+            sessions_text(sessions) if sessions else "", self._sealed(), history is not None
+        )
+        if not sessions:
+            self.empty.show_recent(self.context.settings.recent())
+            self.pages.setCurrentWidget(self.empty)
+        elif history is None:
+            self.waiting.show_state(self.context.tasks.busy, "")
+            self.pages.setCurrentWidget(self.waiting)
+        else:
+            self.pages.setCurrentWidget(self.view)
+        self.context.commands_changed.emit()

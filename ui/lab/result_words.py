@@ -1,0 +1,272 @@
+"""The few words that the lab makes of a diagnosis, beside the sentences that the report shares. No Qt."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fingerlab.core.text import decimals_for, fixed, percent, score_text, screen_unit
+from fingerlab.diagnosis.answer.results import (
+    EQUATION_TITLES,
+    Candidate,
+    Comparison,
+    Diagnosis,
+    EquationError,
+    Failure,
+)
+from fingerlab.report.diagnosis_words import (
+    NOTHING_WORDS,
+    PHASE_WORDS,
+    UNKNOWN_WORDS,
+    effect_title,
+    in_sentence,
+    left_open,
+    listed,
+    not_shown,
+    would_show,
+)
+from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
+from fingerlab.sessions.model import Session
+from fingerlab.sessions.trajectory import trajectory_words
+
+from .controller import ModelHistory
+
+
+@dataclass(frozen=True)
+class EquationText:
+    """``family`` is the key of ``Diagnosis.errors`` that the equation counts towards."""
+
+    button: str
+    quantity: str
+    family: str
+    help: str
+
+
+EQUATION_TEXTS = {
+    "mcp_torque": EquationText(
+        "MCP",
+        "MCP torque",
+        "joint_torque",
+        "Torque at the MCP joint, N m.\n"
+        "Measured: what the motor's torque gives at the joint, s·a·T.\n"
+        "Modelled: inertia, Coriolis, gravity and spring at the joint, less the losses: "
+        "LHS1 = s·a·T + L1 (thesis 3.16).\n"
+        "a moment arm (m), T cable tension (N), s +1 flexion, −1 extension.",
+    ),
+    "pip_torque": EquationText(
+        "PIP",
+        "PIP torque",
+        "joint_torque",
+        "Torque at the PIP joint, N m.\n"
+        "Measured: what the motor's torque gives at the joint, s·b·T.\n"
+        "Modelled: inertia, Coriolis, gravity and spring at the joint, less the losses: "
+        "LHS2 = s·b·T + L2 (thesis 3.17).\n"
+        "b moment arm (m), T cable tension (N), s +1 flexion, −1 extension.",
+    ),
+    "cable_kinematics": EquationText(
+        "Cable",
+        "Cable wound",
+        "cable_kinematics",
+        "Cable wound on the pulley, m.\n"
+        "Measured: pulley radius times motor angle, x = r·θm.\n"
+        "Modelled: what the joints call for while the cable is taut, x0 + s·(a·θ1 + b·θ2).\n"
+        "Slack, stretch and backlash show here and hardly anywhere else.",
+    ),
+    "endpoint_force_pip": EquationText(
+        "Force, PIP",
+        "Fingertip force",
+        "endpoint_force",
+        "Force of the fingertip on the load cell, N, compression positive.\n"
+        "Measured: load cell.\n"
+        "Modelled from the PIP balance: F = (s·b·T + L2 − LHS2) / lever (thesis 3.18).",
+    ),
+    "endpoint_force_mcp": EquationText(
+        "Force, MCP",
+        "Fingertip force",
+        "endpoint_force",
+        "Force of the fingertip on the load cell, N, compression positive.\n"
+        "Measured: load cell.\n"
+        "Modelled from the MCP balance: F = (s·a·T + L1 − LHS1) / lever. "
+        "It must agree with the PIP equation; where it does not, that is evidence.",
+    ),
+    "motor_torque": EquationText(
+        "Motor",
+        "Motor torque",
+        "motor_torque",
+        "Torque at the gearbox output, N m.\n"
+        "Measured: torque constant × gear ratio × current.\n"
+        "Modelled: J·acceleration + gain·load + offset.",
+    ),
+}
+
+FLOOR_HELP = (
+    "Floor: how well the bench repeats itself when the same motion is run again. "
+    "No model can be expected to do better."
+)
+SCORE_HELP = (
+    "Error of the whole model on runs held out of the fit, over all equations, in multiples of the floor. "
+    "1.0 is as good as the bench repeats itself."
+)
+
+
+def equation_text(equation: str) -> EquationText:
+    """Texts of an equation; of one that this window does not know, its id."""
+    known = EQUATION_TEXTS.get(equation)
+    if known is not None:
+        return known
+    title = EQUATION_TITLES.get(equation, equation.replace("_", " ").capitalize())
+    return EquationText(title, title, equation, title)
+
+
+NOTHING = "nothing_missing"
+UNKNOWN = "not_in_catalogue"
+NO_BREAK = "\u00a0"
+OUTCOME_TITLES = {NOTHING: NOTHING_WORDS, UNKNOWN: UNKNOWN_WORDS}
+NAMED = 4
+"""Effects that are named where room is short; the rest is counted, and marked in the list."""
+RUN_KEYS = ("kind", "amplitude_deg", "frequency_hz")
+"""What tells runs apart in a list; the rest of a trajectory is in the session file."""
+
+
+def failure_words(failure: Failure | None) -> str:
+    """What the finger does in the worst stretch; equation, run and time are seen beside it anyway."""
+    if failure is None:
+        return "no stretch stands out"
+    place, _, words = failure.text.partition(": ")
+    return (words or place).partition(";")[0].strip()
+
+
+def find_candidate(diagnosis: Diagnosis, effect: str) -> Candidate | None:
+    return next((c for c in diagnosis.candidates if c.effect == effect), None)
+
+
+def best_choice(diagnosis: Diagnosis) -> str:
+    """The effect id or outcome that the verdict names."""
+    if diagnosis.verdict == "missing_effect" and diagnosis.candidates:
+        return diagnosis.candidates[0].effect
+    return UNKNOWN if diagnosis.verdict == UNKNOWN else NOTHING
+
+
+def verdict_headline(diagnosis: Diagnosis) -> str:
+    """The verdict in as few words as it can be said."""
+    if diagnosis.verdict == NOTHING:
+        seen = " that these data could show" if not_shown(diagnosis) else ""
+        return f"{'Nothing more' if diagnosis.model else 'Nothing'} is missing{seen}"
+    if diagnosis.verdict == UNKNOWN:
+        return "What is missing is not in the catalogue"
+    best = diagnosis.candidates[0]
+    return f"Missing: {in_sentence(best.title)}, {percent(best.probability).replace(' ', NO_BREAK)}"
+
+
+def set_words(diagnosis: Diagnosis) -> str:
+    """Which effects these data cannot tell apart, or could not have shown where nothing is missing.
+
+    And that the floor is no bench's own, where it is none.
+    """
+    floor = "" if diagnosis.repeats else " No motion repeats: the floor is what the best model leaves."
+    return _set_words(diagnosis) + floor
+
+
+def _set_words(diagnosis: Diagnosis) -> str:
+    if not_shown(diagnosis):
+        hidden, weak = left_open(diagnosis)
+        text = f"They could not have shown: {_named(hidden)}." if hidden else ""
+        text += f"{' ' if text else ''}Too weak to tell: {_named(weak)}." if weak else ""
+        shown = would_show(diagnosis)
+        return f"{text} The proposed run would show {_named(shown)}." if shown else text
+    titles = [in_sentence(effect_title(name)) for name in diagnosis.set]
+    if len(titles) < 2:
+        return "Told apart from every other effect." if titles else "No effect is called for."
+    return f"Cannot be told apart here: {listed(titles)}."
+
+
+def set_help(diagnosis: Diagnosis) -> str:
+    """Where the words on the set had to leave some out: all of them."""
+    hidden = not_shown(diagnosis)
+    titles = [in_sentence(effect_title(name)) for name in hidden]
+    return f"These data leave open: {listed(titles)}." if len(hidden) > NAMED else ""
+
+
+def _named(effects: Sequence[str]) -> str:
+    titles = [in_sentence(effect_title(effect)) for effect in effects]
+    more = len(titles) - NAMED
+    return listed(titles) if more <= 0 else listed([*titles[:NAMED], f"{more} more"])
+
+
+def outcome_explanation(outcome: str, diagnosis: Diagnosis) -> str:
+    """The evidence for one of the two outcomes that are no effect."""
+    score = score_text(diagnosis.score)
+    model = "The model" if diagnosis.model else "The nominal model"
+    if outcome == NOTHING:
+        chance = percent(diagnosis.probability_nothing)
+        left = " What is left to it is what these data could not have shown." if not_shown(diagnosis) else ""
+        return (
+            f"{model} misses held-out runs by {score} times what the bench itself repeats; 1.0 would be "
+            f"perfect. Probability that no effect is missing: {chance}.{left}"
+        )
+    chance = percent(diagnosis.probability_unknown)
+    return (
+        f"{model} misses held-out runs by {score} times the floor. Probability that the cause is none of the "
+        f"{len(diagnosis.candidates)} effects tried: {chance}. The picture shows what is left to explain."
+    )
+
+
+def step_results(diagnosis: Diagnosis, history: ModelHistory) -> dict[str, str]:
+    """What each of the five steps found, in a few words; a step not yet done is left out."""
+    results = {"compare": f"error {score_text(diagnosis.score)} × floor"}
+    results["where"] = failure_words(diagnosis.failure)
+    if diagnosis.verdict == "missing_effect":
+        best = diagnosis.candidates[0]
+        results["missing"] = f"{best.title} {percent(best.probability).replace(' ', NO_BREAK)}"
+    elif diagnosis.verdict == UNKNOWN:
+        results["missing"] = "not in the catalogue"
+    else:
+        seen = " that they could show" if not_shown(diagnosis) else ""
+        results["missing"] = f"{'nothing more' if history.now.added else 'nothing'}{seen}"
+    if history.now.added:
+        results["add"] = " + ".join(effect_title(effect) for effect in history.now.added)
+    if diagnosis.verdict == NOTHING:
+        results["true"] = "yes, as far as seen" if not_shown(diagnosis) else "yes, on held-out runs"
+    elif history.now.added or diagnosis.verdict == UNKNOWN:
+        results["true"] = "not yet"
+    return results
+
+
+def error_texts(before: EquationError, now: EquationError) -> tuple[str, str, str, str]:
+    """Error before, error now, floor and unit: one unit, and the digits that the floor calls for."""
+    unit = screen_unit(now.unit, max(now.rmse, now.floor, before.rmse))
+    decimals = min(decimals_for(now.floor * unit.factor * 0.3), 3)
+    rmse_before, rmse_now, floor = (
+        fixed(value * unit.factor, decimals) for value in (before.rmse, now.rmse, now.floor)
+    )
+    return rmse_before, rmse_now, floor, unit.symbol
+
+
+def run_text(comparison: Comparison, session: Session | None, many: bool) -> str:
+    """A run in the list: number, phase, cable, what the motor did."""
+    parts = [PHASE_WORDS.get(comparison.phase, comparison.phase)]
+    run = next((r for r in session.runs if r.name == comparison.run), None) if session else None
+    if run is not None:
+        if run.cable != "none":
+            parts.append(run.cable)
+        parts.append(motor_words(run.trajectory))
+    text = f"Run {comparison.run} · {', '.join(parts)}"
+    return f"{session.path.stem}: {text}" if many and session is not None else text
+
+
+def motor_words(trajectory: Mapping[str, Any]) -> str:
+    """What the motor was told: kind, amplitude, frequency."""
+    return trajectory_words({key: trajectory[key] for key in RUN_KEYS if key in trajectory})
+
+
+def sessions_text(sessions: tuple[Session, ...]) -> str:
+    """What is open: files and the number of runs by phase."""
+    names = ", ".join(session.path.name for session in sessions)
+    counts: dict[str, int] = {}
+    for session in sessions:
+        for run in session.runs:
+            counts[run.phase] = counts.get(run.phase, 0) + 1
+    total = sum(counts.values())
+    phases = ", ".join(f"{count} {PHASE_WORDS.get(phase, phase)}" for phase, count in counts.items())
+    return f"{names} · {total} run{'s' if total != 1 else ''}: {phases}" if total else f"{names} · no runs"

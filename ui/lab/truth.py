@@ -1,0 +1,190 @@
+"""The last step: does the model hold on runs that no fit has seen, and what should be recorded next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QFontMetrics
+from PySide6.QtWidgets import QHeaderView, QPushButton, QTableWidgetItem, QVBoxLayout, QWidget
+
+from fingerlab.core.text import score_text
+from fingerlab.diagnosis.answer.results import HeldOutRuns
+from fingerlab.report.diagnosis_words import PHASE_WORDS, effect_title, in_sentence, listed
+
+from ..widgets.labels import WholeLabel
+from ..widgets.layout import ButtonRows
+from ..widgets.tables import NumberTable
+from ..widgets.theme import large_font, small_font
+from .controller import ModelHistory
+from .result_words import NOTHING, UNKNOWN, error_texts, motor_words, next_experiment_words
+
+FLOORS = (
+    "Error over all equations on these runs, in multiples of the floor (1.00), by fits that have not seen "
+    "them; what the other runs leave open of the model's constants is allowed for."
+)
+COLUMNS = (
+    (
+        "Held-out runs",
+        "Runs that were told the same motion; each is left out of the fit that is scored on it.",
+    ),
+    ("Nominal", f"{FLOORS} With the nominal model."),
+    ("Now", f"{FLOORS} With the present model."),
+)
+LEAST_ROWS = 3
+ROOM = 4
+"""About the words of a row, px."""
+
+
+class HeldOutTable(NumberTable):
+    """One row a motion."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__("heldOutRuns", "Error on held-out runs by motion", COLUMNS, parent=parent)
+        self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        self.horizontalHeader().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        self.setWordWrap(False)  # a row is a line; one that is too long ends in … and is whole in its tooltip
+        line = QFontMetrics(small_font()).height() + ROOM
+        self.verticalHeader().setMinimumSectionSize(line)
+        self.verticalHeader().setDefaultSectionSize(line)
+        self.horizontalHeader().setFixedHeight(line + ROOM)
+        self.setMinimumHeight((LEAST_ROWS + 1) * line + ROOM + 2 * self.frameWidth())
+
+    def show_runs(self, nominal: Sequence[HeldOutRuns], now: Sequence[HeldOutRuns]) -> None:
+        """Scores by the nominal and by the present model; without any the table is not seen."""
+        self.setVisible(bool(now))
+        before = {one.runs: one.score for one in nominal}
+        self.setRowCount(len(now))
+        for row, one in enumerate(now):
+            first = before.get(one.runs)
+            texts = runs_text(one), "–" if first is None else score_text(first), score_text(one.score)
+            for column, text in enumerate(texts):
+                item = QTableWidgetItem(text)
+                side = Qt.AlignmentFlag.AlignRight if column else Qt.AlignmentFlag.AlignLeft
+                item.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
+                item.setToolTip(COLUMNS[column][1] if column else whole_text(one))
+                self.setItem(row, column, item)
+
+
+def runs_text(one: HeldOutRuns) -> str:
+    """``001 · on air, extension, sine, 15°, 1 Hz``; of several the first is named."""
+    first, *others = one.runs
+    named = f"{first} and {len(others)} more" if others else first
+    return f"{named} · {motion_text(one)}"
+
+
+def motion_text(one: HeldOutRuns) -> str:
+    """What these runs have in common: phase, cable, what the motor was told."""
+    cable = f", {one.cable}" if one.cable != "none" else ""
+    return f"{PHASE_WORDS.get(one.phase, one.phase)}{cable}, {motor_words(one.trajectory)}"
+
+
+def whole_text(one: HeldOutRuns) -> str:
+    """All that a row says, with every run."""
+    return f"Run{'s' if len(one.runs) > 1 else ''} {listed(one.runs)} · {motion_text(one)}"
+
+
+FORCE = "endpoint_force"
+"""Key of ``Diagnosis.errors``."""
+
+
+class TruthPanel(QWidget):
+    """Words on the present model.
+
+    Signals ``hand_asked``: the proposed recording; ``predict_asked``, ``save_asked``: with the present model;
+    ``report_asked``.
+    """
+
+    report_asked = Signal()
+    hand_asked = Signal()
+    predict_asked = Signal()
+    save_asked = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.title = WholeLabel()
+        self.title.setProperty("role", "heading")
+        self.title.setFont(large_font())
+        self.held_out = WholeLabel()
+        self.next = WholeLabel()
+        self.next.setProperty("role", "muted")
+        self.next.setFont(small_font())
+        self.runs = HeldOutTable()
+        self.hand = _button("&Hand it to Acquire", "handExperiment", "The proposed recording as a protocol.")
+        self.predict = _button(
+            "&Predict the force",
+            "predictForce",
+            "Endpoint force of the contact runs by this model, in Predict.",
+        )
+        self.save = _button(
+            "Save &model…", "saveModel", "As a file, for Predict and 'fingerlab predict --model'."
+        )
+        self.report = _button(
+            "Save report page…", "saveReport", "The whole comparison as one self-contained page (Ctrl+S)."
+        )
+        for button, signal in (
+            (self.hand, self.hand_asked),
+            (self.predict, self.predict_asked),
+            (self.save, self.save_asked),
+            (self.report, self.report_asked),
+        ):
+            button.clicked.connect(signal)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(8)
+        for widget in (self.title, self.held_out, self.next):
+            layout.addWidget(widget)
+        layout.addWidget(ButtonRows((self.hand, self.predict, self.save, self.report)))
+        layout.addWidget(self.runs, 1)
+        layout.addStretch()
+
+    def show_history(self, history: ModelHistory | None, pressed: bool = False) -> None:
+        """Say how the present model does on runs that the fit has not seen; ``pressed``: some in contact."""
+        if history is None:
+            for label in (self.title, self.held_out, self.next):
+                label.setText("")
+            self.runs.show_runs((), ())
+            return
+        diagnosis = history.now.diagnosis
+        names = [in_sentence(effect_title(effect)) for effect in history.now.added]
+        model = "The nominal model" if not names else f"The model with {listed(names)}"
+        if diagnosis.verdict == NOTHING:
+            self.title.setText("True, as far as these recordings can show")
+        elif diagnosis.verdict == UNKNOWN:
+            self.title.setText("Not true yet, and the catalogue cannot make it so")
+        else:
+            self.title.setText("Not true yet")
+        misses = f"{model} misses runs held out of the fit by {score_text(diagnosis.score)} times the floor"
+        before = f"; the nominal model missed them by {score_text(history.first.diagnosis.score)} times"
+        self.held_out.setText(f"{misses}{before if names else ''}.{_force_words(history)}")
+        self.next.setText(next_experiment_words(diagnosis))
+        self.runs.show_runs(history.first.diagnosis.held_out, diagnosis.held_out)
+        proposed = diagnosis.next_experiment is not None
+        self.hand.setEnabled(proposed)
+        self.hand.setToolTip(
+            "The proposed recording as a protocol in the Acquire tab." if proposed else self.next.text()
+        )
+        self.predict.setEnabled(pressed)
+        self.predict.setToolTip(
+            "Endpoint force of the contact runs by this model, in Predict."
+            if pressed
+            else "These sessions have no contact run, whose force could be predicted."
+        )
+
+
+def _force_words(history: ModelHistory) -> str:
+    """What became of the error of the force, which all of this is for; empty without contact runs."""
+    first, now = history.first.diagnosis.errors.get(FORCE), history.now.diagnosis.errors.get(FORCE)
+    if now is None:
+        return ""
+    before, after, floor, unit = error_texts(first or now, now)
+    change = f"{before} to {after}" if history.now.added else after
+    goes = "goes from" if history.now.added else "is"
+    return f" The error of the endpoint force on them {goes} {change} {unit} (floor {floor} {unit})."
+
+
+def _button(text: str, name: str, words: str) -> QPushButton:
+    button = QPushButton(text)
+    button.setObjectName(name)
+    button.setToolTip(words)
+    return button

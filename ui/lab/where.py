@@ -1,0 +1,280 @@
+"""Where does it fail? The residual of the equation shown over what may be to blame, and the worst place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtGui import QKeyEvent, QMouseEvent
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+
+from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.diagnosis.answer.where import COORDINATES, Profile, most_orderly, profile
+from fingerlab.report.diagnosis_words import (
+    PHASE_WORDS,
+    axis_title,
+    bin_words,
+    coordinate_unit,
+    miss_words,
+    residual_unit,
+    worst_words,
+)
+
+from ..widgets.labels import ElidedLabel, remark
+from ..widgets.plots import QuietPlot
+from ..widgets.series import Series
+from ..widgets.theme import colours_of, line, tint
+from .comparison_bar import WHERE, LegendKeys
+from .result_words import FLOOR_HELP, equation_text
+
+BAR_GAP = 0.12
+"""Share of a bin's width left between bars."""
+KEY_STEPS = {Qt.Key.Key_Left: -1, Qt.Key.Key_Right: 1}
+
+
+class WherePlot(QuietPlot):
+    """Bars: root mean square; points: mean with its 90 % interval; grey: floor. A click or ← → choose a bin.
+
+    Signal ``chosen(bin)``: by the user.
+    """
+
+    chosen = Signal(int)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__("wherePlot", "Residual over a coordinate", parent)
+        self.found: Profile | None = None
+        self.bin = -1
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setMinimumHeight(120)
+
+    def show_profile(self, found: Profile | None, bin_: int = -1) -> None:
+        """Another profile with a bin of it chosen; -1 for none."""
+        self.found, self.bin = found, bin_
+        self.redraw()
+
+    def choose(self, bin_: int) -> None:
+        """Mark a bin, as a click does."""
+        if self.found is not None and np.isfinite(self.found.rms[bin_]):
+            self.bin = bin_
+            self.redraw()
+            self.chosen.emit(bin_)
+
+    def redraw(self) -> None:
+        plot, found = self.getPlotItem(), getattr(self, "found", None)
+        plot.clear()
+        for name in ("left", "bottom"):
+            plot.getAxis(name).setStyle(showValues=found is not None)
+        if found is None:
+            self.setAccessibleDescription("Nothing to show")
+            return
+        across, up = coordinate_unit(found), residual_unit(found)
+        self.name_axes("Residual", up, across.label(axis_title(found)))
+        self._name_runs(found)
+        self._draw(found, across.factor, up.factor)
+        self.setAccessibleDescription(self._spoken(found))
+
+    def _draw(self, found: Profile, across: float, up: float) -> None:
+        plot, colours = self.getPlotItem(), colours_of(self)
+        x, rms, floor = across * found.centres, up * found.rms, up * found.floor
+        known = np.isfinite(rms)
+        width = (1 - BAR_GAP) * across * (found.edges[1] - found.edges[0])
+        brushes = [tint(colours.residual, 0.55 if k == self.bin else 0.25) for k in np.flatnonzero(known)]
+        # What is chosen is framed as well: not by shade alone.
+        pens = [
+            line(colours.text, 2 * self.devicePixelRatioF()) if k == self.bin else pg.mkPen(None)
+            for k in np.flatnonzero(known)
+        ]
+        plot.addItem(pg.BarGraphItem(x=x[known], height=rms[known], width=width, brushes=brushes, pens=pens))
+        band = pg.LinearRegionItem((-floor, floor), orientation="horizontal", movable=False)
+        band.setBrush(tint(colours.floor, 0.35))
+        for edge in band.lines:
+            edge.setPen(pg.mkPen(None))
+        band.setZValue(-10)
+        plot.addItem(band, ignoreBounds=True)
+        plot.addItem(pg.InfiniteLine(0, angle=0, pen=line(colours.muted)), ignoreBounds=True)
+        mean, half = up * found.mean[known], up * found.half[known]
+        pen = self.pen("residual")
+        plot.addItem(pg.ErrorBarItem(x=x[known], y=mean, top=half, bottom=half, beam=0.0, pen=pen))
+        points = pg.ScatterPlotItem(x[known], mean, size=6, pen=pen, name="mean residual")
+        points.setBrush(pg.mkBrush(colours.residual))
+        plot.addItem(points)
+        low = min(float(np.min(mean - half)), -1.1 * floor)
+        high = max(float(np.max(rms[known])), float(np.max(mean + half)), 1.1 * floor)
+        room = 0.06 * (high - low)
+        plot.setRange(
+            xRange=(across * found.edges[0], across * found.edges[-1]),
+            yRange=(low - room, high + room),
+            padding=0.0,
+        )
+
+    def _name_runs(self, found: Profile) -> None:
+        """Runs are named below their bars, as many as there is room for."""
+        axis = self.getPlotItem().getAxis("bottom")
+        if not found.runs:
+            axis.setTicks(None)
+            return
+        room = max(self.getPlotItem().getViewBox().width(), 1.0) / (5 * self.fontMetrics().averageCharWidth())
+        every = max(round(len(found.runs) / max(room, 1.0)), 1)
+        axis.setTicks([[(k, run) for k, (_, run, _) in enumerate(found.runs) if k % every == 0], []])
+        phases = list(dict.fromkeys(PHASE_WORDS.get(phase, phase) for _, _, phase in found.runs))
+        self.getPlotItem().setLabel("bottom", f"Run ({', then '.join(phases)})")
+
+    def _spoken(self, found: Profile) -> str:
+        if self.bin < 0:
+            return f"{axis_title(found)}: {len(found.mean)} bins"
+        return f"{bin_words(found, self.bin)}: {miss_words(found, self.bin)}"
+
+    def shown_series(self) -> list[Series]:
+        """For CSV: what is drawn of each bin. Runs go by their place in the list."""
+        found = self.found
+        if found is None:
+            return []
+        across, up = coordinate_unit(found), residual_unit(found)
+        columns = (
+            ("root mean square", found.rms),
+            ("mean", found.mean),
+            ("half of the mean's 90 % interval", found.half),
+        )
+        title = across.label(axis_title(found))
+        return [
+            Series(name, title, up.label("Residual"), across.factor * found.centres, up.factor * values)
+            for name, values in columns
+        ]
+
+    # hand
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        super().mousePressEvent(event)
+        found = self.found
+        if found is None or event.button() != Qt.MouseButton.LeftButton:
+            return
+        place = self.getPlotItem().getViewBox().mapSceneToView(self.mapToScene(event.position().toPoint()))
+        at = place.x() / coordinate_unit(found).factor
+        number = int(np.searchsorted(found.edges, at)) - 1
+        if 0 <= number < len(found.mean):
+            self.setFocus()
+            self.choose(number)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        step = KEY_STEPS.get(Qt.Key(event.key()))
+        if step is None or self.found is None:
+            super().keyPressEvent(event)
+            return
+        known = np.flatnonzero(np.isfinite(self.found.rms))
+        if self.bin < 0:
+            self.choose(self.found.worst)
+            return
+        row = int(np.clip(np.searchsorted(known, self.bin) + step, 0, len(known) - 1))
+        self.choose(int(known[row]))
+
+    def event(self, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.DevicePixelRatioChange:
+            self.redraw()  # pens are in device pixels
+        return bool(super().event(event))
+
+
+WHERE_HELP = (
+    "Bars: root mean square of measured less modelled in each bin, over all runs. Points: its mean with the "
+    "90 % interval; a mean far from zero is what a missing effect leaves, bars without it are scatter. "
+    f"Click a bar, or use ← and →, to see it in the curves above. {FLOOR_HELP}"
+)
+
+
+class WherePanel(QWidget):
+    """Signal ``place_chosen(profile, bin)``: a bin was chosen by the user."""
+
+    place_chosen = Signal(object, int)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._comparisons: tuple[Comparison, ...] = ()
+        self._profiles: dict[str, Profile] = {}
+        self._equation = ""
+        self._by_hand = ""
+        self.title = ElidedLabel()
+        self.title.setProperty("role", "heading")
+        font = self.title.font()
+        font.setBold(True)
+        self.title.setFont(font)
+        self.coordinate = QComboBox()
+        self.coordinate.setObjectName("whereCoordinate")
+        self.coordinate.setAccessibleName("Residual over")
+        self.coordinate.setToolTip(
+            "What the residual is drawn over; at first that in which its mean is the least like scatter."
+        )
+        label = QLabel("&Over")
+        label.setBuddy(self.coordinate)
+        self.words = remark()
+        self.words.setObjectName("whereWords")
+        self.plot = WherePlot()
+        self.plot.setToolTip(WHERE_HELP)
+        top = QHBoxLayout()
+        top.setSpacing(8)
+        top.addWidget(self.title, 1)
+        top.addWidget(label)
+        top.addWidget(self.coordinate)
+        keys = QHBoxLayout()
+        keys.setContentsMargins(72, 0, 0, 0)
+        keys.addWidget(LegendKeys(WHERE, wraps=True))
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(4)
+        layout.addLayout(top)
+        layout.addWidget(self.words)
+        layout.addLayout(keys)
+        layout.addWidget(self.plot, 1)
+        self.coordinate.activated.connect(self._on_coordinate)
+        self.plot.chosen.connect(self._on_bin)
+
+    def show_equation(self, comparisons: Sequence[Comparison], equation: str | None) -> None:
+        """The residual of another equation, or of another model; the coordinate chosen by hand stays."""
+        given = tuple(comparisons)
+        same = given == () and not self._comparisons
+        if same or (equation == self._equation and _identical(given, self._comparisons)):
+            return
+        self._comparisons, self._equation = given, equation or ""
+        made = {name: profile(given, self._equation, name) for name in COORDINATES} if given else {}
+        self._profiles = {name: one for name, one in made.items() if one is not None}
+        self.title.setText(f"Residual of {equation_text(self._equation).quantity}" if self._profiles else "")
+        self.coordinate.clear()
+        for name, one in self._profiles.items():
+            self.coordinate.addItem(axis_title(one), name)
+        wanted = self._by_hand if self._by_hand in self._profiles else most_orderly(self._profiles)
+        self.coordinate.setCurrentIndex(self.coordinate.findData(wanted))
+        self._show()
+
+    @property
+    def found(self) -> Profile | None:
+        """The profile that is shown."""
+        return self._profiles.get(str(self.coordinate.currentData()))
+
+    def choose_worst(self) -> None:
+        """Mark the worst bin, as a click on it does."""
+        if self.found is not None:
+            self.plot.choose(self.found.worst)
+
+    def _on_coordinate(self) -> None:
+        self._by_hand = str(self.coordinate.currentData())
+        self._show()
+        self.choose_worst()
+
+    def _show(self) -> None:
+        found = self.found
+        self.plot.show_profile(found)
+        self.words.setText(worst_words(found) if found is not None else "")
+
+    def _on_bin(self, number: int) -> None:
+        found = self.found
+        if found is None:
+            return
+        words = worst_words(found)
+        if number != found.worst:
+            words += f" Chosen: {bin_words(found, number)}: {miss_words(found, number)}."
+        self.words.setText(words)
+        self.place_chosen.emit(found, number)
+
+
+def _identical(one: Sequence[Comparison], other: Sequence[Comparison]) -> bool:
+    return len(one) == len(other) and all(a is b for a, b in zip(one, other, strict=True))

@@ -1,0 +1,279 @@
+"""The Predict tab: forces of any number of models beside the load cell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import QEvent, QObject
+from PySide6.QtWidgets import (
+    QFileDialog,
+    QHBoxLayout,
+    QPushButton,
+    QStackedWidget,
+    QVBoxLayout,
+    QWidget,
+)
+
+from fingerlab.core.errors import UserError
+from fingerlab.models.file import Model, load_model
+
+from ..app.context import ApplicationContext
+from ..app.tab_registry import Command, Tab
+from ..app.undo_steps import UndoSteps
+from ..app.worker import IsCancelled, Progress
+from ..widgets.fields import ViewChoice
+from ..widgets.labels import header_name, heading, remark
+from ..widgets.layout import Panes, lay_out_invitation
+from .force_panel import PANEL_WIDTH, ForceTable, PredictPanel
+from .force_plots import ForcePlot, PeriodPlot, SweepPlot
+from .wanted_force import WantedView
+
+if TYPE_CHECKING:
+    from fingerlab.prediction.beside import Beside
+    from fingerlab.sessions.model import Session
+
+MODEL_FILTER = "Model files (*.json)"
+OWNER = "predict"
+NO_SESSION = (
+    "Open a session with contact runs and add model files. Measured and modelled endpoint force will stand "
+    "here, raw and normalised, with peaks, delay, R² and error by phase, for any number of models."
+)
+NO_MODEL = (
+    "Add a model file: one that the Fit tab saved predicts by the thesis' equation; one that the Model lab "
+    'saved predicts with its effects and a 90 % interval. "Predict the force" in the Model lab brings its '
+    "model here without a file."
+)
+VIEWS = (
+    ("measured", "&Measured force", "Forces by the models beside the load cell (Alt+1)."),
+    ("wanted", "&Wanted force", "The other way round: the torque that a wanted force needs (Alt+2)."),
+)
+WAITS = "A session with contact runs is needed to predict with {files}."
+
+
+class PredictTab(Tab):
+    """Asks :func:`predict_beside` and shows what comes back."""
+
+    def __init__(self, context: ApplicationContext) -> None:
+        super().__init__(context)
+        self.sessions: tuple[Session, ...] = ()
+        self.models: dict[str, Model] = {}
+        self.found: Beside | None = None
+        self._due = self._shown = False
+        self._steps: UndoSteps[tuple[dict[str, Model], Beside | None]] = UndoSteps(self)
+        self._given: tuple[object, object] = ((), ())
+        self.panel = PredictPanel()
+        self.force, self.period, self.sweep = ForcePlot(), PeriodPlot(), SweepPlot()
+        self.numbers = ForceTable()
+        self.header = self.name = header_name("predictSession", "Session whose force is predicted")
+        self.widget, self.empty, self.pages = QWidget(), QWidget(), QStackedWidget()
+        self.wanted = WantedView(context, self)
+        self._build()
+        self.widget.installEventFilter(self)
+        self.panel.add_asked.connect(self.ask_and_add)
+        context.model_handed.connect(lambda model, name: self._predict({**self.models, name: model}))
+        self.panel.remove_asked.connect(self.remove)
+        self.panel.changed.connect(self._show_choice)
+        self.commands = (
+            Command("&Add model files…", self.ask_and_add, "Ctrl+M"),
+            Command("Next run", lambda: self._step(1), "Alt+Down", lambda: self.found is not None),
+            Command("Previous run", lambda: self._step(-1), "Alt+Up", lambda: self.found is not None),
+            Command("&Measured force", lambda: self.views.choose("measured"), "Alt+1"),
+            Command("&Wanted force", lambda: self.views.choose("wanted"), "Alt+2"),
+            Command("Whole run", self.force.show_whole, "Alt+Home", lambda: self.found is not None),
+        )
+        self._refresh()
+
+    def _build(self) -> None:
+        self.empty_title, self.empty_text = heading(large=True), remark()
+        self.empty_title.setObjectName("predictEmpty")
+        self.empty_open = QPushButton("&Open a session…")
+        self.empty_open.setProperty("primary", "true")
+        self.empty_open.clicked.connect(self.context.open_asked)
+        lay_out_invitation(self.empty, self.empty_title, self.empty_text, self.empty_open)
+        middle = QWidget()
+        row = QHBoxLayout(middle)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.addWidget(self.period)
+        row.addWidget(self.sweep)
+        parts = ((self.force, 6), (middle, 5), (self.numbers, 3))
+        self.panes = Panes("predict", parts, (270, 230, 190))
+        for panes in (self.panes, self.wanted.widget):
+            panes.remember(self.context.settings)
+        for page in (self.empty, self.panes, self.wanted.widget):
+            self.pages.addWidget(page)
+        self.views = ViewChoice(VIEWS)
+        self.views.chosen.connect(lambda _key: self._refresh())
+        self.sides = QStackedWidget()
+        self.sides.addWidget(self.panel)
+        self.sides.addWidget(self.wanted.panel)
+        side = QWidget()
+        side.setFixedWidth(PANEL_WIDTH)
+        column = QVBoxLayout(side)
+        column.setContentsMargins(8, 0, 0, 0)
+        column.setSpacing(8)
+        column.addWidget(self.views)
+        column.addWidget(self.sides, 1)
+        across = QHBoxLayout(self.widget)
+        across.setContentsMargins(8, 8, 8, 8)
+        across.addWidget(self.pages, 1)
+        across.addWidget(side)
+
+    # what the frame asks
+
+    def window_title(self) -> str:
+        return self.sessions[0].path.name if self.sessions else ""
+
+    def on_shown(self) -> None:
+        self._shown = True
+        if self._due:
+            self._predict(self.models)
+        self._refresh()
+
+    def on_hidden(self) -> None:
+        self._shown = False
+        self.wanted.set_shown(False)
+
+    def on_session_opened(self, sessions: tuple[Session, ...]) -> None:
+        self.sessions, self.found = sessions, None
+        self._steps.forget()  # they are of another session
+        self._due = bool(sessions and self.models)
+        self._refresh()
+        if self._due and self._shown:
+            self._predict(self.models)
+
+    def accept_files(self, paths: Sequence[Path]) -> bool:
+        if not all(path.suffix.lower() == ".json" for path in paths):
+            return False
+        self.add_files(paths)
+        return True
+
+    # models
+
+    def ask_and_add(self) -> None:
+        """Add model files chosen in a dialog."""
+        folder = self.context.settings.folder()
+        names, _ = QFileDialog.getOpenFileNames(self.widget, "Add model files", folder, MODEL_FILTER)
+        if names:
+            self.add_files([Path(name) for name in names])
+
+    def add_files(self, paths: Sequence[Path]) -> None:
+        """Read model files and predict with them; one of the same name takes the other's place."""
+        self.context.hush()
+        try:
+            added = {path.name: load_model(path) for path in paths}
+        except UserError as error:
+            self.context.tell(str(error))
+            return
+        self._predict({**self.models, **added})
+
+    def undo(self) -> None:
+        """The models as they were before one was added or removed."""
+        if self.can_undo:
+            self.models, self.found = self._steps.back((self.models, self.found))
+            self._refresh()
+
+    def redo(self) -> None:
+        if self.can_redo:
+            self.models, self.found = self._steps.forth((self.models, self.found))
+            self._refresh()
+
+    @property
+    def can_undo(self) -> bool:
+        return self._steps.can_undo
+
+    @property
+    def can_redo(self) -> bool:
+        return self._steps.can_redo
+
+    def _note(self) -> None:
+        """Other models are about to be there."""
+        self._steps.add((dict(self.models), self.found))
+
+    def remove(self, file: str) -> None:
+        """Take a model off the list; what the others predict is kept."""
+        self._note()
+        self.models = {name: model for name, model in self.models.items() if name != file}
+        if self.found is not None:
+            kept = {n: f for n, f in self.found.forces.items() if n.partition(": ")[0] in self.models}
+            self.found = replace(self.found, forces=kept) if kept else None
+        self._refresh()
+
+    def _predict(self, models: Mapping[str, Model]) -> None:
+        if not self.sessions:
+            self.models = dict(models)
+            self._refresh()
+            return
+        opened, given = self.sessions, dict(models)
+        self._due = False
+
+        def work(progress: Progress, cancelled: IsCancelled) -> Beside:
+            from fingerlab.prediction.beside import predict_beside
+
+            return predict_beside(opened[0], given, progress)
+
+        def done(found: Beside) -> None:
+            if self.sessions is opened:
+                if given != self.models:
+                    self._note()
+                self.models, self.found = given, found
+                self._refresh()
+
+        self.context.tasks.start(f"Predicting the force in {opened[0].path.name}", work, done, OWNER)
+
+    # what is shown
+
+    def _step(self, by: int) -> None:
+        box = self.panel.run
+        box.setCurrentIndex(min(max(box.currentIndex() + by, 0), box.count() - 1))
+
+    def _refresh(self) -> None:
+        found, opened = self.found, bool(self.sessions)
+        self.name.setText(self.sessions[0].path.name if opened else "")
+        self.panel.set_next(opened and found is None)
+        if found is None:
+            waits = bool(self.models)
+            no_force = "No force predicted" if waits else "No model yet"
+            self.empty_title.setText(no_force if opened else "No session open")
+            text = WAITS.format(files=", ".join(self.models)) if waits else NO_MODEL
+            self.empty_text.setText(text if opened or waits else NO_SESSION)
+            self.empty_open.setVisible(not opened)
+            self.panel.show_models((), (), ())
+            self.pages.setCurrentIndex(0)
+        else:
+            self.panel.show_models(tuple(found.forces), found.preferred, found.runs)
+            self.pages.setCurrentIndex(1)
+        self._show_wanted(found is not None)
+        self._show_choice()
+        self.context.commands_changed.emit()
+
+    def _show_wanted(self, predicted: bool) -> None:
+        """The view that is chosen, and whether it has something to work with."""
+        wanted = self.views.current == "wanted"
+        self.sides.setCurrentIndex(1 if wanted else 0)
+        if wanted and predicted:
+            self.pages.setCurrentIndex(2)
+        given = (self.sessions, tuple(self.models.values())) if predicted else ((), ())
+        if given != self._given:
+            self._given = given
+            self.wanted.take(self.sessions[0] if predicted else None, self.models if predicted else {})
+        self.wanted.set_shown(wanted and predicted and self._shown)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.PaletteChange:
+            self._show_choice()  # the samples of the lines, in the colours of now
+        return False
+
+    def _show_choice(self) -> None:
+        found, run = self.found, self.panel.run.currentText()
+        shown = {}
+        if found is not None:
+            shown = {
+                name: (one, found.forces[name][run])
+                for name, one in self.panel.ticked().items()
+                if run in found.forces[name]
+            }
+        for part in (self.force, self.period, self.sweep, self.numbers):
+            part.show_forces(shown)

@@ -1,0 +1,234 @@
+"""The view "Wanted force": asks for the torque, draws it with its limits, saves it, hands it to Acquire."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QObject, QTimer
+from PySide6.QtWidgets import QFileDialog, QWidget
+
+from fingerlab.core.errors import UserError
+from fingerlab.core.text import ScreenUnit, decimals_for, fixed
+from fingerlab.models.file import Model
+from fingerlab.prediction.inverse import TorquePlan
+
+from ..app.context import ApplicationContext
+from ..app.worker import IsCancelled, Progress
+from ..widgets.layout import Panes
+from ..widgets.plots import QuietPlot, plain_curve, span_of
+from ..widgets.theme import colours_of, tint
+from .force_plots import NEWTON
+from .wanted_panel import WantedPanel
+
+if TYPE_CHECKING:
+    from fingerlab.prediction.inverse import Predictor
+    from fingerlab.sessions.model import Session
+
+TORQUE = ScreenUnit("mN m", 1e3)
+NEAR_LIMIT = 0.7
+"""The limit is drawn, and the axis reaches to it, where the torque comes to this share of it."""
+
+
+class PlanPlot(QuietPlot):
+    """A plot of the torque that a wanted force needs, or of that force."""
+
+    def __init__(self, name: str, accessible: str, parent: QWidget | None = None) -> None:
+        super().__init__(name, accessible, parent)
+        self.plan: TorquePlan | None = None
+
+    def show_plan(self, plan: TorquePlan | None) -> None:
+        """Another force and its torque, or none."""
+        self.plan = plan
+        self.redraw()
+
+
+class WantedForcePlot(PlanPlot):
+    """The wanted force over its time."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__("wantedForcePlot", "Wanted endpoint force over its time", parent)
+        self.name_axes("Wanted force", NEWTON, "Time in the profile (s)")
+        self.setToolTip("F, N: force of the fingertip that the load cell is to read, compression positive.")
+
+    def redraw(self) -> None:
+        plot, plan = self.getPlotItem(), self.plan
+        plot.clear()
+        if plan is None:
+            return
+        plot.addItem(plain_curve(plan.time, plan.force, self.pen("measured"), "wanted"))
+        low, high = span_of(plan.force)
+        plot.setRange(xRange=(plan.time[0], plan.time[-1]), yRange=(min(low, 0.0), high), padding=0)
+
+
+class TorquePlot(PlanPlot):
+    """Motor torque with its 90 % interval, and the rig's limit where it is near."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__("torquePlot", "Motor torque that the wanted force needs", parent)
+        self.name_axes("Motor torque", TORQUE, "Time in the profile (s)")
+        self.setToolTip(
+            "τ, N m at the gearbox output: what the model needs for F.\n"
+            "By the PIP equation τ = r·(F·lever + LHS2 − L2) / (s·b), thesis (3.18) for the tension; a "
+            "model with effects is solved by the secant method.\n"
+            "Shaded: 90 % interval of the force, divided by what a newton metre adds to the force."
+        )
+
+    def redraw(self) -> None:
+        plot, plan = self.getPlotItem(), self.plan
+        plot.clear()
+        if plan is None:
+            return
+        torque, half = 1e3 * plan.torque, 1e3 * plan.half_width
+        shown = [torque]
+        self.draw_band(plan.time, torque, half, tint(colours_of(self).modelled, 0.2))
+        shown += [torque + half, torque - half]
+        width = 1.5 * self.devicePixelRatioF()
+        plot.addItem(plain_curve(plan.time, torque, self.pen("modelled", width), "needed"))
+        low, high = span_of(np.concatenate(shown))
+        limit = 1e3 * plan.torque_limit
+        if high > NEAR_LIMIT * limit:
+            line = pg.InfiniteLine(pos=limit, angle=0, movable=False, pen=self.pen("fault", dashed=True))
+            plot.addItem(line, ignoreBounds=True)
+            high = max(high, 1.12 * limit)
+            self.write(f"limit of the rig, {limit:.4g} mN m", float(plan.time[0]), limit, (0.0, 1.0))
+        plot.setRange(xRange=(plan.time[0], plan.time[-1]), yRange=(min(low, 0.0), high), padding=0)
+
+
+OWNER = "wanted force"
+SETTLE_MS = 250
+"""After an edit, before the torque is asked for anew."""
+
+TRAJECTORIES = "Trajectories (*.json)"
+
+
+class WantedView(QObject):
+    """``widget`` is the work area, ``panel`` the side panel."""
+
+    def __init__(self, context: ApplicationContext, parent: QObject) -> None:
+        super().__init__(parent)
+        self._context = context
+        self._session: Session | None = None
+        self._predictors: dict[str, tuple[str, Predictor]] = {}
+        self._shown = False
+        self.plan: TorquePlan | None = None
+        self.panel = WantedPanel()
+        self.force, self.torque = WantedForcePlot(), TorquePlot()
+        self.widget = Panes("predict_wanted", ((self.force, 2), (self.torque, 3)))
+        self._timer = QTimer(self)
+        self._timer.setSingleShot(True)
+        self._timer.setInterval(SETTLE_MS)
+        self._timer.timeout.connect(self._ask)
+        self.panel.changed.connect(self._timer.start)
+        self.panel.save_asked.connect(self.ask_and_save)
+        self.panel.hand_asked.connect(self.hand)
+
+    def take(self, session: Session | None, models: Mapping[str, Model]) -> None:
+        """Another session, or other models."""
+        from fingerlab.prediction.force import contact_runs
+        from fingerlab.prediction.inverse import predictors
+
+        self._session = session
+        self._predictors = {}
+        for file, model in models.items():
+            for words, one in predictors(model, file).items():
+                self._predictors[f"{file}: {words}"] = (file, one)
+        runs = [run.name for run in contact_runs(session)] if session is not None else []
+        self.panel.show_choices(tuple(self._predictors), runs)
+        self._show(None)
+        if self._shown:
+            self._timer.start()
+
+    def set_shown(self, shown: bool) -> None:
+        """The view has come to the front, or has gone."""
+        self._shown = shown
+        if shown and self.plan is None:
+            self._timer.start()
+
+    def _ask(self) -> None:
+        session = self._session
+        chosen = self._predictors.get(self.panel.model.currentText())
+        name = self.panel.pose.currentText()
+        if session is None or chosen is None or not name or not self._shown:
+            return
+        if self.panel.waits_for_file:
+            self._show(None)
+            self.panel.show_outcome("Choose a text table of time (s) and force (N).", "", False)
+            return
+        file, predictor = chosen
+        settings: dict[str, Any] = self.panel.settings()
+        run = next(run for run in session.runs if run.name == name)
+
+        def work(progress: Progress, cancelled: IsCancelled) -> TorquePlan | str:
+            from fingerlab.prediction.inverse import needed_torque
+            from fingerlab.prediction.target import pose_of_run, wanted_force
+
+            try:
+                return needed_torque(wanted_force(settings), predictor, pose_of_run(run), session.rig, file)
+            except UserError as error:
+                return str(error)  # stands beside the fields that it is about
+
+        def done(found: TorquePlan | str) -> None:
+            if self._session is session and not self._timer.isActive():
+                if isinstance(found, str):
+                    self._show(None)
+                    self.panel.show_outcome("", found, False)
+                else:
+                    self._show(found)
+
+        self._context.tasks.start("Asking for the motor torque", work, done, OWNER)
+
+    def _show(self, plan: TorquePlan | None) -> None:
+        self.plan = plan
+        self.force.show_plan(plan)
+        self.torque.show_plan(plan)
+        if plan is None:
+            self.panel.show_outcome("", "", False)
+        else:
+            self.panel.show_outcome(
+                outcome_words(plan), "\n".join((*plan.beyond, *plan.warnings)), not plan.beyond
+            )
+
+    # what is done with it
+
+    def ask_and_save(self) -> None:
+        """Write the torque as a trajectory file."""
+        plan = self.plan
+        if plan is None or plan.beyond:
+            return
+        start = Path(self._context.settings.folder()) / "wanted-force.json"
+        name, _ = QFileDialog.getSaveFileName(self.widget, "Save trajectory", str(start), TRAJECTORIES)
+        if not name:
+            return
+        path = Path(name)
+        try:
+            path.write_text(json.dumps(plan.experiment(), indent=1) + "\n", encoding="utf-8")
+        except OSError as error:
+            self._context.tell(f"{path} cannot be written ({error.strerror}); choose another folder.")
+            return
+        self._context.tell(f"Trajectory saved: {path}")
+
+    def hand(self) -> None:
+        """One contact run with this torque, as a protocol in Acquire."""
+        plan = self.plan
+        if plan is None or plan.beyond:
+            return
+        from fingerlab.acquisition.protocol import plan_steps
+        from fingerlab.twin.protocols import RunPlan
+
+        run = RunPlan("contact", plan.pose.cable, plan.trajectory())
+        words = f"Wanted force, {plan.force.min():.2g} to {plan.force.max():.2g} N"
+        self._context.hand_protocol(plan_steps([run], contact_force=float(plan.force.mean())), words)
+
+
+def outcome_words(plan: TorquePlan) -> str:
+    """Torque with interval, and current."""
+    half = 1e3 * float(plan.half_width.mean())
+    digits = min(decimals_for(half), 3) if half == half else 0
+    least, most = (fixed(1e3 * float(value), digits) for value in (plan.torque.min(), plan.torque.max()))
+    spread = f" ± {fixed(half, digits)}" if half == half else ""
+    return f"{least} to {most}{spread} mN m, {plan.current.min():.2g} to {plan.current.max():.2g} A"

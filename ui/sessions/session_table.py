@@ -1,0 +1,301 @@
+"""The rows of the browser, addressed by path, never by row, and their small pictures of motor motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PySide6.QtCore import (
+    QAbstractTableModel,
+    QModelIndex,
+    QObject,
+    QPersistentModelIndex,
+    QPointF,
+    QRectF,
+    QSize,
+    Qt,
+    Signal,
+)
+from PySide6.QtGui import QPainter, QPolygonF
+from PySide6.QtWidgets import QStyle, QStyledItemDelegate, QStyleOptionViewItem
+
+from fingerlab.library.index import SessionFacts
+from fingerlab.library.notes import LibraryEntry, Note, Test, Verdict
+from fingerlab.library.pyramid import Thumbnail, make_thumbnail
+
+from ..app.worker import Worker
+from ..widgets.theme import colours_of, line, tint
+from .session_words import clock_time, duration, phases_text, quality_text, verdict_help, verdict_text
+
+Index = QModelIndex | QPersistentModelIndex
+NOWHERE = QModelIndex()
+
+MOTOR, NAME, RECORDED, LENGTH, PHASES, RIG, QUALITY, VERDICT, TAGS = range(9)
+TITLES = ("Motor", "Session", "Recorded", "Runs", "Phases", "Rig", "Quality", "Verdict", "Tags")
+PATH_ROLE = Qt.ItemDataRole.UserRole
+
+
+class SessionTable(QAbstractTableModel):
+    """Holds all sessions of the folder; shows those that pass the filter."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._facts: dict[Path, SessionFacts] = {}
+        self._notes: dict[Path, Note] = {}
+        self._verdicts: Mapping[Path, Verdict] = {}
+        self._test: Test = lambda _: True
+        self._shown: list[Path] = []
+        self._sort = (RECORDED, Qt.SortOrder.DescendingOrder)
+
+    # what there is
+
+    def show_all(
+        self, facts: Iterable[SessionFacts], notes: Mapping[Path, Note], verdicts: Mapping[Path, Verdict]
+    ) -> None:
+        """Replace everything."""
+        self._facts = {one.path: one for one in facts}
+        self._notes = dict(notes)
+        self._verdicts = verdicts
+        self._refill()
+
+    def show_note(self, path: Path, note: Note) -> None:
+        """Other tags or notes for one session."""
+        self._notes[path] = note
+        if path in self._shown:
+            row = self._shown.index(path)
+            self.dataChanged.emit(self.index(row, 0), self.index(row, len(TITLES) - 1))
+
+    def filter(self, test: Test) -> None:
+        """Show only sessions that pass."""
+        self._test = test
+        self._refill()
+
+    @property
+    def total(self) -> int:
+        """Sessions in the folder, shown or not."""
+        return len(self._facts)
+
+    def facts(self, path: Path) -> SessionFacts | None:
+        """Facts of a session."""
+        return self._facts.get(path)
+
+    def all_facts(self) -> tuple[SessionFacts, ...]:
+        """Facts of all sessions."""
+        return tuple(self._facts.values())
+
+    def note(self, path: Path) -> Note:
+        """What was noted of a session."""
+        return self._notes.get(path, Note())
+
+    def verdict(self, path: Path) -> Verdict | None:
+        """What a batch found out about a session."""
+        return self._verdicts.get(path)
+
+    def path(self, row: int) -> Path:
+        """The session in a row."""
+        return self._shown[row]
+
+    def row(self, path: Path) -> int:
+        """The row of a session; -1 where it is not shown."""
+        return self._shown.index(path) if path in self._shown else -1
+
+    # what Qt asks
+
+    def rowCount(self, parent: Index = NOWHERE) -> int:
+        return 0 if parent.isValid() else len(self._shown)
+
+    def columnCount(self, parent: Index = NOWHERE) -> int:
+        return 0 if parent.isValid() else len(TITLES)
+
+    def headerData(
+        self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole
+    ) -> Any:
+        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
+            return TITLES[section]
+        return None
+
+    def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        path = self._shown[index.row()]
+        if role == PATH_ROLE:
+            return str(path)
+        if role == Qt.ItemDataRole.DisplayRole:
+            return self._text(path, index.column())
+        if role == Qt.ItemDataRole.ToolTipRole:
+            return self._help(path, index.column())
+        if role == Qt.ItemDataRole.AccessibleTextRole and index.column() == MOTOR:
+            return f"Motor position of {self._facts[path].name}"
+        return None
+
+    def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
+        """By a column; by name where the column says the same."""
+        self._sort = (column, order)
+        self._refill()
+
+    # how
+
+    def _refill(self) -> None:
+        self.layoutAboutToBeChanged.emit()
+        kept = [(index, self._path_of(index)) for index in self.persistentIndexList()]
+        shown = [path for path in self._facts if self._test(self._entry(path))]
+        column, order = self._sort
+        shown.sort(key=lambda path: self._facts[path].name)
+        shown.sort(key=_keys(self)[column], reverse=order == Qt.SortOrder.DescendingOrder)
+        self._shown = shown
+        for old, path in kept:
+            row = self.row(path) if path is not None else -1
+            self.changePersistentIndex(old, self.index(row, old.column()) if row >= 0 else QModelIndex())
+        self.layoutChanged.emit()
+
+    def _path_of(self, index: QModelIndex) -> Path | None:
+        return self._shown[index.row()] if 0 <= index.row() < len(self._shown) else None
+
+    def _entry(self, path: Path) -> LibraryEntry:
+        note = self.note(path)
+        return LibraryEntry(self._facts[path], note.tags, note.notes, verdict_text(self.verdict(path)))
+
+    def _text(self, path: Path, column: int) -> str:
+        facts = self._facts[path]
+        if column == NAME:
+            return f"{facts.name}\n{facts.title}" if facts.title else facts.name
+        if column == QUALITY:
+            return quality_text(facts)
+        if column == VERDICT:
+            return verdict_text(self.verdict(path))
+        if column == TAGS:
+            return ", ".join(self.tags(path))
+        if column == MOTOR or facts.problem:
+            return ""
+        if column == RECORDED:
+            return "\n".join(clock_time(facts.when, facts.created)).rstrip()
+        if column == LENGTH:
+            return f"{facts.runs}\n{duration(facts.seconds)}"
+        return phases_text(facts) if column == PHASES else facts.rig.replace(", ", "\n", 1)
+
+    def tags(self, path: Path) -> tuple[str, ...]:
+        """Tags of a session: those in the file, then those noted."""
+        return tuple(dict.fromkeys((*self._facts[path].tags, *self.note(path).tags)))
+
+    def _help(self, path: Path, column: int) -> str:
+        facts = self._facts[path]
+        if facts.problem:
+            return facts.problem
+        if column == QUALITY:
+            return "\n".join(facts.flags) or "The file says nothing against the recording."
+        if column == VERDICT:
+            return verdict_help(self.verdict(path))
+        if column == NAME:
+            return str(path)
+        return self._text(path, column).replace("\n", ", ")
+
+
+def _keys(model: SessionTable) -> Mapping[int, Callable[[Path], Any]]:
+    """What each column is sorted by."""
+
+    def facts(path: Path) -> SessionFacts:
+        found = model.facts(path)
+        assert found is not None
+        return found
+
+    def recorded(path: Path) -> tuple[bool, float]:
+        when = facts(path).when
+        return when is not None, 0.0 if when is None else when.timestamp()
+
+    return {
+        MOTOR: recorded,
+        NAME: lambda path: facts(path).name,
+        RECORDED: recorded,
+        LENGTH: lambda path: facts(path).seconds,
+        PHASES: lambda path: facts(path).phases,
+        RIG: lambda path: facts(path).rig,
+        QUALITY: lambda path: (bool(facts(path).problem), len(facts(path).flags)),
+        VERDICT: lambda path: verdict_text(model.verdict(path)),
+        TAGS: model.tags,
+    }
+
+
+KEPT = 4000
+"""Thumbnails held in memory: 1.5 kB each."""
+
+
+class Thumbnails(QObject):
+    """Signal ``ready(path)``: a thumbnail that was asked for is there."""
+
+    ready = Signal(object)
+
+    def __init__(
+        self, parent: QObject | None = None, make: Callable[[Path], Thumbnail] = make_thumbnail
+    ) -> None:
+        super().__init__(parent)
+        self._make = make
+        self._kept: dict[tuple[Path, float], Thumbnail | None] = {}
+        self._worker = Worker(self, newest_first=True)  # what fails, the row says
+
+    def get(self, path: Path, modified: float) -> Thumbnail | None:
+        """The thumbnail of a file as it was at a time; None while it is not read yet or cannot be."""
+        key = (path, modified)
+        if key not in self._kept:
+            self._kept[key] = None
+            self._worker.start("Browsing", lambda *_: self._make(path), partial(self._keep, key), key)
+        return self._kept[key]
+
+    def shut_down(self) -> None:
+        self._worker.shut_down()
+
+    def _keep(self, key: tuple[Path, float], found: Thumbnail) -> None:
+        while len(self._kept) > KEPT:
+            del self._kept[next(iter(self._kept))]
+        self._kept[key] = found
+        self.ready.emit(key[0])
+
+
+class ThumbnailDelegate(QStyledItemDelegate):
+    """Paints the motor position of a session between its smallest and largest value."""
+
+    def __init__(self, find: Callable[[Path], Thumbnail | None], parent: QObject) -> None:
+        super().__init__(parent)
+        self._find = find
+
+    def paint(
+        self,
+        painter: QPainter,
+        option: QStyleOptionViewItem,
+        index: QModelIndex | QPersistentModelIndex,
+    ) -> None:
+        super().paint(painter, option, index)
+        view: Any = option.widget
+        found = self._find(Path(str(index.data(PATH_ROLE))))
+        if found is None or not len(found.low):
+            return
+        room = QRectF(option.rect.adjusted(6, 5, -6, -5))
+        selected = bool(option.state & QStyle.StateFlag.State_Selected)
+        colours = colours_of(view)
+        colour = colours.on_accent if selected else colours.measured
+        painter.save()
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(line(colour, 1.0))
+        painter.setBrush(tint(colour, 0.35))
+        painter.drawPolygon(outline(found, room))
+        painter.setPen(line(colours.on_accent if selected else colours.line, 1.0))
+        for place in found.breaks[1:] if len(found.breaks) <= len(found.low) // 3 else ():
+            x = room.left() + room.width() * place / len(found.low)
+            painter.drawLine(QPointF(x, room.top()), QPointF(x, room.bottom()))
+        painter.restore()
+
+    def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> QSize:
+        return QSize(112, super().sizeHint(option, index).height())
+
+
+def outline(found: Thumbnail, room: QRectF) -> QPolygonF:
+    """Along the largest values and back along the smallest, as large as there is room."""
+    count = len(found.low)
+    bottom, top = float(np.nanmin(found.low)), float(np.nanmax(found.high))
+    scale = room.height() / (top - bottom) if top > bottom else 0.0
+    x = room.left() + room.width() * (np.arange(count) + 0.5) / count
+    upper = room.bottom() - scale * (found.high - bottom)
+    lower = room.bottom() - scale * (found.low - bottom)
+    there = [QPointF(float(a), float(b)) for a, b in zip(x, upper, strict=True)]
+    back = [QPointF(float(a), float(b)) for a, b in zip(x[::-1], lower[::-1], strict=True)]
+    return QPolygonF(there + back)

@@ -1,0 +1,409 @@
+"""The Sessions tab: the folder's sessions, and the review of one."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from PySide6.QtWidgets import QFileDialog, QStackedWidget
+
+from fingerlab.core.errors import UserError
+from fingerlab.library.index import SessionFacts, scan
+from fingerlab.library.notes import Note, Notebook, Verdict, find_verdicts
+from fingerlab.sessions.model import Session
+
+from ..app.context import ApplicationContext, read_session
+from ..app.status_bar import time_left
+from ..app.tab_registry import SEPARATOR, Command, Tab
+from ..app.worker import Failed, IsCancelled, Progress, Worker
+from ..widgets.labels import header_name
+from .edit_history import EditHistory, FileEdit, NoteEdit
+from .library_page import LibraryPage
+from .review_data import ReviewData
+from .session_files import FORMATS, Writer
+from .session_table import Thumbnails
+
+if TYPE_CHECKING:
+    from .review_page import ReviewPage
+
+
+@dataclass(frozen=True)
+class FolderScan:
+    """What a scan of a folder brought: facts, notes, verdicts, and what is wrong with the side file."""
+
+    folder: Path
+    facts: tuple[SessionFacts, ...]
+    notebook: Notebook
+    verdicts: dict[Path, Verdict]
+    trouble: str
+
+
+def look_through(
+    folder: Path, known: Sequence[SessionFacts], progress: Progress, cancelled: IsCancelled
+) -> FolderScan:
+    """Read a folder anew; in the background."""
+
+    def found(facts: SessionFacts, share: float) -> None:
+        progress(share, facts.name)
+
+    facts = scan(folder, known, found, cancelled)
+    notebook, trouble = Notebook(folder), ""
+    try:
+        notebook.read()
+    except UserError as error:
+        trouble = str(error)
+    return FolderScan(folder, facts, notebook, find_verdicts(folder, facts), trouble)
+
+
+SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
+
+
+class SessionsTab(Tab):
+    """Composes the tab."""
+
+    def __init__(self, context: ApplicationContext) -> None:
+        super().__init__(context)
+        self.folder = context.settings.library()
+        self.thumbnails = Thumbnails(self)
+        self.page = LibraryPage(self.thumbnails)
+        self.page.remember(context.settings)
+        self.data = ReviewData(self)
+        self._review: ReviewPage | None = None
+        self.pages = QStackedWidget()
+        self.pages.addWidget(self.page)
+        self.widget = self.pages
+        self.header = self.name = header_name("reviewSession", "Session under review")
+        self.writer = Writer(context, self.widget, self)
+        self.notebook = Notebook(self.folder)
+        self.history = EditHistory(self)
+        self.clock: Callable[[], float] = time.monotonic
+        self._scanner = Worker(self)
+        self._looked, self._began = False, 0.0
+        self._choose_next: Path | None = None
+        self.commands = self._menu()
+        self._connect()
+        self.page.show_folder(str(self.folder))
+        self.page.show_count("Not read yet")
+
+    def _connect(self) -> None:
+        page = self.page
+        page.folder_asked.connect(self.ask_folder)
+        page.texts_asked.connect(self.ask_texts)
+        page.again_asked.connect(self._read_or_stop)
+        page.lab_asked.connect(self.open_in_lab)
+        page.review_asked.connect(self.review)
+        page.chosen.connect(self.context.commands_changed)
+        page.details.noted.connect(self._keep_note)
+        page.details.merge_asked.connect(self.merge)
+        for kind, title in FORMATS.items():
+            action = page.details.exports.addAction(f"{title}…")
+            action.triggered.connect(lambda _checked=False, k=kind: self.export(k))
+        page.details.exports.addAction("Copy with tags and notes…").triggered.connect(self.copy_with_note)
+        self.writer.written.connect(self._on_written)
+        self.history.changed.connect(self.context.commands_changed)
+        self.data.opened.connect(self._on_opened)
+        self.data.failed.connect(self.context.tell)
+        self._scanner.progressed.connect(self._on_read)
+        self._scanner.failed.connect(self._on_failed)
+
+    @property
+    def review_page(self) -> ReviewPage:
+        """Made for the first review: the table is there sooner without the plots."""
+        return self._review or self._make_review()
+
+    def _make_review(self) -> ReviewPage:
+        from .review_page import ReviewPage
+
+        self._review = review = ReviewPage(self.data)
+        self.pages.addWidget(review)
+        review.back_asked.connect(self.show_table)
+        review.changed.connect(self.context.commands_changed)
+        review.changed.connect(lambda: self.name.setText(self.window_title()))
+        review.cut_asked.connect(self.cut)
+        review.beside_asked.connect(self.review_beside)
+        review.refused.connect(self.context.tell)
+        self.data.beside.connect(review.show_beside)
+        return review
+
+    def _menu(self) -> tuple[Command, ...]:
+        page = self.page
+        return (
+            Command("Choose &folder…", self.ask_folder, "Ctrl+Shift+O"),
+            Command("&Import text files…", self.ask_texts),
+            Command("Read a&gain", self.read_again, "F5"),
+            Command("&Search", page.search.setFocus, "Ctrl+F"),
+            SEPARATOR,
+            Command("&Review runs", page.ask_review, None, lambda: bool(page.paths())),
+            Command("Open in &Model lab", self.open_chosen, "Ctrl+Return", lambda: bool(self.chosen())),
+            SEPARATOR,
+            Command("M&erge the chosen sessions…", self.merge, "Ctrl+M", lambda: len(page.paths()) > 1),
+            *(
+                Command(f"Export as {title}…", lambda k=kind: self.export(k), None, self._one)  # type: ignore[misc]
+                for kind, title in FORMATS.items()
+            ),
+            Command("Cop&y with tags and notes in the file…", self.copy_with_note, None, self._one),
+            SEPARATOR,
+            Command("&All sessions", self.show_table, "Alt+Left", self._reviewing),
+            Command("Next run", lambda: self.review_page.step_run(1), "Alt+Down", self._reviewing),
+            Command("Previous run", lambda: self.review_page.step_run(-1), "Alt+Up", self._reviewing),
+            Command("Whole run", lambda: self.review_page.plots.show_whole(), "Alt+Home", self._reviewing),
+            Command("Cu&t between the cursors…", self.cut, "Ctrl+T", self._can_cut),
+            Command(
+                "&Cursors",
+                lambda: self.review_page.cursors.toggle(),
+                "Ctrl+K",
+                self._reviewing,
+                lambda: self._review is not None and self._review.cursors.isChecked(),
+            ),
+        )
+
+    # what the frame asks
+
+    def on_shown(self) -> None:
+        if not self._looked:
+            self.read_again()
+
+    def on_session_recorded(self, path: Path) -> None:
+        if self._looked and path.resolve().is_relative_to(self.folder.resolve()):
+            self.read_again(path)
+
+    def accept_files(self, paths: Sequence[Path]) -> bool:
+        """A folder is browsed, text files are imported; sessions go to the Model lab as everywhere."""
+        if all(path.suffix.lower() in (".txt", ".csv", ".tsv") and path.is_file() for path in paths):
+            self.writer.import_texts(paths, self.folder)
+            return True
+        folders = [path for path in paths if path.is_dir()]
+        if not folders:
+            return False
+        self.browse(folders[0])
+        return True
+
+    def can_close(self) -> bool:
+        self.page.details.flush()
+        return True
+
+    def on_hidden(self) -> None:
+        self.page.details.flush()
+
+    def shut_down(self) -> None:
+        self._scanner.shut_down()
+        self.thumbnails.shut_down()
+        self.data.shut_down()
+
+    # undo
+
+    def undo(self) -> None:
+        """Tags and notes as they were before, or a new file to the trash."""
+        self.page.details.flush()  # what was just typed is the last thing done
+        self._step(self.history.undo, "Undone")
+
+    def redo(self) -> None:
+        self.page.details.flush()
+        self._step(self.history.redo, "Done again")
+
+    @property
+    def can_undo(self) -> bool:
+        return self.history.can_undo
+
+    @property
+    def can_redo(self) -> bool:
+        return self.history.can_redo
+
+    def _step(self, step: Callable[[], str], word: str) -> None:
+        self.context.hush()
+        try:
+            self.context.say(f"{word}: {step()}")
+        except UserError as error:
+            self.context.tell(str(error))
+        self.page.refresh_details()
+        self.read_again()
+
+    # folder
+
+    def ask_folder(self) -> None:
+        """Choose another folder in a dialog."""
+        name = QFileDialog.getExistingDirectory(self.widget, "Folder of sessions", str(self.folder))
+        if name:
+            self.browse(Path(name))
+
+    def browse(self, folder: Path) -> None:
+        """Show another folder, and remember it."""
+        self.context.hush()
+        self.folder = folder
+        self.context.settings.set_library(folder)
+        self.page.show_folder(str(folder))
+        self.page.model.show_all((), {}, {})
+        self.read_again()
+
+    def read_again(self, choose: Path | None = None) -> None:
+        """Look for new and changed files; ``choose`` is marked when it is found."""
+        self._looked = True
+        self._choose_next = choose if isinstance(choose, Path) else None
+        folder, known = self.folder, self.page.model.all_facts()
+        if not folder.is_dir() and folder == self.context.settings.recordings():
+            self.page.show_count()  # nothing has been recorded yet; that is no mistake
+            return
+        self.page.show_reading(True)
+        self._began = self.clock()
+
+        def work(progress: Progress, cancelled: IsCancelled) -> FolderScan:
+            return look_through(folder, known, progress, cancelled)
+
+        self._scanner.start("Browsing", work, self._on_found)
+
+    def _read_or_stop(self) -> None:
+        if not self._scanner.busy:
+            self.read_again()
+            return
+        self._scanner.cancel()
+        self.page.show_reading(False)
+
+    def _on_read(self, share: float, _what: str) -> None:
+        left = time_left(share, self.clock() - self._began)
+        self.page.show_count(f"Reading, {100 * share:.0f} %{f', {left}' if left else ''}")
+
+    def _on_found(self, found: FolderScan) -> None:
+        if found.folder != self.folder:
+            return
+        chosen = self.page.paths()
+        self.notebook = found.notebook
+        names = {one.name for one in found.facts}
+        notes = {one.path: found.notebook.note_of(one, names) for one in found.facts}
+        self.page.model.show_all(found.facts, notes, found.verdicts)
+        self.page.show_reading(False)
+        if found.trouble:
+            self.context.tell(found.trouble)
+        for path in [self._choose_next] if self._choose_next is not None else chosen[:1]:
+            self.page.choose_path(path)
+        if not self.page.details.changed:
+            self.page.refresh_details()
+        self.context.commands_changed.emit()
+
+    def _on_failed(self, failed: Failed) -> None:
+        self.page.show_reading(False)
+        self.context.tell(failed.sentence, failed.details)
+
+    # sessions
+
+    def chosen(self) -> list[Path]:
+        """The sessions that a command is about: the one under review, or those marked in the table."""
+        session = self._reviewed
+        if self._reviewing() and session is not None:
+            return [session.path]
+        return self.page.paths()
+
+    def review(self, paths: Sequence[Path]) -> None:
+        """Open sessions and show the runs of the first against time; those of the others can be laid over."""
+        self.context.hush()
+        self.page.details.flush()
+        self.context.when_whole(paths, lambda whole: self.data.open(whole, read_session))
+
+    def review_beside(self) -> None:
+        """Choose another session whose runs can be laid over those under review."""
+        name, _ = QFileDialog.getOpenFileName(
+            self.widget, "Session to lay over", str(self.folder), SESSION_FILTER
+        )
+        if name:
+            self.context.hush()
+            self.data.open_beside(Path(name), read_session)
+
+    def show_table(self) -> None:
+        """Back to the table."""
+        if self._review is not None:
+            self._review.show_session(None)
+        self.pages.setCurrentWidget(self.page)
+        self.page.table.setFocus()
+        self.context.commands_changed.emit()
+
+    def window_title(self) -> str:
+        return self._reviewed.path.name if self._reviewed is not None else ""
+
+    @property
+    def _reviewed(self) -> Session | None:
+        return self._review.session if self._review is not None else None
+
+    def _reviewing(self) -> bool:
+        return self._review is not None and self.pages.currentWidget() is self._review
+
+    def _can_cut(self) -> bool:
+        return self._review is not None and self._review.cut.isEnabled()
+
+    def _on_opened(self, sessions: tuple[Session, ...]) -> None:
+        self.pages.setCurrentWidget(self.review_page)
+        self.review_page.show_session(sessions[0], sessions[1:])
+        self.context.commands_changed.emit()
+
+    def open_in_lab(self, paths: Sequence[Path]) -> None:
+        """Open sessions together in the Model lab."""
+        if paths:
+            self.context.hush()
+            self.context.open_paths(list(paths), "model_lab")
+
+    def open_chosen(self) -> None:
+        self.open_in_lab(self.chosen())
+
+    def _one(self) -> bool:
+        return len(self.chosen()) == 1
+
+    # new files
+
+    def ask_texts(self) -> None:
+        self.writer.ask_texts(self.folder)
+
+    def cut(self) -> None:
+        """Write what lies between the cursors as a session of its own."""
+        review = self.review_page
+        cursors, session, run = review.plots.cursors, review.session, review.run
+        if cursors is not None and session is not None and run is not None:
+            self.writer.cut(session, run, *cursors)
+
+    def merge(self) -> None:
+        """Write the runs of the marked sessions as one session."""
+        if len(self.page.paths()) > 1:
+            self.writer.merge(self.page.paths())
+
+    def export(self, kind: str) -> None:
+        """Write the chosen session for other tools."""
+        if self._one():
+            self.writer.export(self.chosen()[0], kind)
+
+    def copy_with_note(self) -> None:
+        """Copy the chosen session with its tags and notes written into the copy."""
+        self.page.details.flush()
+        facts = self.page.model.facts(self.chosen()[0]) if self._one() else None
+        if facts is not None:
+            self.writer.copy_with_note(facts, self.page.model.note(facts.path))
+
+    def _on_written(self, path: Path) -> None:
+        if path.is_file():
+            self.history.add(FileEdit(path, self._in_use))
+        if path.is_file() and path.resolve().is_relative_to(self.folder.resolve()):
+            self.read_again(path)
+
+    def _in_use(self, path: Path) -> bool:
+        """Whether a session file is open in a tab."""
+        reviewed = self._reviewed
+        opened = [*self.context.sessions, *([] if reviewed is None else [reviewed])]
+        return any(session.path.resolve() == path.resolve() for session in opened)
+
+    def _keep_note(self, facts: SessionFacts, note: Note) -> None:
+        before, notebook = self.page.model.note(facts.path), self.notebook
+        try:
+            self._write_note(notebook, facts, note)
+        except UserError as error:
+            self.context.tell(str(error))
+            return
+        self.page.details.kept(note)
+        self.history.add(NoteEdit(facts, before, note, partial(self._write_note, notebook)))
+        self.context.say(f"Tags and notes of {facts.name} kept")
+
+    def _write_note(self, notebook: Notebook, facts: SessionFacts, note: Note) -> None:
+        """Into the side file of the folder in which the session was; and into the table, if it is there."""
+        here = notebook.folder == self.folder
+        notebook.write(facts, note, {one.name for one in self.page.model.all_facts()} if here else ())
+        if self.page.model.facts(facts.path) is not None:
+            self.page.model.show_note(facts.path, note)

@@ -1,0 +1,192 @@
+"""Where widgets stand: rows of buttons, rooms that scroll, panes with grips, the page of an empty tab."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import QEvent, QObject, QPoint, QSize, Qt
+from PySide6.QtGui import QResizeEvent
+from PySide6.QtWidgets import (
+    QFrame,
+    QLabel,
+    QPushButton,
+    QScrollArea,
+    QSizePolicy,
+    QSplitter,
+    QVBoxLayout,
+    QWidget,
+)
+
+if TYPE_CHECKING:
+    from ..app.settings import Settings
+
+GAP = 8
+
+
+class ButtonRows(QWidget):
+    """As many rows as the width asks for, each as full as it can be."""
+
+    def __init__(self, buttons: Sequence[QPushButton], parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._buttons = tuple(buttons)
+        for button in self._buttons:
+            button.setParent(self)
+        self.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Fixed)
+
+    def _places(self, room: int) -> list[QPoint]:
+        """Where each button begins in so much room."""
+        places, x, y = [], 0, 0
+        for button in self._buttons:
+            size = button.sizeHint()
+            if x > 0 and x + size.width() > room:
+                x, y = 0, y + size.height() + GAP
+            places.append(QPoint(x, y))
+            x += size.width() + GAP
+        return places
+
+    def _height(self, room: int) -> int:
+        tall = (place.y() + b.sizeHint().height() for place, b in self._placed(room))
+        return max(tall, default=0)
+
+    def _placed(self, room: int) -> list[tuple[QPoint, QPushButton]]:
+        return list(zip(self._places(room), self._buttons, strict=True))
+
+    def sizeHint(self) -> QSize:
+        across = sum(button.sizeHint().width() + GAP for button in self._buttons) - GAP
+        return QSize(max(across, 0), self._height(self.width()))
+
+    def minimumSizeHint(self) -> QSize:
+        widest = max((button.sizeHint().width() for button in self._buttons), default=0)
+        return QSize(widest, self._height(self.width()))
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self._put()
+        if event.oldSize().width() != event.size().width():
+            self.updateGeometry()
+
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() in (QEvent.Type.FontChange, QEvent.Type.StyleChange):
+            self._put()
+            self.updateGeometry()
+
+    def _put(self) -> None:
+        for place, button in self._placed(self.width()):
+            button.move(place)
+            button.resize(button.sizeHint())
+
+
+class _Fitted(QScrollArea):
+    """A scroll area without a look of its own, which fits what is in it anew whenever either changes."""
+
+    def __init__(self, inner: QWidget, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.viewport().setAutoFillBackground(False)
+        self.setWidget(inner)
+        inner.setAutoFillBackground(False)  # a scroll area turns it on, over the window's own colour
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self._fit()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        # A tab whose page changes may need more or less than before.
+        if watched is self.widget() and event.type() == QEvent.Type.LayoutRequest:
+            self._fit()
+        return super().eventFilter(watched, event)
+
+    def _fit(self) -> None:
+        raise NotImplementedError
+
+
+class Room(_Fitted):
+    """Gives one widget the whole room, and more where that is less than it needs at least.
+
+    Qt's own resizing goes by the height that wrapped words would like, not by what they need.
+    """
+
+    def minimumSizeHint(self) -> QSize:
+        return QSize(0, 0)
+
+    def _fit(self) -> None:
+        inner = self.widget()
+        if inner is not None:
+            needed = inner.minimumSizeHint().expandedTo(inner.minimumSize())
+            room = self.maximumViewportSize()
+            bar = self.verticalScrollBar().sizeHint().width()
+            across = room.width() - (bar if needed.height() > room.height() else 0)
+            down = room.height() - (bar if needed.width() > across else 0)
+            inner.resize(QSize(across, down).expandedTo(needed))
+
+
+class SideRoom(_Fitted):
+    """Room for a side panel of fixed width, which scrolls by itself where the window is too low for it.
+
+    What stands beside it, such as plots, stays in view meanwhile.
+    """
+
+    def __init__(self, inner: QWidget, parent: QWidget | None = None) -> None:
+        super().__init__(inner, parent)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.setWidgetResizable(True)
+        self._fit()
+
+    def minimumSizeHint(self) -> QSize:
+        return QSize(self.minimumWidth(), 0)
+
+    def _fit(self) -> None:
+        inner = self.widget()
+        if inner is not None:
+            scrolls = inner.minimumSizeHint().height() > self.height()
+            bar = self.verticalScrollBar().sizeHint().width() if scrolls else 0
+            self.setFixedWidth(inner.minimumWidth() + bar)
+
+
+class Panes(QSplitter):
+    """A vertical splitter of which no part can be dragged away.
+
+    Args:
+        parts: each widget with its share of the room that a larger window gives.
+        heights: px at first; None leaves them to the widgets.
+    """
+
+    def __init__(
+        self, name: str, parts: Sequence[tuple[QWidget, int]], heights: Sequence[int] | None = None
+    ) -> None:
+        super().__init__(Qt.Orientation.Vertical)
+        self.setObjectName(name)
+        self.setChildrenCollapsible(False)
+        for widget, share in parts:
+            self.addWidget(widget)
+            self.setStretchFactor(self.count() - 1, share)
+        if heights is not None:
+            self.setSizes(list(heights))
+
+    def remember(self, settings: Settings) -> None:
+        """Take the heights that the user left here last time, and keep those to come.
+
+        They are kept at once, not when the window closes: a program that is killed loses nothing.
+        """
+        kept = settings.heights(self.objectName())
+        if len(kept) == self.count():
+            self.setSizes(list(kept))
+        self.splitterMoved.connect(lambda *_: settings.set_heights(self.objectName(), self.sizes()))
+
+
+MARGIN_PX = 80
+
+
+def lay_out_invitation(page: QWidget, title: QLabel, text: QLabel, button: QPushButton) -> None:
+    """Title, text and button at the left of the page, a little above its middle."""
+    column = QVBoxLayout(page)
+    column.setContentsMargins(MARGIN_PX, 0, MARGIN_PX, 0)
+    column.setSpacing(16)
+    column.addStretch(2)
+    column.addWidget(title)
+    column.addWidget(text)
+    column.addWidget(button, 0, Qt.AlignmentFlag.AlignLeft)
+    column.addStretch(3)

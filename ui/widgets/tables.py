@@ -1,0 +1,131 @@
+"""Tables and lists: numbers to read, columns that stay as the user left them, boxes to tick."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import QEvent, QModelIndex, QObject, QPersistentModelIndex, Qt
+from PySide6.QtGui import QPainter, QPalette
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QApplication,
+    QHeaderView,
+    QStyle,
+    QStyledItemDelegate,
+    QStyleOptionViewItem,
+    QTableView,
+    QTableWidget,
+    QWidget,
+)
+
+from .theme import small_font
+
+if TYPE_CHECKING:
+    from ..app.settings import Settings
+
+
+class NumberTable(QTableWidget):
+    """A table with fixed columns, each a title and what it means."""
+
+    def __init__(
+        self,
+        name: str,
+        accessible: str,
+        columns: Sequence[tuple[str, str]],
+        words: int = 1,
+        parent: QWidget | None = None,
+    ) -> None:
+        """Args:
+        columns: title and meaning of each. words: so many columns at the left hold words, the rest numbers.
+        """
+        super().__init__(0, len(columns), parent)
+        self.setObjectName(name)
+        self.setAccessibleName(accessible)
+        self.setHorizontalHeaderLabels([title for title, _ in columns])
+        for column, (_, meaning) in enumerate(columns):
+            item = self.horizontalHeaderItem(column)
+            assert item is not None
+            item.setToolTip(meaning)
+            side = Qt.AlignmentFlag.AlignLeft if column < words else Qt.AlignmentFlag.AlignRight
+            item.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
+        self.setFont(small_font())
+        self.horizontalHeader().setFont(small_font())
+        self.verticalHeader().hide()
+        self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.setTabKeyNavigation(False)  # Tab leaves the table; the arrows move in it
+        self.setShowGrid(False)
+
+
+class ColumnKeeper(QObject):
+    """Watches the header of one table, which owns it; what was kept last time holds from the start.
+
+    Attributes:
+        by_hand: whether the widths are the user's own, so that nobody else shall change them.
+    """
+
+    def __init__(self, table: QTableView, settings: Settings) -> None:
+        super().__init__(table)
+        self._table, self._settings, self._name = table, settings, table.objectName()
+        self._pressed: tuple[int, ...] | None = None
+        self.by_hand = False
+        header = table.horizontalHeader()
+        self._restore(header)
+        header.viewport().installEventFilter(self)
+        header.sortIndicatorChanged.connect(self._on_sorted)
+
+    def _restore(self, header: QHeaderView) -> None:
+        widths = self._settings.widths(self._name)
+        if len(widths) == header.count():
+            self.by_hand = True
+            for column, width in enumerate(widths):
+                if header.sectionResizeMode(column) == QHeaderView.ResizeMode.Interactive:
+                    header.resizeSection(column, max(width, header.minimumSectionSize()))
+        column, descending = self._settings.sorting(self._name)
+        if 0 <= column < header.count():
+            order = Qt.SortOrder.DescendingOrder if descending else Qt.SortOrder.AscendingOrder
+            self._table.sortByColumn(column, order)
+
+    def _widths(self) -> tuple[int, ...]:
+        header = self._table.horizontalHeader()
+        return tuple(header.sectionSize(column) for column in range(header.count()))
+
+    def _on_sorted(self, column: int, order: Qt.SortOrder) -> None:
+        self._settings.set_sorting(self._name, column, order == Qt.SortOrder.DescendingOrder)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        # Only what happens between press and release is the user's: the window changes widths as well.
+        if event.type() in (QEvent.Type.MouseButtonPress, QEvent.Type.MouseButtonDblClick):
+            self._pressed = self._widths()
+        elif event.type() == QEvent.Type.MouseButtonRelease and self._pressed is not None:
+            if self._widths() != self._pressed:
+                self.by_hand = True
+                self._settings.set_widths(self._name, self._widths())
+            self._pressed = None
+        return False
+
+
+Index = QModelIndex | QPersistentModelIndex
+
+
+class FramedTicks(QStyledItemDelegate):
+    """Draws each box, ticked or not, with a frame in the palette's dark colour.
+
+    The style darkens the window's colour for it, and in a list that is the row's own background, so that on
+    black there was none; a style sheet can frame the empty box alone, without a picture for the ticked one.
+    """
+
+    def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: Index) -> None:
+        """As the base, and a frame around the box."""
+        super().paint(painter, option, index)
+        if index.data(Qt.ItemDataRole.CheckStateRole) is None:
+            return
+        own = QStyleOptionViewItem(option)
+        self.initStyleOption(own, index)
+        style = own.widget.style() if own.widget is not None else QApplication.style()
+        box = style.subElementRect(QStyle.SubElement.SE_ItemViewItemCheckIndicator, own, own.widget)
+        painter.save()
+        painter.setPen(own.palette.color(QPalette.ColorRole.Dark))
+        painter.drawRect(box.adjusted(0, 0, -1, -1))
+        painter.restore()
