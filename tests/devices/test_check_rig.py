@@ -417,7 +417,8 @@ def test_the_lines_of_a_card_are_seen(text: str) -> None:
     card, device, _ = wired_card(text)
     found = outcomes(check_card(card, device))
     assert [found[line].state for line in LINES] == ["confirmed"] * 3, [found[k].sentence for k in LINES]
-    assert found["drive/dead_man"].measured["hold_time"] == pytest.approx(HOLD, abs=10e-3)
+    since_charged = 2e-3 if text == SINGLE else 20e-3  # every second edge feeds the pump
+    assert HOLD - since_charged - 1e-3 <= found["drive/dead_man"].measured["hold_time"] <= HOLD
     assert not card.line
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.acquisition.board import Input
+from fingerlab.acquisition.board import Input, Slot
 from fingerlab.acquisition.check_rig.channels import HAND_SECONDS
 from fingerlab.acquisition.check_rig.driving import test_travel
 from fingerlab.acquisition.check_rig.looking import TEST_CURRENT, Driven, Look
@@ -119,9 +119,9 @@ def dead_man(look: Look) -> Iterator[Outcome]:
         yield Outcome(DEAD_MAN, title, SKIPPED, why)
         return
     question = (
-        f"Hold the pulley until it stands, then keep hands away: the motor will be pushed to and fro with {HELD_CURRENT:g} A; after {HELD_AFTER:g} s the dead-man's "
-        "line stands still while enable stays high, as where the computer hangs, and the amplifier has to "
-        "let go by itself. May it?"
+        "Hold the pulley until it stands, then keep hands away: the motor will be pushed to and fro with "
+        f"{HELD_CURRENT:g} A; after {HELD_AFTER:g} s the dead-man's line stands still while enable is high, "
+        "as where the computer hangs, and the amplifier has to let go by itself. May it?"
     )
     answer = look.operator.ask(DEAD_MAN, question)
     if answer != YES:
@@ -170,7 +170,8 @@ def _judge_dead_man(look: Look, driven: Driven) -> tuple[dict[str, Any], str, st
         return measured, FAILED, sentence
     hold_time = measured["hold_time"] = (ended - driven.held_at) * period
     shown = f"Without the beat the current ended after {1e3 * hold_time:.0f} ms"
-    if abs(hold_time / wanted - 1.0) <= HOLD_TOLERANCE:
+    since_charged = 2 * look.bench.board[Slot.HOLD] * period  # the last edge that fed the pump
+    if (1.0 - HOLD_TOLERANCE) * wanted - since_charged <= hold_time <= (1.0 + HOLD_TOLERANCE) * wanted:
         return measured, CONFIRMED, f"{shown}."
     sentence = (
         f"{shown}, not {1e3 * wanted:.0f} ms; correct the parts of its pump, or hold_time in the rig file's "
