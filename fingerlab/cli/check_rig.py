@@ -8,8 +8,9 @@ from typing import Any
 
 import click
 
-from fingerlab.cli.common import json_option, refuse_existing, write_json
+from fingerlab.cli.common import json_option, write_json
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import refuse_taken
 
 
 @click.command("check-rig")
@@ -53,7 +54,7 @@ def check_rig(
     from fingerlab.devices.detect import detect, opening_sentence
     from fingerlab.rig.file import default_rig, load_rig
 
-    refuse_existing(out)
+    refuse_taken(out)
     rig = load_rig(rig_file) if rig_file else default_rig()
     if device is None:
         click.echo(opening_sentence(detect(rig)), err=True)
