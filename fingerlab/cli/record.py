@@ -208,7 +208,7 @@ def _open(
 
     device = choice.build() if simulated else None
     rig: Rig = device.rig if device is not None else choice.rig  # type: ignore[attr-defined, assignment]
-    attributes = dict(device.session_attributes) if isinstance(device, SelfDescribing) else {}
+    attributes: dict[str, Any] = dict(device.session_attributes) if isinstance(device, SelfDescribing) else {}
     if device is None:
         rig, told = rig_and_attributes(rig, default_folder(options["rig_file"]))
         attributes |= told
