@@ -15,7 +15,7 @@ import xarray
 
 import fingerlab
 from fingerlab.core.errors import UserError
-from fingerlab.notebook.display import TextTable, filled
+from fingerlab.notebook.display import ShownTable, filled
 from fingerlab.sessions import Run
 
 MakeSession = Callable[..., Path]
@@ -130,7 +130,7 @@ def test_the_figure_of_a_run_shows_degrees(make_session: MakeSession) -> None:
 
 
 def test_a_table_aligns_numbers_at_the_right() -> None:
-    table = TextTable(("name", "n"), [("a", "1"), ("bcdef", "100")], frozenset({1}), "two & three")
+    table = ShownTable(("name", "n"), [("a", "1"), ("bcdef", "100")], frozenset({1}), "two & three")
     assert table.text() == "two & three\nname     n\na        1\nbcdef  100"
     assert "two &amp; three" in table.html()
     assert '<td style="text-align:right">100</td>' in table.html()
