@@ -10,7 +10,6 @@ import click
 
 from fingerlab.cli.common import PATH, json_option, result_table, table_console, write_json
 from fingerlab.core.errors import UserError
-from fingerlab.core.text import DEGREES
 
 if TYPE_CHECKING:
     from fingerlab.calibration import Calibration, SteadyStep
@@ -102,7 +101,7 @@ def _marks(text: str | None) -> tuple[float, ...]:
 
 def _print(result: Calibration, marks: list[float], notes: list[str]) -> None:
     sensor = result.sensor
-    scale, unit = (DEGREES, "°") if sensor.unit == "rad" else (1.0, sensor.unit)
+    scale, unit = sensor.screen.factor, sensor.screen.symbol
     console = table_console(width=110)
     console.print(sensor.title, style="bold")
     for note in notes:

@@ -16,7 +16,7 @@ from typing import IO, TYPE_CHECKING, Any
 import click
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import OutputSet, claim, move_into_place, refuse_taken
+from fingerlab.core.files import OutputSet, new_file, refuse_taken
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -181,15 +181,8 @@ def write_text_safely(path: Path, text: str) -> None:
     Raises:
         UserError: the place is taken, cannot be written to, or is full.
     """
-    part = claim(path)
-    try:
+    with new_file(path, "choose a folder with room and write access.") as part:
         part.write_text(text, encoding="utf-8")
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise UserError(
-            f"{path} cannot be written ({error.strerror}); choose a folder with room and write access."
-        ) from None
-    move_into_place(part, path)
 
 
 def refuse_taken_early(model: Path | None, figures: Path | None) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
-from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
+from fingerlab.diagnosis.settings import NARROW_RATE_HZ
 from fingerlab.prediction.extended import EQUATIONS, Equation, ExtendedModel, Variant
 from fingerlab.prediction.force import contact_runs, contact_stretches, solved_forces
 from fingerlab.prediction.judging import (

@@ -24,7 +24,8 @@ from fingerlab.acquisition.units import BenchUnits
 from fingerlab.cli.record import record
 from fingerlab.cli.simulate import single_plan
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.experiment.predicted_runs import BENCH_LOADS_NM, bench_menu
+from fingerlab.diagnosis.experiment.predicted_runs import bench_menu
+from fingerlab.diagnosis.settings import BENCH_LOADS_NM
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 
