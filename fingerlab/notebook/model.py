@@ -143,9 +143,9 @@ class PredictionView(Displayed):
 
     def coverage(self, variant: str | None = None) -> float:
         """Mean share of the load cell's samples inside the 90 % interval; models as for ``r2``."""
-        from fingerlab.thesis.onair import Spread
+        from fingerlab.prediction.predict import interval_over
 
-        return Spread(tuple(run.coverage for run in self._runs(variant))).mean
+        return interval_over(self._runs(variant))[1]
 
     def _runs(self, variant: str | None) -> Sequence[RunPrediction]:
         runs = self.result.runs
@@ -155,9 +155,9 @@ class PredictionView(Displayed):
         return runs[name]
 
     def _spread(self, variant: str | None, number: str) -> tuple[float, float]:
-        from fingerlab.thesis.onair import Spread
+        from fingerlab.prediction.predict import spread_over
 
-        spread = Spread(tuple(run.numbers["both"].value(number) for run in self._runs(variant)))
+        spread = spread_over(self._runs(variant), "both", number)
         return spread.mean, spread.deviation
 
     def _parts(self) -> Sequence[Displayable]:
