@@ -13,7 +13,6 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import fingerlab
-from fingerlab.calibration.sensors import SENSORS
 from fingerlab.core.text import (
     DEGREES,
     decimals_for,
@@ -337,6 +336,8 @@ def calibration_rows(session: Session) -> list[CalibrationRow]:
 
 
 def _calibration_row(name: str, record: Mapping[str, Any]) -> CalibrationRow:
+    from fingerlab.calibration.sensors import SENSORS  # its package loads scipy, which tables do without
+
     sensor = SENSORS.get(name)
     unit = str(record.get("unit", ""))
     factor, shown = (DEGREES, "°") if unit == "rad" else (1.0, f" {unit}")

@@ -43,6 +43,8 @@ def test_importing_fingerlab_imports_nothing_else(make_session: MakeSession) -> 
     }
     assert not heavy & imported_by("import fingerlab")
     path = make_session()
+    opened = imported_by(f"import fingerlab; repr(fingerlab.open({str(path)!r}))")
+    assert not {"scipy", "matplotlib", "xarray"} & opened
     opened = imported_by(f"import fingerlab; s = fingerlab.open({str(path)!r}); s.to_xarray()")
     assert {"h5py", "xarray"} <= opened
     assert not {"PySide6", "pyqtgraph", "numba"} & opened
