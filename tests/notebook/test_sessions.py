@@ -51,7 +51,7 @@ def test_importing_fingerlab_imports_nothing_else(make_session: MakeSession) -> 
 
 
 def test_what_import_fingerlab_offers_is_listed_and_the_rest_is_refused() -> None:
-    assert {"open", "diagnose", "fit", "load_model", "simulate", "effects"} <= set(dir(fingerlab))
+    assert {"open", "diagnose", "fit", "load_model", "simulate", "catalogue"} <= set(dir(fingerlab))
     with pytest.raises(AttributeError, match="no attribute 'opne'"):
         fingerlab.opne  # type: ignore[attr-defined]  # noqa: B018
 
