@@ -67,7 +67,7 @@ LISTED = """
 import json
 from fingerlab.effects import CATALOGUE
 from fingerlab.twin.effects import EFFECTS
-from fingerlab.ui.acquire.opening import effect_choices
+from fingerlab.ui.acquire.bench_setup import effect_choices
 from tests.hidden.sweep.__main__ import trials
 from tests.hidden.sweep.table import near
 blind = trials({"rich", "pairs", "outside"}, list(EFFECTS), [101])
