@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.progress import Watch
 from fingerlab.diagnosis.equations.model import build
 from fingerlab.diagnosis.experiment import proposal as next_experiment

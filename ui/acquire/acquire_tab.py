@@ -10,7 +10,8 @@ from typing import Any
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QHBoxLayout, QMessageBox, QStackedWidget, QVBoxLayout, QWidget
 
-from fingerlab.acquisition.commands import (
+from fingerlab.acquisition.bench.bench import line_words
+from fingerlab.acquisition.control.commands import (
     Disable,
     Enable,
     Finish,
@@ -19,11 +20,10 @@ from fingerlab.acquisition.commands import (
     SetUp,
     Start,
     Tare,
+    initial_of,
 )
-from fingerlab.acquisition.initial import initial_of
-from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.protocol import countdown, prompt_of
-from fingerlab.acquisition.watching import line_words
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.protocols.steps import countdown, prompt_of
 from fingerlab.core.errors import UserError
 from fingerlab.sessions.recording_files import recording_folder
 

@@ -26,7 +26,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.acquisition.bench import Bench
+from fingerlab.acquisition.bench.bench import Bench
 from fingerlab.core.errors import Cancelled
 
 from ..app.status_bar import time_left
