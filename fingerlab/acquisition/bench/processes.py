@@ -3,7 +3,7 @@
 Who holds which end tells who lives: every process holds the writing end of a pipe to each that has to know,
 and the system closes it with the process, whatever killed it; where the system tells sooner, loop and
 guardian look there (``guardian.py``). Silence without death is told by heartbeats in the board. The
-recorder's process also keeps the guardian (``guardian.py``): when the loop dies without having said goodbye, or stands
+recorder's process also keeps the guardian: when the loop dies without having said goodbye, or stands
 still with the amplifier on, it writes zero output and drops the enable line through a device of its own. The
 loop opens its device once that of the guardian has been tried.
 """
