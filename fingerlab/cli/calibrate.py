@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import math
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from fingerlab.cli.common import json_option, write_json
+from fingerlab.calibration import SENSORS, Calibration, SteadyStep, StepTiming, calibrate_steps, find_steps
+from fingerlab.calibration.line import count_steps
+from fingerlab.calibration.offline import read_recording
+from fingerlab.cli.common import PATH, json_option, result_table, table_console, write_json
 from fingerlab.core.errors import UserError
-
-if TYPE_CHECKING:
-    from fingerlab.calibration import Calibration, SteadyStep
-
-_SENSOR_WORDS = ("load-cell", "mcp", "pip")
 
 
 @click.command()
-@click.argument("data", metavar="DATA [DATA2 ...]", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--sensor", "word", required=True, type=click.Choice(_SENSOR_WORDS), help="Which sensor.")
+@click.argument("data", metavar="DATA [DATA2 ...]", nargs=-1, required=True, type=PATH)
+@click.option("--sensor", "word", required=True, type=click.Choice(tuple(SENSORS)), help="Which sensor.")
 @click.option(
     "--marks",
     metavar="M1,M2,...",
@@ -58,10 +54,6 @@ def calibrate(
     The load cell is loaded with 0 to 1 kg in steps of 100 g (F = m g, g = 9.81 m/s2); an angle sensor
     is held at --marks, without them evenly from 0 to 90 degrees.
     """
-    from fingerlab.calibration import SENSORS, StepTiming, calibrate_steps, find_steps
-    from fingerlab.calibration.line import count_steps
-    from fingerlab.calibration.offline import read_recording
-
     sensor, timing = SENSORS[word], StepTiming(step_seconds, centre_seconds)
     steps: list[SteadyStep] = []
     values: list[float] = []
@@ -101,24 +93,16 @@ def _marks(text: str | None) -> tuple[float, ...]:
 
 
 def _print(result: Calibration, marks: list[float], notes: list[str]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     sensor = result.sensor
     scale, unit = sensor.screen.factor, sensor.screen.symbol
-    console = Console(width=None if sys.stdout.isatty() else 110, highlight=False)
+    console = table_console(width=110)
     console.print(sensor.title, style="bold")
     for note in notes:
         console.print(note, markup=False)
-    table = Table()
-    for title in (
-        f"known ({sensor.mark_unit})",
-        f"known ({unit})",
-        "reading (V)",
-        "spread (V)",
-        f"off ({unit})",
-    ):
-        table.add_column(title, justify="right")
+    table = result_table(
+        *(f">known ({sensor.mark_unit})", f">known ({unit})", ">reading (V)", ">spread (V)"),
+        f">off ({unit})",
+    )
     for mark, known, step, off in zip(marks, result.known, result.steps, result.residuals, strict=True):
         cells = (f"{mark:g}", f"{known * scale:.3f}", f"{step.volts:.4f}", f"{step.spread:.4f}")
         table.add_row(*cells, f"{off * scale:+.3f}")

@@ -136,6 +136,11 @@ def spread_over(runs: Sequence[RunPrediction], equation: Equation, name: str) ->
     return Spread(tuple(run.numbers[equation].value(name) for run in runs))
 
 
+def interval_over(runs: Sequence[RunPrediction]) -> tuple[float, float]:
+    """Mean half width of the interval over the runs, N, and mean share of the samples inside."""
+    return Spread(tuple(r.half_width for r in runs)).mean, Spread(tuple(r.coverage for r in runs)).mean
+
+
 @dataclass(frozen=True)
 class ExtendedPrediction:
     """Every contact run of a session by every variant: ``extended`` (if it has effects) and ``nominal``."""
