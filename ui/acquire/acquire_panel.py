@@ -15,7 +15,6 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QPushButton,
     QStackedWidget,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -34,6 +33,7 @@ from ..widgets.fields import (
     set_usable,
 )
 from ..widgets.labels import ElidedLabel, heading, remark
+from ..widgets.layout import FLUSH, described, vbox
 from .bench_controller import BenchController
 from .bench_setup import LOADED_PHASE
 from .form_history import FormHistory
@@ -113,9 +113,7 @@ class AcquirePanel(QWidget):
         self._make_bench(actions)
         self._make_motion(actions)
         self._make_recording(actions)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(8, 4, 8, 0)
-        layout.setSpacing(4)
+        layout = vbox(self, margins=(8, 4, 8, 0), spacing=4)
         for part in (self._bench, self._motion, self._record):
             for entry in part:
                 if isinstance(entry, QWidget):
@@ -208,9 +206,7 @@ class AcquirePanel(QWidget):
         keeps.setRetainSizeWhenHidden(True)  # nothing below moves when it appears
         self.progress.setSizePolicy(keeps)
         self.progress.hide()
-        self.hand_left = ElidedLabel()
-        self.hand_left.setObjectName("motionLeft")
-        self.hand_left.setAccessibleName("Time left of the motion")
+        self.hand_left = described(ElidedLabel(), "motionLeft", accessible="Time left of the motion")
         self.left = ElidedLabel()
         self.left.setObjectName("protocolLeft")
         for entries in (
@@ -218,9 +214,7 @@ class AcquirePanel(QWidget):
             (self.protocol, self.run, self.progress, self.left),
         ):
             page = QWidget()
-            layout = QVBoxLayout(page)
-            layout.setContentsMargins(0, 0, 0, 0)
-            layout.setSpacing(4)
+            layout = vbox(page, margins=FLUSH, spacing=4)
             for entry in entries:
                 if isinstance(entry, QWidget):
                     layout.addWidget(entry)
@@ -260,9 +254,7 @@ class AcquirePanel(QWidget):
             actions.mark,
         )
         self._make_writing(actions)
-        self.warning = remark()
-        self.warning.setObjectName("recordWarning")
-        self.warning.setAccessibleName("Warning")
+        self.warning = described(remark(), "recordWarning", accessible="Warning")
         self.warning.hide()
         label = QLabel("Before (s)")
         label.setBuddy(self.before)

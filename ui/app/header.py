@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QColor, QGuiApplication, QPainter, QPaintEvent
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QStackedWidget, QWidget
+from PySide6.QtWidgets import QFrame, QLabel, QPushButton, QSizePolicy, QStackedWidget, QWidget
 
 from ..widgets.labels import ElidedLabel
+from ..widgets.layout import FLUSH, described, hbox
 from ..widgets.theme import colours_of, large_font
 from .context import RigLine
 
@@ -68,45 +69,27 @@ class FrameHeader(QWidget):
         self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
         self.own = QStackedWidget()
         self.own.addWidget(QWidget())
-        self.doing = ElidedLabel()
-        self.doing.setObjectName("doing")
-        self.doing.setAccessibleName("What is running")
+        self.doing = described(ElidedLabel(), "doing", accessible="What is running")
         self.doing.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.lamp = Lamp("State light")
-        self.state = QLabel()
-        self.state.setObjectName("rigState")
-        self.state.setAccessibleName("State of the rig")
+        self.state = described(QLabel(), "rigState", accessible="State of the rig")
         self.dot = Lamp("Recording light")
-        self.count = QLabel()
-        self.count.setObjectName("sampleCount")
-        self.count.setAccessibleName("Recorded samples")
-        self.stop = QPushButton("STOP")
-        self.stop.setObjectName("stop")
-        self.stop.setAccessibleName("Stop the motor")
-        self.stop.setFont(large_font())
+        self.count = described(QLabel(), "sampleCount", accessible="Recorded samples")
+        self.stop = described(QPushButton("STOP"), "stop", accessible="Stop the motor", font=large_font())
         self.stop.setMinimumSize(STOP_SIZE)
         self.stop.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Escape reaches it; space must not by accident
         self._lay_out()
         self.show_rig(RigLine())
 
     def _lay_out(self) -> None:
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 2, 8, 2)
-        layout.setSpacing(8)
-        layout.addWidget(self.own, 5)
-        layout.addWidget(self.doing, 2)
-        layout.addWidget(self.lamp)
-        layout.addWidget(self.state)
-        layout.addSpacing(8)
+        layout = hbox(
+            self, (self.own, 5), (self.doing, 2), self.lamp, self.state, 8, margins=(0, 2, 8, 2), spacing=8
+        )
         # Its room is kept, so that nothing jumps when recording begins or the count gets longer.
         recording = QWidget()
         recording.setFixedWidth(RECORDING_WIDTH)
         recording.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Preferred)
-        row = QHBoxLayout(recording)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.setSpacing(8)
-        row.addWidget(self.dot)
-        row.addWidget(self.count, 1)
+        hbox(recording, self.dot, (self.count, 1), margins=FLUSH, spacing=8)
         layout.addWidget(recording)
         layout.addWidget(self.stop)
 
@@ -148,11 +131,7 @@ class MessageBar(QFrame):
         self.copy.clicked.connect(self._copy)
         self.dismiss = QPushButton("&Dismiss")
         self.dismiss.clicked.connect(self.hide)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(16, 8, 8, 8)
-        layout.setSpacing(8)
-        for widget in (self.sentence, self.copy, self.dismiss):
-            layout.addWidget(widget)
+        hbox(self, self.sentence, self.copy, self.dismiss, margins=(16, 8, 8, 8), spacing=8)
         self._details = ""
         self.hide()
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QPushButton, QWidget
+from PySide6.QtWidgets import QProgressBar, QPushButton, QWidget
 
 from ..widgets.fields import PROGRESS_STEPS
 from ..widgets.labels import ElidedLabel, FittingLabel
+from ..widgets.layout import described, hbox
 from .context import RigLine
 from .worker import Worker
 
@@ -25,24 +26,15 @@ class TaskBar(QWidget):
     ) -> None:
         super().__init__(parent)
         self._clock, self._began = clock, 0.0
-        self.text = ElidedLabel()
-        self.text.setObjectName("status")
-        self.text.setAccessibleName("Status")
-        self.progress = QProgressBar()
-        self.progress.setObjectName("progress")
-        self.progress.setAccessibleName("Progress")
+        self.text = described(ElidedLabel(), "status", accessible="Status")
+        self.progress = described(QProgressBar(), "progress", accessible="Progress")
         self.progress.setRange(0, PROGRESS_STEPS)
         self.progress.setFixedWidth(200)
         self.cancel = QPushButton("Cancel")
         self.cancel.setObjectName("cancel")
         self.cancel.setShortcut("Ctrl+.")
         self.cancel.setToolTip("Stop what is running (Ctrl+.).")
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 4, 8, 4)
-        layout.setSpacing(8)
-        layout.addWidget(self.text, 1)
-        layout.addWidget(self.progress)
-        layout.addWidget(self.cancel)
+        hbox(self, (self.text, 1), self.progress, self.cancel, margins=(0, 4, 8, 4), spacing=8)
         self.cancel.clicked.connect(self._on_cancel)
         tasks.started.connect(self._on_started)
         tasks.progressed.connect(self._on_progress)
@@ -116,15 +108,9 @@ class StatusBar(QWidget):
 
     def __init__(self, tasks: Worker, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.device = FittingLabel()
-        self.device.setObjectName("statusDevice")
-        self.device.setAccessibleName("Device")
+        self.device = described(FittingLabel(), "statusDevice", accessible="Device")
         self.tasks = TaskBar(tasks)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(16, 0, 0, 0)
-        layout.setSpacing(8)
-        layout.addWidget(self.device)
-        layout.addWidget(self.tasks, 1)
+        hbox(self, self.device, (self.tasks, 1), margins=(16, 0, 0, 0), spacing=8)
         self.show_rig(RigLine())
 
     def show_rig(self, line: RigLine) -> None:

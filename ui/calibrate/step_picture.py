@@ -6,11 +6,12 @@ import math
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QWidget
+from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
 from fingerlab.calibration.sensors import CalibrationPlan, mark_text
 from fingerlab.calibration.wizard import Light
 
+from ..widgets.layout import FLUSH, described, hbox
 from ..widgets.theme import Colours, colours_of, large_font, small_font
 
 WORDS: dict[Light, str] = {"none": "no reading", "moving": "moving", "stable": "stable"}
@@ -46,15 +47,9 @@ class StabilityLight(QWidget):
         super().__init__(parent)
         self._dot = _Dot()
         self._dot.setFixedSize(24, 24)
-        self.word = QLabel(WORDS["none"])
-        self.word.setObjectName("stability")
-        self.word.setFont(large_font())
+        self.word = described(QLabel(WORDS["none"]), "stability", font=large_font())
         self.word.setMinimumWidth(112)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(8)
-        layout.addWidget(self._dot)
-        layout.addWidget(self.word, 1)
+        hbox(self, self._dot, (self.word, 1), margins=FLUSH, spacing=8)
 
     def show_light(self, light: Light) -> None:
         """Show how the reading stands."""

@@ -10,7 +10,6 @@ from PySide6.QtWidgets import (
     QHeaderView,
     QLabel,
     QTableWidgetItem,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -22,7 +21,7 @@ from fingerlab.thesis.onair import RegionResult
 from fingerlab.thesis.traces import JOINT_TITLES, JOINTS, Joint
 
 from ..widgets.labels import WholeLabel
-from ..widgets.layout import Panes
+from ..widgets.layout import FLUSH, Panes, vbox
 from ..widgets.tables import NumberTable
 from ..widgets.theme import colours_of, small_font
 from .fit_plots import REGION_COLOURS, PlanePlot, RunBars, SpeedPlot
@@ -172,9 +171,7 @@ class FitResultView(QWidget):
             grid.addWidget(plot, 1, column)
             grid.setColumnStretch(column, share)
         self.panes = Panes("fit", ((above, 5), (middle, 6), (self.table, 5)), (200, 260, 220))
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.panes)
+        vbox(self, self.panes, margins=FLUSH)
 
     def show_inspection(self, found: Inspection) -> None:
         """Another fit."""

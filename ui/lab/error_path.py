@@ -10,12 +10,10 @@ from PySide6.QtCore import QEvent, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import (
     QGridLayout,
-    QHBoxLayout,
     QLabel,
     QPushButton,
     QSizePolicy,
     QToolTip,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -23,6 +21,7 @@ from fingerlab.core.text import r2_text, score_text
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence
 
 from ..widgets.fields import set_usable
+from ..widgets.layout import FLUSH, Stretch, hbox, vbox
 from ..widgets.series import Series
 from ..widgets.theme import Colours, colours_of, small_font, tint
 from .controller import ModelHistory
@@ -248,18 +247,8 @@ class PathPanel(QWidget):
         self.redo.setObjectName("redo")
         self.undo.clicked.connect(self.undo_asked)
         self.redo.clicked.connect(self.redo_asked)
-        buttons = QVBoxLayout()
-        buttons.setSpacing(8)
-        buttons.addStretch(1)
-        buttons.addWidget(self.undo)
-        buttons.addWidget(self.redo)
-        buttons.addStretch(1)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(16)
-        layout.addWidget(self.path, 1)
-        layout.addLayout(buttons)
-        layout.addWidget(self.table)
+        buttons = vbox(None, Stretch(1), self.undo, self.redo, Stretch(1), spacing=8)
+        hbox(self, (self.path, 1), buttons, self.table, margins=FLUSH, spacing=16)
 
     def show_history(self, history: ModelHistory | None) -> None:
         """Show the path, the errors, and what undo and redo would do."""

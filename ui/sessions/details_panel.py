@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
-    QHBoxLayout,
     QLabel,
     QLineEdit,
     QMenu,
     QPlainTextEdit,
     QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -18,6 +16,7 @@ from fingerlab.library.index import SessionFacts, text_list
 from fingerlab.library.notes import FILE_NAME, Note, Verdict
 
 from ..widgets.labels import ElidedLabel, heading, remark
+from ..widgets.layout import described, hbox, vbox
 from .session_words import clock_time, duration, verdict_text
 
 WIDTH = 272
@@ -64,9 +63,7 @@ class DetailsPanel(QWidget):
         self.tags.setObjectName("tags")
         self.tags.setPlaceholderText("good, new cable")
         self.tags.setAccessibleName("Tags, separated by commas")
-        self.notes = QPlainTextEdit()
-        self.notes.setObjectName("notes")
-        self.notes.setAccessibleName("Notes")
+        self.notes = described(QPlainTextEdit(), "notes", accessible="Notes")
         self.notes.setTabChangesFocus(True)
         self.notes.setPlaceholderText("What to know of this session")
         for field in (self.tags, self.notes):
@@ -86,15 +83,10 @@ class DetailsPanel(QWidget):
         self.show_session(None, Note(), None, 0)
 
     def _build(self) -> None:
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(16, 8, 16, 8)
-        layout.setSpacing(8)
-        for widget in (self.title, self.file, self.about, self.review, self.lab):
-            layout.addWidget(widget)
-        row = QHBoxLayout()
-        row.setSpacing(8)
-        row.addWidget(self.export)
-        row.addWidget(self.merge)
+        layout = vbox(
+            self, self.title, self.file, self.about, self.review, self.lab, margins=(16, 8, 16, 8), spacing=8
+        )
+        row = hbox(None, self.export, self.merge, spacing=8)
         layout.addLayout(row)
         layout.addSpacing(8)
         for text, field in (("&Tags", self.tags), ("&Notes", self.notes)):

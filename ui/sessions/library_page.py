@@ -9,12 +9,10 @@ from PySide6.QtCore import QEvent, QItemSelectionModel, QModelIndex, QObject, Qt
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
-    QHBoxLayout,
     QHeaderView,
     QLineEdit,
     QPushButton,
     QTableView,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -23,6 +21,7 @@ from fingerlab.library.notes import HELP, Note, matches
 from fingerlab.library.pyramid import Thumbnail
 
 from ..widgets.labels import ElidedLabel, remark
+from ..widgets.layout import FLUSH, described, hbox, vbox
 from ..widgets.tables import ColumnKeeper
 from .details_panel import DetailsPanel
 from .session_table import (
@@ -81,9 +80,7 @@ class LibraryPage(QWidget):
         self.texts.setToolTip(
             "Text files of the bench's earlier program become a session; or drop them here."
         )
-        self.again = QPushButton("Read a&gain")
-        self.again.setObjectName("readAgain")
-        self.again.setToolTip(AGAIN_HELP)
+        self.again = described(QPushButton("Read a&gain"), "readAgain", tip=AGAIN_HELP)
         self.search = QLineEdit()
         self.search.setObjectName("search")
         self.search.setPlaceholderText("Search: words, phase:contact, tag:good, is:clean, after:2026-05 …")
@@ -99,28 +96,10 @@ class LibraryPage(QWidget):
         self._connect()
 
     def _build(self) -> None:
-        top = QHBoxLayout()
-        top.setSpacing(8)
-        top.addWidget(self.folder, 1)
-        top.addWidget(self.choose)
-        top.addWidget(self.texts)
-        top.addWidget(self.again)
-        find = QHBoxLayout()
-        find.setSpacing(8)
-        find.addWidget(self.search, 1)
-        find.addWidget(self.count)
-        left = QVBoxLayout()
-        left.setContentsMargins(16, 8, 0, 8)
-        left.setSpacing(8)
-        left.addLayout(top)
-        left.addLayout(find)
-        left.addWidget(self.empty)
-        left.addWidget(self.table, 1)
-        across = QHBoxLayout(self)
-        across.setContentsMargins(0, 0, 0, 0)
-        across.setSpacing(0)
-        across.addLayout(left, 1)
-        across.addWidget(self.details)
+        top = hbox(None, (self.folder, 1), self.choose, self.texts, self.again, spacing=8)
+        find = hbox(None, (self.search, 1), self.count, spacing=8)
+        left = vbox(None, top, find, self.empty, (self.table, 1), margins=(16, 8, 0, 8), spacing=8)
+        hbox(self, (left, 1), self.details, margins=FLUSH, spacing=0)
 
     def _set_up_table(self) -> None:
         table, metrics = self.table, self.fontMetrics()

@@ -9,7 +9,6 @@ from PySide6.QtCore import QEvent, QObject, QSize, Qt, Signal
 from PySide6.QtGui import QIcon, QKeyEvent, QPainter, QPaintEvent, QPen, QPixmap, QWheelEvent
 from PySide6.QtWidgets import (
     QComboBox,
-    QHBoxLayout,
     QPushButton,
     QStyle,
     QStyleOptionComboBox,
@@ -19,6 +18,7 @@ from PySide6.QtWidgets import (
 
 from fingerlab.sessions.model import Run, Session
 
+from ..widgets.layout import FLUSH, Stretch, described, hbox
 from ..widgets.theme import Colours, colours_of, line, small_font
 from .session_words import run_words
 
@@ -99,10 +99,7 @@ class LaidOverRow(QWidget):
         super().__init__(parent)
         self._shown: tuple[LaidOver, ...] = ()
         self.buttons: dict[int, QPushButton] = {}
-        self._row = QHBoxLayout(self)
-        self._row.setContentsMargins(0, 0, 0, 0)
-        self._row.setSpacing(8)
-        self._row.addStretch(1)
+        self._row = hbox(self, Stretch(1), margins=FLUSH, spacing=8)
         self.hide()
 
     def show_overs(self, overs: Sequence[LaidOver]) -> None:
@@ -118,9 +115,7 @@ class LaidOverRow(QWidget):
         self._recolour()
 
     def _button(self, over: LaidOver) -> QPushButton:
-        button = QPushButton(f" {over.name}  ✕")
-        button.setObjectName(f"over-{over.number}")
-        button.setFont(small_font())
+        button = described(QPushButton(f" {over.name}  ✕"), f"over-{over.number}", font=small_font())
         button.setIconSize(SWATCH)
         words = f"Take {over.name} away: {run_words(over.run)}"
         button.setToolTip(words)

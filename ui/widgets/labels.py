@@ -8,6 +8,7 @@ from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
+from .layout import described
 from .theme import large_font, small_font
 
 
@@ -105,9 +106,7 @@ def header_name(name: str, accessible: str, alone: bool = True) -> ElidedLabel:
     Args:
         alone: nothing stands beside it, so that it keeps its own distance from the edges.
     """
-    label = ElidedLabel()
-    label.setObjectName(name)
-    label.setAccessibleName(accessible)
+    label = described(ElidedLabel(), name, accessible=accessible)
     font = label.font()
     font.setBold(True)
     label.setFont(font)
@@ -127,8 +126,6 @@ def heading(text: str = "", large: bool = False) -> QLabel:
 
 def remark(text: str = "", wrap: bool = True) -> QLabel:
     """A quiet label for side remarks."""
-    label = QLabel(text)
-    label.setProperty("role", "muted")
-    label.setFont(small_font())
+    label = described(QLabel(text), font=small_font(), role="muted")
     label.setWordWrap(wrap)
     return label
