@@ -6,15 +6,12 @@ import math
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent
 from PySide6.QtGui import QPen
-from PySide6.QtWidgets import QWidget
 
 from fingerlab.calibration.outcome import CalibrationOutcome
 from fingerlab.calibration.wizard import Wizard
 
-from ..widgets.plots import bottom_axis_height, colour_plot, prepare_plot
-from ..widgets.theme import colours_of, line, tint
+from ..widgets.theme import colours_of, tint
 
 SHOWN_S = 60.0
 LEAST_V = 0.02
@@ -28,43 +25,13 @@ SMALL_N = 0.1
 """Below this a force is shown in mN, as in the numbers beside the plots."""
 
 
-class _Plot(pg.PlotWidget):
-    """Prepared and recoloured like all plots of the window; ``_made`` once it may be coloured."""
+class _Plot(QuietPlot):
+    """A plot of the tab, with room for numbers of many digits."""
 
-    _made = False
-
-    def __init__(self, name: str, accessible: str, parent: QWidget | None = None) -> None:
-        super().__init__(parent, enableMenu=False)
-        self.setObjectName(name)
-        self.setAcceptDrops(False)  # a file dropped here is for the tab
-        self.setAccessibleName(accessible)
-        plot = self.getPlotItem()
-        prepare_plot(plot)
-        plot.setMouseEnabled(x=False, y=False)
-        plot.setContentsMargins(0, 8, 8, 0)
-        plot.getAxis("left").setWidth(AXIS_WIDTH)
-        plot.getAxis("bottom").setHeight(bottom_axis_height())
-
-    def pen(self, colour: str, width: float = 1.0, dashed: bool = False) -> QPen:
-        """A pen so many of the window's pixels wide, however fine the screen."""
-        return line(colour, width * self.devicePixelRatioF(), dashed)
-
-    def event(self, event: QEvent) -> bool:
-        if event.type() == QEvent.Type.DevicePixelRatioChange and self._made:
-            self.recolour()
-        return bool(super().event(event))
-
-    def recolour(self) -> None:
-        """Colours for light or dark."""
-        self._made = True
-        colours = colours_of(self)
-        self.setBackground(colours.surface)
-        colour_plot(self.getPlotItem(), colours)
-
-    def changeEvent(self, event: QEvent) -> None:
-        super().changeEvent(event)
-        if event.type() == QEvent.Type.PaletteChange and self._made:
-            self.recolour()
+    def __init__(self, name: str, accessible: str) -> None:
+        super().__init__(name, accessible)
+        self.getPlotItem().setContentsMargins(0, 8, 8, 0)
+        self.getPlotItem().getAxis("left").setWidth(AXIS_WIDTH)
 
 
 class LivePlot(_Plot):
@@ -82,16 +49,15 @@ class LivePlot(_Plot):
         for band in self._bands:
             band.setZValue(-10)
             plot.addItem(band, ignoreBounds=True)
-        self.recolour()
+        self.redraw()
 
-    def recolour(self) -> None:
-        super().recolour()
+    def redraw(self) -> None:
         colours = colours_of(self)
-        self._curve.setPen(self.pen(colours.measured, 1.5))
+        self._curve.setPen(self.pen("measured"))
         for band in self._bands:
             band.setBrush(tint(colours.candidate, 0.25))
             for edge in band.lines:
-                edge.setPen(self.pen(colours.candidate))
+                edge.setPen(self.pen("candidate", 1.0))
 
     def show_wizard(self, wizard: Wizard) -> None:
         """Draw what the wizard has of the last minute."""
@@ -127,10 +93,8 @@ class _OutcomePlot(_Plot):
     def __init__(self, name: str, accessible: str) -> None:
         super().__init__(name, accessible)
         self._outcome: CalibrationOutcome | None = None
-        self.recolour()
 
-    def recolour(self) -> None:
-        super().recolour()
+    def redraw(self) -> None:
         self.show_outcome(self._outcome)
 
     def show_outcome(self, outcome: CalibrationOutcome | None) -> None:
@@ -156,14 +120,14 @@ class FitPlot(_OutcomePlot):
         calibration = outcome.calibration
         volts = np.array([step.volts for step in calibration.steps])
         ends = np.array([volts.min(), volts.max()])
-        plot.plot(ends, factor * calibration.apply(ends), pen=self.pen(colours.modelled, 2))
+        plot.plot(ends, factor * calibration.apply(ends), pen=self.pen("modelled", 2))
         _add_points(
             plot,
             outcome,
             volts,
             factor * np.array(calibration.known),
             colours.measured,
-            self.pen(colours.measured, 1.5),
+            self.pen("measured"),
         )
         plot.setLabel("left", f"known value ({unit})")
         plot.setLabel("bottom", "reading (V)")
@@ -186,18 +150,18 @@ class ResidualPlot(_OutcomePlot):
             orientation="horizontal",
             movable=False,
             brush=tint(colours.floor, 0.18),
-            pen=self.pen(colours.floor, 1, dashed=True),
+            pen=self.pen("floor", 1, dashed=True),
         )
         band.setZValue(-10)
         plot.addItem(band, ignoreBounds=True)
-        plot.addItem(pg.InfiniteLine(0, angle=0, pen=self.pen(colours.muted)), ignoreBounds=True)
+        plot.addItem(pg.InfiniteLine(0, angle=0, pen=self.pen("muted", 1)), ignoreBounds=True)
         known = across * np.array(outcome.calibration.known)
         residuals = factor * np.array(outcome.calibration.residuals)
-        _add_points(plot, outcome, known, residuals, colours.residual, self.pen(colours.residual, 1.5))
+        _add_points(plot, outcome, known, residuals, colours.residual, self.pen("residual"))
         doubtful = [one.number for one in outcome.misplaced]
         if doubtful:
             rings = {"symbol": "o", "symbolSize": 20, "symbolBrush": None}
-            pen = self.pen(colours.fault, 2)
+            pen = self.pen("fault", 2)
             plot.plot(known[doubtful], residuals[doubtful], pen=None, symbolPen=pen, **rings)
         plot.setLabel("left", f"off the line ({unit})")
         plot.setLabel("bottom", f"known value ({known_unit})")

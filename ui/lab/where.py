@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QComboBox, QLabel, QWidget
 
@@ -169,11 +169,6 @@ class WherePlot(QuietPlot):
             return
         row = int(np.clip(np.searchsorted(known, self.bin) + step, 0, len(known) - 1))
         self.choose(int(known[row]))
-
-    def event(self, event: QEvent) -> bool:
-        if event.type() == QEvent.Type.DevicePixelRatioChange:
-            self.redraw()  # pens are in device pixels
-        return bool(super().event(event))
 
 
 WHERE_HELP = (
