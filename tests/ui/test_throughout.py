@@ -26,7 +26,7 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
-from fingerlab.ui.app.status_bar import TaskBar, time_left
+from fingerlab.ui.app.bars import TaskBar, time_left
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.widgets.tables import FramedTicks
 from fingerlab.ui.widgets.theme import Appearance, apply_appearance

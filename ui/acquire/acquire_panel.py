@@ -22,6 +22,7 @@ from fingerlab.acquisition.beginning import LONGEST_BEFORE_S
 from fingerlab.acquisition.machine import Event, Mode
 from fingerlab.rig.daq import Limits
 
+from ..app.undo import FormHistory
 from ..widgets.fields import (
     PROGRESS_STEPS,
     ActionButton,
@@ -36,17 +37,11 @@ from ..widgets.labels import ElidedLabel, heading, remark
 from ..widgets.layout import FLUSH, described, vbox
 from .bench_controller import BenchController
 from .bench_setup import LOADED_PHASE
-from .form_history import FormHistory
 from .motion_form import MotionForm
 from .recording_control import WRITING, RecordingControl
 from .run_forms import InitialButton, ProtocolForm
 
-PHASES = {
-    "on_air": "On air",
-    "contact": "Contact",
-    "motor_bench": "Motor bench",
-    "free": "Free",
-}
+PHASES = {"on_air": "On air", "contact": "Contact", "motor_bench": "Motor bench", "free": "Free"}
 CABLES = {"extension": "Extension cable", "flexion": "Flexion cable", "none": "No cable"}
 LOAD_HELP = "Known load: torque of a weight on the pulley; above 0 where the motor lifts it turning forwards."
 MOTIONS = (

@@ -10,16 +10,7 @@ from typing import Any
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QMessageBox, QStackedWidget, QWidget
 
-from fingerlab.acquisition.commands import (
-    Disable,
-    Enable,
-    Finish,
-    Release,
-    Reset,
-    SetUp,
-    Start,
-    Tare,
-)
+from fingerlab.acquisition.commands import Disable, Enable, Finish, Release, Reset, SetUp, Start, Tare
 from fingerlab.acquisition.initial import initial_of
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.protocol import countdown, prompt_of

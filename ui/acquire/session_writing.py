@@ -28,7 +28,7 @@ from PySide6.QtWidgets import (
 from fingerlab.acquisition.bench import Bench
 from fingerlab.core.errors import Cancelled
 
-from ..app.status_bar import time_left
+from ..app.bars import time_left
 from ..widgets.fields import PROGRESS_STEPS
 from ..widgets.layout import hbox
 

@@ -8,14 +8,7 @@ from pathlib import Path
 
 from PySide6.QtCore import SignalInstance
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import (
-    QDialog,
-    QDialogButtonBox,
-    QMessageBox,
-    QPlainTextEdit,
-    QTextBrowser,
-    QWidget,
-)
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QMessageBox, QPlainTextEdit, QTextBrowser, QWidget
 
 from ..widgets.layout import described, vbox
 
@@ -43,10 +36,7 @@ def ask_to_run(parent: QWidget, path: Path, content: bytes, changed: bool, what:
 
 KeySheet = Sequence[tuple[str, Sequence[tuple[str, str]]]]
 
-GENERAL_KEYS = (
-    ("Cancel what is running", "Ctrl+."),
-    ("From field to field", "Tab, Shift+Tab"),
-)
+GENERAL_KEYS = (("Cancel what is running", "Ctrl+."), ("From field to field", "Tab, Shift+Tab"))
 PLOT_KEYS = (
     ("Zoom in and out", "+  −"),
     ("Move", "←  →"),

@@ -10,26 +10,18 @@ from pathlib import Path
 
 from PySide6.QtCore import QEvent, QObject, QSize, QTimer
 from PySide6.QtGui import QCloseEvent, QContextMenuEvent, QDragEnterEvent, QDropEvent
-from PySide6.QtWidgets import (
-    QApplication,
-    QFileDialog,
-    QMainWindow,
-    QMessageBox,
-    QStackedWidget,
-    QWidget,
-)
+from PySide6.QtWidgets import QApplication, QFileDialog, QMainWindow, QMessageBox, QStackedWidget, QWidget
 
 import fingerlab
 
 from ..widgets.layout import FLUSH, Room, hbox, vbox
 from ..widgets.theme import apply_appearance
 from . import dialogs, tab_registry
+from .bars import FrameHeader, MessageBar, StatusBar
 from .context import ApplicationContext, OpenCall, RigLine, read_session
-from .header import FrameHeader, MessageBar
 from .menus import MenuChoices, Menus, WindowCommands
 from .plot_menu import PlotMenu
 from .settings import Settings
-from .status_bar import StatusBar
 from .stop_guard import StopGuard
 from .tab_registry import Rail, Tab, TabEntry
 from .worker import Failed, Worker

@@ -23,9 +23,8 @@ from ..widgets.fields import ActionButton, row
 from ..widgets.labels import heading, remark
 from ..widgets.layout import FLUSH, Stretch, described, hbox, vbox
 from ..widgets.theme import large_font, small_font
-from .calibration_plots import LivePlot
+from .calibration_pictures import LivePlot, Picture, StabilityLight
 from .calibration_words import held_together
-from .step_picture import Picture, StabilityLight
 
 PANEL_WIDTH = 304
 NUMBERS = (0, 2)

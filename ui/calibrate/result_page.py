@@ -13,7 +13,7 @@ from fingerlab.calibration.store import CalibrationRecord
 from ..widgets.fields import ActionButton
 from ..widgets.labels import WholeLabel, heading, remark
 from ..widgets.layout import FLUSH, SideRoom, hbox
-from .calibration_plots import FitPlot, ResidualPlot
+from .calibration_pictures import FitPlot, ResidualPlot
 from .calibration_words import listed, number_rows, verdict_words
 
 PANEL_WIDTH = 400

@@ -7,14 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import (
-    QComboBox,
-    QFileDialog,
-    QLabel,
-    QPushButton,
-    QStackedWidget,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QStackedWidget, QWidget
 
 from fingerlab.models.file import save_model
 from fingerlab.signals.periods import THRESHOLDS_PERCENT
@@ -59,9 +52,7 @@ class FitPanel(QWidget):
         self.method = _choice("method", "Regions", [(METHOD_WORDS[m], m) for m in get_args(Method)])
         self.delay = _choice("delay", "Delay", [(DELAY_WORDS[d], d) for d in get_args(Delay)])
         self.threshold = _choice(
-            "threshold",
-            "Threshold",
-            [(f"{t} % of the speed range", float(t)) for t in THRESHOLDS_PERCENT],
+            "threshold", "Threshold", [(f"{t} % of the speed range", float(t)) for t in THRESHOLDS_PERCENT]
         )
         self.method.setToolTip("Into which parts of the period the runs are cut; each has a line of its own.")
         self.threshold.setToolTip(

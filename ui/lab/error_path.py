@@ -8,14 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from PySide6.QtCore import QEvent, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter, QPaintEvent, QPen
-from PySide6.QtWidgets import (
-    QGridLayout,
-    QLabel,
-    QPushButton,
-    QSizePolicy,
-    QToolTip,
-    QWidget,
-)
+from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QSizePolicy, QToolTip, QWidget
 
 from fingerlab.core.text import r2_text, score_text
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence
@@ -46,9 +39,7 @@ def bars_of(history: ModelHistory) -> list[ErrorBar]:
     done = history.done
     bars = [
         ErrorBar(
-            f"+ {effect_title(step.last_added)}" if step.last_added else "Nominal",
-            step.diagnosis.score,
-            True,
+            f"+ {effect_title(step.last_added)}" if step.last_added else "Nominal", step.diagnosis.score, True
         )
         for step in done
     ]

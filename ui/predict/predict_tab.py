@@ -8,19 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QEvent, QObject
-from PySide6.QtWidgets import (
-    QFileDialog,
-    QPushButton,
-    QStackedWidget,
-    QWidget,
-)
+from PySide6.QtWidgets import QFileDialog, QPushButton, QStackedWidget, QWidget
 
 from fingerlab.core.errors import UserError
 from fingerlab.models.file import Model, load_model
 
 from ..app.context import ApplicationContext
 from ..app.tab_registry import Command, Tab
-from ..app.undo_steps import UndoSteps
+from ..app.undo import UndoSteps
 from ..app.worker import IsCancelled, Progress
 from ..widgets.fields import ViewChoice
 from ..widgets.labels import header_name, heading, remark

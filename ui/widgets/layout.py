@@ -87,10 +87,7 @@ def hbox(
 
 
 def _filled(
-    layout: SomeLayout,
-    items: Sequence[Item],
-    margins: tuple[int, int, int, int] | None,
-    spacing: int | None,
+    layout: SomeLayout, items: Sequence[Item], margins: tuple[int, int, int, int] | None, spacing: int | None
 ) -> SomeLayout:
     if margins is not None:
         layout.setContentsMargins(*margins)
