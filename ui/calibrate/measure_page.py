@@ -21,7 +21,7 @@ from fingerlab.calibration.wizard import Phase, Wizard
 
 from ..widgets.fields import ActionButton, row
 from ..widgets.labels import heading, remark
-from ..widgets.layout import FLUSH, Stretch, described, hbox, vbox
+from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
 from ..widgets.theme import large_font, small_font
 from .calibration_pictures import LivePlot, Picture, StabilityLight
 from .calibration_words import held_together
@@ -78,8 +78,8 @@ class MeasurePage(QWidget):
         self._build()
 
     def _build(self) -> None:
-        words = vbox(None, self.step, self.words, self.doubt, Stretch(1), spacing=8)
-        reading = hbox(None, self.light, self.volts, Stretch(1), spacing=16)
+        words = vbox(None, self.step, self.words, self.doubt, Spacer(1), spacing=8)
+        reading = hbox(None, self.light, self.volts, Spacer(1), spacing=16)
         words.addLayout(reading)
         words.addWidget(self.state)
         words.addWidget(self.progress)

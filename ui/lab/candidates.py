@@ -31,7 +31,7 @@ from fingerlab.report.diagnosis_words import suspects
 
 from ..widgets.fields import set_usable
 from ..widgets.labels import WholeLabel
-from ..widgets.layout import FLUSH, Stretch, described, hbox, vbox
+from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
 from ..widgets.theme import Colours, colours_of, large_font, small_font, tint
 from .result_words import NOTHING, OUTCOME_TITLES, UNKNOWN, best_choice, set_help, set_words, verdict_headline
 
@@ -232,7 +232,7 @@ class CandidatesPanel(QWidget):
 
     def _layout(self) -> None:
         layout = vbox(self, self.verdict, self.set_text, (self.view, 1), margins=FLUSH, spacing=4)
-        row = hbox(None, self.add_button, Stretch(1))
+        row = hbox(None, self.add_button, Spacer(1))
         layout.addLayout(row)
 
     def show_diagnosis(self, diagnosis: Diagnosis | None) -> None:

@@ -14,7 +14,7 @@ from fingerlab.core.text import r2_text, score_text
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence
 
 from ..widgets.fields import set_usable
-from ..widgets.layout import FLUSH, Stretch, hbox, vbox
+from ..widgets.layout import FLUSH, Spacer, hbox, vbox
 from ..widgets.series import Series
 from ..widgets.theme import Colours, colours_of, small_font, tint
 from .controller import ModelHistory
@@ -238,7 +238,7 @@ class PathPanel(QWidget):
         self.redo.setObjectName("redo")
         self.undo.clicked.connect(self.undo_asked)
         self.redo.clicked.connect(self.redo_asked)
-        buttons = vbox(None, Stretch(1), self.undo, self.redo, Stretch(1), spacing=8)
+        buttons = vbox(None, Spacer(1), self.undo, self.redo, Spacer(1), spacing=8)
         hbox(self, (self.path, 1), buttons, self.table, margins=FLUSH, spacing=16)
 
     def show_history(self, history: ModelHistory | None) -> None:

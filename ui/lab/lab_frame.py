@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QButtonGroup, QHBoxLayout, QPushButton, QVBoxLayou
 
 from ..widgets.fields import set_usable
 from ..widgets.labels import header_name, heading, remark
-from ..widgets.layout import FLUSH, Stretch, described, hbox, vbox
+from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
 from ..widgets.theme import large_font
 
 
@@ -78,7 +78,7 @@ class LabStartPage(QWidget):
         )
         self.open.clicked.connect(self.open_asked)
         self.practise.clicked.connect(self.practise_asked)
-        buttons = hbox(None, self.open, self.practise, Stretch(1), spacing=8)
+        buttons = hbox(None, self.open, self.practise, Spacer(1), spacing=8)
         self.doing = remark()
         self.doing.setObjectName("emptyDoing")
         self.doing.hide()
@@ -92,7 +92,7 @@ class LabStartPage(QWidget):
         across.addStretch(1)
         across.addWidget(column, 100)  # takes all up to its widest, so that its text gets the height it needs
         across.addStretch(1)
-        vbox(self, Stretch(2), across, Stretch(3))
+        vbox(self, Spacer(2), across, Spacer(3))
 
     def show_practice(self, on: bool) -> None:
         """While a practice session is recorded say so where it was asked for, too."""

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QStackedWidget, QWidget
 from fingerlab.diagnosis.answer.where import Profile, stretches_in, worst_run
 from fingerlab.report.diagnosis_words import bin_words, not_shown
 
-from ..widgets.layout import FLUSH, Panes, Stretch, hbox, vbox
+from ..widgets.layout import FLUSH, Panes, Spacer, hbox, vbox
 from .candidates import CandidatesPanel
 from .comparison_bar import ComparisonBar, LegendRow
 from .comparison_plot import ComparisonPlot
@@ -62,7 +62,7 @@ class LabView(QWidget):
         self.panes = Panes("model_lab", parts, (360, 272, 100))
         self.steps.setFixedWidth(STEPS_WIDTH)
         layout = hbox(self, margins=(8, 8, 8, 8), spacing=8)
-        left = vbox(None, self.steps, Stretch(1))
+        left = vbox(None, self.steps, Spacer(1))
         layout.addLayout(left)
         layout.addWidget(self.panes, 1)
 

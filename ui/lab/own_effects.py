@@ -24,7 +24,7 @@ from fingerlab.core.errors import UserError
 
 from ..app.dialogs import ask_to_run
 from ..widgets.labels import remark
-from ..widgets.layout import Stretch, described, hbox
+from ..widgets.layout import Spacer, described, hbox
 
 if TYPE_CHECKING:
     from fingerlab.effects.own import OwnFile
@@ -74,7 +74,7 @@ class OwnEffects(QDialog):
         layout = QVBoxLayout(self)
         layout.setSizeConstraint(QLayout.SizeConstraint.SetNoConstraint)  # words may grow, the window stays
         top = hbox(None, (self.place, 1), self.choose)
-        beside = hbox(None, self.trust, self.untrust, Stretch(1), self.forget)
+        beside = hbox(None, self.trust, self.untrust, Spacer(1), self.forget)
         close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
         close.rejected.connect(self.reject)
         layout.addWidget(remark(ABOUT))

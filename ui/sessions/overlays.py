@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QComboBox, QPushButton, QStyle, QStyleOptionComboB
 
 from fingerlab.sessions.model import Run, Session
 
-from ..widgets.layout import FLUSH, Stretch, described, hbox
+from ..widgets.layout import FLUSH, Spacer, described, hbox
 from ..widgets.theme import Colours, colours_of, line, small_font
 from .session_words import run_words
 
@@ -87,7 +87,7 @@ class LaidOverRow(QWidget):
         super().__init__(parent)
         self._shown: tuple[LaidOver, ...] = ()
         self.buttons: dict[int, QPushButton] = {}
-        self._row = hbox(self, Stretch(1), margins=FLUSH, spacing=8)
+        self._row = hbox(self, Spacer(1), margins=FLUSH, spacing=8)
         self.hide()
 
     def show_overs(self, overs: Sequence[LaidOver]) -> None:

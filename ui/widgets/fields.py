@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from .layout import FLUSH, Stretch, described, hbox, vbox
+from .layout import FLUSH, Spacer, described, hbox, vbox
 
 WAITS_FOR_FOCUS = "waitsForFocus"
 
@@ -140,7 +140,7 @@ def centred_column(page: QWidget, width: int) -> QVBoxLayout:
     across.addStretch(1)
     across.addWidget(column, 100)  # takes all up to its widest, so that its text gets the height it needs
     across.addStretch(1)
-    vbox(page, Stretch(2), across, Stretch(3))
+    vbox(page, Spacer(2), across, Spacer(3))
     return inner
 
 

@@ -55,13 +55,13 @@ def described(
 
 
 @dataclass(frozen=True)
-class Stretch:
+class Spacer:
     """Room of a layout that takes a share of what is left."""
 
     share: int = 0
 
 
-Item = QWidget | QLayout | Stretch | int | tuple[Any, ...]
+Item = QWidget | QLayout | Spacer | int | tuple[Any, ...]
 """Of a layout: what stands there, px that stay free, or what stands there with its share and alignment."""
 SomeLayout = TypeVar("SomeLayout", bound=QBoxLayout)
 
@@ -94,7 +94,7 @@ def _filled(
     if spacing is not None:
         layout.setSpacing(spacing)
     for item in items:
-        if isinstance(item, Stretch):
+        if isinstance(item, Spacer):
             layout.addStretch(item.share)
         elif isinstance(item, int):
             layout.addSpacing(item)
