@@ -55,7 +55,7 @@ class ParameterTable(NumberTable):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("parameters", "Fitted parameters with 90 % intervals", COLUMNS, 3, parent)
-        self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Spacer)
+        self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
         # A narrower window scrolls before it cuts words.
         self.horizontalHeader().setMinimumSectionSize(
             LEAST_CHARACTERS * self.fontMetrics().averageCharWidth()

@@ -42,7 +42,7 @@ class HeldOutTable(NumberTable):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("heldOutRuns", "Error on held-out runs by motion", COLUMNS, parent=parent)
         self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        self.horizontalHeader().setSectionResizeMode(0, QHeaderView.ResizeMode.Spacer)
+        self.horizontalHeader().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
         self.setWordWrap(False)  # a row is a line; one that is too long ends in … and is whole in its tooltip
         line = QFontMetrics(small_font()).height() + ROOM
         self.verticalHeader().setMinimumSectionSize(line)

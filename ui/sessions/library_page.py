@@ -272,7 +272,7 @@ class LibraryPage(QWidget):
         header.setHighlightSections(False)
         header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         header.setMinimumSectionSize(4 * metrics.averageCharWidth())
-        header.setSectionResizeMode(NAME, QHeaderView.ResizeMode.Spacer)
+        header.setSectionResizeMode(NAME, QHeaderView.ResizeMode.Stretch)
         for column, characters in WIDTHS.items():
             table.setColumnWidth(column, characters * metrics.averageCharWidth() + 8)
         header.setSortIndicator(RECORDED, Qt.SortOrder.DescendingOrder)
