@@ -14,8 +14,7 @@ from typing import Any
 import click
 from rich.table import Table
 
-from fingerlab.cli.common import json_option, progress_bar, write_json
-from fingerlab.cli.output import table_console
+from fingerlab.cli.common import json_option, progress_bar, table_console, write_json
 from fingerlab.core.plain_data import json_ready
 from fingerlab.thesis.analysis import PUBLISHED, Published, PublishedQuantity, thesis_analysis
 from fingerlab.thesis.onair import Spread

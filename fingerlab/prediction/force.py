@@ -31,8 +31,8 @@ from fingerlab.diagnosis.equations.features import (
     shifted_columns,
     turned_columns,
 )
-from fingerlab.diagnosis.equations.parameters import SLIP_STIFFNESSES
 from fingerlab.diagnosis.gram.decimation import counted
+from fingerlab.diagnosis.settings import SLIP_STIFFNESSES
 from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row

@@ -19,7 +19,7 @@ from fingerlab.models.file import ParameterEstimate
 from fingerlab.prediction import fit_extended, predict_extended
 from fingerlab.prediction.extended import EQUATION_WORDS, EQUATIONS, Equation, ExtendedModel
 from fingerlab.prediction.force import contact_runs
-from fingerlab.prediction.predict import RunPrediction, spread_over
+from fingerlab.prediction.predict import RunPrediction, interval_over, spread_over
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.equation import FinalEquation, final_equation
 from fingerlab.report.figure_style import LABEL_SIZE
@@ -29,7 +29,6 @@ from fingerlab.sessions.model import Session
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.analysis import PublishedQuantity, ThesisAnalysis, thesis_analysis
 from fingerlab.thesis.motor_bench import MotorBenchFit, fit_motor_bench, motor_bench_runs
-from fingerlab.thesis.onair import Spread
 from fingerlab.thesis.traces import FOUR_REGIONS, JOINT_TITLES
 
 CAPTIONS: Mapping[str, str] = {
@@ -247,8 +246,7 @@ def _force_row(variant: str, equation: Equation, runs: Sequence[RunPrediction]) 
         spread = spread_over(runs, equation, key)
         cells.append(with_minus(mean_and_deviation(factor * spread.mean, factor * spread.deviation, digits)))
     if equation == "both":
-        half = Spread(tuple(run.half_width for run in runs)).mean
-        inside = Spread(tuple(run.coverage for run in runs)).mean
+        half, inside = interval_over(runs)
         cells.append(f"± {1e3 * half:.1f}" if math.isfinite(half) else "–")
         cells.append(f"{100.0 * inside:.0f} %" if math.isfinite(inside) else "–")
     return (VARIANT_TITLES.get(variant, variant), EQUATION_WORDS[equation], *cells, *[""] * (6 - len(cells)))

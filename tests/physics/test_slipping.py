@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.equations.parameters import SLIP_STIFFNESSES
+from fingerlab.diagnosis.settings import SLIP_STIFFNESSES
 from fingerlab.physics.friction_states import rubbing_forces
 from fingerlab.physics.motion import Motion
 from fingerlab.rig.constants import Motor

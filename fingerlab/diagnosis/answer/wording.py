@@ -6,10 +6,9 @@ import numpy as np
 
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel, own_keys
+from fingerlab.diagnosis.settings import MOST_NAMED, Z90
 from fingerlab.effects.base import Effect, Row
 from fingerlab.models.file import ParameterEstimate
-
-Z90 = 1.645  # two-sided 90 % of a normal distribution
 
 SCREEN_UNITS = {
     "N m": (1e3, "mN m"),
@@ -77,10 +76,6 @@ def would_have_shown(fitted: FittedModel, effect: Effect, least: float) -> str:
         if least * strength <= MOST_NAMED * max(abs(gains[key].high), abs(gains[key].low))
     ]
     return " and ".join(said) if len(said) == len(fitted.sensitivity.strengths) else ""
-
-
-MOST_NAMED = 1.0
-"""A strength beyond this share of its plausible range is not named: none that is plausible would show."""
 
 
 def _amount(value: float, unit: str) -> str:

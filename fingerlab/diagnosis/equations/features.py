@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.parameters import SLIP_STIFFNESSES, TIP_LAWS, TORQUE_ZERO, USUAL_SPREAD
-from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ
+from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
+from fingerlab.diagnosis.settings import LIFTED_M, SLIP_STIFFNESSES, TIP_STIFFNESS, USUAL_SPREAD, WIDE_RATE_HZ
 from fingerlab.effects.base import Effect, Gain, Row, Scale
 from fingerlab.effects.contact_compliance import SIDEWAYS_STIFFNESSES
 from fingerlab.effects.joints import lateral_levers
@@ -62,16 +62,6 @@ class Pick:
 
     def __getitem__(self, chosen: Any) -> Pick:
         return Pick(self.signals[chosen], self.rows[chosen])
-
-
-LIFTED_M = 1e-4
-"""A tip that is higher or lower than this (twice this: for certain) than where it presses has let go, m;
-assumed: several times what the joint angles' noise moves it by."""
-
-
-TIP_STIFFNESS = 1 / 3e-5
-"""Sideways force over the friction coefficient that a tip which sticks takes on with travel, N/m: 1 N over
-about one angle step at the tip; assumed."""
 
 
 @dataclass(frozen=True)

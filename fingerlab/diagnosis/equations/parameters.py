@@ -14,14 +14,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fingerlab.diagnosis.settings import (
+    CURRENT_ZERO_A,
+    SLIP_STIFFNESSES,
+    STIFFNESS,
+    TOLERANCES,
+    USUAL_RATIOS,
+    USUAL_SPREAD,
+)
 from fingerlab.physics.parameter import Parameter, Role
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array
-
-SLIP_STIFFNESSES = (2.0, 6.0, 18.0)
-"""Sideways over normal force, and over the friction coefficient, of a tip that sticks while the finger
-presses harder or softer; assumed: the finger's posture and what gives way behind it decide."""
-
 
 ARMS, LOSSES = ("arm_mcp", "arm_pip"), ("loss_mcp", "loss_pip")
 """Moment arms, m, and constant losses, N m, of the two joints; a value for each routing."""
@@ -39,9 +42,6 @@ normal one until friction gives way; or stick, and keep what it was set down wit
 
 TORQUE_ZERO = "torque_zero"
 """The unknown that a current's zero adds to the motor's torque, N m."""
-CURRENT_ZERO_A = 0.0025
-"""How far the zero of the current measurement may be off, one standard deviation, A; assumed: half of the
-5 mA in which a 16-bit card reads the monitor of a 5 A drive."""
 
 
 BENCH_RANGES = {
@@ -110,17 +110,6 @@ def nuisance_ranges(rig: Rig) -> dict[str, Parameter]:
         name: replace(pressed.get(name, one), name=name, role=Role.NUISANCE_OF_BENCH)
         for name, one in ranges.items()
     }
-
-
-USUAL_RATIOS = (1.10, 0.76)
-"""Flexion over extension arm at MCP and PIP; assumed. In thirteen recordings of finger benches that the
-project did not make it is 0.97 to 1.32 and 0.61 to 0.78."""
-USUAL_SPREAD = 0.12
-"""One standard deviation of the ratio's logarithm between fingers of one design, each joint; assumed."""
-TOLERANCES = 2.75
-"""How many of them the two joints together may be away: one finger in forty is."""
-STIFFNESS = 1e7
-"""Curvature of the cost beyond the edge, for a ratio's logarithm: ten times what a session tells of it."""
 
 
 @dataclass(frozen=True)

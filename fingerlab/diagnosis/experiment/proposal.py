@@ -22,8 +22,8 @@ from fingerlab.diagnosis.equations.columns import layout_of
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.equations.model import Model, build
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
-from fingerlab.diagnosis.experiment.predicted_runs import DURATION_S, Proposal, menu
-from fingerlab.diagnosis.fit.noise import LEAST_TORQUE_SPREAD, torque_noise
+from fingerlab.diagnosis.experiment.predicted_runs import Proposal, menu
+from fingerlab.diagnosis.fit.noise import torque_noise
 from fingerlab.diagnosis.fit.solver import scaled_inverse
 from fingerlab.diagnosis.fit.weights import Weights, feature_weights, own_to_a_run
 from fingerlab.diagnosis.gram.decimation import decimated_columns
@@ -31,33 +31,27 @@ from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums
 from fingerlab.diagnosis.score.evidence import Evidence, against_nothing
 from fingerlab.diagnosis.score.fitted_model import FittedModel, condition_weights, values_at_typical_strength
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import (
+from fingerlab.diagnosis.score.selection import by_what_is_left, left_for, small_excess
+from fingerlab.diagnosis.settings import (
     DECIDING_LOG_ODDS,
+    DECISIVE,
+    DURATION_S,
     LEAST_EXCESS,
     LEAST_FALL,
-    by_what_is_left,
-    left_for,
-    small_excess,
+    LEAST_PROBABILITY,
+    LEAST_SEPARATION,
+    LEAST_TORQUE_SPREAD,
+    LENGTHS_S,
+    LOOKING_ITERATIONS,
+    RIVALS,
+    SETTLING_S,
+    WEAKEST_PRIOR,
 )
 from fingerlab.diagnosis.signals.conditions import kind_of
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.diagnosis.signals.segments import SETTLING_S
 from fingerlab.effects.base import Effect, Row
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Session
-
-LEAST_SEPARATION = 0.2
-"""A run that is expected to bring less (nats) is not worth the operator's time."""
-RIVALS = 4
-"""So many effects of the set are separated from its first by one run; more are rarely left."""
-LOOK_ROUND = 3  # steps of a fit
-DECISIVE = 10.0
-"""A separation beyond this (nats) is worth no more: the effect is out of the set."""
-
-
-LENGTHS_S = (DURATION_S, 60.0)
-"""Lengths of a run, s; the longer one is proposed where the shorter would not decide. Assumed: an operator
-spends a minute on a question rather than come back with half an answer."""
 
 
 def propose(
@@ -123,7 +117,7 @@ def _present_and_absent(
     scorer: Scorer, base: FittedModel, fitted: FittedModel
 ) -> tuple[FittedModel, FittedModel]:
     """The model if its last effect were there at its typical strength and the rest hid it; and without it."""
-    without = scorer.fit_same_law(base.choices, fitted, LOOK_ROUND)
+    without = scorer.fit_same_law(base.choices, fitted, LOOKING_ITERATIONS)
     known = without.values
     start = np.array([known.get(u.key, 0.0) for u in fitted.model.unknowns])
     absent = replace(without, misfits=base.misfits)
@@ -157,12 +151,10 @@ def _shown(
     left = count * _after(base, run, usual, usual * values)
     misfit = count * _after(base, run, usual, usual * values + 2.0 * gain)
     after = against_nothing(base, misfit, left, count) - np.log(len(evidence.candidates))
-    before = np.log(max(float(evidence.undetected[i]), LEAST_SHARE) / max(evidence.nothing, LEAST_SHARE))
+    before = np.log(
+        max(float(evidence.undetected[i]), LEAST_PROBABILITY) / max(evidence.nothing, LEAST_PROBABILITY)
+    )
     return Shown(decides, float(after - before))
-
-
-LEAST_SHARE = 1e-12
-"""Probabilities are compared down to here."""
 
 
 def _values(run: Imagined) -> float:
@@ -184,7 +176,7 @@ def _expected(scorer: Scorer, run: Imagined, evidence: Evidence, first: int, sec
     """Expected gain in the log odds of the one of two effects that is true, as likely as they are now."""
     shares = evidence.probabilities[[first, second]]
     gains = [_gain(scorer, run, evidence, *ways) for ways in ((first, second), (second, first))]
-    return float(shares @ gains / max(float(shares.sum()), LEAST_SHARE))
+    return float(shares @ gains / max(float(shares.sum()), LEAST_PROBABILITY))
 
 
 def _gain(scorer: Scorer, run: Imagined, evidence: Evidence, true: int, other: int) -> float:
@@ -245,10 +237,6 @@ def _lasting(
     times = (seconds - SETTLING_S) / (DURATION_S - SETTLING_S)
     for proposal, run in runs:
         yield replace(proposal, seconds=seconds), run.lasting(times)
-
-
-WEAKEST_PRIOR = 1e-4
-"""Weight of the prior, in the new run alone, of what nothing is known of: arms, offsets, gains of effects."""
 
 
 @dataclass(frozen=True)

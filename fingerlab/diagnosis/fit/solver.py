@@ -22,6 +22,15 @@ from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import ARMS, LOSSES, TORQUE_ZERO
 from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, feature_weights
 from fingerlab.diagnosis.gram.sums import Group, Sums
+from fingerlab.diagnosis.settings import (
+    LEAST_GAIN,
+    LEAST_GAIN_SHARE,
+    PIVOTING_ROUNDS,
+    SETTLING_ITERATIONS,
+    SIMPLER_FIRST,
+    USUAL_LOSS_NM,
+    WEAK_PRIOR,
+)
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
@@ -66,12 +75,6 @@ def _tension_over_torque(layout: Layout, sums: Sums, row: Row, cable_sign: int) 
     return float(np.linalg.lstsq(products[:2, :2], products[:2, 2], rcond=None)[0][0])
 
 
-USUAL_LOSS_NM = 2e-4
-"""Scatter of losses that count as none, N m; assumed: 0.2 degrees of a joint's zero on 60 mN m/rad."""
-SIMPLER_FIRST = 2.0
-"""What a gain costs of which the data tell nothing: the simpler effect comes first, both are in the set."""
-
-
 def surprise(
     model: Model, values: Array, radius: float, routings: Collection[str], zero_spread: float | None = None
 ) -> float:
@@ -107,17 +110,6 @@ def surprise(
             width = max(2.0 * float(mean), 1e-12)
             result += max(2.0 * np.log(width * np.sqrt(told / (2 * np.pi))), SIMPLER_FIRST)
     return float(result)
-
-
-SETTLING_ITERATIONS = 4
-"""With fewer, a fit only looks round, and friction at rest is taken as it was at the start."""
-LEAST_GAIN = 1e-3
-LEAST_SHARE = 1e-6
-"""A step that lowers the cost by less than this, or by less than this share of it, is the last; the cost is
-twice a log probability."""
-
-WEAK_PRIOR = 0.01
-"""Weight of the prior of what nothing is known of: arms, offsets, and gains of effects."""
 
 
 @dataclass(frozen=True)
@@ -275,7 +267,7 @@ class Fitter:
             gradient, information, bend = self._expansion(values)
             # The cost's own curvature, which lacks the noise, converges in a few steps; where it is too weak
             # to be trusted, the one with noise takes shorter ones.
-            least = max(LEAST_GAIN, LEAST_SHARE * cost)
+            least = max(LEAST_GAIN, LEAST_GAIN_SHARE * cost)
             values, gain = self._improve(values, cost, gradient, bend, least)
             if gain < -least:
                 values, gain = self._improve(values, cost, gradient, information, least)
@@ -381,9 +373,6 @@ def bounded_step(values: Array, gradient: Array, information: Array, low: Array,
             break
         fixed[int(np.argmax(np.where(wrong, np.abs(pull), -1.0)))] = False
     return step * scale
-
-
-PIVOTING_ROUNDS = 40
 
 
 def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array) -> Array | None:

@@ -17,12 +17,10 @@ from fingerlab.diagnosis.equations.features import BoolArray
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.fit.solver import Fit, Fitter, bounded_step
 from fingerlab.diagnosis.fit.weights import Weights
+from fingerlab.diagnosis.settings import CLEARLY_SHOWN
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Array
-
-CLEARLY_SHOWN = 0.5
-"""An effect whose typical strength changes the squared score by more than this is seen in any case."""
 
 
 @dataclass(frozen=True)
