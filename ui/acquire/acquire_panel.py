@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
 
 from fingerlab.acquisition.beginning import LONGEST_BEFORE_S
 from fingerlab.acquisition.machine import Event, Mode
+from fingerlab.core.text import grouped
 from fingerlab.rig.daq import Limits
 
 from ..app.undo import FormHistory
@@ -355,7 +356,7 @@ class AcquirePanel(QWidget):
         if self._controller.worker.title == WRITING or recording.writing.under_way:
             words = recording.writing.words or f"{WRITING} …"
         elif recording.recording and status is not None:
-            words = f"{status.recorded:,} samples".replace(",", "\u202f")
+            words = f"{grouped(status.recorded)} samples"
         elif session is not None:
             words = f"{session.runs} run{'s' * (session.runs != 1)}, not yet written"
         else:

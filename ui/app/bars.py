@@ -9,6 +9,8 @@ from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QColor, QGuiApplication, QPainter, QPaintEvent
 from PySide6.QtWidgets import QFrame, QLabel, QProgressBar, QPushButton, QSizePolicy, QStackedWidget, QWidget
 
+from fingerlab.core.text import grouped
+
 from ..widgets.fields import PROGRESS_STEPS
 from ..widgets.labels import ElidedLabel, FittingLabel
 from ..widgets.layout import FLUSH, described, hbox
@@ -117,7 +119,7 @@ class FrameHeader(QWidget):
         self.dot.setVisible(recording)
         self.dot.show_light("paused" if line.paused else "recording")
         words = "paused" if line.paused else "samples"
-        self.count.setText(f"{line.recording:,} {words}".replace(",", "\u202f") if recording else "")
+        self.count.setText("" if line.recording is None else f"{grouped(line.recording)} {words}")
 
 
 class MessageBar(QFrame):
@@ -270,7 +272,7 @@ def device_texts(line: RigLine) -> tuple[str, ...]:
     """
     if not line.device:
         return ("",)
-    samples, late = f"{line.samples:,} samples".replace(",", "\u202f"), f"{line.late} late"
+    samples, late = f"{grouped(line.samples)} samples", f"{line.late} late"
     mean, longest = f"cycle {1e3 * line.cycle_s:.2f} ms", f"longest {1e3 * line.longest_cycle_s:.2f} ms"
     cycle = f"{mean}, {longest}" if line.cycle_s else ""
     warning = f"⚠ {line.warning}" if line.warning else ""

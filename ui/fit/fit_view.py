@@ -13,7 +13,13 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.core.text import ScreenUnit, in_words, r2_text, with_minus
+from fingerlab.core.text import (
+    MILLISECOND,
+    UNITLESS,
+    in_words,
+    r2_text,
+    with_minus,
+)
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.fitting import delay_estimate
 from fingerlab.thesis.inspection import Inspection
@@ -136,12 +142,12 @@ class FitResultView(QWidget):
         self.run = ""
         self.speeds = {joint: SpeedPlot(joint) for joint in JOINTS}
         self.plane = PlanePlot()
-        self.r2 = RunBars("r2Bars", "R²", ScreenUnit("", 1.0), top=1.06)
+        self.r2 = RunBars("r2Bars", "R²", UNITLESS, top=1.06)
         self.r2.setToolTip(
             "R² = 1 − Σ(LHS − line)² / Σ(LHS − mean)²: share of the joint torque's variance that the line of "
             "the region explains, by run."
         )
-        self.delays = RunBars("delayBars", "Delay of torque after tension", ScreenUnit("ms", 1e3))
+        self.delays = RunBars("delayBars", "Delay of torque after tension", MILLISECOND)
         self.delays.setToolTip(
             "Δt, ms: by how much the joint torque LHS comes after the cable tension T, by run and region; "
             "positive where the tension is first."
