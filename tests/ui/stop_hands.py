@@ -23,7 +23,7 @@ from fingerlab.acquisition.bench.bench import Bench
 from fingerlab.acquisition.control.commands import Enable, Initialise, Release, Reset, SetUp, Start
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.ring import COLUMN, RowFlag
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.ui.acquire.acquire_tab import AcquireTab
 from fingerlab.ui.acquire.bench_controller import has_virtual_clock
 from fingerlab.ui.app.stop_key import STOP_KEYS
