@@ -23,7 +23,7 @@ from fingerlab.rig.constants import Rig
 if TYPE_CHECKING:
     from PySide6.QtWidgets import QApplication
 
-    from fingerlab.ui.window import MainWindow
+    from fingerlab.ui.app.window import MainWindow
 
 SIZE = (1280, 800)
 PATIENCE_S = 1e5
@@ -60,9 +60,9 @@ def shown_window(folder: Path, tab: str) -> Iterator[tuple[MainWindow, QApplicat
     from PySide6.QtCore import QSettings
     from PySide6.QtWidgets import QApplication
 
-    from fingerlab.ui import application
-    from fingerlab.ui.settings import Settings
-    from fingerlab.ui.window import MainWindow
+    from fingerlab.ui.app import application
+    from fingerlab.ui.app.settings import Settings
+    from fingerlab.ui.app.window import MainWindow
 
     app = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(app, QApplication)

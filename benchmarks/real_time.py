@@ -240,17 +240,17 @@ def without_window(folder: Path, asked: argparse.Namespace) -> Timed:
 def with_window(folder: Path, asked: argparse.Namespace) -> Timed:
     """The window draws meanwhile."""
     from benchmarks.window_repaint import WINDOW_S, pause
-    from fingerlab.ui.acquire.opening import OpenBench, Wanted
-    from fingerlab.ui.acquire.tab import AcquireTab
+    from fingerlab.ui.acquire.acquire_tab import AcquireTab
+    from fingerlab.ui.acquire.bench_setup import BenchRequest, OpenBench
 
     with shown_window(folder, "acquire") as (window, _):
         tab = window.tab("acquire")
         assert isinstance(tab, AcquireTab)
-        tab.station._opener = lambda wanted: OpenBench(*in_processes(folder / "rescued"))
-        tab.station.open(Wanted("simulated"))
-        while tab.station.bench is None:
+        tab.controller._opener = lambda wanted: OpenBench(*in_processes(folder / "rescued"))
+        tab.controller.open(BenchRequest("simulated"))
+        while tab.controller.bench is None:
             pause(0.05)
-        bench, opened = tab.station.bench, tab.station.opened
+        bench, opened = tab.controller.bench, tab.controller.opened
         assert isinstance(bench, ProcessBench)
         assert opened is not None
         tab.toolbar.model_chosen.emit("nominal")

@@ -18,9 +18,9 @@ from PySide6.QtWidgets import QApplication
 from benchmarks.benches import turned_by_hand
 from benchmarks.machine import Frame, Share, Watch, timed
 from fingerlab.acquisition.inline import InlineBench
-from fingerlab.ui.acquire.opening import OpenBench, Wanted, open_bench
-from fingerlab.ui.acquire.tab import AcquireTab
-from fingerlab.ui.window import MainWindow
+from fingerlab.ui.acquire.acquire_tab import AcquireTab
+from fingerlab.ui.acquire.bench_setup import BenchRequest, OpenBench, open_bench
+from fingerlab.ui.app.window import MainWindow
 
 WINDOW_S = 60.0
 FRAMES = 600
@@ -52,13 +52,13 @@ def repaint(window: MainWindow, app: QApplication) -> Repainted:
     found.processor, found.rate = processor_share(window)
     found.real_share = watch.share()
     tab = window.tab("acquire")
-    tab.station.close()  # type: ignore[attr-defined]
-    while tab.station.caller.busy:  # type: ignore[attr-defined]
+    tab.controller.close()  # type: ignore[attr-defined]
+    while tab.controller.worker.busy:  # type: ignore[attr-defined]
         pause(0.05)
     return found
 
 
-def on_virtual_clock(wanted: Wanted) -> OpenBench:
+def on_virtual_clock(wanted: BenchRequest) -> OpenBench:
     """The simulated rig, turned by hand."""
     return OpenBench(*turned_by_hand(Path(tempfile.gettempdir()) / "fingerlab-rescued"))
 
@@ -72,12 +72,12 @@ def pause(seconds: float) -> None:
 
 def connect(tab: AcquireTab) -> None:
     """Connect the simulated rig and let it move, with the model beside it."""
-    tab.station.open(Wanted("simulated"))
-    while tab.station.bench is None:
+    tab.controller.open(BenchRequest("simulated"))
+    while tab.controller.bench is None:
         pause(0.05)
     pause(0.3)
     for button in (tab.panel.initialise, tab.panel.enable, tab.panel.start):
-        while tab.station.caller.busy:
+        while tab.controller.worker.busy:
             pause(0.02)
         tab.panel.refresh()
         button.click()
@@ -91,27 +91,27 @@ def repaint_times(window: MainWindow, app: QApplication, watch: Watch) -> list[F
     """What each repaint takes, samples already taken."""
     tab = window.tab("acquire")
     assert isinstance(tab, AcquireTab)
-    tab.station._opener = on_virtual_clock
+    tab.controller._opener = on_virtual_clock
     connect(tab)
-    tab.station._timer.stop()
-    bench = tab.station.bench
+    tab.controller._timer.stop()
+    bench = tab.controller.bench
     assert isinstance(bench, InlineBench)
     for _ in range(round(WINDOW_S)):
         bench.step(1000)
-        tab.station.tick()
+        tab.controller.tick()
     app.processEvents()
     times: list[Frame] = []
     for number in range(FRAMES):
         if number % 100 == 0:
             watch.look()
         bench.step(33)
-        tab.station.ticked.disconnect(tab._on_tick)
-        tab.station.tick()
-        tab.station.ticked.connect(tab._on_tick)
+        tab.controller.ticked.disconnect(tab._on_tick)
+        tab.controller.tick()
+        tab.controller.ticked.connect(tab._on_tick)
         with timed(times):
             tab._on_tick()
             app.processEvents()
-    tab.station.close()
+    tab.controller.close()
     pause(0.2)
     return times
 
@@ -120,7 +120,7 @@ def processor_share(window: MainWindow) -> tuple[float, float]:
     """Per cent of a core that the window's process takes, and repaints a second, in real time."""
     tab = window.tab("acquire")
     assert isinstance(tab, AcquireTab)
-    tab.station._opener = open_bench
+    tab.controller._opener = open_bench
     connect(tab)
     pause(WINDOW_S / 2)
     frames = 0
@@ -129,9 +129,9 @@ def processor_share(window: MainWindow) -> tuple[float, float]:
         nonlocal frames
         frames += 1
 
-    tab.station.ticked.connect(count)
+    tab.controller.ticked.connect(count)
     wall, processor = time.perf_counter(), time.process_time()
     pause(REAL_S)
     wall, processor = time.perf_counter() - wall, time.process_time() - processor
-    tab.station.stop()
+    tab.controller.stop()
     return 100 * processor / wall, frames / wall

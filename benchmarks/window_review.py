@@ -10,9 +10,9 @@ from PySide6.QtWidgets import QApplication
 
 from benchmarks.long_session import write_long_session
 from benchmarks.machine import Frame, Share, Watch, timed
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.sessions.review_page import ReviewPage
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
-from fingerlab.ui.window import MainWindow
 
 HOURS = 10.0
 OVERS = 4

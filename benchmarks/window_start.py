@@ -12,9 +12,9 @@ from pathlib import Path
 from PySide6.QtWidgets import QApplication
 
 from benchmarks.machine import Share, Watch
-from fingerlab.ui.acquire.tab import AcquireTab
-from fingerlab.ui.registry import TABS
-from fingerlab.ui.window import MainWindow
+from fingerlab.ui.acquire.acquire_tab import AcquireTab
+from fingerlab.ui.app.tab_registry import TABS
+from fingerlab.ui.app.window import MainWindow
 
 STARTS = 3
 ROUNDS = 10
@@ -24,8 +24,8 @@ import sys, time
 from PySide6.QtCore import QSettings, QTimer
 from PySide6.QtWidgets import QApplication
 from fingerlab.ui import application
-from fingerlab.ui.settings import Settings
-from fingerlab.ui.window import MainWindow
+from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.window import MainWindow
 
 app = QApplication(sys.argv[:1])
 settings = Settings(QSettings(sys.argv[1], QSettings.Format.IniFormat))
@@ -106,4 +106,4 @@ def switch_times(window: MainWindow, app: QApplication) -> dict[str, list[float]
 def _looks_for_devices(window: MainWindow) -> bool:
     acquire = window.tab("acquire")
     assert isinstance(acquire, AcquireTab)
-    return acquire.station.caller.busy
+    return acquire.controller.worker.busy

@@ -19,7 +19,8 @@ from typing import Any
 import click
 
 from fingerlab.cli.main import COMMANDS, cli
-from fingerlab.diagnosis.equations.parameters import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD, nuisance_ranges
+from fingerlab.diagnosis.equations.parameters import nuisance_ranges
+from fingerlab.diagnosis.settings import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
 from fingerlab.effects import CATALOGUE, Effect
 from fingerlab.physics.parameter import Parameter
 from fingerlab.report.equation_text import markdown_words

@@ -14,7 +14,7 @@ high speed and less than a dry one at low speed. The columns are plain numpy, in
 
 import numpy as np
 
-from fingerlab.effects import Effect, Gain, Motion, Row, Term
+from fingerlab.effects import Effect, Example, Formula, Gain, Motion, Row, Term
 
 
 def columns(motion: Motion, shape: dict[str, float]) -> list[Term]:
@@ -48,4 +48,12 @@ EFFECT = Effect(
     reveal="a motor-bench run at several speeds",
     bench=True,  # it can act on the motor bench, without a finger
     wanders=True,  # friction differs by some per cent from run to run
+    formula=Formula(  # what the report prints
+        equation=r"\tau_m = S\,\mathrm{sgn}(\dot\theta_m)\sqrt{|\dot\theta_m|}",
+        symbols="S: friction coefficient.",
+        source="Made up for this page.",
+        values={"root": "S"},
+    ),
+    # A motor that turns back at 4 rad/s: the tension for a gain of 1, over a pulley of 10 mm.
+    example=Example({}, {"velocity": -4.0}, {"MCP root": -200.0, "PIP root": -200.0}),
 )

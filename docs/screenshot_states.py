@@ -23,16 +23,16 @@ from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS
 from fingerlab.twin.session import write_session
-from fingerlab.ui.acquire import tab as acquire
-from fingerlab.ui.acquire.opening import OpenBench, Wanted
+from fingerlab.ui.acquire import acquire_tab as acquire
+from fingerlab.ui.acquire.bench_setup import BenchRequest, OpenBench
+from fingerlab.ui.app.context import RigLine
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.calibrate.calibrate_tab import CalibrateTab
 from fingerlab.ui.calibrate.result_page import ResultPage
-from fingerlab.ui.desk import RigLine
 from fingerlab.ui.fit.fit_tab import FitTab
 from fingerlab.ui.lab.model_lab_tab import ModelLabTab
 from fingerlab.ui.predict.predict_tab import PredictTab
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
-from fingerlab.ui.window import MainWindow
 
 EFFECT = "coulomb_friction"
 SEED = 11
@@ -48,16 +48,16 @@ def acquire_states(window: MainWindow, folder: Path) -> Iterator[str]:
     acquire.ask_to_close = lambda *_: True  # type: ignore[assignment]
     tab = window.tab("acquire")
     assert isinstance(tab, acquire.AcquireTab)
-    tab.station._opener = lambda wanted: on_virtual_clock(wanted, folder)
-    wait_until(lambda: not tab.station.caller.busy)
+    tab.controller._opener = lambda wanted: on_virtual_clock(wanted, folder)
+    wait_until(lambda: not tab.controller.worker.busy)
     yield "connect"
-    tab.station.open(Wanted("simulated", effect=EFFECT))
-    wait_until(lambda: tab.station.bench is not None)
-    tab.station._timer.stop()
+    tab.controller.open(BenchRequest("simulated", effect=EFFECT))
+    wait_until(lambda: tab.controller.bench is not None)
+    tab.controller._timer.stop()
 
     def run(seconds: float) -> None:
         for _ in range(round(seconds / 0.033)):
-            tab.station.tick()
+            tab.controller.tick()
 
     run(1.0)
     for button in (tab.panel.initialise, tab.panel.enable, tab.panel.start, tab.panel.record):
@@ -79,22 +79,22 @@ def acquire_states(window: MainWindow, folder: Path) -> Iterator[str]:
     yield "cursors"
     tab.toolbar.cursors.click()
     tab.toolbar.hold.click()
-    tab.station.stop()
+    tab.controller.stop()
     run(0.2)
     pause(500)
     run(0.2)
     yield "stopped"
     tab.panel.release.click()
     tab.panel.write.click()
-    wait_until(lambda: not tab.station.caller.busy)
-    window.desk.hush()
+    wait_until(lambda: not tab.controller.worker.busy)
+    window.context.hush()
     tab.toolbar.model_chosen.emit("none")
     tab.panel.by_protocol.click()
     tab.panel.run.click()
     wait_until(tab.prompt.isVisible)
     tab.plots.tick()
     yield "prompt"
-    tab.station.stop()
+    tab.controller.stop()
 
 
 def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
@@ -104,14 +104,16 @@ def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tab._folder = Path("my-rig-calibrations")
     tab.on_shown()
     yield "start"
-    opened = replace(on_virtual_clock(Wanted("simulated"), folder), calibrations=folder / "calibrations")
+    opened = replace(
+        on_virtual_clock(BenchRequest("simulated"), folder), calibrations=folder / "calibrations"
+    )
     bench, wrong = opened.bench, {5: 0.7}
     assert isinstance(bench, InlineBench)
-    window.desk.show_bench(opened)
+    window.context.show_bench(opened)
 
     def tell_rig() -> None:
         samples = bench.status().index
-        window.desk.show_rig(
+        window.context.show_rig(
             RigLine(light="ready", state="initialised", device="simulated rig", samples=samples)
         )
 
@@ -145,7 +147,7 @@ def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tell_rig()
     yield "result"
     tab._end()
-    window.desk.show_bench(None)
+    window.context.show_bench(None)
     bench.close()
 
 
@@ -267,7 +269,7 @@ def sessions_states(window: MainWindow, folder: Path) -> Iterator[str]:
 def fit_states(window: MainWindow, folder: Path) -> Iterator[str]:
     """The runs on air of a session, fitted."""
     yield "empty"
-    window.desk.open_paths([record(folder / "finger-rig.h5")], tab="fit")
+    window.context.open_paths([record(folder / "finger-rig.h5")], tab="fit")
     tab = window.tab("fit")
     assert isinstance(tab, FitTab)
     wait_until(lambda: not window.tasks.busy and bool(tab.sessions))
@@ -289,7 +291,7 @@ def predict_states(window: MainWindow, folder: Path) -> Iterator[str]:
     for asked in (["fit", str(session), "--model"], ["diagnose", str(session), "--add", EFFECT, "--save"]):
         done = CliRunner().invoke(cli, [*asked, str(models[len(asked) > 3])])
         assert done.exit_code == 0, done.output
-    window.desk.open_paths([session], tab="predict")
+    window.context.open_paths([session], tab="predict")
     tab = window.tab("predict")
     assert isinstance(tab, PredictTab)
     wait_until(lambda: not window.tasks.busy and bool(tab.sessions))
@@ -339,7 +341,7 @@ def read_table(widget: QWidget, name: str, rows: Iterable[int]) -> None:
             FACTS[f"{name}.{row}.{column}"] = str(model.index(row, column).data() or "").replace("\n", " ")
 
 
-def on_virtual_clock(wanted: Wanted, folder: Path) -> OpenBench:
+def on_virtual_clock(wanted: BenchRequest, folder: Path) -> OpenBench:
     """The simulated rig, turned by hand."""
     effects = parse_effects((wanted.effect,) if wanted.effect else ())
     device = SimulatedRig(simulation=Simulation(seed=wanted.seed, effects=effects))

@@ -29,11 +29,11 @@ from PySide6.QtCore import QBuffer, QSettings
 from PySide6.QtWidgets import QApplication
 from screenshot_states import FACTS, TABS, States, pause
 
-from fingerlab.ui import application
-from fingerlab.ui.settings import Settings
-from fingerlab.ui.tidying import Tidier
+from fingerlab.ui.app import application
+from fingerlab.ui.app.application import Tidier
+from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.widgets.theme import apply_appearance
-from fingerlab.ui.window import MainWindow
 
 SIZES = ((1280, 800), (1920, 1080))
 LOOKS = ("light", "dark")

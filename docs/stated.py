@@ -1,47 +1,37 @@
-"""The numbers by which the diagnosis decides, read from its modules with what they say of themselves."""
+"""The numbers by which the diagnosis decides, read from its settings with what these say of themselves."""
 
 from __future__ import annotations
 
 import ast
-import importlib
 import inspect
 import math
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
-MODULES = {
-    "score.evidence": "When an effect is missing, and what could not show",
-    "score.selection": "When a step of the path is justified, and which effect it is",
-    "fit.solver": "How a fit ends, and constants that go together",
-    "signals.conditions": "Runs of one condition",
-    "fit.noise": "How far an equation is trusted, in motion and at rest",
-    "experiment.proposal": "The next experiment",
-}
-"""Modules of the diagnosis whose numbers decide, and what they decide."""
+from fingerlab.diagnosis import settings
+
+SECTION = re.compile(r"^# ## (.+)$", re.MULTILINE)
+"""A heading in the file of settings."""
 
 
-def stated(name: str) -> Iterator[tuple[str, Any, str]]:
-    """Name, value and text of each number of a module that has a text of its own, in its order.
-
-    Args:
-        name: of a module of ``fingerlab.diagnosis``, after the package.
-    """
-    module = importlib.import_module(f"fingerlab.diagnosis.{name}")
-    body = ast.parse(inspect.getsource(module)).body
-    for one, after in pairwise(body):
-        targets = one.targets[0] if isinstance(one, ast.Assign) else None
-        names = targets.elts if isinstance(targets, ast.Tuple) else [targets]
-        said = (
-            after.value.value
-            if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
-            else None
-        )
-        for target in names:
-            if isinstance(target, ast.Name) and target.id.isupper() and isinstance(said, str):
-                value = getattr(module, target.id)
-                if shown(value):
-                    yield target.id, value, " ".join(said.split())
+def stated() -> dict[str, list[tuple[str, Any, str]]]:
+    """Name, value and text of each number of the diagnosis, in the order of its file, by heading."""
+    source = inspect.getsource(settings)
+    headings = [(source.count("\n", 0, m.start()) + 1, m[1]) for m in SECTION.finditer(source)]
+    found: dict[str, list[tuple[str, Any, str]]] = {title: [] for _, title in headings}
+    for one, after in pairwise(ast.parse(source).body):
+        if not isinstance(one, ast.Assign):
+            continue
+        if not (isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)):
+            raise ValueError(f"settings.py says nothing of what stands in line {one.lineno}.")
+        title = [title for line, title in headings if line < one.lineno][-1]
+        target = one.targets[0]
+        for name in target.elts if isinstance(target, ast.Tuple) else [target]:
+            key = ast.unparse(name)
+            found[title].append((key, getattr(settings, key), " ".join(str(after.value.value).split())))
+    return found
 
 
 def shown(value: Any) -> str:
@@ -60,13 +50,12 @@ def page() -> str:
     parts = [
         "# Numbers of the diagnosis",
         "Each decision of [the diagnosis](theory.md#floor-score-and-evidence) rests on numbers that no law "
-        "of physics gives. Here they all stand, read from the program when this page was built, with what it "
-        "says of them. A squared score is a misfit per independent value, in units of the floor; log odds "
-        "are natural.",
+        "of physics gives. Here they all stand, read from `diagnosis/settings.py` when this page was "
+        "built, with what it says of them. A squared score is a misfit per independent value, in units of "
+        "the floor; log odds are natural.",
     ]
-    for name, title in MODULES.items():
-        rows = [f"| `{key}` | {shown(value)} | {said} |" for key, value, said in stated(name)]
-        if rows:
-            parts.append(f"## {title}\n\n`diagnosis/{name.replace('.', '/')}.py`")
-            parts.append("\n".join(["| name | value | what it is |", "|---|---|---|", *rows]))
+    for title, rows in stated().items():
+        lines = [f"| `{key}` | {shown(value)} | {said} |" for key, value, said in rows]
+        parts.append(f"## {title}")
+        parts.append("\n".join(["| name | value | what it is |", "|---|---|---|", *lines]))
     return "\n\n".join(parts) + "\n"

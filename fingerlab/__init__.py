@@ -22,15 +22,20 @@ __all__ = ["UserError", "__version__", "catalogue", "diagnose", "fit", "load_mod
 
 _HOMES = {
     "UserError": "fingerlab.core.errors",
-    **dict.fromkeys(
-        ("catalogue", "diagnose", "fit", "load_model", "open", "simulate"), "fingerlab.notebook.calls"
-    ),
+    "open": "fingerlab.notebook.session",
+    "simulate": "fingerlab.notebook.session",
+    "diagnose": "fingerlab.notebook.diagnosis",
+    "catalogue": "fingerlab.notebook.diagnosis",
+    "fit": "fingerlab.notebook.model",
+    "load_model": "fingerlab.notebook.model",
 }
 """Where what ``import fingerlab`` offers lives; imported when it is asked for."""
 
 if TYPE_CHECKING:
     from fingerlab.core.errors import UserError
-    from fingerlab.notebook.calls import catalogue, diagnose, fit, load_model, open, simulate
+    from fingerlab.notebook.diagnosis import catalogue, diagnose
+    from fingerlab.notebook.model import fit, load_model
+    from fingerlab.notebook.session import open, simulate
 else:
 
     def __getattr__(name: str) -> Any:

@@ -27,7 +27,7 @@ def begin(arguments: list[str]) -> int:
     if arguments[:1] == ["--self-check"]:
         return int(import_module("fingerlab.ui.self_check").main(arguments[1:]))
     if are_sessions(arguments):
-        return int(import_module("fingerlab.ui.application").run(arguments))
+        return int(import_module("fingerlab.ui.app.application").run(arguments))
     from fingerlab.cli import main
 
     main(arguments)  # ends the process itself

@@ -2,6 +2,6 @@
 
 import sys
 
-from .application import run
+from .app.application import run
 
 sys.exit(run(sys.argv[1:]))

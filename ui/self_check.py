@@ -16,10 +16,10 @@ from typing import Any
 from PySide6.QtCore import QSettings, QTimer
 from PySide6.QtWidgets import QApplication
 
-from .application import prepare
-from .settings import Settings
-from .tasks import Failed
-from .window import MainWindow
+from .app.application import prepare
+from .app.settings import Settings
+from .app.window import MainWindow
+from .app.worker import Failed
 
 PATIENCE_S = 240
 """After this time a window that has neither compared nor complained counts as stuck."""
@@ -75,7 +75,7 @@ class SelfCheck:
         self._end("")
 
     def _every_tab(self) -> list[str]:
-        from .registry import TABS
+        from .app.tab_registry import TABS
 
         for entry in TABS:
             self.window.show_tab(entry.key)

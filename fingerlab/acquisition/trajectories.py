@@ -54,6 +54,90 @@ MULTISINE_RATIOS = (0.3, 0.7, 1.1, 1.9, 2.7)
 DEFAULT_DURATION_S = 20.0
 DEFAULT_RAMP_S = 1.5
 
+KIND_TITLES = {
+    "sine": "Sine",
+    "chirp": "Chirp",
+    "multisine": "Multisine",
+    "steps": "Steps",
+    "ramp_hold": "Ramp and hold",
+    "blocked": "Blocked",
+    "file": "From a file",
+    "torque": "Torque from a file",
+}
+BY_POINTS = ("file", "torque")
+"""Kinds that are given point by point: of the angle, or of the torque itself."""
+_MOVES = ("sine", "chirp", "multisine", "steps", "ramp_hold")
+
+
+@dataclass(frozen=True)
+class TrajectoryParameter:
+    """A number of a trajectory, from which a form makes its field.
+
+    Attributes:
+        name: as in the JSON text; ``lines`` stands for the first lines of ``frequencies_hz``.
+        title, unit, letter: of its label, and the letter that is its key there, if any.
+        kinds: that have it. help: its name, and what it is.
+        start, low, high, decimals, step: of the field, in ``unit``.
+        unsaid: whether the settings leave it out where it is ``start``, which is what they mean without it.
+    """
+
+    name: str
+    title: str
+    unit: str
+    letter: str
+    kinds: tuple[str, ...]
+    help: str
+    start: float
+    low: float
+    high: float
+    decimals: int
+    step: float
+    unsaid: bool = False
+
+
+_ALL = len(MULTISINE_RATIOS)
+_RATIOS = ", ".join(f"{ratio:g}" for ratio in MULTISINE_RATIOS)
+PARAMETERS = {
+    one.name: one
+    for one in (
+        TrajectoryParameter(
+            "amplitude_deg", "Amplitude", "°", "A", _MOVES, "Amplitude: half of the range, at the pulley.",
+            15.0, 0.0, 120.0, 1, 1.0,
+        ),
+        TrajectoryParameter(
+            "frequency_hz", "Frequency", "Hz", "r", _MOVES, "Frequency: of the motion.",
+            1.0, 0.01, 10.0, 2, 0.1,
+        ),
+        TrajectoryParameter(
+            "end_frequency_hz", "To", "Hz", "T", ("chirp",), "End frequency of the chirp.",
+            3.0, 0.01, 10.0, 2, 0.1,
+        ),
+        TrajectoryParameter(
+            "rise_s", "Rise", "s", "i", ("steps",), "Rise: time from one step to the next.",
+            0.15, 0.01, 2.0, 2, 0.05,
+        ),
+        TrajectoryParameter(
+            "seed", "Sequence", "", "q", ("steps",),
+            "Sequence: seed of the steps' heights; the same gives the same.",
+            0.0, 0.0, 99_999.0, 0, 1.0, unsaid=True,
+        ),
+        TrajectoryParameter(
+            "lines", "Lines", "", "n", ("multisine",), f"Lines: the first of {_RATIOS} times the frequency.",
+            _ALL, 1.0, _ALL, 0, 1.0,
+        ),
+        TrajectoryParameter(
+            "offset_deg", "Offset", "°", "O", (*_MOVES, "blocked"),
+            "Offset: middle of the range, at the pulley.",
+            22.0, -180.0, 180.0, 1, 1.0,
+        ),
+        TrajectoryParameter(
+            "ramp_s", "Ramp", "s", "", tuple(KIND_TITLES), "Ramp: time from rest to the whole motion.",
+            DEFAULT_RAMP_S, 0.0, 60.0, 2, 0.5, unsaid=True,
+        ),
+    )
+}  # fmt: skip
+"""In the order in which a form has them; limits are those of a bench of this size (assumed)."""
+
 
 @dataclass(frozen=True)
 class Trajectory:

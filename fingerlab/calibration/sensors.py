@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import DEGREES, ScreenUnit
 from fingerlab.core.units import DEGREE
 
 GRAVITY = 9.81
@@ -59,6 +60,11 @@ class Sensor:
     accuracy: Limit
     published: tuple[float, float] | None
     column_words: tuple[str, ...]
+
+    @property
+    def screen(self) -> ScreenUnit:
+        """The unit in which a person reads the quantity."""
+        return ScreenUnit("°", DEGREES) if self.unit == "rad" else ScreenUnit(self.unit, 1.0)
 
     def default_marks(self, steps: int) -> tuple[float, ...]:
         """The known values where none are given, in ``mark_unit``, for a recording of ``steps`` steps.

@@ -2,37 +2,54 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
+from rich.table import Table
+from rich.text import Text
 
-from fingerlab.cli.common import json_option, progress_bar, tell_own_effects, write_json
+from fingerlab.batch.rows import Options, Row, recorded_at
+from fingerlab.batch.run import BatchResult, locally, on_dask, run_batch
+from fingerlab.batch.table import LEAST_TIMES, Contents, Trend, ageing_rows, trends
+from fingerlab.cli.common import (
+    PATH,
+    added_option,
+    counted,
+    json_option,
+    progress_bar,
+    table_console,
+    tell_own_effects,
+    write_json,
+)
 from fingerlab.core.errors import UserError
-
-if TYPE_CHECKING:
-    from fingerlab.batch.rows import Options
-    from fingerlab.batch.run import BatchResult, Runner
-    from fingerlab.batch.table import Trend
+from fingerlab.core.text import decimals_for, fixed, largest_of, score_text, screen_unit, with_minus
+from fingerlab.report.diagnosis_words import (
+    NOTHING_WORDS,
+    UNKNOWN_WORDS,
+    effect_title,
+    in_sentence,
+    listed,
+)
 
 TOLD_FAILURES = 5
 """Failed sessions that are told one by one; the rest are in the table."""
 
 
 @click.command(short_help="Diagnose every session below a folder.")
-@click.argument("folder", metavar="FOLDER", type=click.Path(path_type=Path))
+@click.argument("folder", metavar="FOLDER", type=PATH)
 @click.option(
     "--out",
     required=True,
     metavar="T.parquet",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Table, one row a session.",
 )
 @click.option("--dask", "address", metavar="ADDRESS", help="Let the Dask cluster at ADDRESS do the work.")
-@click.option(
-    "--add", "added", multiple=True, metavar="ID", help="Effect that the model holds already; repeatable."
-)
+@added_option
 @click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Diagnoses at a time; all cores.")
 @click.option("--retry", is_flag=True, help="Try sessions again that could not be diagnosed.")
 @json_option
@@ -54,38 +71,27 @@ def batch(
         raise UserError(f"--out is {out}; the table is a Parquet file, so its name should end in .parquet.")
     if address is not None and jobs is not None:
         raise UserError("--jobs is for this machine alone; leave it out with --dask.")
-    from fingerlab.batch.run import run_batch
-    from fingerlab.batch.table import trends
-
     options = _options(added)
+    runner = locally(jobs) if address is None else on_dask(address, folder.resolve())
     bar, report = progress_bar("Batch")
     with bar:
-        result = run_batch(folder, out, options, _runner(address, jobs, folder), retry, report)
+        result = run_batch(folder, out, options, runner, retry, report)
     _tell(result, out)
     found = trends(result.contents.rows, result.contents.units)
     if json_target is not None:
-        write_json(_to_json(folder, out, result, found), json_target)
+        write_json(_batch_json(folder, out, result, found), json_target)
     if json_target != "-":
-        from fingerlab.cli.batch_summary import print_summary
-
-        print_summary(result.contents, found)
+        _print_summary(result.contents, found)
 
 
 def _options(added: tuple[str, ...]) -> Options:
     """What the diagnoses depend on; an unknown effect is found before the work."""
-    from fingerlab.batch.rows import Options
     from fingerlab.effects import CATALOGUE, effect, own
 
     for name in added:
         effect(name)
     tell_own_effects()
     return Options(tuple(dict.fromkeys(added)), own.trusted_sources(CATALOGUE))
-
-
-def _runner(address: str | None, jobs: int | None, folder: Path) -> Runner:
-    from fingerlab.batch.run import locally, on_dask
-
-    return locally(jobs) if address is None else on_dask(address, folder.resolve())
 
 
 def _tell(result: BatchResult, out: Path) -> None:
@@ -98,15 +104,14 @@ def _tell(result: BatchResult, out: Path) -> None:
     click.echo(f"{words}. {out} holds {len(result.contents.rows)} rows.", err=True)
     if result.failed:
         count = len(result.failed)
-        sessions = "session" if count == 1 else "sessions"
-        click.echo(f"{count} {sessions} could not be diagnosed:", err=True)
+        click.echo(f"{counted(count, 'session')} could not be diagnosed:", err=True)
         for row in result.failed[:TOLD_FAILURES]:
             click.echo(f"  {row['session']}: {row['error']}", err=True)
         if count > TOLD_FAILURES:
             click.echo(f"  and {count - TOLD_FAILURES} more; the table's column 'error' says why.", err=True)
 
 
-def _to_json(folder: Path, out: Path, result: BatchResult, found: list[Trend]) -> dict[str, Any]:
+def _batch_json(folder: Path, out: Path, result: BatchResult, found: list[Trend]) -> dict[str, Any]:
     rows = result.contents.rows
     return {
         "schema": 1,
@@ -124,3 +129,166 @@ def _to_json(folder: Path, out: Path, result: BatchResult, found: list[Trend]) -
         "units": dict(result.contents.units),
         "rows": list(rows),
     }
+
+
+SHOWN_SESSIONS = 30
+"""The latest sessions that are listed; the table holds them all."""
+
+SHOWN_COLUMNS = (
+    ("arm\nMCP", ("param.arm_mcp@extension", "param.arm_mcp@flexion")),
+    ("arm\nPIP", ("param.arm_pip@extension", "param.arm_pip@flexion")),
+    ("joint\nfriction", ("alone.coulomb_friction.coulomb_pip",)),
+    ("motor\nfriction", ("alone.motor_coulomb_friction.coulomb",)),
+    ("\noffset", ("param.offset@extension", "param.offset@flexion")),
+    ("\ndelay", ("alone.transport_delay.delay",)),
+)
+"""Heading, and the columns that may stand under it: the first one that any session has."""
+
+NARROW = 100
+"""On a terminal of fewer columns the sessions are listed without what is missing and without the delay."""
+
+PARAMETER_WORDS = {
+    "arm_mcp": "Moment arm MCP",
+    "arm_pip": "Moment arm PIP",
+    "loss_mcp": "Loss MCP",
+    "loss_pip": "Loss PIP",
+    "offset": "Cable offset",
+    "bench_gain": "Load per known load",
+    "bench_offset": "Torque without load",
+}
+COLUMN_WORDS = {
+    "score": "Error / floor",
+    "final_score": "Error / floor, effects added",
+    "alone.coulomb_friction.coulomb_mcp": "MCP friction, Coulomb",
+    "alone.coulomb_friction.coulomb_pip": "PIP friction, Coulomb",
+    "alone.viscous_friction.viscous_mcp": "MCP friction, viscous",
+    "alone.viscous_friction.viscous_pip": "PIP friction, viscous",
+    "alone.motor_coulomb_friction.coulomb": "Motor friction, Coulomb",
+    "alone.motor_viscous_friction.viscous": "Motor friction, viscous",
+    "alone.transport_delay.delay": "Delay",
+}
+MOST_DECIMALS = 4
+
+
+def _print_summary(contents: Contents, found: Sequence[Trend]) -> None:
+    """Everything that a person wants to see at once; the rest is in the table."""
+    console = table_console()
+    good = [row for row in contents.rows if not row["error"]]
+    if not good:
+        console.print(Text("No session could be diagnosed."))
+        return
+    console.print(_sessions_table(good, contents, console.width < NARROW))
+    if len(good) > SHOWN_SESSIONS:
+        console.print(Text(f"The latest {SHOWN_SESSIONS} of {len(good)} sessions.", style="dim"))
+    console.print()
+    if found:
+        console.print(_trends_table(found))
+        console.print(
+            Text(
+                "Trends are medians over all pairs of sessions (Theil-Sen), with 90 % intervals; * where the "
+                "interval leaves out zero, which one steady quantity in ten does by chance.",
+                style="dim",
+            )
+        )
+    else:
+        times = len({row["created"] for row in ageing_rows(contents.rows)})
+        console.print(Text(f"A trend needs sessions of {LEAST_TIMES} times at least; there are {times}."))
+    console.print()
+    for words, count in Counter(_outcome(row) for row in good).most_common():
+        console.print(Text(f"{count:5d}  {words}"))
+    unseen = not_shown_sentence(good)
+    if unseen:
+        console.print(Text(f"\n{unseen}"))
+
+
+def _outcome(row: Row) -> str:
+    words = {"nothing_missing": NOTHING_WORDS, "not_in_catalogue": UNKNOWN_WORDS}
+    if row["verdict"] in words:
+        return words[row["verdict"]]
+    return effect_title(row["set"][0] if row["set"] else str(row["first_effect"]))
+
+
+def not_shown_sentence(rows: Sequence[Row]) -> str:
+    """What the sessions in which nothing is missing leave open, and how many of them; or nothing."""
+    left = [row["set"] for row in rows if row["verdict"] == "nothing_missing" and row["set"]]
+    if not left:
+        return ""
+    titles = Counter(in_sentence(effect_title(effect)) for effects in left for effect in effects)
+    named = [f"{title} ({count})" for title, count in titles.most_common()]
+    where = "One session" if len(left) == 1 else f"{len(left)} sessions"
+    leave = "leaves" if len(left) == 1 else "leave"
+    return f"{where} with nothing missing {leave} open, at a plausible strength: {listed(named)}."
+
+
+def _sessions_table(rows: Sequence[Row], contents: Contents, narrow: bool) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("recorded", no_wrap=True)
+    table.add_column("session", no_wrap=True, overflow="ellipsis", max_width=16 if narrow else 24)
+    if not narrow:
+        table.add_column("missing", overflow="ellipsis", no_wrap=True, max_width=24)
+    table.add_column("error", justify="right")
+    table.add_column("left", justify="right")
+    wanted = SHOWN_COLUMNS[:-1] if narrow else SHOWN_COLUMNS
+    shown = [_column(heading, names, rows, contents) for heading, names in wanted]
+    columns = [column for column in shown if column is not None]
+    for heading, _, _ in columns:
+        table.add_column(heading, justify="right")
+    for row in rows[-SHOWN_SESSIONS:]:
+        when = recorded_at(row["created"])
+        cells = [fixed(_value(row, name) * factor, 2) for _, name, factor in columns]
+        table.add_row(
+            "–" if when is None else when.strftime("%Y-%m-%d"),
+            row["session"],
+            *([] if narrow else [_outcome(row)]),
+            score_text(_value(row, "score")),
+            score_text(_value(row, "final_score")),
+            *cells,
+        )
+    return table
+
+
+def _column(
+    heading: str, names: Sequence[str], rows: Sequence[Row], contents: Contents
+) -> tuple[str, str, float] | None:
+    """Heading with unit, the column's name, and the factor from SI; None where no session has it."""
+    for name in names:
+        if any(name in row for row in rows):
+            largest = largest_of(_value(row, name) for row in rows)
+            unit = screen_unit(contents.units.get(name, "1"), largest)
+            return f"{heading}\n{unit.symbol}", name, unit.factor
+    return None
+
+
+def _value(row: Row, name: str) -> float:
+    value: Any = row.get(name)
+    return float(value) if isinstance(value, (int, float)) else math.nan
+
+
+def _trends_table(found: Sequence[Trend]) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("quantity")
+    for title in ("median", "unit", "per month", "90 % interval", "", "sessions"):
+        table.add_column(title, justify="left" if title in ("unit", "") else "right", no_wrap=True)
+    for trend in found:
+        unit = screen_unit(trend.unit, largest_of((trend.median, trend.low, trend.high)))
+        slope, low, high = (value * unit.factor for value in (trend.per_month, trend.low, trend.high))
+        digits = min(decimals_for((high - low) / 4), MOST_DECIMALS)
+        table.add_row(
+            column_words(trend.column),
+            with_minus(f"{trend.median * unit.factor:.4g}"),
+            unit.symbol,
+            fixed(slope, digits),
+            f"{fixed(low, digits)} to {fixed(high, digits)}",
+            "*" if trend.changes else "",
+            str(trend.sessions),
+        )
+    return table
+
+
+def column_words(column: str) -> str:
+    """A column of the table in words, such as ``Moment arm MCP, extension``."""
+    if column in COLUMN_WORDS:
+        return COLUMN_WORDS[column]
+    key, _, routing = column.partition(".")[2].partition("@")
+    words = PARAMETER_WORDS.get(key, key.replace("_", " "))
+    return f"{words}, {routing}" if routing else words

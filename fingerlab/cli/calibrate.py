@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from fingerlab.cli.common import json_option, write_json
+from fingerlab.cli.common import PATH, json_option, result_table, table_console, write_json
 from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ _SENSOR_WORDS = ("load-cell", "mcp", "pip")
 
 
 @click.command()
-@click.argument("data", metavar="DATA [DATA2 ...]", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("data", metavar="DATA [DATA2 ...]", nargs=-1, required=True, type=PATH)
 @click.option("--sensor", "word", required=True, type=click.Choice(_SENSOR_WORDS), help="Which sensor.")
 @click.option(
     "--marks",
@@ -101,24 +100,16 @@ def _marks(text: str | None) -> tuple[float, ...]:
 
 
 def _print(result: Calibration, marks: list[float], notes: list[str]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     sensor = result.sensor
-    scale, unit = (180.0 / math.pi, "°") if sensor.unit == "rad" else (1.0, sensor.unit)
-    console = Console(width=None if sys.stdout.isatty() else 110, highlight=False)
+    scale, unit = sensor.screen.factor, sensor.screen.symbol
+    console = table_console(width=110)
     console.print(sensor.title, style="bold")
     for note in notes:
         console.print(note, markup=False)
-    table = Table()
-    for title in (
-        f"known ({sensor.mark_unit})",
-        f"known ({unit})",
-        "reading (V)",
-        "spread (V)",
-        f"off ({unit})",
-    ):
-        table.add_column(title, justify="right")
+    table = result_table(
+        *(f">known ({sensor.mark_unit})", f">known ({unit})", ">reading (V)", ">spread (V)"),
+        f">off ({unit})",
+    )
     for mark, known, step, off in zip(marks, result.known, result.steps, result.residuals, strict=True):
         cells = (f"{mark:g}", f"{known * scale:.3f}", f"{step.volts:.4f}", f"{step.spread:.4f}")
         table.add_row(*cells, f"{off * scale:+.3f}")

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import json_option, refuse_existing, write_json
+from fingerlab.cli.common import json_option, write_json
 from fingerlab.cli.interrupts import Interrupts
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import refuse_taken
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
@@ -61,7 +62,7 @@ def check_rig(
     from fingerlab.devices.choosing import REPLAY, choose_device
     from fingerlab.rig.file import default_rig, load_rig
 
-    refuse_existing(out)
+    refuse_taken(out)
     given = _answers(answers)
     rig = load_rig(rig_file) if rig_file else default_rig()
     choice = choose_device(device or _asked_device(rig), rig, real_time=not all_yes)

@@ -1,21 +1,37 @@
-"""What several commands share: the ``--json`` option, progress on standard error, safe output files."""
+"""What several commands share: options, progress on standard error, tables, and files written safely.
+
+What takes a while to load is imported when it is used: every command imports this module.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, TYPE_CHECKING, Any
 
 import click
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import OutputSet, new_file, refuse_taken
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.console import Console
+    from rich.table import Table
+
+    from fingerlab.models.file import Model
+
+PATH = click.Path(path_type=Path)
+TABLE_WIDTH = 128
+"""Columns of a table that goes to a file or a pipe, where no terminal says how wide it is."""
 
 
 def _free_for_json(context: click.Context, parameter: click.Parameter, target: str | None) -> str | None:
     """Find out before the work that the JSON could not be written."""
     if target not in (None, "-") and not context.resilient_parsing:
-        refuse_existing(Path(str(target)))
+        refuse_taken(Path(str(target)))
     return target
 
 
@@ -28,47 +44,15 @@ json_option = click.option(
 )
 """``json_target`` is None, ``-`` or a free path. With ``-`` nothing else may go to standard output."""
 
-
-def write_json(result: dict[str, Any], target: str) -> None:
-    """Write ``result`` as JSON to a file, or to standard output where ``target`` is ``-``."""
-    text = json.dumps(result, indent=1, allow_nan=False)
-    if target == "-":
-        click.echo(text)
-    else:
-        write_text_safely(Path(target), text + "\n")
+sessions_argument = click.argument("sessions", nargs=-1, required=True, type=PATH, metavar="S.h5 [S2.h5 ...]")
+added_option = click.option(
+    "--add", "added", multiple=True, metavar="ID", help="Effect that the model holds already; repeatable."
+)
 
 
-def refuse_existing(path: Path) -> None:
-    """Nothing is overwritten without being asked.
-
-    Raises:
-        UserError: the file is there already, or its folder is not.
-    """
-    if path.exists():
-        raise UserError(
-            f"{path} exists already and is not overwritten; choose another name or remove it first."
-        )
-    if not path.parent.is_dir():
-        raise UserError(f"The folder {path.parent} does not exist; make it first or choose another place.")
-
-
-def write_text_safely(path: Path, text: str) -> None:
-    """Write a file whole or not at all: first beside it, then moved into place, over no other one.
-
-    Raises:
-        UserError: the place is taken, cannot be written to, or is full.
-    """
-    from fingerlab.core.files import claim, move_into_place
-
-    part = claim(path)
-    try:
-        part.write_text(text, encoding="utf-8")
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise UserError(
-            f"{path} cannot be written ({error.strerror}); choose a folder with room and write access."
-        ) from None
-    move_into_place(part, path)
+def counted(number: int, noun: str) -> str:
+    """``1 run``, ``2 runs``."""
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def tell_own_effects() -> None:
@@ -77,11 +61,6 @@ def tell_own_effects() -> None:
 
     for sentence in own.notices(CATALOGUE):
         click.echo(sentence, err=True)
-
-
-def counted(number: int, noun: str) -> str:
-    """``1 run``, ``2 runs``."""
-    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def progress_bar(title: str) -> tuple[Any, Callable[[float, str], None]]:
@@ -108,3 +87,107 @@ def progress_bar(title: str) -> tuple[Any, Callable[[float, str], None]]:
         bar.update(task, completed=share, description=f"{title}: {what}")
 
     return bar, report
+
+
+def table_console(stream: IO[str] | None = None, width: int | None = None) -> Console:
+    """A console for result tables on standard output.
+
+    Args:
+        width: columns where no terminal says how wide it is; ``TABLE_WIDTH`` for None.
+    """
+    from rich.console import Console
+
+    console = Console(file=stream, highlight=False)
+    return (
+        console if console.is_terminal else Console(file=stream, highlight=False, width=width or TABLE_WIDTH)
+    )
+
+
+def result_table(*columns: str, no_wrap: bool = False, **options: Any) -> Table:
+    """An empty table; the columns whose title begins with ``>`` hold numbers and stand at the right.
+
+    Args:
+        no_wrap: for the columns at the left. options: of ``rich.table.Table``.
+    """
+    from rich.table import Table
+
+    table = Table(title_justify="left", **options)
+    for title in columns:
+        if title.startswith(">"):
+            table.add_column(title[1:], justify="right")
+        else:
+            table.add_column(title, no_wrap=no_wrap)
+    return table
+
+
+def somebody_there() -> bool:
+    """Whether somebody sits at a terminal to be asked."""
+    return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
+
+
+def _json_text(result: Mapping[str, Any]) -> str:
+    return json.dumps(result, indent=1, allow_nan=False)
+
+
+def write_json(result: Mapping[str, Any], target: str) -> None:
+    """Write ``result`` as JSON to a file, or to standard output where ``target`` is ``-``."""
+    if target == "-":
+        click.echo(_json_text(result))
+    else:
+        write_text_safely(Path(target), _json_text(result) + "\n")
+
+
+def write_text_safely(path: Path, text: str) -> None:
+    """Write a file whole or not at all: first beside it, then moved into place, over no other one.
+
+    Raises:
+        UserError: the place is taken, cannot be written to, or is full.
+    """
+    with new_file(path, "choose a folder with room and write access.") as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def refuse_taken_early(model: Path | None, figures: Path | None) -> None:
+    """Find out before the work that a result could not be written.
+
+    Raises:
+        UserError: a target exists or its folder does not.
+    """
+    if model is not None:
+        refuse_taken(model)
+    if figures is not None and figures.exists() and not figures.is_dir():
+        raise UserError(f"{figures} is a file; give '--figures' a folder to write to.")
+
+
+def write_results(
+    result: Mapping[str, Any],
+    json_target: str | None,
+    model: tuple[Model, Path] | None = None,
+    figures: tuple[Mapping[str, Figure], Path] | None = None,
+) -> None:
+    """Write JSON, model file and figures: all of them, or none; ``-`` prints the JSON instead.
+
+    Raises:
+        UserError: a place is taken, read-only or full.
+    """
+    try:
+        with OutputSet() as outputs:
+            if figures is not None:
+                drawn, folder = figures
+                outputs.make_folder(folder)
+                for name, figure in drawn.items():
+                    figure.savefig(outputs.claim(folder / f"{name}.png"), format="png")
+            if model is not None:
+                from fingerlab.models.file import write_model
+
+                write_model(model[0], outputs.claim(model[1]))
+            if json_target not in (None, "-"):
+                part = outputs.claim(Path(str(json_target)))
+                part.write_text(_json_text(result) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise UserError(
+            f"{error.filename or 'The result'} cannot be written ({error.strerror}); "
+            "choose a place with room and write access."
+        ) from None
+    if json_target == "-":
+        click.echo(_json_text(result))

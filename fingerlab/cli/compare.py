@@ -10,20 +10,26 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from fingerlab.cli.common import json_option, progress_bar, tell_own_effects
-from fingerlab.cli.output import refuse_taken_early, table_console, write_results
-from fingerlab.cli.predict_extended import NUMBERS, spread_over
+from fingerlab.cli.common import (
+    PATH,
+    json_option,
+    progress_bar,
+    refuse_taken_early,
+    result_table,
+    table_console,
+    tell_own_effects,
+    write_results,
+)
+from fingerlab.cli.predict import NUMBERS_WITH_DELAY, interval_json
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import number, score_text
 from fingerlab.models.file import load_model
 from fingerlab.prediction import ExtendedModel, extended_model
 from fingerlab.prediction.comparing import ComparedModel, ModelComparison, compare_models
-from fingerlab.prediction.judging import LEVEL
+from fingerlab.prediction.predict import interval_over, spread_over
+from fingerlab.report.page_tables import error_rows
 from fingerlab.sessions import open_session
-from fingerlab.thesis.onair import Spread
-
-PATH = click.Path(path_type=Path)
 
 
 @click.command()
@@ -59,10 +65,10 @@ def compare(
         _print(result)
     drawn = None
     if figures is not None:
-        from fingerlab.report.extended_figures import comparison_figures
+        from fingerlab.report.force_figures import comparison_figures
 
         drawn = (comparison_figures(result), figures)
-    write_results(comparison_json(result), json_target, None, drawn)
+    write_results(_comparison_json(result), json_target, None, drawn)
 
 
 def _load(paths: tuple[Path, ...]) -> dict[str, ExtendedModel]:
@@ -79,15 +85,12 @@ def _load(paths: tuple[Path, ...]) -> dict[str, ExtendedModel]:
 
 def _print(result: ModelComparison) -> None:
     console = table_console()
-    table = Table(
+    table = result_table(
+        *("model", "effects", ">error / floor", ">force error (mN)", ">R2", ">R2 normalised", ">share (%)"),
+        ">in interval (%)",
         title=f"{result.session.name}, runs that the values have not seen",
-        title_justify="left",
         padding=(0, 1, 0, 0),
     )
-    table.add_column("model")
-    table.add_column("effects")
-    for title in ("error / floor", "force error (mN)", "R2", "R2 normalised", "share (%)", "in interval (%)"):
-        table.add_column(title, justify="right")
     for model in result.models:
         table.add_row(
             Text(model.name), ", ".join(model.effects) or "–", score_text(model.score), *_force_cells(model)
@@ -103,7 +106,7 @@ def _print(result: ModelComparison) -> None:
 def _force_cells(model: ComparedModel) -> tuple[str, ...]:
     if not model.forces:
         return ("–",) * 5
-    coverage = Spread(tuple(r.coverage for r in model.forces)).mean
+    coverage = interval_over(model.forces)[1]
     return (
         number(1e3 * spread_over(model.forces, "both", "rmse").mean, 1),
         number(spread_over(model.forces, "both", "r2").mean, 4),
@@ -114,21 +117,17 @@ def _force_cells(model: ComparedModel) -> tuple[str, ...]:
 
 
 def _equations(result: ModelComparison) -> Table:
-    from fingerlab.report.page_tables import error_rows
-
-    table = Table(title="Error by equations (rms)", title_justify="left", padding=(0, 1, 0, 0))
-    table.add_column("model")
     rows = {m.name: error_rows(m.errors) for m in result.models if m.errors}
-    for row in next(iter(rows.values())):
-        table.add_column(f"{row.title} ({row.unit})", justify="right")
+    columns = [f">{row.title} ({row.unit})" for row in next(iter(rows.values()))]
+    table = result_table("model", *columns, title="Error by equations (rms)", padding=(0, 1, 0, 0))
     for name, cells in rows.items():
         table.add_row(Text(name), *(cell.error for cell in cells))
     return table
 
 
-def comparison_json(result: ModelComparison) -> dict[str, Any]:
+def _comparison_json(result: ModelComparison) -> Any:
     """The JSON of ``compare``: SI units, null where there is no number."""
-    data: dict[str, Any] = json_ready(
+    return json_ready(
         {
             "schema": 1,
             "session": str(result.session),
@@ -145,22 +144,17 @@ def comparison_json(result: ModelComparison) -> dict[str, Any]:
             ],
         }
     )
-    return data
 
 
 def _force_json(model: ComparedModel) -> dict[str, Any] | None:
     if not model.forces:
         return None
     return {
-        **{key: spread_over(model.forces, "both", key).mean for key in NUMBERS},
-        "interval": {
-            "level": LEVEL,
-            "coverage": Spread(tuple(r.coverage for r in model.forces)).mean,
-            "half_width": Spread(tuple(r.half_width for r in model.forces)).mean,
-        },
+        **{key: spread_over(model.forces, "both", key).mean for key in NUMBERS_WITH_DELAY},
+        "interval": interval_json(model.forces),
         "by_run": [
             {"run": r.run, "held_out": r.held_out}
-            | {key: r.numbers["both"].value(key) for key in NUMBERS}
+            | {key: r.numbers["both"].value(key) for key in NUMBERS_WITH_DELAY}
             | {"coverage": r.coverage, "half_width": r.half_width}
             for r in model.forces
         ],

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import json_option, write_json
+from fingerlab.cli.common import PATH, json_option, write_json
 from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
@@ -21,11 +21,11 @@ STATES = {
 
 
 @click.command(short_help="List what can be driven, and forget devices of your own.")
-@click.option("--rig", "rig_file", type=click.Path(path_type=Path), help="Rig file that names the card.")
+@click.option("--rig", "rig_file", type=PATH, help="Rig file that names the card.")
 @click.option(
     "--untrust",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Forget that this device of your own was confirmed.",
 )
 @click.option("--forget", is_flag=True, help="Forget every device of your own.")

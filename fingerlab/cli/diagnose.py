@@ -8,7 +8,18 @@ from typing import TYPE_CHECKING
 
 import click
 
-from fingerlab.cli.common import json_option, progress_bar, tell_own_effects
+from fingerlab.cli.common import (
+    PATH,
+    added_option,
+    json_option,
+    progress_bar,
+    refuse_taken_early,
+    result_table,
+    sessions_argument,
+    table_console,
+    tell_own_effects,
+    write_results,
+)
 from fingerlab.core.parallel import second_process
 
 if TYPE_CHECKING:
@@ -20,23 +31,19 @@ if TYPE_CHECKING:
 
 
 @click.command(short_help="Where the model fails and which effect is missing.")
-@click.argument(
-    "sessions", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="S.h5 [S2.h5 ...]"
-)
-@click.option(
-    "--add", "added", multiple=True, metavar="ID", help="Effect that the model holds already; repeatable."
-)
+@sessions_argument
+@added_option
 @click.option(
     "--save",
     "model_file",
     metavar="M.json",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Keep the model with the effects of --add; without --add, with those that the diagnosis adds.",
 )
 @click.option(
     "--figures",
     metavar="DIR",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Draw the error path, where the model fails, and the effects' fingerprints into a folder.",
 )
 @json_option
@@ -55,8 +62,6 @@ def diagnose(
     """
     # Curves are kept by one process only, so that a second one would have nothing to do.
     with second_process(() if figures else sessions, "fingerlab.diagnosis.gram.reduction") as executor:
-        from fingerlab.cli.output import refuse_taken_early, write_results
-
         refuse_taken_early(model_file, figures)
         from fingerlab.diagnosis import diagnose as run
         from fingerlab.sessions import open_session
@@ -68,7 +73,7 @@ def diagnose(
             result = run(opened, added, progress=report, with_curves=figures is not None, executor=executor)
     saved = None if model_file is None else (_model(opened, added or result.final_model), model_file)
     if json_target != "-":
-        print_diagnosis(result)
+        _print(result)
     drawn = None
     if figures is not None:
         from fingerlab.report.diagnosis_figures import diagnosis_figures
@@ -86,11 +91,10 @@ def _model(sessions: Sequence[Session], effects: Sequence[str]) -> Model:
         return model_of_extended(fit_extended(sessions, effects, report))
 
 
-def print_diagnosis(result: Diagnosis) -> None:
+def _print(result: Diagnosis) -> None:
     """The answer on the terminal, made to fit 80 columns: verdict first, then what it rests on."""
     from rich.text import Text
 
-    from fingerlab.cli.output import table_console
     from fingerlab.report import diagnosis_words as words
 
     console = table_console()
@@ -116,19 +120,12 @@ def print_diagnosis(result: Diagnosis) -> None:
 
 
 def _errors(result: Diagnosis) -> Table:
-    from rich.table import Table
-
     from fingerlab.core.text import score_text
     from fingerlab.report.page_tables import error_rows
 
-    table = Table(box=None, pad_edge=False, title_justify="left", title_style="")
-    table.title = f"Error on runs left out of the fit: {score_text(result.score)} times the floor"
-    table.add_column("equations")
-    for title in ("error (rms)", "floor"):
-        table.add_column(title, justify="right")
-    table.add_column("unit")
-    for title in ("error / floor", "R2"):
-        table.add_column(title, justify="right")
+    title = f"Error on runs left out of the fit: {score_text(result.score)} times the floor"
+    columns = ("equations", ">error (rms)", ">floor", "unit", ">error / floor", ">R2")
+    table = result_table(*columns, box=None, pad_edge=False, title=title, title_style="")
     for row in error_rows(result.errors):
         table.add_row(row.title, row.error, row.floor, row.unit, row.times, row.r2)
     return table

@@ -159,7 +159,7 @@ def _print(files: tuple[OwnFile, ...]) -> None:
     """One paragraph an effect, made to fit 80 columns."""
     from rich.text import Text
 
-    from fingerlab.cli.output import table_console
+    from fingerlab.cli.common import table_console
     from fingerlab.effects import CATALOGUE
 
     console = table_console()

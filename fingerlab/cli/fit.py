@@ -6,10 +6,16 @@ from pathlib import Path
 from typing import Any, get_args
 
 import click
-from rich.table import Table
 
-from fingerlab.cli.common import json_option, progress_bar
-from fingerlab.cli.output import refuse_taken_early, table_console, write_results
+from fingerlab.cli.common import (
+    PATH,
+    json_option,
+    progress_bar,
+    refuse_taken_early,
+    result_table,
+    table_console,
+    write_results,
+)
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import in_words, mean_and_deviation, number
@@ -26,7 +32,6 @@ from fingerlab.thesis.motor_bench import (
 from fingerlab.thesis.onair import RegionResult
 from fingerlab.thesis.traces import JOINT_TITLES, FitSpec, Method
 
-PATH = click.Path(path_type=Path)
 CLI_DELAYS = ("none", "xcorr", "findsignal")
 
 
@@ -83,7 +88,7 @@ def fit(
     if json_target != "-":
         _print_fit(session, result)
     model = model_of_fit(session, result) if model_file is not None else None
-    _write(fit_json(result), json_target, model, model_file, drawn)
+    _write(_fit_json(result), json_target, model, model_file, drawn)
 
 
 def _write(
@@ -109,11 +114,11 @@ def _print_fit(session: Session, result: SessionFit) -> None:
     console = table_console()
     console.print(f"{session.path.name}: {result.spec.title}", soft_wrap=True)
     for cable, results in result.cables.items():
-        table = Table(title=f"{cable} cable, {_runs(result.used[cable])}", title_justify="left")
-        table.add_column("joint")
-        table.add_column("region")
-        for column in ("moment arm (mm)", "friction loss (mN m)", "R2 pooled", "R2 by run", "delay (ms)"):
-            table.add_column(column, justify="right")
+        table = result_table(
+            *("joint", "region", ">moment arm (mm)", ">friction loss (mN m)", ">R2 pooled", ">R2 by run"),
+            ">delay (ms)",
+            title=f"{cable} cable, {_runs(result.used[cable])}",
+        )
         for (joint, region), one in results.items():
             table.add_row(JOINT_TITLES[joint], REGION_TITLES[region], *_cells(one, result.spec.delay))
         console.print(table)
@@ -145,7 +150,7 @@ def _cells(result: RegionResult, delay: str) -> tuple[str, ...]:
     )
 
 
-def fit_json(result: SessionFit) -> dict[str, Any]:
+def _fit_json(result: SessionFit) -> Any:
     """The JSON of ``fit``: SI units, null where there is no number."""
     cables: dict[str, Any] = {}
     for cable, results in result.cables.items():
@@ -153,7 +158,7 @@ def fit_json(result: SessionFit) -> dict[str, Any]:
         for (joint, region), one in results.items():
             joints.setdefault(joint, {})[region] = _region_json(one)
         cables[cable] = {"runs": list(result.used[cable]), "joints": joints}
-    data: dict[str, Any] = json_ready(
+    return json_ready(
         {
             "schema": 1,
             "session": str(result.session),
@@ -165,7 +170,6 @@ def fit_json(result: SessionFit) -> dict[str, Any]:
             "skipped": [{"run": name, "because": reason} for name, reason in result.skipped],
         }
     )
-    return data
 
 
 def _region_json(result: RegionResult) -> dict[str, Any] | None:
@@ -205,7 +209,7 @@ def _fit_motor_bench(
     if json_target != "-":
         _print_motor_bench(session, result)
     model = model_of_motor_bench(session, result) if model_file is not None else None
-    _write(motor_bench_json(result), json_target, model, model_file, None)
+    _write(_motor_bench_json(result), json_target, model, model_file, None)
 
 
 def _print_motor_bench(session: Session, result: MotorBenchFit) -> None:
@@ -215,29 +219,23 @@ def _print_motor_bench(session: Session, result: MotorBenchFit) -> None:
         "motor_torque = J * acceleration + gain * load_torque + offset.",
         soft_wrap=True,
     )
-    table = Table(title=_runs(tuple(result.run_r2)), title_justify="left")
-    table.add_column("parameter")
-    table.add_column("value", justify="right")
-    table.add_column("source")
+    table = result_table("parameter", ">value", "source", title=_runs(tuple(result.run_r2)))
     for name, estimate in result.parameters.items():
         source = "fixed by the rig" if name in result.fixed else "fitted"
         table.add_row("J" if name == "inertia" else name, in_words(estimate), source)
     console.print(table)
     for name in result.absent:
-        console.print(f"No run varies the {_driver(name)}, so {name} was not fitted.", soft_wrap=True)
+        varied = "load" if name == "gain" else "acceleration"
+        console.print(f"No run varies the {varied}, so {name} was not fitted.", soft_wrap=True)
     console.print(
         f"R2 {number(result.r2)}, error {1e3 * result.rmse:.1f} mN m. ± is half the 90 % interval.",
         soft_wrap=True,
     )
 
 
-def _driver(name: str) -> str:
-    return "load" if name == "gain" else "acceleration"
-
-
-def motor_bench_json(result: MotorBenchFit) -> dict[str, Any]:
+def _motor_bench_json(result: MotorBenchFit) -> Any:
     """The JSON of ``fit`` on motor-bench runs: SI units, null where there is no number."""
-    data: dict[str, Any] = json_ready(
+    return json_ready(
         {
             "schema": 1,
             "session": str(result.session),
@@ -250,4 +248,3 @@ def motor_bench_json(result: MotorBenchFit) -> dict[str, Any]:
             "by_run": [{"run": run, "r2": r2} for run, r2 in result.run_r2.items()],
         }
     )
-    return data

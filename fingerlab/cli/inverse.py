@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from fingerlab.cli.common import json_option, refuse_existing, write_json, write_text_safely
+from fingerlab.cli.common import PATH, json_option, write_json, write_text_safely
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import refuse_taken
 
 if TYPE_CHECKING:
     from fingerlab.prediction.inverse import TorquePlan
     from fingerlab.prediction.target import ContactPose
     from fingerlab.sessions import Session
-
-PATH = click.Path(path_type=Path)
 
 
 @click.command()
@@ -55,7 +54,7 @@ def inverse(
     from fingerlab.sessions import open_session
 
     if out is not None:
-        refuse_existing(out)
+        refuse_taken(out)
     session = open_session(session_file)
     stands = _pose(session, run_name, pose)
     known = predictors(load_model(model_file), str(model_file), stands.cable)

@@ -78,7 +78,7 @@ def cli(ctx: click.Context) -> None:
     Without a command it opens the desktop application.
     """
     if ctx.invoked_subcommand is None:
-        application = importlib.import_module("fingerlab.ui.application")
+        application = importlib.import_module("fingerlab.ui.app.application")
         ctx.exit(application.run([]))
 
 

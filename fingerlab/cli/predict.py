@@ -1,29 +1,71 @@
-"""``predict``: endpoint force of contact runs from a model file, against the load cell."""
+"""``predict``: endpoint force of contact runs from a model file, against the load cell.
+
+A model of ``fit`` predicts with the parameters of each region; one of ``diagnose --save`` with its effects
+and without, with an interval.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
-from rich.table import Table
 
-from fingerlab.cli.common import json_option, progress_bar
-from fingerlab.cli.output import refuse_taken_early, table_console, write_results
+from fingerlab.cli.common import (
+    PATH,
+    counted,
+    json_option,
+    progress_bar,
+    refuse_taken_early,
+    result_table,
+    table_console,
+    write_results,
+)
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import mean_and_deviation, number, r2_text
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model, load_model
+from fingerlab.prediction import EQUATIONS, extended_model, predict_extended
+from fingerlab.prediction.extended import EQUATION_WORDS, Equation, ExtendedModel
+from fingerlab.prediction.judging import LEVEL
+from fingerlab.prediction.predict import ExtendedPrediction, RunPrediction, interval_over, spread_over
+from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.sessions import Session, content_hash, open_session
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.contact import ContactRun, SessionPrediction, parameter_sets, predict_session
 from fingerlab.thesis.onair import Spread
-from fingerlab.thesis.prediction import FORCE_PHASES, ParameterSet
+from fingerlab.thesis.prediction import FORCE_PHASES
 from fingerlab.thesis.traces import JOINT_TITLES
 
-PATH = click.Path(path_type=Path)
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
 NUMBERS = ("r2", "normalised_r2", "peak_measured", "peak_modelled", "share", "rmse")
+"""Numbers of each run and their means over the runs, in the JSON."""
+NUMBERS_WITH_DELAY = (*NUMBERS, "delay")
+HOLDS_FROM, HOLDS_TO = 0.85, 0.95
+"""Share of held-out force between which a 90 % interval is said to hold."""
+REGION_COLUMNS = (
+    ("R2", "r2", 3, 1.0),
+    ("R2 normalised", "normalised_r2", 3, 1.0),
+    ("error (N)", "rmse", 2, 1.0),
+    ("cell peak (N)", "peak_measured", 2, 1.0),
+    ("model peak (N)", "peak_modelled", 2, 1.0),
+    ("share (%)", "share", 1, 100.0),
+)
+EFFECT_COLUMNS = (
+    ("R2", "r2", 4, 1.0),
+    ("R2 normalised", "normalised_r2", 4, 1.0),
+    ("error (mN)", "rmse", 1, 1e3),
+    ("cell peak (N)", "peak_measured", 2, 1.0),
+    ("model peak (N)", "peak_modelled", 2, 1.0),
+    ("share (%)", "share", 1, 100.0),
+    ("delay (ms)", "delay", 0, 1e3),
+)
+"""Title, number, digits, and factor to the unit in the title; of a model of ``fit``, and of a diagnosis."""
 
 
 @click.command()
@@ -50,124 +92,103 @@ def predict(session_file: Path, model_file: Path, figures: Path | None, json_tar
     refuse_taken_early(None, figures)
     model = load_model(model_file)
     if model.method == DIAGNOSIS_METHOD:
-        from fingerlab.cli.predict_extended import predict_with_effects
+        _predict_with_effects(session, model, str(model_file), figures, json_target)
+    else:
+        _predict_by_region(session, model, str(model_file), figures, json_target)
 
-        predict_with_effects(session, model, str(model_file), figures, json_target)
-        return
-    sets = parameter_sets(model, str(model_file))
+
+def _predict_by_region(
+    session: Session, model: Model, where: str, figures: Path | None, json_target: str | None
+) -> None:
+    sets = parameter_sets(model, where)
     bar, report = progress_bar("Predicting")
     with bar:
         result = predict_session(session, sets, report)
     if json_target != "-":
-        _print(session, model, result)
+        _print_by_region(session, model, result)
     drawn = None
     if figures is not None:
-        from fingerlab.report.prediction_figures import prediction_figures
+        from fingerlab.report.force_figures import prediction_figures
 
         drawn = (prediction_figures(result), figures)
-    write_results(prediction_json(session, model, result), json_target, None, drawn)
+    write_results(_json_by_region(session, model, result), json_target, None, drawn)
 
 
-def set_title(given: ParameterSet) -> str:
-    """A parameter set in words, without its joint."""
-    region = REGION_TITLES.get(given.name, given.name)
-    return f"{region} parameters of the {given.cable} cable"
+def _origin(session: Session, model: Model | ExtendedModel) -> tuple[bool, str]:
+    """Whether the model was fitted on this session, and on which it was, in words."""
+    own = any(s.sha256 == content_hash(session) for s in model.sessions)
+    return own, "this session" if own else ", ".join(s.name for s in model.sessions)
 
 
-def over_runs(runs: Sequence[ContactRun[str]], name: str, number_name: str) -> Spread:
+def _cells(columns: Sequence[tuple[str, str, int, float]], over: Callable[[str], Spread]) -> list[str]:
+    """A row of numbers, mean ± deviation over the runs."""
+    spreads = [(over(key), digits, factor) for _, key, digits, factor in columns]
+    return [
+        mean_and_deviation(factor * s.mean, factor * s.deviation, digits) for s, digits, factor in spreads
+    ]
+
+
+def _over_runs(runs: Sequence[ContactRun[str]], name: str, number_name: str) -> Spread:
     """One number of one parameter set over the runs."""
     return Spread(tuple(float(getattr(run.predictions[name], number_name)) for run in runs))
 
 
-def phase_error(runs: Sequence[ContactRun[str]], name: str, phase: str) -> Spread:
+def _phase_error(runs: Sequence[ContactRun[str]], name: str, phase: str) -> Spread:
     """Mean error of one phase of the force cycle over the runs, N."""
     return Spread(tuple(run.predictions[name].error_by_phase[phase] for run in runs))
 
 
-def _print(session: Session, model: Model, result: SessionPrediction) -> None:
+def _print_by_region(session: Session, model: Model, result: SessionPrediction) -> None:
     console = table_console()
-    same = any(s.sha256 == content_hash(session) for s in model.sessions)
-    origin = "this session" if same else ", ".join(s.name for s in model.sessions)
     console.print(
-        f"{session.path.name}: {len(result.runs)} contact run{'s' if len(result.runs) > 1 else ''}, "
-        f"model '{model.method}' fitted on {origin}.",
+        f"{session.path.name}: {counted(len(result.runs), 'contact run')}, "
+        f"model '{model.method}' fitted on {_origin(session, model)[1]}.",
         soft_wrap=True,
     )
-    if not np.isfinite(over_runs(result.runs, next(iter(result.sets)), "peak_measured").mean):
+    if not np.isfinite(_over_runs(result.runs, next(iter(result.sets)), "peak_measured").mean):
         console.print("No load cell was read in these runs: modelled forces only.", soft_wrap=True)
-    console.print(_force_table(result))
-    console.print(_phase_table(result))
+    forces = _region_table(
+        "Endpoint force, mean ± deviation over runs", [title for title, *_ in REGION_COLUMNS]
+    )
+    phases = _region_table("Modelled less measured force by phase of the cycle (N)", FORCE_PHASES)
+    for name, given in result.sets.items():
+        head = JOINT_TITLES[given.joint], given.cable, REGION_TITLES.get(given.name, given.name)
+        forces.add_row(*head, *_cells(REGION_COLUMNS, partial(_over_runs, result.runs, name)))
+        spreads = [_phase_error(result.runs, name, phase) for phase in FORCE_PHASES]
+        phases.add_row(*head, *(mean_and_deviation(s.mean, s.deviation) for s in spreads))
+    console.print(forces)
+    console.print(phases)
     if result.sweep and result.sweep_set is not None:
+        swept = result.sets[result.sweep_set]
         steps = "; ".join(
             f"{step.angle_deg:g}°: {number(step.peak, 2)} N, R2 {r2_text(step.r2)}" for step in result.sweep
         )
         console.print(
             "Contact force leaning towards the base, PIP equation, "
-            f"{set_title(result.sets[result.sweep_set])}: {steps}.",
+            f"{REGION_TITLES.get(swept.name, swept.name)} parameters of the {swept.cable} cable: {steps}.",
             soft_wrap=True,
         )
 
 
-def _force_table(result: SessionPrediction) -> Table:
-    table = _table("Endpoint force, mean ± deviation over runs")
-    for title in ("R2", "R2 normalised", "error (N)", "cell peak (N)", "model peak (N)", "share (%)"):
-        table.add_column(title, justify="right")
-    columns = (
-        ("r2", 3, 1.0),
-        ("normalised_r2", 3, 1.0),
-        ("rmse", 2, 1.0),
-        ("peak_measured", 2, 1.0),
-        ("peak_modelled", 2, 1.0),
-        ("share", 1, 100.0),
-    )
-    for name, given in result.sets.items():
-        cells = []
-        for key, digits, factor in columns:
-            spread = over_runs(result.runs, name, key)
-            cells.append(mean_and_deviation(factor * spread.mean, factor * spread.deviation, digits))
-        table.add_row(*_row_head(given), *cells)
-    return table
+def _region_table(title: str, numbers: Sequence[str]) -> Table:
+    columns = ("equation", "cable", "parameters", *(f">{one}" for one in numbers))
+    return result_table(*columns, no_wrap=True, title=title, padding=(0, 1, 0, 0))
 
 
-def _phase_table(result: SessionPrediction) -> Table:
-    table = _table("Modelled less measured force by phase of the cycle (N)")
-    for phase in FORCE_PHASES:
-        table.add_column(phase, justify="right")
-    for name, given in result.sets.items():
-        spreads = [phase_error(result.runs, name, phase) for phase in FORCE_PHASES]
-        table.add_row(*_row_head(given), *(mean_and_deviation(s.mean, s.deviation) for s in spreads))
-    return table
-
-
-def _table(title: str) -> Table:
-    table = Table(title=title, title_justify="left", padding=(0, 1, 0, 0))
-    for column in ("equation", "cable", "parameters"):
-        table.add_column(column, no_wrap=True)
-    return table
-
-
-def _row_head(given: ParameterSet) -> tuple[str, str, str]:
-    return JOINT_TITLES[given.joint], given.cable, REGION_TITLES.get(given.name, given.name)
-
-
-def prediction_json(session: Session, model: Model, result: SessionPrediction) -> dict[str, Any]:
+def _json_by_region(session: Session, model: Model, result: SessionPrediction) -> Any:
     """The JSON of ``predict``: SI units, null where there is no number."""
-    data: dict[str, Any] = json_ready(
+    return json_ready(
         {
             "schema": 1,
             "session": str(session.path),
-            "model": {
-                "method": model.method,
-                "sessions": [vars(s) for s in model.sessions],
-                "sign_convention": model.sign_convention,
-            },
+            "model": _model_json(model),
             "predictions": [
                 {
                     "parameters": name,
                     "equation": f"endpoint_force_{given.joint}",
                     "cable": given.cable,
-                    **{key: over_runs(result.runs, name, key).mean for key in NUMBERS},
-                    "error_by_phase": {p: phase_error(result.runs, name, p).mean for p in FORCE_PHASES},
+                    **{key: _over_runs(result.runs, name, key).mean for key in NUMBERS},
+                    "error_by_phase": {p: _phase_error(result.runs, name, p).mean for p in FORCE_PHASES},
                     "by_run": [
                         {"run": run.name}
                         | {key: getattr(run.predictions[name], key) for key in NUMBERS}
@@ -183,4 +204,124 @@ def prediction_json(session: Session, model: Model, result: SessionPrediction) -
             },
         }
     )
+
+
+def _predict_with_effects(
+    session: Session, model: Model, where: str, figures: Path | None, json_target: str | None
+) -> None:
+    extended = extended_model(model, where)
+    bar, report = progress_bar("Predicting")
+    with bar:
+        result = predict_extended(session, extended, where, report)
+    if json_target != "-":
+        _print_with_effects(session, extended, result)
+    drawn = None
+    if figures is not None:
+        from fingerlab.report.force_figures import extended_figures
+
+        drawn = (extended_figures(result), figures)
+    write_results(_json_with_effects(session, model, result), json_target, None, drawn)
+
+
+def _print_with_effects(session: Session, model: ExtendedModel, result: ExtendedPrediction) -> None:
+    console = table_console()
+    runs = next(iter(result.runs.values()))
+    titles = [in_sentence(effect_title(name)) for name in model.effect_ids]
+    what = f"nominal model with {', '.join(titles)}" if titles else "nominal model"
+    own, origin = _origin(session, model)
+    console.print(
+        f"{session.path.name}: {counted(len(runs), 'contact run')}, {what}, fitted on {origin}.",
+        soft_wrap=True,
+    )
+    if all(run.held_out for run in runs):
+        console.print("Each run is predicted by a fit that has not seen it.", soft_wrap=True)
+    elif own:
+        names = ", ".join(run.run for run in runs if not run.held_out)
+        console.print(f"The fit has seen run {names}: there was no other of its kind.", soft_wrap=True)
+    if not np.isfinite(spread_over(runs, "both", "peak_measured").mean):
+        console.print("No load cell was read in these runs: modelled forces only.", soft_wrap=True)
+    columns = ("model", "equation", *(f">{one}" for one, *_ in EFFECT_COLUMNS))
+    title = "Endpoint force, mean ± deviation over runs"
+    table = result_table(*columns, no_wrap=True, title=title, padding=(0, 1, 0, 0))
+    for name, tried in result.runs.items():
+        for equation in EQUATIONS:
+            cells = _cells(EFFECT_COLUMNS, partial(spread_over, tried, equation))
+            table.add_row(name, EQUATION_WORDS[equation], *cells)
+    console.print(table)
+    _print_intervals(console, result)
+    if not all(run.held_out for run in runs) and np.isfinite(runs[0].half_width):
+        holds = HOLDS_FROM <= interval_over(runs)[1] <= HOLDS_TO
+        end = "." if holds or not np.isfinite(runs[0].coverage) else ": here it does not."
+        console.print(
+            f"The interval comes from held-out runs of {origin}; it holds for runs like those{end}",
+            soft_wrap=True,
+        )
+
+
+def _print_intervals(console: Console, result: ExtendedPrediction) -> None:
+    for name, runs in result.runs.items():
+        width, share = interval_over(runs)
+        if not np.isfinite(width):
+            sentence = "no interval; it takes at least two contact runs in the fit"
+        else:
+            sentence = f"± {number(1e3 * width, 1)} mN on average"
+            if np.isfinite(share):
+                sentence += f"; {number(100 * share, 1)} % of the load cell's samples lie inside"
+        console.print(f"{100 * LEVEL:.0f} % interval, {name} model: {sentence}.", soft_wrap=True)
+
+
+def _json_with_effects(session: Session, model: Model, result: ExtendedPrediction) -> Any:
+    """The JSON of ``predict``: SI units, null where there is no number."""
+    return json_ready(
+        {
+            "schema": 1,
+            "session": str(session.path),
+            "model": _model_json(model),
+            "predictions": [
+                _prediction_json(name, equation, runs)
+                for name, runs in result.runs.items()
+                for equation in EQUATIONS
+            ],
+            "contact_angle_sweep": {"parameters": None, "steps": []},
+        }
+    )
+
+
+def _prediction_json(name: str, equation: Equation, runs: Sequence[RunPrediction]) -> dict[str, Any]:
+    phases = {
+        p: Spread(tuple(run.numbers[equation].error_by_phase[p] for run in runs)).mean for p in FORCE_PHASES
+    }
+    data: dict[str, Any] = {
+        "parameters": f"{name}/{equation}",
+        "equation": "endpoint_force" if equation == "both" else f"endpoint_force_{equation}",
+        "cable": ", ".join(dict.fromkeys(run.cable for run in runs)),
+        **{key: spread_over(runs, equation, key).mean for key in NUMBERS_WITH_DELAY},
+        "error_by_phase": phases,
+    }
+    if equation == "both":
+        data["interval"] = interval_json(runs)
+    data["by_run"] = [_run_json(run, equation) for run in runs]
     return data
+
+
+def _run_json(run: RunPrediction, equation: Equation) -> dict[str, Any]:
+    data: dict[str, Any] = {"run": run.run, "held_out": run.held_out}
+    data |= {key: run.numbers[equation].value(key) for key in NUMBERS_WITH_DELAY}
+    data["error_by_phase"] = dict(run.numbers[equation].error_by_phase)
+    if equation == "both":
+        data |= {"coverage": run.coverage, "half_width": run.half_width}
+    return data
+
+
+def _model_json(model: Model) -> dict[str, Any]:
+    data: dict[str, Any] = {"method": model.method}
+    if model.method == DIAGNOSIS_METHOD:
+        data["effects"] = list(model.effects)
+    sessions = [vars(s) for s in model.sessions]
+    return data | {"sessions": sessions, "sign_convention": model.sign_convention}
+
+
+def interval_json(runs: Sequence[RunPrediction]) -> dict[str, Any]:
+    """The interval over the runs, for JSON."""
+    half_width, coverage = interval_over(runs)
+    return {"level": LEVEL, "coverage": coverage, "half_width": half_width}

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import counted, json_option, progress_bar, refuse_existing, write_json
-from fingerlab.cli.proposals import TRAJECTORY_HELP, single_plan
+from fingerlab.cli.common import counted, json_option, progress_bar, write_json
 from fingerlab.cli.record_events import Events
-from fingerlab.cli.simulate import PROTOCOL_NAMES
+from fingerlab.cli.simulate import PROTOCOL_NAMES, TRAJECTORY_HELP, single_plan
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import refuse_taken
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench
@@ -102,7 +102,7 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
     from fingerlab.cli.record_session import Told, take
     from fingerlab.devices.choosing import REPLAY
 
-    refuse_existing(out)
+    refuse_taken(out)
     if json_target == options["events"] == "-":
         raise UserError("--json and --events cannot both have standard output; give one of them a file.")
     name, plans = _plans(options)

@@ -14,8 +14,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any
 
-from fingerlab.cli.common import refuse_existing
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import refuse_taken
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench import Bench, Status
@@ -42,7 +42,7 @@ class Events:
         if target == "-":
             self._file = sys.stdout
         elif target is not None:
-            refuse_existing(Path(target))
+            refuse_taken(Path(target))
             try:
                 self._file = Path(target).open("x", encoding="utf-8")  # noqa: SIM115 (it is one itself)
             except OSError as error:

@@ -6,37 +6,43 @@ from pathlib import Path
 
 import click
 
-from fingerlab.cli.common import json_option, progress_bar, refuse_existing, tell_own_effects, write_json
+from fingerlab.cli.common import (
+    PATH,
+    added_option,
+    json_option,
+    progress_bar,
+    refuse_taken_early,
+    sessions_argument,
+    tell_own_effects,
+    write_json,
+)
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import refuse_taken
 
 
 @click.command(short_help="Write the whole comparison as one page, and as PDF.")
-@click.argument(
-    "sessions", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="S.h5 [S2.h5 ...]"
-)
+@sessions_argument
 @click.option(
     "--out",
     required=True,
     metavar="R.html",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Page to write; a name that ends with .pdf makes it a PDF.",
 )
-@click.option("--pdf", metavar="R.pdf", type=click.Path(path_type=Path), help="The same as PDF, too.")
+@click.option("--pdf", metavar="R.pdf", type=PATH, help="The same as PDF, too.")
 @click.option(
     "--figures",
     metavar="DIR",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Every figure of the report as PNG, SVG and PDF into a folder.",
 )
 @click.option(
     "--equation",
     metavar="E.md",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Equations of the model that the diagnosis ends at, with numbers: Markdown (.md) or LaTeX (.tex).",
 )
-@click.option(
-    "--add", "added", multiple=True, metavar="ID", help="Effect that the model holds already; repeatable."
-)
+@added_option
 @json_option
 def report(
     sessions: tuple[Path, ...],
@@ -91,12 +97,11 @@ def _check_places(
         twin = next((o for o, p in given.items() if o != option and p.absolute() == path.absolute()), None)
         if twin is not None:
             raise UserError(f"{option} and {twin} both name {path}; give each a name of its own.")
-        refuse_existing(path)
+        refuse_taken(path)
     if pdf is not None and pdf.suffix.lower() != ".pdf":
         raise UserError(f"--pdf names {pdf}; a PDF's name ends with .pdf.")
     if equation is not None:
         from fingerlab.report.equation_text import check_ending
 
         check_ending(equation)
-    if figures is not None and figures.exists() and not figures.is_dir():
-        raise UserError(f"{figures} is a file; give '--figures' a folder to write to.")
+    refuse_taken_early(None, figures)

@@ -3,23 +3,36 @@
 from __future__ import annotations
 
 import json
-import sys
+import math
+from collections import Counter
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from rich.table import Table
+from rich.text import Text
 
-from fingerlab.cli.common import counted, json_option, progress_bar, write_json
+from fingerlab.cli.common import (
+    PATH,
+    counted,
+    json_option,
+    progress_bar,
+    result_table,
+    somebody_there,
+    table_console,
+    write_json,
+)
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
+from fingerlab.rig.constants import Finger, Motor, Rig
+from fingerlab.rig.file import CONSTANT_UNITS, default_rig, load_rig, sources_of
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
 from fingerlab.sessions.format import CABLES, PHASES
+from fingerlab.sessions.trajectory import trajectory_words
 
 if TYPE_CHECKING:
-    from fingerlab.rig.constants import Rig
     from fingerlab.sessions.importing import TextRun
-
-PATH = click.Path(path_type=Path)
 
 
 @click.command()
@@ -128,7 +141,7 @@ def import_text(
         raise UserError("The option --out S.h5 is missing; it names the session to write.")
     if target is not None:
         refuse_taken(target)
-    rig = _rig(rig_file)
+    rig = load_rig(rig_file) if rig_file else default_rig()
     plans = plan_import(_text_runs(files, phases, cables, trajectory), mapping, rate)
     for plan in plans:
         for line in describe(plan):
@@ -136,7 +149,7 @@ def import_text(
     _tell_assumptions(rig_file, phases, cables)
     if dry_run or target is None:
         return
-    if not yes and _on_a_terminal():
+    if not yes and somebody_there():
         click.confirm(f"Write {target}?", default=True, abort=True, err=True)
     bar, report_progress = progress_bar("Importing")
     name = title or f"imported from {', '.join(path.name for path in files)}"
@@ -184,17 +197,6 @@ def export(session_file: Path, kind: str, folder: Path, json_target: str | None)
         write_json({"session": str(session_file), "files": [str(path) for path in written]}, json_target)
     if json_target != "-":
         click.echo(f"Wrote {len(written)} files to {folder}.")
-
-
-def _on_a_terminal() -> bool:
-    """Whether somebody is there to be asked."""
-    return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
-
-
-def _rig(path: Path | None) -> Rig:
-    from fingerlab.rig.file import default_rig, load_rig
-
-    return load_rig(path) if path else default_rig()
 
 
 def _text_runs(
@@ -264,22 +266,70 @@ def _info_json(session: Session, report: CheckReport) -> dict[str, Any]:
 
 
 def _print_info(session: Session, report: CheckReport) -> None:
-    from rich.console import Console
-
-    from fingerlab.cli.tables import rig_table, runs_table
-
-    console = Console(width=None if sys.stdout.isatty() else 110)
-    console.print(f"{session.path}: {session.title}", style="bold", markup=False, highlight=False)
-    console.print(f"recorded {session.created}", highlight=False)
+    console = table_console(width=110)
+    console.print(f"{session.path}: {session.title}", style="bold", markup=False)
+    console.print(f"recorded {session.created}")
     for key in ("operator", "notes", "software", "tags"):
         if key in session.attributes:
-            console.print(f"{key}: {session.attributes[key]}", markup=False, highlight=False)
-    console.print(runs_table(session, report))
-    console.print(rig_table(session.rig, str(session.attributes["rig"])))
+            console.print(f"{key}: {session.attributes[key]}", markup=False)
+    console.print(_runs_table(session, report))
+    console.print(_rig_table(session.rig, str(session.attributes["rig"])))
     for finding in report.findings:
         where = f"run {finding.run}: " if finding.run else ""
-        console.print(f"{finding.level}: {where}{finding.text}", markup=False, highlight=False)
+        console.print(f"{finding.level}: {where}{finding.text}", markup=False)
     seconds = sum(run.seconds for run in session.runs)
-    console.print(
-        f"{len(session.runs)} runs, {seconds:.1f} s; the file keeps the session format.", highlight=False
+    console.print(f"{len(session.runs)} runs, {seconds:.1f} s; the file keeps the session format.")
+
+
+def _runs_table(session: Session, report: CheckReport) -> Table:
+    """One row a run; channels are listed where they differ from those of most runs."""
+    usual = Counter(tuple(run.units) for run in session.runs).most_common(1)[0][0]
+    table = result_table(
+        *("run", "phase", "cable", "trajectory", ">seconds", ">samples", ">per second", ">gaps"),
+        caption=f"channels: {', '.join(usual)}",
+        caption_justify="left",
     )
+    gaps = {check.run: check.gaps for check in report.runs}
+    for run in session.runs:
+        words = trajectory_words(run.trajectory)
+        if tuple(run.units) != usual:
+            words += f"; channels {', '.join(run.units)}"
+        table.add_row(
+            run.name,
+            run.phase,
+            run.cable,
+            Text(words),
+            f"{run.seconds:.3f}",
+            str(run.length),
+            f"{run.sample_rate_hz:g}",
+            str(gaps[run.name]),
+        )
+    return table
+
+
+def _rig_table(rig: Rig, stored: str) -> Table:
+    """The bench's constants with tolerance and source; angles in degrees, the rest in SI.
+
+    Args:
+        stored: the rig text as the session holds it, to tell its constants from those of the program.
+    """
+    given = json.loads(stored)
+    table = result_table("constant", ">value", "unit", "tolerance", "source")
+    sources = sources_of(rig)
+    for name, part, kind in (("finger", rig.finger, Finger), ("motor", rig.motor, Motor)):
+        for spec in fields(kind) if part is not None else ():
+            value, unit = getattr(part, spec.name), CONSTANT_UNITS[spec.name]
+            if value is None:
+                continue
+            if unit == "rad":
+                value, unit = math.degrees(value), "°"
+            origin = "session" if spec.name in (given.get(name) or {}) else "not in the session: default"
+            tolerance = f"± {100 * rig.tolerance_of(spec.name):g} %"
+            table.add_row(
+                spec.name.replace("_", " "),
+                f"{value:.5g}",
+                unit,
+                tolerance,
+                Text(sources.get(spec.name, origin)),
+            )
+    return table

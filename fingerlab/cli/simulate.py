@@ -1,20 +1,72 @@
-"""``fingerlab simulate`` and ``fingerlab reveal``."""
+"""``fingerlab simulate`` and ``fingerlab reveal``; and one run in place of a protocol, for ``record`` too."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import counted, json_option, progress_bar, refuse_existing, write_json
-from fingerlab.cli.proposals import TRAJECTORY_HELP, single_plan
+from fingerlab.cli.common import PATH, counted, json_option, progress_bar, write_json
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import refuse_taken
 
 if TYPE_CHECKING:
     from fingerlab.twin.protocols import RunPlan
 
 PROTOCOL_NAMES = ("on-air", "contact", "motor-bench", "thesis", "rich")
+TRAJECTORY_HELP = (
+    "Take one run with this trajectory instead of a protocol: JSON text, a file of it, or what 'inverse' or "
+    "'diagnose --json' gave."
+)
+
+
+def single_plan(source: str, phase: str | None, cable: str | None) -> RunPlan:
+    """The one run that was asked for; ``phase`` and ``cable`` given by hand come before the proposal's.
+
+    Args:
+        source: a trajectory, a proposal (``next_experiment``) or a whole diagnosis, as JSON text or as the
+            name of a file of it.
+
+    Raises:
+        UserError: it is none of them, proposes nothing, or cannot be run; or the phase is missing.
+    """
+    from fingerlab.twin.protocols import single_run
+
+    found = read_proposal(source)
+    phase = phase or found.get("phase")
+    if phase is None:
+        raise UserError("--trajectory needs --phase: on_air, contact, motor_bench or free.")
+    return single_run(found["trajectory"], phase, cable or found.get("cable"))
+
+
+def read_proposal(text: str) -> dict[str, Any]:
+    """A trajectory, a proposal, or a whole diagnosis; the answer holds 'trajectory', maybe phase and cable.
+
+    Raises:
+        UserError: it is none of them.
+    """
+    where = "--trajectory"
+    if not text.lstrip().startswith("{"):
+        where = text
+        try:
+            text = Path(text).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise UserError(
+                f"--trajectory {where} is neither JSON text nor a file that can be read ({error})."
+            ) from None
+    try:
+        data = json.loads(text)
+    except ValueError as error:
+        raise UserError(f"{where} is not JSON ({error}); give a trajectory or what diagnose wrote.") from None
+    if isinstance(data, dict) and "next_experiment" in data:
+        data = data["next_experiment"]
+        if data is None:
+            raise UserError(f"{where} proposes no experiment: its diagnosis has nothing left to separate.")
+    if not isinstance(data, dict):
+        raise UserError(f"{where} is not a JSON object; it should hold 'trajectory', or 'kind' and the like.")
+    return data if "trajectory" in data else {"trajectory": data}
 
 
 @click.command()
@@ -39,7 +91,7 @@ PROTOCOL_NAMES = ("on-air", "contact", "motor-bench", "thesis", "rich")
 @click.option("--trajectory", metavar="FILE|JSON", help=TRAJECTORY_HELP)
 @click.option("--phase", help="Phase of that run: on_air, contact, motor_bench or free.")
 @click.option("--cable", type=click.Choice(["extension", "flexion", "none"]), help="Cable of that run.")
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="Session file to write.")
+@click.option("--out", required=True, type=PATH, help="Session file to write.")
 @json_option
 def simulate(
     protocol: str | None,
@@ -63,7 +115,7 @@ def simulate(
     from fingerlab.twin.preset import load_preset
     from fingerlab.twin.session import new_seed, write_session
 
-    refuse_existing(out)
+    refuse_taken(out)
     if hidden and effects:
         raise UserError("--hidden picks the effect itself; leave out --effect, or leave out --hidden.")
     chosen = parse_effects(effects)
@@ -83,7 +135,7 @@ def simulate(
 
 
 @click.command()
-@click.argument("session", type=click.Path(path_type=Path))
+@click.argument("session", type=PATH)
 @json_option
 def reveal(session: Path, json_target: str | None) -> None:
     """Tell which effects a simulated SESSION has."""

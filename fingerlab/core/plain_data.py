@@ -61,8 +61,8 @@ def structured(kind: type[T], data: object, refuse_unknown: bool = False) -> T:
         found = msgspec.convert(plain, kind)
     except msgspec.ValidationError as error:
         raise _told(str(error), plain, kind) from None
-    _check_finite(found, ())
-    return found
+    whole: T = _whole(found, ())
+    return whole
 
 
 @cache
@@ -113,13 +113,19 @@ def _told(error: str, data: object, kind: Any) -> Mismatch:
     return Mismatch(place, f"is {data!r}; it should be {wanted}", wanted, data)
 
 
-def _check_finite(found: object, place: tuple[str, ...]) -> None:
-    for spec in fields(found):  # type: ignore[arg-type]
+def _whole(found: Any, place: tuple[str, ...]) -> Any:
+    """The same, made by its own constructor: msgspec leaves a default to the class, where ``vars`` has none.
+
+    Raises:
+        Mismatch: a number is not finite.
+    """
+    values = {}
+    for spec in fields(found):
         value, here = getattr(found, spec.name), (*place, spec.name)
         if isinstance(value, float) and not math.isfinite(value):
             raise Mismatch(here, f"is {value!r}; it should be {WANTED['float']}", WANTED["float"], value)
-        if is_dataclass(value):
-            _check_finite(value, here)
+        values[spec.name] = _whole(value, here) if is_dataclass(value) else value
+    return type(found)(**values)
 
 
 def json_ready(value: Any, unknown: Callable[[Any], Any] = lambda value: value) -> Any:

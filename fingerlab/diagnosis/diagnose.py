@@ -15,19 +15,13 @@ from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, PathStep
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.score.evidence import (
-    RUN_LOG_ODDS,
-    Evidence,
-    alike,
-    least_strength,
-    needed_fall,
-    undetectable,
-)
+from fingerlab.diagnosis.score.evidence import Evidence, alike, least_strength, needed_fall, undetectable
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified
 from fingerlab.diagnosis.search.grid_refinement import at_found_shapes, fit_refined, with_shapes_of
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
+from fingerlab.diagnosis.settings import RUN_LOG_ODDS
 from fingerlab.effects import effect, whole_catalogue
 from fingerlab.sessions.model import Session
 

@@ -1,22 +1,76 @@
-"""A diagnosis, as a notebook shows it: the answer first, then what it rests on."""
+"""The catalogue of effects and a diagnosis, as a notebook shows them; the answer comes first."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress
 from fingerlab.core.text import printed, score_text
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
-from fingerlab.notebook.figures import Figures
-from fingerlab.notebook.layout import Part, Shown, Table
-from fingerlab.notebook.model import ModelView
+from fingerlab.effects.base import Effect
+from fingerlab.notebook.display import Displayable, Displayed, Figures, TextTable
+from fingerlab.notebook.model import ModelView, SessionSource, effect_ids, fit, opened
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import error_rows, short_ranking
 from fingerlab.sessions.model import Session
 
 
-class DiagnosisView(Shown):
+class EffectView(Displayed):
+    """One effect. ``effect`` is the object behind it (``fingerlab.effects.Effect``)."""
+
+    def __init__(self, effect: Effect) -> None:
+        self.effect = effect
+
+    @property
+    def id(self) -> str:
+        """What ``added`` and ``--add`` call it."""
+        return self.effect.id
+
+    @property
+    def title(self) -> str:
+        """What the screen calls it."""
+        return self.effect.title
+
+    @property
+    def changes(self) -> str:
+        """The families of equations that it changes, in words."""
+        return words.listed([words.FAMILY_TITLES.get(e, e).lower() for e in self.effect.acts_on])
+
+    def _parts(self) -> Sequence[Displayable]:
+        one = self.effect
+        rows = [
+            (name, gain.title or name, gain.unit, f"{gain.low:g} to {gain.high:g}", gain.source)
+            for name, gain in one.unknowns.items()
+        ]
+        parts: list[Displayable] = [f"{one.title} ({one.id}), changes {self.changes}", one.explanation]
+        if rows:
+            parts.append(TextTable(("unknown", "what", "unit", "plausible range", "source"), rows))
+        return (*parts, f"What reveals it: {one.reveal}.")
+
+
+class Catalogue(Mapping[str, EffectView], Displayed):
+    """Effects by id, one's own included."""
+
+    def __init__(self, effects: Mapping[str, Effect]) -> None:
+        self._effects = {name: EffectView(one) for name, one in effects.items()}
+
+    def __getitem__(self, effect: str) -> EffectView:
+        return self._effects[effect]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._effects)
+
+    def __len__(self) -> int:
+        return len(self._effects)
+
+    def _parts(self) -> Sequence[Displayable]:
+        rows = [(one.id, one.title, one.changes) for one in self.values()]
+        return (f"{len(self)} effects", TextTable(("id", "effect", "acts on"), rows))
+
+
+class DiagnosisView(Displayed):
     """The answer to: which effect is missing? ``result`` holds all of it (``diagnosis.results``)."""
 
     def __init__(self, result: Diagnosis, sessions: Sequence[Session]) -> None:
@@ -74,8 +128,6 @@ class DiagnosisView(Shown):
 
     def fit(self, effects: Sequence[str] | None = None) -> ModelView:
         """Fit the model to the same sessions, where none are named with the effects that it adds."""
-        from fingerlab.notebook.calls import fit
-
         chosen = self.result.final_model if effects is None else effects
         return fit(*self._sessions, effects=chosen)
 
@@ -83,9 +135,9 @@ class DiagnosisView(Shown):
         """What ``fingerlab diagnose --json`` writes."""
         return self.result.to_json()
 
-    def _parts(self) -> Sequence[Part]:
+    def _parts(self) -> Sequence[Displayable]:
         result = self.result
-        parts: list[Part] = [words.verdict_sentence(result), _errors(result), _ranking(result)]
+        parts: list[Displayable] = [words.verdict_sentence(result), _errors(result), _ranking(result)]
         best = words.suspected(result)
         parts += [f"{candidate.title}: {printed(candidate.explanation)}" for candidate in best]
         if len(result.set) > 1 or words.not_shown(result):
@@ -101,15 +153,44 @@ class DiagnosisView(Shown):
         return parts
 
 
-def _errors(result: Diagnosis) -> Table:
+def _errors(result: Diagnosis) -> TextTable:
     rows = [(r.title, r.error, r.floor, r.unit, r.times, r.r2) for r in error_rows(result.errors)]
     columns = ("equations", "error (rms)", "floor", "unit", "error / floor", "R2")
     title = f"Error on runs left out of the fit: {score_text(result.score)} times the floor"
-    return Table(columns, rows, frozenset({1, 2, 4, 5}), title)
+    return TextTable(columns, rows, frozenset({1, 2, 4, 5}), title)
 
 
-def _ranking(result: Diagnosis) -> Table:
+def _ranking(result: Diagnosis) -> TextTable:
     rows = [(r.chance, r.score, "*" if r.in_set else "", r.title, r.effect) for r in short_ranking(result)]
     columns = ("probability", "error", "", "effect or outcome", "id")
     note = "; * cannot be ruled out" if result.set else ""
-    return Table(columns, rows, frozenset({0, 1}), f"error: with that effect in the model{note}")
+    return TextTable(columns, rows, frozenset({0, 1}), f"error: with that effect in the model{note}")
+
+
+def catalogue() -> Catalogue:
+    """The catalogue of effects by id, with those of one's own that have been confirmed."""
+    from fingerlab.effects import whole_catalogue
+
+    return Catalogue(whole_catalogue())
+
+
+def diagnose(
+    *sessions: SessionSource,
+    added: Sequence[str] = (),
+    curves: bool = True,
+    progress: Progress | None = None,
+) -> DiagnosisView:
+    """Where the model fails on these sessions together, and which effect is missing.
+
+    Args:
+        sessions: opened, or files. added: ids of effects that the model holds already.
+        curves: whether figures are wanted of it.
+        progress: called with the share done (0 to 1) and what is being done.
+
+    Raises:
+        UserError: no session, an unknown effect, or a run that cannot be read.
+    """
+    from fingerlab.diagnosis import diagnose as run
+
+    read = [opened(one) for one in sessions]
+    return DiagnosisView(run(read, effect_ids(added), progress=progress, with_curves=curves), read)

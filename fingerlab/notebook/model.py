@@ -4,20 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.progress import Progress
 from fingerlab.core.text import estimate_text, mean_and_deviation
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model, ParameterEstimate, save_model
-from fingerlab.notebook.figures import Figures
-from fingerlab.notebook.layout import Part, Shown, Table
+from fingerlab.notebook.display import Displayable, Displayed, Figures, TextTable
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import model_rows
+from fingerlab.sessions.model import Session
+from fingerlab.sessions.reading import open_session
 
 if TYPE_CHECKING:
-    from fingerlab.notebook.session import SessionView
     from fingerlab.prediction import ExtendedPrediction
     from fingerlab.prediction.predict import RunPrediction
+
+
+class HoldsSession(Protocol):
+    """What shows a session, such as ``SessionView``."""
+
+    @property
+    def session(self) -> Session:
+        """The session behind it."""
+
+
+SessionSource = HoldsSession | Session | str | Path
+"""A session: opened, or its file."""
+
+
+def opened(source: SessionSource) -> Session:
+    """The session behind what a call was given."""
+    if isinstance(source, (str, Path)):
+        return open_session(source)
+    return source if isinstance(source, Session) else source.session
+
+
+def effect_ids(given: Sequence[str]) -> Sequence[str]:
+    """A single id is taken as a list of one, and not as a list of its letters."""
+    return (given,) if isinstance(given, str) else given
+
 
 PREDICTION_COLUMNS = (
     ("R2", "r2", 4, 1.0),
@@ -28,7 +54,7 @@ PREDICTION_COLUMNS = (
 """Title, number of a run, digits, and factor to the unit in the title."""
 
 
-class ModelView(Shown):
+class ModelView(Displayed):
     """A fitted model; ``model`` is the content of its file (``fingerlab.models.file.Model``)."""
 
     def __init__(self, model: Model, name: str = "this model") -> None:
@@ -54,20 +80,19 @@ class ModelView(Shown):
         save_model(self.model, path)
         return Path(path)
 
-    def predict(self, session: SessionView | str | Path) -> PredictionView:
+    def predict(self, session: SessionSource) -> PredictionView:
         """Endpoint force of every contact run; a run of the fit is predicted by a fit that has not seen it.
 
         Raises:
             UserError: no contact run, a cable that the model has not seen, or a model of ``fingerlab fit``,
                 which predicts by region ('fingerlab predict').
         """
-        from fingerlab.notebook.calls import opened
         from fingerlab.prediction import extended_model, predict_extended
 
         extended = extended_model(self.model, self._name)
         return PredictionView(predict_extended(opened(session), extended, self._name))
 
-    def _parts(self) -> Sequence[Part]:
+    def _parts(self) -> Sequence[Displayable]:
         model = self.model
         files = words.listed([s.name for s in model.sessions]) if model.sessions else "no session"
         what = (
@@ -75,7 +100,7 @@ class ModelView(Shown):
         )
         head = f"{what[:1].upper()}{what[1:]}, fitted on {files} ({model.created})"
         title = "± is half the 90 % interval"
-        return (head, Table(("parameter", "value"), _rows(model), frozenset(), title))
+        return (head, TextTable(("parameter", "value"), _rows(model), frozenset(), title))
 
 
 def _rows(model: Model) -> list[tuple[str, str]]:
@@ -96,7 +121,7 @@ def _rows(model: Model) -> list[tuple[str, str]]:
     return rows
 
 
-class PredictionView(Shown):
+class PredictionView(Displayed):
     """Endpoint force of contact runs; ``result`` holds it (``prediction.ExtendedPrediction``)."""
 
     def __init__(self, result: ExtendedPrediction) -> None:
@@ -104,7 +129,7 @@ class PredictionView(Shown):
 
     def figures(self) -> Figures:
         """Force with its interval, what is missed, peaks by run, normalised force."""
-        from fingerlab.report.extended_figures import extended_figures
+        from fingerlab.report.force_figures import extended_figures
 
         return Figures(extended_figures(self.result))
 
@@ -135,7 +160,7 @@ class PredictionView(Shown):
         spread = Spread(tuple(run.numbers["both"].value(number) for run in self._runs(variant)))
         return spread.mean, spread.deviation
 
-    def _parts(self) -> Sequence[Part]:
+    def _parts(self) -> Sequence[Displayable]:
         rows = [self._row(variant) for variant in self.result.runs]
         runs = next(iter(self.result.runs.values()))
         count = f"{len(runs)} contact run{'' if len(runs) == 1 else 's'}"
@@ -149,7 +174,7 @@ class PredictionView(Shown):
         right = frozenset(range(1, len(columns)))
         return (
             head,
-            Table(columns, rows, right, "Mean ± deviation over runs, PIP and MCP equation together"),
+            TextTable(columns, rows, right, "Mean ± deviation over runs, PIP and MCP equation together"),
         )
 
     def _row(self, variant: str) -> tuple[str, ...]:
@@ -160,3 +185,28 @@ class PredictionView(Shown):
         inside = self.coverage(variant)
         share = f"{100 * inside:.1f} %" if inside == inside else "–"  # NaN: no cell or no interval
         return (variant, *cells, share)
+
+
+def fit(*sessions: SessionSource, effects: Sequence[str] = (), progress: Progress | None = None) -> ModelView:
+    """Fit the nominal model with these effects to the sessions together; it then predicts endpoint force.
+
+    Raises:
+        UserError: no session, an unknown effect, one that does not apply, or a run that cannot be read.
+    """
+    from fingerlab.prediction import fit_extended, model_of_extended
+
+    if not sessions:
+        raise UserError("No session was given; name at least one session file.")
+    read = [opened(one) for one in sessions]
+    return ModelView(model_of_extended(fit_extended(read, effect_ids(effects), progress)))
+
+
+def load_model(path: str | Path) -> ModelView:
+    """Read a model file.
+
+    Raises:
+        UserError: the file is missing or no model file.
+    """
+    from fingerlab.models.file import load_model as load
+
+    return ModelView(load(path), str(path))

@@ -1,4 +1,4 @@
-"""A session and its runs, as a notebook shows them."""
+"""A session and its runs, as a notebook shows them; opened from a file, or simulated into one."""
 
 from __future__ import annotations
 
@@ -7,19 +7,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fingerlab.core.errors import UserError
-from fingerlab.notebook.arrays import run_dataset, session_tree
-from fingerlab.notebook.layout import Part, Shown, Table
+from fingerlab.core.progress import Progress
+from fingerlab.notebook.data import channel_figure, run_dataset, session_tree
+from fingerlab.notebook.diagnosis import DiagnosisView, diagnose
+from fingerlab.notebook.display import Displayable, Displayed, TextTable
+from fingerlab.notebook.model import ModelView, effect_ids, fit
 from fingerlab.sessions.model import Run, Session
+from fingerlab.sessions.reading import open_session
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-    from fingerlab.notebook.diagnosis import DiagnosisView
-    from fingerlab.notebook.model import ModelView
 
-
-class RunView(Shown):
+class RunView(Displayed):
     """One run. ``run`` is the object behind it (``fingerlab.sessions.Run``)."""
 
     def __init__(self, run: Run) -> None:
@@ -36,7 +37,7 @@ class RunView(Shown):
         return dict(self.run.units)
 
     def to_xarray(self, channels: Iterable[str] | None = None) -> xarray.Dataset:
-        """The run as a dataset over ``time`` (s), SI units in ``units``; see ``arrays.run_dataset``."""
+        """The run as a dataset over ``time`` (s), SI units in ``units``; see ``data.run_dataset``."""
         return run_dataset(self.run, channels)
 
     def figure(self, *channels: str) -> Figure:
@@ -45,11 +46,9 @@ class RunView(Shown):
         Raises:
             UserError: the run has no such channel.
         """
-        from fingerlab.notebook.channels import channel_figure
-
         return channel_figure(self.run, channels)
 
-    def _parts(self) -> Sequence[Part]:
+    def _parts(self) -> Sequence[Displayable]:
         from fingerlab.report.diagnosis_words import PHASE_WORDS
         from fingerlab.sessions.trajectory import trajectory_words
 
@@ -59,10 +58,10 @@ class RunView(Shown):
             f"run {run.name}: {PHASE_WORDS.get(run.phase, run.phase)}, {cable}, "
             f"{trajectory_words(run.trajectory)}; {run.seconds:.1f} s at {run.sample_rate_hz:g} Hz"
         )
-        return (line, Table(("channel", "unit"), list(run.units.items())))
+        return (line, TextTable(("channel", "unit"), list(run.units.items())))
 
 
-class SessionView(Shown):
+class SessionView(Displayed):
     """A session; its runs by name: ``s["001"]``. ``session`` is the object behind it."""
 
     def __init__(self, session: Session) -> None:
@@ -92,19 +91,15 @@ class SessionView(Shown):
         raise UserError(f"{self.path} has no run '{name}'; it holds {names}.")
 
     def to_xarray(self) -> xarray.DataTree:
-        """Every run as a dataset in one tree: ``s.to_xarray()["001"]``; see ``arrays.session_tree``."""
+        """Every run as a dataset in one tree: ``s.to_xarray()["001"]``; see ``data.session_tree``."""
         return session_tree(self.session)
 
     def diagnose(self, added: Sequence[str] = (), **options: Any) -> DiagnosisView:
         """Which effect is missing; see ``fingerlab.diagnose``."""
-        from fingerlab.notebook.calls import diagnose
-
         return diagnose(self, added=added, **options)
 
     def fit(self, effects: Sequence[str] = ()) -> ModelView:
         """The nominal model with these effects, fitted; see ``fingerlab.fit``."""
-        from fingerlab.notebook.calls import fit
-
         return fit(self, effects=effects)
 
     def reveal(self) -> dict[str, dict[str, float]]:
@@ -118,7 +113,7 @@ class SessionView(Shown):
         found: dict[str, dict[str, float]] = reveal_session(self.path)["effects"]
         return found
 
-    def _parts(self) -> Sequence[Part]:
+    def _parts(self) -> Sequence[Displayable]:
         from fingerlab.report.page_tables import run_rows
 
         session = self.session
@@ -127,4 +122,49 @@ class SessionView(Shown):
         head = f"{session.path.name}: {session.title or 'session'}{when}, {len(self)} runs, {seconds:.0f} s"
         columns = ("runs", "phase", "cable", "motion", "s", "Hz")
         rows = [(r.runs, r.phase, r.cable, r.trajectory, r.seconds, r.rate) for r in run_rows(session)]
-        return (head, Table(columns, rows, frozenset({4, 5})))
+        return (head, TextTable(columns, rows, frozenset({4, 5})))
+
+
+def open(path: str | Path) -> SessionView:
+    """Open a session file; samples are read when they are asked for.
+
+    Raises:
+        UserError: the file is missing, damaged, or breaks the session format.
+    """
+    return SessionView(open_session(path))
+
+
+def simulate(
+    path: str | Path,
+    protocol: str = "rich",
+    effects: Sequence[str] = (),
+    hidden: bool = False,
+    seed: int | None = None,
+    progress: Progress | None = None,
+) -> SessionView:
+    """Record a session from the simulated rig into a new file, and open it.
+
+    Args:
+        protocol: ``on-air``, ``contact``, ``motor-bench``, ``thesis`` or ``rich``.
+        effects: put into the bench, as ``ID`` or ``ID=STRENGTH``.
+        hidden: pick an effect (or none) and seal it in the file until ``reveal``.
+        seed: same seed, same bench and noise; random for None.
+
+    Raises:
+        UserError: the file exists, an unknown protocol or effect, or ``hidden`` with ``effects``.
+    """
+    from fingerlab.twin.effects import parse_effects
+    from fingerlab.twin.preset import load_preset
+    from fingerlab.twin.protocols import PROTOCOLS
+    from fingerlab.twin.session import new_seed, write_session
+
+    if protocol not in PROTOCOLS:
+        raise UserError(f"There is no protocol '{protocol}'; there are {', '.join(PROTOCOLS)}.")
+    if hidden and effects:
+        raise UserError("hidden=True picks the effect itself; leave out effects, or leave out hidden.")
+    chosen = parse_effects(tuple(effect_ids(effects)))
+    preset = load_preset()
+    plans = PROTOCOLS[protocol](preset.numbers["protocol"]["contact_amplitude_deg"])
+    number = new_seed() if seed is None else seed
+    write_session(Path(path), preset, protocol, plans, chosen, number, hidden, progress)
+    return open(path)

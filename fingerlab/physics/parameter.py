@@ -47,6 +47,8 @@ class Parameter:
             small share of it.
         degenerate_with: the nuisance that it could be as well ("loss"): no misfit tells them apart, but
             losses that one such parameter makes small at all joints and routings do.
+        open: of a nuisance, whether nothing is known of it before a run tells; its prior then hardly counts.
+        phase: of a nuisance, the phase of a run that alone can tell it; empty: any.
         limits: narrower limits at a point of the grid of shapes, where the law holds only near that point.
     """
 
@@ -64,6 +66,8 @@ class Parameter:
     holds_at_rest: bool = False
     excess_of: str = ""
     degenerate_with: str = ""
+    open: bool = False
+    phase: str = ""
     limits: Callable[[Mapping[str, float]], Limits] | None = None
 
     def at(self, shape: Mapping[str, float]) -> Parameter:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
-from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
+from fingerlab.diagnosis.settings import NARROW_RATE_HZ
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model
 from fingerlab.prediction.extended import ExtendedModel, extended_model
 from fingerlab.prediction.judging import ForceNumbers, fine_grid, judge_stretches

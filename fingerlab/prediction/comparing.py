@@ -14,6 +14,7 @@ from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.errors import equation_errors
 from fingerlab.diagnosis.answer.results import EquationError
 from fingerlab.diagnosis.equations.model import Choice, Model
+from fingerlab.diagnosis.equations.parameters import ARMS, CABLE_OFFSET
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.fit.weights import Weights
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
@@ -146,12 +147,12 @@ class _Entrant:
 
     def _values(self, model: Model) -> Array:
         values = self.scorer.start_values(model)
-        for key, place in model.index.items():
-            if key in self.variant.values:
-                values[place] = self.variant.values[key]
-            elif key.startswith("arm_"):
+        for place, unknown in enumerate(model.unknowns):
+            if unknown.key in self.variant.values:
+                values[place] = self.variant.values[unknown.key]
+            elif unknown.name in ARMS:
                 raise UserError(
-                    f"{self.name} was not fitted with the {key.partition('@')[2]} cable; compare it on "
+                    f"{self.name} was not fitted with the {unknown.cable} cable; compare it on "
                     "sessions with the cables that it was fitted with."
                 )
         return values
@@ -177,7 +178,7 @@ class _Entrant:
     def _zeroed(self, fitted: FittedModel, weights: Weights) -> FittedModel:
         """With the cable's offset fitted: the motor's zero is no physics and differs by session."""
         model, values = fitted.model, fitted.fit.values.copy()
-        free = np.array([place for key, place in model.index.items() if key.startswith("offset")], dtype=int)
+        free = np.flatnonzero([u.name == CABLE_OFFSET and not u.effect for u in model.unknowns])
         if len(free):
             gradient, information = Fitter(model, self.scorer.data, weights).normal_equations(values)
             values[free] -= np.linalg.solve(information[np.ix_(free, free)], gradient[free])

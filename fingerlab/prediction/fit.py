@@ -11,11 +11,11 @@ from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.wording import every_parameter
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Scorer
+from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import temperature
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
-from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
 from fingerlab.effects import effect
 from fingerlab.models.file import ParameterEstimate, hash_sessions
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, HeldOut, Variant

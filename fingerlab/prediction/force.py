@@ -15,10 +15,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.equations.features import Feature, base_columns, shifted_columns, turned_columns
-from fingerlab.diagnosis.equations.model import CABLE_NAMES
-from fingerlab.diagnosis.equations.parameters import SLIP_STIFFNESSES
+from fingerlab.diagnosis.equations.coefficients import (
+    CABLE_NAMES,
+    DELAY,
+    Coefficients,
+    delay_weights,
+    key_of,
+    scale_key,
+)
+from fingerlab.diagnosis.equations.features import (
+    SHIFT_SAMPLES,
+    SLOPE,
+    Feature,
+    base_columns,
+    shifted_columns,
+    turned_columns,
+)
 from fingerlab.diagnosis.gram.decimation import counted
+from fingerlab.diagnosis.settings import SLIP_STIFFNESSES
 from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row
@@ -164,70 +178,60 @@ def _residuals(
     motion: Motion, effects: Sequence[Effect], values: Mapping[str, float], where: str
 ) -> dict[Row, Array]:
     """Residual of the joints' equations as a tension, N, (n,) each: every feature times its coefficient."""
+    found = [(f, column) for f, column in _columns(motion, effects, values) if f.row in JOINT_ROWS.values()]
+    features = [feature for feature, _ in found]
+    _check(features, CABLE_NAMES[motion.cable_sign], values, where)
+    terms = Coefficients(features, {key: place for place, key in enumerate(values)}, delayed=False)
+    coefficients = terms.of(np.array(list(values.values())), (motion.cable_sign,))[0]
     sums = {row: np.zeros_like(motion.time) for row in JOINT_ROWS.values()}
-    for feature, column in _features(motion, effects, values.get("delay", 0.0)):
-        if feature.row in sums:
-            strength = feature.constant + _strength(feature, motion, values, where)
-            if strength != 0.0:
-                sums[feature.row] -= strength * _scale(feature, motion, values, where) * column
+    for (feature, column), h in zip(found, coefficients, strict=True):
+        if h != 0.0:
+            sums[feature.row] += h * column
     return sums
 
 
-def _features(motion: Motion, effects: Sequence[Effect], delay: float) -> Iterator[tuple[Feature, Array]]:
+def _columns(
+    motion: Motion, effects: Sequence[Effect], values: Mapping[str, float]
+) -> Iterator[tuple[Feature, Array]]:
+    """All columns, the motor's channels as late as the fit has found them."""
     yield from base_columns(motion)
+    delayed = any(one.special == "delay" for one in effects)
+    weights, _ = delay_weights(values.get(DELAY, 0.0), delayed)
     for feature, column in shifted_columns(motion):
-        yield feature, _later(column, delay, motion.sample_rate_hz)
+        late = [weights[k] * _late(column, int(k), motion.sample_rate_hz) for k in np.flatnonzero(weights)]
+        yield feature, sum(late[1:], late[0])
     for one in effects:
         for term in one.columns(motion, one.shapes[0]):
             yield Feature(term.row, term.gain, term.constant, term.scale, owner=one.id), term.values
         yield from turned_columns(motion, one, 0)
 
 
-def _later(values: Array, delay: float, rate: float) -> Array:
-    """A channel moved to later by ``delay`` (s); what falls out at the ends is in the margin."""
-    if delay == 0.0:
-        return values
-    whole = round(delay * rate)
-    rest = delay - whole / rate
-    return np.roll(values - rest * np.gradient(values, 1.0 / rate), whole)
+def _late(values: Array, shift: int, rate: float) -> Array:
+    """A channel at a kept shift, or its derivative; what falls out at the ends is in the margin."""
+    if shift == SLOPE:
+        return np.asarray(np.gradient(values, 1.0 / rate))
+    return np.roll(values, SHIFT_SAMPLES[shift])
 
 
-def _strength(feature: Feature, motion: Motion, values: Mapping[str, float], where: str) -> float:
-    """Value of the unknown that multiplies a feature; 0 for a nuisance that was not fitted."""
-    if not feature.parameter:
-        return 0.0
-    if feature.owner is not None and not feature.borrowed:
-        key = f"{feature.owner}.{feature.parameter}"
-        if key not in values:
+def _check(features: Sequence[Feature], cable: str, values: Mapping[str, float], where: str) -> None:
+    """Refuse values without one that an effect or a routing of its own needs; other nuisances are zero."""
+    for feature in features:
+        key = key_of(feature, cable)
+        if feature.owner is not None and feature.scale not in ("direct", "joint"):
+            raise UserError(
+                f"The effect '{feature.owner}' puts a term of scale '{feature.scale}' into a joint's "
+                "equation; its terms there should be of scale 'joint' or 'direct'."
+            )
+        if feature.owner is not None and not feature.borrowed and key and key not in values:
             raise UserError(
                 f"{where} lacks the value of '{key}'; save the model again with 'diagnose --save'."
             )
-        return values[key]
-    if feature.routed:
-        return _routed(feature.parameter, motion, values, where)
-    return values.get(feature.parameter, 0.0)
-
-
-def _scale(feature: Feature, motion: Motion, values: Mapping[str, float], where: str) -> float:
-    """1 for a tension; the signed inverse of the moment arm for a torque."""
-    if feature.scale == "direct":
-        return feature.factor
-    if feature.scale != "joint":
-        raise UserError(
-            f"The effect '{feature.owner}' puts a term of scale '{feature.scale}' into a joint's equation; "
-            "its terms there should be of scale 'joint' or 'direct'."
-        )
-    arm = "arm_mcp" if feature.row == Row.MCP else "arm_pip"
-    return feature.factor * motion.cable_sign / _routed(arm, motion, values, where)
-
-
-def _routed(name: str, motion: Motion, values: Mapping[str, float], where: str) -> float:
-    cable = CABLE_NAMES[motion.cable_sign]
-    if f"{name}@{cable}" not in values:
-        raise UserError(
-            f"{where} was not fitted with the {cable} cable; fit a model to a session that has runs with it."
-        )
-    return values[f"{name}@{cable}"]
+        own = [key] if feature.routed else []
+        if any(one and one not in values for one in [*own, scale_key(feature, cable)]):
+            raise UserError(
+                f"{where} was not fitted with the {cable} cable; fit a model to a session that has runs "
+                "with it."
+            )
 
 
 def _root(residual: Array) -> Array:

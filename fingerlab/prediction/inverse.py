@@ -16,7 +16,7 @@ import numpy as np
 
 from fingerlab.acquisition.torque import most_torque
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ
+from fingerlab.diagnosis.settings import WIDE_RATE_HZ
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion

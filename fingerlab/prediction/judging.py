@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
+from fingerlab.diagnosis.settings import NARROW_RATE_HZ
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, cross_correlation_delay
 from fingerlab.thesis.prediction import ForcePrediction, judge_forces

@@ -15,7 +15,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
-from fingerlab.diagnosis.signals.filters import NARROW_RATE_HZ
+from fingerlab.diagnosis.settings import NARROW_RATE_HZ
 from fingerlab.prediction.extended import EQUATIONS, Equation, ExtendedModel, Variant
 from fingerlab.prediction.force import contact_runs, contact_stretches, solved_forces
 from fingerlab.prediction.judging import (
@@ -29,6 +29,7 @@ from fingerlab.prediction.judging import (
 )
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Array, Session
+from fingerlab.thesis.onair import Spread
 from fingerlab.thesis.prediction import SWEEP_DEG, AngleStep
 from fingerlab.thesis.regression import coefficient_of_determination
 
@@ -128,6 +129,16 @@ class RunPrediction:
     curves: tuple[Curve, ...]
     coverage: float
     half_width: float
+
+
+def spread_over(runs: Sequence[RunPrediction], equation: Equation, name: str) -> Spread:
+    """One number of one equation over the runs, by its name in the JSON of ``predict``."""
+    return Spread(tuple(run.numbers[equation].value(name) for run in runs))
+
+
+def interval_over(runs: Sequence[RunPrediction]) -> tuple[float, float]:
+    """Mean half width of the interval over the runs, N, and mean share of the samples inside."""
+    return Spread(tuple(r.half_width for r in runs)).mean, Spread(tuple(r.coverage for r in runs)).mean
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,7 @@ import numpy as np
 from fingerlab.acquisition.trajectories import WAVES
 from fingerlab.acquisition.trajectory_points import FORCE, with_points
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ
-from fingerlab.diagnosis.signals.segments import SETTLING_S
+from fingerlab.diagnosis.settings import SETTLING_S, WIDE_RATE_HZ
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.physics.tip import TOUCHING_FORCE_N

@@ -1,16 +1,17 @@
-"""Figures of a diagnosis: measured against modelled, fingerprints, and the error path."""
+"""Figures of a diagnosis: measured against modelled, fingerprints, the error path, where the model fails."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from fingerlab.core.text import ScreenUnit, score_text, screen_unit, with_minus
+from fingerlab.core.text import ScreenUnit, screen_unit, with_minus
 from fingerlab.diagnosis.answer.results import (
     EQUATION_TITLES,
     Comparison,
@@ -19,19 +20,30 @@ from fingerlab.diagnosis.answer.results import (
     Fingerprint,
     PathStep,
 )
-from fingerlab.report.diagnosis_words import effect_title, in_sentence, suspects
+from fingerlab.diagnosis.answer.where import COORDINATES, Profile, profile
+from fingerlab.report.diagnosis_words import (
+    axis_title,
+    coordinate_unit,
+    effect_title,
+    in_sentence,
+    residual_unit,
+    suspects,
+    worst_words,
+)
 from fingerlab.report.figure_style import (
     CANDIDATE,
     FLOOR,
+    LABEL_SIZE,
     MEASURED,
     MODELLED,
     RESIDUAL,
     TICK_SIZE,
     label,
     legend_below,
+    named_handles,
     new_figure,
+    score_bars,
 )
-from fingerlab.report.where_figures import where_figure
 from fingerlab.sessions.model import Array
 
 HALF_SIZE = (4.4, 3.4)
@@ -46,7 +58,7 @@ WORTH_CUTTING = 0.1
 
 
 @dataclass(frozen=True)
-class Shown:
+class Stretch:
     """A stretch of a comparison that is drawn: run, and seconds into it."""
 
     comparison: Comparison
@@ -60,7 +72,7 @@ class Shown:
         return slice(int(np.searchsorted(time, self.start)), int(np.searchsorted(time, self.stop, "right")))
 
 
-def chosen_stretches(comparisons: Iterable[Comparison], equation: str) -> tuple[Shown, ...]:
+def chosen_stretches(comparisons: Iterable[Comparison], equation: str) -> tuple[Stretch, ...]:
     """The run that misses most and the one in the middle, each around its worst half second.
 
     Empty where no run says anything about the equation; one where only one does.
@@ -73,7 +85,7 @@ def chosen_stretches(comparisons: Iterable[Comparison], equation: str) -> tuple[
     return tuple(_around(c, _worst_moment(c)) for c in picked)
 
 
-def failure_stretch(comparisons: Iterable[Comparison], failure: Failure) -> Shown | None:
+def failure_stretch(comparisons: Iterable[Comparison], failure: Failure) -> Stretch | None:
     """The stretch around the place where the model fails worst."""
     for one in comparisons:
         if _is_of(failure, one) and len(one.time) and one.time[0] <= failure.start <= one.time[-1]:
@@ -102,13 +114,13 @@ def _worst_moment(comparison: Comparison) -> float:
     return float(time[start + width // 2])
 
 
-def _around(comparison: Comparison, moment: float) -> Shown:
+def _around(comparison: Comparison, moment: float) -> Stretch:
     first, last = float(comparison.time[0]), float(comparison.time[-1])
     start = min(max(moment - 0.5 * STRETCH_S, first), max(last - STRETCH_S, first))
-    return Shown(comparison, start, min(start + STRETCH_S, last))
+    return Stretch(comparison, start, min(start + STRETCH_S, last))
 
 
-def comparison_figure(shown: Shown, failure: Failure | None = None) -> Figure:
+def comparison_figure(shown: Stretch, failure: Failure | None = None) -> Figure:
     """Measured and modelled above, the residual with the floor as a band below.
 
     Args:
@@ -134,7 +146,7 @@ def comparison_figure(shown: Shown, failure: Failure | None = None) -> Figure:
             axes.axvspan(failure.start, failure.stop, color=RESIDUAL, alpha=0.25, lw=0, zorder=0)
     _round_ticks(above, below)
     figure.align_ylabels()
-    legend_below(figure, _handles(above) | _handles(below))
+    legend_below(figure, named_handles(above) | named_handles(below))
     return figure
 
 
@@ -153,10 +165,6 @@ def _round_ticks(*figure_axes: Axes) -> None:
     for axes in figure_axes:
         axes.xaxis.set_major_locator(MaxNLocator(6, steps=ROUND_STEPS))
         axes.yaxis.set_major_locator(MaxNLocator(5, steps=ROUND_STEPS))
-
-
-def _handles(axes: Axes) -> dict[str, object]:
-    return dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
 
 
 def _largest(values: Array) -> float:
@@ -206,30 +214,18 @@ def fingerprint_figure(print_: Fingerprint, title: str) -> Figure:
     quantity = QUANTITIES.get(print_.equation, EQUATION_TITLES.get(print_.equation, print_.equation))
     label(axes, across.label(print_.coordinate), up.label(f"residual, {quantity}"))
     _round_ticks(axes)
-    legend_below(figure, dict(reversed(_handles(axes).items())))
+    legend_below(figure, dict(reversed(named_handles(axes).items())))
     return figure
 
 
 def path_figure(path: Sequence[PathStep], given: Sequence[str]) -> Figure:
     """The error in floors: the model as given, then with each effect worth adding; 1 is the floor."""
     names = [_step_name(step, given) for step in path]
-    scores = np.array([step.score for step in path])
-    figure, (axes,) = new_figure(size=(5.6, 1.0 + 0.42 * len(path)))
-    at = np.arange(len(path))[::-1]
     colours = [MODELLED] + [CANDIDATE] * (len(path) - 1)
-    axes.axvspan(0.0, 1.0, color=FLOOR, alpha=0.6, lw=0, zorder=0, label="floor")
-    axes.barh(at, scores, 0.6, color=colours)
-    for y, score in zip(at, scores, strict=True):
-        axes.annotate(
-            score_text(float(score)), (score, y), xytext=(5, 0), textcoords="offset points", va="center",
-            fontsize=9,
-        )  # fmt: skip
-    axes.set_yticks(at, names, fontsize=9)
-    axes.tick_params(axis="y", length=0)
-    axes.set_xlim(0.0, 1.12 * max(float(scores.max()), 1.0))
+    size = (5.6, 1.0 + 0.42 * len(path))
+    figure, axes = score_bars(names, [step.score for step in path], colours, size, LABEL_SIZE)
     axes.xaxis.set_major_locator(MaxNLocator(8, steps=ROUND_STEPS))
     label(axes, "held-out error, in multiples of the floor", "")
-    legend_below(figure, _handles(axes))
     return figure
 
 
@@ -261,3 +257,46 @@ def _step_name(step: PathStep, given: Sequence[str]) -> str:
     if step.added is not None:
         return f"+ {in_sentence(effect_title(step.added))}"
     return "model as given" if given else "nominal model"
+
+
+WHERE_COLUMNS = 2
+ROW_INCHES = 2.4
+BAR_SHARE = 0.88
+WORDS_SIZE, WORDS_WIDE = 7.5, 44
+"""Points, and characters that fit over one picture."""
+
+
+def where_figure(comparisons: Sequence[Comparison], equation: str) -> Figure | None:
+    """One picture for each coordinate that the runs tell; None where they tell none."""
+    made = [profile(comparisons, equation, name) for name in COORDINATES]
+    found = [one for one in made if one is not None]
+    if not found:
+        return None
+    rows = -(-len(found) // WHERE_COLUMNS)
+    figure, axes = new_figure(rows, WHERE_COLUMNS, (7.2, 0.5 + ROW_INCHES * rows))
+    for one, place in zip(found, axes, strict=False):
+        _draw_profile(place, one)
+    for place in axes[len(found) :]:
+        place.set_visible(False)
+    legend_below(figure, axes[0])
+    return figure
+
+
+def _draw_profile(axes: Axes, found: Profile) -> None:
+    across, up = coordinate_unit(found), residual_unit(found)
+    x, width = across.factor * found.centres, across.factor * float(found.edges[1] - found.edges[0])
+    known = np.isfinite(found.rms)
+    floor = up.factor * found.floor
+    axes.axhspan(-floor, floor, color=FLOOR, alpha=0.6, lw=0, zorder=0, label="floor")
+    axes.bar(
+        x[known], up.factor * found.rms[known], BAR_SHARE * width, color=RESIDUAL, alpha=0.35,
+        label="root mean square",
+    )  # fmt: skip
+    axes.errorbar(
+        x[known], up.factor * found.mean[known], up.factor * found.half[known], fmt="o", ms=3, lw=1.0,
+        color=RESIDUAL, label="mean, 90 % interval",
+    )  # fmt: skip
+    if found.runs:
+        axes.set_xticks(x, [run for _, run, _ in found.runs], rotation=90 if len(x) > 8 else 0)
+    label(axes, across.label(axis_title(found)), up.label("residual"))
+    axes.set_title("\n".join(wrap(worst_words(found), WORDS_WIDE)), fontsize=WORDS_SIZE, loc="left")

@@ -1,11 +1,12 @@
-"""A diagnosis in sentences, for the terminal and for the page: plain words first, then numbers."""
+"""A diagnosis in sentences, for terminal, page and window: plain words first, then numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from fingerlab.core.text import percent, score_text
+from fingerlab.core.text import ScreenUnit, decimals_for, fixed, largest_of, percent, score_text, screen_unit
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure
+from fingerlab.diagnosis.answer.where import JOINTS, Profile
 from fingerlab.effects import find_effect
 from fingerlab.sessions.trajectory import trajectory_words
 
@@ -302,3 +303,57 @@ def _plain(name: str) -> str:
     while len(parts) > 1 and parts[-1] in (*_JOINT_ENDINGS, "deg", "s", "hz"):
         parts.pop()
     return " ".join(parts)
+
+
+CLEARLY = 1.2
+"""From so many floors on a bin says that something is missed."""
+
+
+def axis_title(found: Profile) -> str:
+    """The coordinate with its joint: ``MCP joint speed``."""
+    title = found.coordinate.title
+    joint = JOINTS.get(found.equation, "pip").upper()
+    return f"{joint} {title[:1].lower()}{title[1:]}" if "{}" in "".join(found.coordinate.sources) else title
+
+
+def coordinate_unit(found: Profile) -> ScreenUnit:
+    """Unit of the coordinate on the screen."""
+    return screen_unit(found.coordinate.unit, largest_of(map(float, found.edges)))
+
+
+def residual_unit(found: Profile) -> ScreenUnit:
+    """Unit of the residual on the screen."""
+    return screen_unit(found.unit, largest_of([*map(float, found.rms), found.floor]))
+
+
+def bin_words(found: Profile, bin_: int) -> str:
+    """Which part of the coordinate a bin is: ``PIP joint speed −60 to −40 °/s``, ``run 011, in contact``."""
+    if found.runs:
+        session, run, phase = found.runs[bin_]
+        several = len({one[0] for one in found.runs}) > 1
+        return f"run {run}{f' of {session}' if several else ''}, {PHASE_WORDS.get(phase, phase)}"
+    unit = coordinate_unit(found)
+    width = (found.edges[1] - found.edges[0]) * unit.factor
+    low, high = (
+        fixed(float(edge) * unit.factor, decimals_for(0.1 * width)) for edge in found.edges[bin_ : bin_ + 2]
+    )
+    title = axis_title(found)
+    lowered = title if title[:2].isupper() else f"{title[:1].lower()}{title[1:]}"
+    return f"{lowered} {low} to {unit.after(high)}"
+
+
+def miss_words(found: Profile, bin_: int) -> str:
+    """By how much the model misses in a bin: ``2.5 mN m, 3.1 floors``."""
+    rms = float(found.rms[bin_])
+    if rms != rms:
+        return "too few samples to say"
+    unit = residual_unit(found)
+    amount = unit.after(fixed(rms * unit.factor, decimals_for(0.3 * found.floor * unit.factor)))
+    return f"{amount}, {score_text(rms / found.floor)} floors" if found.floor > 0 else amount
+
+
+def worst_words(found: Profile) -> str:
+    """The worst bin in a sentence, or that none stands out."""
+    if found.rms[found.worst] <= CLEARLY * found.floor:
+        return "Nowhere clearly beyond the floor."
+    return f"Worst at {bin_words(found, found.worst)}: {miss_words(found, found.worst)}."

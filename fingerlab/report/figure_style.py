@@ -6,13 +6,15 @@ thread, with or without a display.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+
+from fingerlab.core.text import score_text
 
 MEASURED = "#1a1a1a"
 MODELLED = "#0072B2"
@@ -60,14 +62,49 @@ def label(axes: Axes, x: str, y: str, title: str = "") -> None:
         axes.set_title(title, fontsize=TITLE_SIZE, loc="left")
 
 
+def named_handles(axes: Axes) -> dict[str, Any]:
+    """What the axes show, by the words of their legend."""
+    return dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+
+
+def score_bars(
+    names: Sequence[str],
+    scores: Sequence[float],
+    colours: Sequence[str],
+    size: tuple[float, float],
+    name_size: float = TICK_SIZE,
+) -> tuple[Figure, Axes]:
+    """Errors in multiples of the floor as bars from top to bottom, each with its number; 1 is the floor."""
+    figure, (axes,) = new_figure(size=size)
+    at = np.arange(len(names), dtype=float)[::-1]
+    axes.axvspan(0.0, 1.0, color=FLOOR, alpha=0.6, lw=0, zorder=0, label="floor")
+    axes.barh(at, scores, 0.6, color=colours)
+    for y, score in zip(at, scores, strict=True):
+        axes.annotate(
+            score_text(score), (score, y), xytext=(5, 0), textcoords="offset points", va="center",
+            fontsize=LABEL_SIZE,
+        )  # fmt: skip
+    named_rows(axes, names, name_size)
+    axes.set_xlim(0.0, 1.12 * max(*scores, 1.0))
+    legend_below(figure, axes)
+    return figure, axes
+
+
+def named_rows(axes: Axes, names: Sequence[str], size: float = TICK_SIZE) -> None:
+    """Names beside horizontal bars, the first at the top."""
+    axes.set_yticks(np.arange(len(names), dtype=float)[::-1], names, fontsize=size)
+    axes.tick_params(axis="y", length=0)
+
+
 def legend(axes: Axes, **options: Any) -> None:
     """A legend without a frame, where there is something to name."""
     if axes.get_legend_handles_labels()[0]:
         axes.legend(fontsize=TICK_SIZE, frameon=False, **options)
 
 
-def legend_below(figure: Figure, handles: Mapping[str, Any]) -> None:
-    """One legend for the whole figure, under it."""
+def legend_below(figure: Figure, of: Axes | Mapping[str, Any]) -> None:
+    """One legend for the whole figure, under it: of what one of its axes names, or handles by their words."""
+    handles = of if isinstance(of, Mapping) else named_handles(of)
     figure.legend(
         list(handles.values()),
         list(handles),

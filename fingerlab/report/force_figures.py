@@ -1,4 +1,4 @@
-"""Measured and modelled endpoint force: in time, by run, normalised, over contact angles."""
+"""Measured and modelled endpoint force, of one prediction and of several models side by side."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fingerlab.core.text import r2_text
+from fingerlab.prediction.comparing import ComparedModel, ModelComparison
+from fingerlab.prediction.predict import Curve, ExtendedPrediction, RunPrediction
+from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.report.figure_style import (
     CANDIDATE,
     FLOOR,
@@ -20,13 +23,16 @@ from fingerlab.report.figure_style import (
     label,
     legend,
     legend_below,
+    named_rows,
     new_figure,
+    score_bars,
 )
 from fingerlab.report.onair_figures import region_patches, run_ticks, shade
 from fingerlab.sessions.model import Array
-from fingerlab.signals.periods import Labels, normalise
+from fingerlab.signals.periods import REGION_TITLES, Labels, normalise
+from fingerlab.thesis.contact import SessionPrediction
 from fingerlab.thesis.prediction import AngleStep, ForcePrediction
-from fingerlab.thesis.traces import RunExcerpt
+from fingerlab.thesis.traces import JOINT_TITLES, RunExcerpt
 
 SERIES = ((MODELLED, "-"), (CANDIDATE, "--"), (RESIDUAL, "-."), (SECOND, ":"), (THIRD, "-"), (FLOOR, "--"))
 """Colour and line style of modelled forces, in order."""
@@ -133,3 +139,129 @@ def angle_figure(prediction: ForcePrediction, sweep: Sequence[AngleStep], title:
     label(axes, "time in the period (s)", "endpoint force (N)", title)
     legend(axes, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
+
+
+STRETCH_S = 5.0
+"""Time shown of a run, s."""
+VARIANT_COLOURS = {"extended": CANDIDATE, "nominal": MODELLED}
+
+
+def extended_figures(result: ExtendedPrediction) -> Mapping[str, Figure]:
+    """Force with its interval, what is missed, peaks by run and normalised force, for each variant."""
+    figures: dict[str, Figure] = {}
+    figures["force"] = force_figure({name: runs[0] for name, runs in result.runs.items()})
+    for name, runs in result.runs.items():
+        title = f"{name} model"
+        predictions = [run.numbers["both"].prediction for run in runs]
+        figures[f"peaks-{name}"] = amplitude_bars([run.run for run in runs], predictions, title)
+        normalised = normalised_force(predictions[0], f"{title}, run {runs[0].run}")
+        if normalised is not None:
+            figures[f"normalised-{name}"] = normalised
+    return figures
+
+
+def force_figure(runs: Mapping[str, RunPrediction]) -> Figure:
+    """Measured and modelled force above, measured less modelled with the interval below.
+
+    Args:
+        runs: one run by each variant; the 90 % interval of the first is drawn.
+    """
+    banded = next(iter(runs))
+    figure, (above, below) = new_figure(2, 1, sharex=True, height_ratios=[3, 2])
+    for name, run in runs.items():
+        curve = _start_of(run.curves[0])
+        colour = VARIANT_COLOURS.get(name, MODELLED)
+        if name == banded:
+            above.plot(curve.time, curve.measured, color=MEASURED, lw=1.6, label="measured")
+            if np.isfinite(curve.half_width).any():
+                for axes, middle, factor in ((above, curve.modelled, 1.0), (below, 0.0, 1e3)):
+                    low, high = middle - curve.half_width, middle + curve.half_width
+                    axes.fill_between(
+                        curve.time, factor * low, factor * high, color=FLOOR, alpha=0.6, lw=0, zorder=0,
+                        label="90 % interval",
+                    )  # fmt: skip
+        style = "--" if name == banded else ":"
+        above.plot(curve.time, curve.modelled, color=colour, ls=style, lw=1.3, label=f"{name} model")
+        below.plot(curve.time, 1e3 * (curve.measured - curve.modelled), color=colour, ls=style, lw=1.2)
+    label(above, "", "endpoint force (N)", f"Run {runs[banded].run}")
+    label(below, "time in the run (s)", "measured less\nmodelled (mN)")
+    for axes in (above, below):
+        axes.margins(x=0.0)
+    figure.align_ylabels()
+    legend_below(figure, above)
+    return figure
+
+
+def _start_of(curve: Curve) -> Curve:
+    part = slice(0, int(np.searchsorted(curve.time, curve.time[0] + STRETCH_S, "right")))
+    return Curve(curve.time[part], curve.measured[part], curve.modelled[part], curve.half_width[part])
+
+
+def comparison_figures(result: ModelComparison) -> Mapping[str, Figure]:
+    """Error in floors and, where there are contact runs, error of the force and its interval, by model."""
+    figures = {"error": error_figure(result.models)}
+    runs = [run for model in result.models for run in model.forces]
+    if runs and all(np.isfinite(run.numbers["both"].value("rmse")) for run in runs):
+        figures["force-error"] = force_error_figure(result.models)
+    return figures
+
+
+def _axis_words(model: ComparedModel) -> str:
+    """Name of the model and its effects, for an axis."""
+    titles = [in_sentence(effect_title(name)) for name in model.effects]
+    return f"{model.name}\n{', '.join(titles)}" if titles else model.name
+
+
+def error_figure(models: Sequence[ComparedModel]) -> Figure:
+    """Error over all equations in multiples of the floor, one bar a model."""
+    colours = [CANDIDATE if m.effects else MODELLED for m in models]
+    names = [_axis_words(m) for m in models]
+    figure, axes = score_bars(names, [m.score for m in models], colours, (7.2, 1.2 + 0.5 * len(models)))
+    label(axes, "error on runs left out of the fit, in multiples of the floor", "")
+    return figure
+
+
+def force_error_figure(models: Sequence[ComparedModel]) -> Figure:
+    """Error of the endpoint force, mean over the contact runs, with every run as a dot."""
+    figure, (axes,) = new_figure(size=(7.2, 1.2 + 0.5 * len(models)))
+    at = np.arange(len(models), dtype=float)[::-1]
+    errors = [1e3 * np.array([r.numbers["both"].value("rmse") for r in m.forces]) for m in models]
+    means = np.array([float(np.mean(e)) for e in errors])
+    axes.barh(at, means, 0.6, color=[CANDIDATE if m.effects else MODELLED for m in models], alpha=0.8)
+    for y, one in zip(at, errors, strict=True):
+        axes.plot(one, np.full(len(one), y), "o", color=MEASURED, ms=3, label="one run" if y == 0 else None)
+    named_rows(axes, [_axis_words(m) for m in models])
+    label(axes, "error of the endpoint force (mN, rms)", "")
+    legend_below(figure, axes)
+    return figure
+
+
+def prediction_figures(result: SessionPrediction) -> Mapping[str, Figure]:
+    """Force in time, peaks by run and normalised force for each cable and joint, and the angle sweep."""
+    figures: dict[str, Figure] = {}
+    for cable, joint in dict.fromkeys((s.cable, s.joint) for s in result.sets.values()):
+        names = [n for n, s in result.sets.items() if (s.cable, s.joint) == (cable, joint)]
+        words = {REGION_TITLES.get(result.sets[n].name, result.sets[n].name): n for n in names}
+        title = f"{JOINT_TITLES[joint]} equation, {cable} cable"
+        forces = {word: result.example_forces[name] for word, name in words.items()}
+        run_title = f"{title}, run {result.example.run}"
+        figures[f"force-{joint}-{cable}-cable"] = force_in_time(result.example, forces, run_title)
+        single = [n for n in names if not result.sets[n].switches]
+        if not single:
+            continue
+        predictions = [run.predictions[single[0]] for run in result.runs]
+        region = REGION_TITLES[result.sets[single[0]].name]
+        figures[f"peaks-{joint}-{cable}-cable"] = amplitude_bars(
+            [run.name for run in result.runs], predictions, f"{title}, {region}"
+        )
+        normalised = normalised_force(predictions[0], f"{title}, {region}, run {result.runs[0].name}")
+        if normalised is not None:
+            figures[f"normalised-{joint}-{cable}-cable"] = normalised
+    if result.sweep and result.sweep_set is not None:
+        swept = next(r for r in result.runs if len(r.predictions[result.sweep_set].measured))
+        figures["contact-angle"] = angle_figure(
+            swept.predictions[result.sweep_set],
+            result.sweep,
+            f"Contact force leaning towards the base, run {swept.name}",
+        )
+    return figures

@@ -62,7 +62,7 @@ def example_run(analysis: ThesisAnalysis) -> OnAirRun | None:
     return next(iter(named or periodic), None)
 
 
-def figure_4_1(analysis: ThesisAnalysis) -> Figure:
+def filtering(analysis: ThesisAnalysis) -> Figure:
     """Filtering of the MCP angle."""
     shown = analysis.example_on_air
     figure, (whole, close) = new_figure(1, 2, (7.2, 3.4), width_ratios=[2, 1])
@@ -79,7 +79,7 @@ def figure_4_1(analysis: ThesisAnalysis) -> Figure:
     whole.set_title(f"MCP angle, run {shown.run}", fontsize=10.5, loc="left")
     close.set_title("the same, close up", fontsize=10.5, loc="left")
     close.xaxis.set_major_locator(MaxNLocator(3))
-    legend_below(figure, dict(zip(*reversed(whole.get_legend_handles_labels()), strict=True)))
+    legend_below(figure, whole)
     return figure
 
 
@@ -90,7 +90,7 @@ def _top(shown: RunExcerpt) -> slice:
     return slice(start, start + width)
 
 
-def figure_4_2(analysis: ThesisAnalysis) -> Figure:
+def regions_of_speed(analysis: ThesisAnalysis) -> Figure:
     """Regions on the joint speeds of an on-air run."""
     figure, axes = new_figure(2, 1, (7.2, 5.0), sharex=True)
     run, shown = example_run(analysis), analysis.example_on_air
@@ -103,7 +103,7 @@ def figure_4_2(analysis: ThesisAnalysis) -> Figure:
     return figure
 
 
-def figure_4_7(analysis: ThesisAnalysis) -> Figure | None:
+def speeds_in_contact(analysis: ThesisAnalysis) -> Figure | None:
     """Speeds in contact between the thresholds of the on-air case."""
     shown, run = analysis.example_contact, example_run(analysis)
     if shown is None or run is None or run.curves is None:
@@ -119,7 +119,7 @@ def figure_4_7(analysis: ThesisAnalysis) -> Figure | None:
     title += "within the on-air thresholds"
     axes[0].set_title(title, fontsize=10.5, loc="left")
     axes[1].set_xlabel("time (s)", fontsize=9)
-    legend_below(figure, dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True)))
+    legend_below(figure, axes[0])
     return figure
 
 
@@ -161,7 +161,7 @@ def region_patches() -> dict[str, Any]:
     return {REGION_TITLES[region]: Patch(color=REGION_SHADES[region]) for region in REGIONS}
 
 
-def figure_4_3(analysis: ThesisAnalysis) -> Figure:
+def r2_of_regions(analysis: ThesisAnalysis) -> Figure:
     """R2 of the four-region regression by run."""
     figure, axes = new_figure(2, 2, (7.2, 5.2), sharex=True, sharey=True)
     results = analysis.fits[FOUR_REGIONS].cables[analysis.cable]
@@ -173,7 +173,7 @@ def figure_4_3(analysis: ThesisAnalysis) -> Figure:
         one.set_ylim(0, 1.02)
     for one in axes[2:]:
         one.set_xlabel("run", fontsize=9)
-    legend_below(figure, dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True)))
+    legend_below(figure, axes[0])
     return figure
 
 
@@ -194,17 +194,8 @@ def run_ticks(axes: Axes, names: tuple[str, ...]) -> None:
     axes.set_xticks(np.arange(0, len(names), step), [name.lstrip("0") or name for name in names[::step]])
 
 
-def figure_4_5(analysis: ThesisAnalysis) -> Figure | None:
-    """Tension-LHS plane of the extension region."""
-    return _plane(analysis, "extension")
-
-
-def figure_4_6(analysis: ThesisAnalysis) -> Figure | None:
-    """Tension-LHS plane of a static region."""
-    return _plane(analysis, "static_1")
-
-
-def _plane(analysis: ThesisAnalysis, region: str) -> Figure | None:
+def tension_plane(analysis: ThesisAnalysis, region: str) -> Figure | None:
+    """Tension-LHS plane of a region."""
     shown = analysis.example_on_air
     if ("pip", region) not in shown.cloud:
         return None
@@ -225,7 +216,7 @@ def _plane(analysis: ThesisAnalysis, region: str) -> Figure | None:
     return figure
 
 
-def figure_4_9(analysis: ThesisAnalysis) -> Figure | None:
+def lhs_and_tension(analysis: ThesisAnalysis) -> Figure | None:
     """Normalised LHS and tension over one period."""
     run = example_run(analysis)
     if run is None or run.curves is None:
@@ -253,7 +244,7 @@ def _phase_time(curves: AveragePeriod) -> Array:
     return np.arange(len(curves.tension)) / len(curves.tension) * curves.period_s
 
 
-def figure_4_10(analysis: ThesisAnalysis) -> Figure | None:
+def delays_by_run(analysis: ThesisAnalysis) -> Figure | None:
     """Delay of each run by cross-correlation."""
     runs = [run for run in analysis.on_air if "pip" in run.delays_s]
     if not runs:
@@ -273,21 +264,12 @@ def figure_4_10(analysis: ThesisAnalysis) -> Figure | None:
     return figure
 
 
-def figure_4_11(analysis: ThesisAnalysis) -> Figure | None:
-    """R2 with the delay from cross-correlation."""
-    return _delay_bars(analysis, "finddelay")
-
-
-def figure_4_14(analysis: ThesisAnalysis) -> Figure | None:
-    """R2 with the delay from findsignal."""
-    return _delay_bars(analysis, "findsignal")
-
-
 def _cable_fit(analysis: ThesisAnalysis, delay: Delay, threshold: int) -> CableFit | None:
     return analysis.fits[FitSpec("flexion-extension", delay, threshold)].cables.get(analysis.cable)
 
 
-def _delay_bars(analysis: ThesisAnalysis, delay: Delay) -> Figure | None:
+def r2_with_delay(analysis: ThesisAnalysis, delay: Delay) -> Figure | None:
+    """R2 of flexion and extension by run and threshold, with the delay from one method."""
     fits = {t: fit for t in THRESHOLDS_PERCENT if (fit := _cable_fit(analysis, delay, t)) is not None}
     if not fits:
         return None
@@ -301,21 +283,12 @@ def _delay_bars(analysis: ThesisAnalysis, delay: Delay) -> Figure | None:
         one.set_ylim(0, 1.02)
         label(one, "", "R2 (–)", f"PIP, {region}, delay by {DELAY_TITLES[delay]}")
     axes[-1].set_xlabel("run", fontsize=9)
-    legend_below(figure, dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True)))
+    legend_below(figure, axes[0])
     return figure
 
 
-def figure_4_12(analysis: ThesisAnalysis) -> Figure | None:
-    """LHS and tension shifted by the cross-correlation delay."""
-    return _alignment(analysis, "finddelay", ("flexion", "extension"))
-
-
-def figure_4_13(analysis: ThesisAnalysis) -> Figure | None:
-    """LHS and tension shifted by the findsignal delay of the extension region."""
-    return _alignment(analysis, "findsignal", ("extension",))
-
-
-def _alignment(analysis: ThesisAnalysis, delay: Delay, regions: tuple[str, ...]) -> Figure | None:
+def aligned(analysis: ThesisAnalysis, delay: Delay, regions: tuple[str, ...]) -> Figure | None:
+    """LHS and tension of the average period, shifted by the delay of the last of the regions."""
     run = example_run(analysis)
     spec = FitSpec("flexion-extension", delay, 10)
     if run is None or run.curves is None or spec not in run.fits:
@@ -342,7 +315,7 @@ def _alignment(analysis: ThesisAnalysis, delay: Delay, regions: tuple[str, ...])
     return figure
 
 
-def figure_4_15(analysis: ThesisAnalysis) -> Figure | None:
+def mean_r2(analysis: ThesisAnalysis) -> Figure | None:
     """Average R2 by region, delay method and threshold."""
     figure, axes = new_figure(1, 2, (7.2, 3.6), sharey=True)
     at = np.arange(len(THESIS_DELAYS), dtype=float)
@@ -363,5 +336,5 @@ def figure_4_15(analysis: ThesisAnalysis) -> Figure | None:
         label(one, "", "mean R2 over runs (–)", f"PIP, {region}")
         one.set_ylim(0, 1.05)
         one.yaxis.set_major_locator(MaxNLocator(6))
-    legend_below(figure, dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True)))
+    legend_below(figure, axes[0])
     return figure

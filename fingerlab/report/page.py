@@ -20,16 +20,16 @@ from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report import page_tables as tables
-from fingerlab.report.analysis_section import Analysis
-from fingerlab.report.content import Content, Progress, gather
+from fingerlab.report.content import Analysis, Content, Prediction, Progress, gather
 from fingerlab.report.diagnosis_figures import (
     QUANTITIES,
-    Shown,
+    Stretch,
     chosen_stretches,
     comparison_figure,
     failure_stretch,
     fingerprint_figure,
     path_figure,
+    where_figure,
 )
 from fingerlab.report.equation_text import (
     VALUES_TITLE,
@@ -39,11 +39,9 @@ from fingerlab.report.equation_text import (
     html_words,
     to_latex,
 )
+from fingerlab.report.page_tables import calibration_rows, calibration_sentence, rig_hash, versions
 from fingerlab.report.pdf import pdf_of_page
 from fingerlab.report.pictures import NamedFigure, Pictures, save_figures
-from fingerlab.report.prediction_section import Prediction
-from fingerlab.report.provenance import calibration_rows, calibration_sentence, rig_hash, versions
-from fingerlab.report.where_figures import where_figure
 from fingerlab.sessions.model import Session
 
 FEWEST_CANDIDATES = 2
@@ -304,7 +302,7 @@ def _equations(diagnosis: Diagnosis, pictures: Pictures, many: bool) -> list[dic
     return result
 
 
-def _caption(shown: Shown, many: bool) -> str:
+def _caption(shown: Stretch, many: bool) -> str:
     one: Comparison = shown.comparison
     name = f"{Path(one.session).name}, run {one.run}" if many else f"run {one.run}"
     return f"{name}, {words.PHASE_WORDS.get(one.phase, one.phase)}, {shown.start:.1f} to {shown.stop:.1f} s"

@@ -15,8 +15,7 @@ from xml.etree import ElementTree
 from matplotlib.figure import Figure
 from pypdf import PdfReader, PdfWriter, Transformation
 
-from fingerlab.report.pdf_paper import Paper, Placed, Wanted
-from fingerlab.report.pdf_table import read_table, set_table
+from fingerlab.report.pdf_paper import FigurePlace, Paper, PlacedFigure, read_table, set_table
 from fingerlab.report.pictures import NamedFigure
 
 XHTML = "{http://www.w3.org/1999/xhtml}"
@@ -117,12 +116,12 @@ class _Reader:
     def _figure_row(self, elements: list[Element], columns: int = 1) -> None:
         self._paper.figures([self._place(element, columns) for element in elements], columns)
 
-    def _place(self, element: Element, columns: int) -> Wanted:
+    def _place(self, element: Element, columns: int) -> FigurePlace:
         key = next(element.iter(SVG)).get("id", "")
         width, height = self._figures[key].figure.get_size_inches()
         caption = element.find(f"{XHTML}figcaption")
         narrow = columns == 1 and "half" in _classes(element)
-        return Wanted(
+        return FigurePlace(
             key, height / width, "" if caption is None else words(caption), NARROW if narrow else 1.0
         )
 
@@ -160,7 +159,7 @@ def _classes(element: Element) -> set[str]:
     return set((element.get("class") or "").split())
 
 
-def _with_figures(text: bytes, placed: list[Placed], figures: Mapping[str, NamedFigure]) -> bytes:
+def _with_figures(text: bytes, placed: list[PlacedFigure], figures: Mapping[str, NamedFigure]) -> bytes:
     writer = PdfWriter(clone_from=PdfReader(io.BytesIO(text)))
     for one in placed:
         page = writer.pages[one.page - 1]

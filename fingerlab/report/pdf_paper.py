@@ -1,15 +1,17 @@
-"""Paper of the PDF report: A4, one typeface, headings that stay with what follows, places for figures."""
+"""Paper of the PDF report: A4, one typeface, headings that stay with what follows, figures, and tables."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import matplotlib as mpl
 from fpdf import FPDF
-from fpdf.enums import MethodReturnValue
+from fpdf.enums import MethodReturnValue, TableBordersLayout, VAlign
+from fpdf.fonts import FontFace
 
 MARGIN, FOOT = 18.0, 16.0  # mm
 GAP = 2.0
@@ -35,7 +37,7 @@ MM_PER_POINT = 25.4 / 72.0
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedFigure:
     """Where a figure belongs: page from 1, left, top and width in mm."""
 
     key: str
@@ -46,7 +48,7 @@ class Placed:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class FigurePlace:
     """A figure to be set: height over width, caption, and the share of its column's width that it takes."""
 
     key: str
@@ -60,7 +62,7 @@ class Paper(FPDF):
 
     def __init__(self, title: str) -> None:
         super().__init__(orientation="portrait", unit="mm", format="A4")
-        self.placed: list[Placed] = []
+        self.placed: list[PlacedFigure] = []
         self._title = title
         self.set_title(title)
         self.set_creator("FingerLab")
@@ -158,7 +160,7 @@ class Paper(FPDF):
             self._lines(value, SIZES["text"], self.epw - 28.0)
         self.ln(1.5)
 
-    def figures(self, wanted: Sequence[Wanted], columns: int) -> None:
+    def figures(self, wanted: Sequence[FigurePlace], columns: int) -> None:
         """Figures beside each other, each with its caption below; smaller where they fit the page only so."""
         if self.least_height(wanted, columns) > self.room():
             self.add_page()
@@ -167,7 +169,7 @@ class Paper(FPDF):
         top, x = self.get_y() + 1.0, self.l_margin
         for one in wanted:
             drawn = scale * one.share * width
-            self.placed.append(Placed(one.key, self.page_no(), x, top, drawn))
+            self.placed.append(PlacedFigure(one.key, self.page_no(), x, top, drawn))
             if one.caption:
                 self._letters("small", MUTED)
                 self.set_xy(x, top + drawn * one.shape + 0.5)
@@ -175,11 +177,11 @@ class Paper(FPDF):
             x += width + 2 * GAP
         self.set_xy(self.l_margin, top + tall)
 
-    def least_height(self, wanted: Sequence[Wanted], columns: int) -> float:
+    def least_height(self, wanted: Sequence[FigurePlace], columns: int) -> float:
         """Height that a row of figures takes at least, mm."""
         return self._row_height(wanted, columns, self._scale(wanted, columns, 0.0))
 
-    def _scale(self, wanted: Sequence[Wanted], columns: int, room: float) -> float:
+    def _scale(self, wanted: Sequence[FigurePlace], columns: int, room: float) -> float:
         """Share of their size, from ``SMALLEST`` to 1, at which figures fit into ``room`` mm."""
         highest = max(one.share * self._column(columns) * one.shape for one in wanted)
         if highest < SHRINKS_FROM:
@@ -187,7 +189,7 @@ class Paper(FPDF):
         over = self._row_height(wanted, columns, 1.0) - room
         return min(max(1.0 - over / highest, SMALLEST), 1.0)
 
-    def _row_height(self, wanted: Sequence[Wanted], columns: int, scale: float) -> float:
+    def _row_height(self, wanted: Sequence[FigurePlace], columns: int, scale: float) -> float:
         width = self._column(columns)
         self._letters("small", MUTED)
         below = [self._height(one.caption, width, "small") for one in wanted]
@@ -223,3 +225,142 @@ class Paper(FPDF):
 def _line(size: Any) -> float:
     """Height of a line, mm."""
     return SIZES[size] * MM_PER_POINT * LINE
+
+
+XHTML = "{http://www.w3.org/1999/xhtml}"
+PADDING, ABOVE = 1.4, 0.6  # mm
+FEWEST_ROWS = 3
+"""Rows that the last page of a table has at least."""
+ROUNDING = 1e-3  # mm
+LONGEST_WORD = 40.0
+"""A word longer than this may be broken where a table is too wide, mm."""
+NAMES = 0.25
+"""Share of the paper's width that a column of names keeps beside one that holds whole sentences."""
+
+
+@dataclass(frozen=True)
+class PaperTable:
+    """Text of a table; bars are left out, the number beside each says the same."""
+
+    caption: str
+    head: list[str]
+    rows: list[list[str]]
+    right: list[bool]
+
+
+def read_table(element: ElementTree.Element, words: Callable[[ElementTree.Element], str]) -> PaperTable:
+    """The table that an element of the page holds."""
+    caption = element.find(f"{XHTML}caption")
+    head = element.findall(f"{XHTML}thead/{XHTML}tr/*")
+    rows = [list(row) for row in element.findall(f"{XHTML}tbody/{XHTML}tr")]
+    bars = {i for row in rows for i, cell in enumerate(row) if "bar" in (cell.get("class") or "").split()}
+    count = max((len(row) for row in rows), default=len(head))
+    kept = [i for i in range(count) if i not in bars]
+    first = head or (rows[0] if rows else [])
+    return PaperTable(
+        "" if caption is None else words(caption),
+        [words(head[i]) for i in kept] if head else [],
+        [[words(row[i]) if i < len(row) else "" for i in kept] for row in rows],
+        ["number" in (first[i].get("class") or "").split() if i < len(first) else False for i in kept],
+    )
+
+
+def set_table(paper: Paper, table: PaperTable) -> None:
+    """Write a table where the text stands."""
+    if not table.rows:
+        return
+    if paper.room() < KEEP[3]:
+        paper.add_page()
+    if table.caption:
+        paper.paragraph(table.caption, quiet=True)
+    for rows in _pages(paper, table):
+        if rows[0] is not table.rows[0]:
+            paper.add_page()
+        _set_rows(paper, table, rows)
+    paper.ln(2.5)
+
+
+def _pages(paper: Paper, table: PaperTable) -> list[list[list[str]]]:
+    """The rows in one piece; in two where a page would else begin with one or two rows alone."""
+    high = SIZES["small"] * MM_PER_POINT * LINE + 2 * ABOVE
+    here = int(paper.room() // high) - bool(table.head)
+    count = len(table.rows)
+    if not 0 < count - here < FEWEST_ROWS or count < 2 * FEWEST_ROWS:
+        return [table.rows]
+    return [table.rows[:-FEWEST_ROWS], table.rows[-FEWEST_ROWS:]]
+
+
+def _set_rows(paper: Paper, table: PaperTable, rows: list[list[str]]) -> None:
+    paper.set_font("text", "", SIZES["small"])
+    paper.set_text_color(*TEXT)
+    paper.set_draw_color(*LINES)
+    paper.set_fill_color(255, 255, 255)
+    widths = _widths(paper, table)
+    head = FontFace(family="text", emphasis="BOLD", color=MUTED)
+    with paper.table(
+        width=min(sum(widths), paper.epw), col_widths=tuple(widths), align="LEFT", headings_style=head,
+        first_row_as_headings=bool(table.head), borders_layout=TableBordersLayout.HORIZONTAL_LINES,
+        text_align=tuple("RIGHT" if right else "LEFT" for right in table.right),
+        v_align=VAlign.T, line_height=SIZES["small"] * MM_PER_POINT * LINE,
+        padding=(ABOVE, PADDING, ABOVE, 0.0),
+    ) as grid:  # fmt: skip
+        for row in ([table.head] if table.head else []) + rows:
+            grid.row(row)
+
+
+def _widths(paper: Paper, table: PaperTable) -> list[float]:
+    """What each column would like; where that is too much, heads wrap, then words; numbers stay whole.
+
+    A head takes more than two lines only where no column of sentences can give way before it.
+    """
+    measured = [_needs(paper, table, i) for i in range(len(table.right))]
+    likes, in_two, whole, least = (list(needs) for needs in zip(*measured, strict=True))
+    widths = likes
+    _narrow(widths, in_two, paper.epw)
+    if max(widths) > paper.epw:  # a column of whole sentences: names beside it give way before it does
+        names = NAMES * paper.epw
+        kept = [
+            two if two > paper.epw else max(low, min(two, names))
+            for two, low in zip(in_two, least, strict=True)
+        ]
+        _narrow(widths, kept, paper.epw)
+    else:
+        _narrow(widths, whole, paper.epw)
+    _narrow(widths, least, paper.epw)
+    over = sum(widths) / paper.epw
+    return [w / over for w in widths] if over > 1.0 + ROUNDING else widths
+
+
+def _needs(paper: Paper, table: PaperTable, column: int) -> list[float]:
+    """Widths of a column: nothing wrapped, the head in two lines, in more, its words wrapped too, mm."""
+    lines = [line for row in table.rows for line in row[column].split("\n")]
+    body = max((paper.get_string_width(line) for line in lines), default=0.0)
+    word = max((paper.get_string_width(w) for line in lines for w in line.split()), default=0.0)
+    paper.set_font("text", "B", SIZES["small"])
+    title = table.head[column] if table.head else ""
+    head = paper.get_string_width(title)
+    head_two = _in_two_lines(paper, title)
+    head_word = max((paper.get_string_width(w) for w in title.split()), default=0.0)
+    paper.set_font("text", "", SIZES["small"])
+    room = 2 * PADDING + 1.0
+    least = body if table.right[column] else min(word, LONGEST_WORD)
+    pairs = ((body, head), (body, head_two), (body, head_word), (least, head_word))
+    return [max(pair) + room for pair in pairs]
+
+
+def _in_two_lines(paper: Paper, title: str) -> float:
+    """Width from which a head takes no more than two lines, mm."""
+    apart = title.split()
+    if len(apart) < 2:
+        return float(paper.get_string_width(title))
+    splits = ((" ".join(apart[:k]), " ".join(apart[k:])) for k in range(1, len(apart)))
+    return min(max(float(paper.get_string_width(line)) for line in split) for split in splits)
+
+
+def _narrow(widths: list[float], floors: list[float], room: float) -> None:
+    """Take from the columns what is over ``room``, first where most can be spared, down to the floors."""
+    while (over := sum(widths) - room) > ROUNDING:
+        i = max(range(len(widths)), key=lambda k: widths[k] - floors[k])
+        if widths[i] <= floors[i]:
+            return
+        widths[i] = max(floors[i], widths[i] - over)

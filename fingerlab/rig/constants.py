@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, TypeVar
 
 from fingerlab.core.errors import UserError
@@ -82,8 +82,8 @@ class Rig:
         """The JSON text of ``session-format.md``, unknown keys included."""
         data: dict[str, Any] = dict(self.extra)
         if self.finger is not None:
-            data["finger"] = vars(self.finger)
-        data["motor"] = {name: value for name, value in vars(self.motor).items() if value is not None}
+            data["finger"] = asdict(self.finger)
+        data["motor"] = {name: value for name, value in asdict(self.motor).items() if value is not None}
         if self.tolerance:
             data["tolerance"] = dict(self.tolerance)
         return json.dumps(data)

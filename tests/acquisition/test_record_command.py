@@ -21,10 +21,11 @@ from fingerlab.acquisition.protocol import Record, plan_steps
 from fingerlab.acquisition.requests import LoopSettings, ReadyStart, prepare
 from fingerlab.acquisition.trajectories import read_trajectory
 from fingerlab.acquisition.units import BenchUnits
-from fingerlab.cli.proposals import single_plan
 from fingerlab.cli.record import record
+from fingerlab.cli.simulate import single_plan
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.experiment.predicted_runs import BENCH_LOADS_NM, bench_menu
+from fingerlab.diagnosis.experiment.predicted_runs import bench_menu
+from fingerlab.diagnosis.settings import BENCH_LOADS_NM
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 

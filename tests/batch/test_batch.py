@@ -116,7 +116,7 @@ def test_the_summary_tells_a_person_how_the_bench_ages(finished: Finished) -> No
 def test_the_summary_fits_a_terminal(
     finished: Finished, monkeypatch: pytest.MonkeyPatch, bench: Path
 ) -> None:
-    monkeypatch.setattr("fingerlab.cli.output.TABLE_WIDTH", 80)
+    monkeypatch.setattr("fingerlab.cli.common.TABLE_WIDTH", 80)
     again = call(bench, "--out", finished.table)
     assert again.exit_code == 0
     assert max(len(line) for line in again.stdout.splitlines()) <= 80

@@ -193,7 +193,7 @@ def test_the_effect_that_the_rig_has_is_found(answer: dict[str, Any]) -> None:
 def test_added_effects_leave_the_candidates_and_the_table_fits_a_terminal(
     session_file: Path, answer: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fingerlab.cli.output.TABLE_WIDTH", 80)
+    monkeypatch.setattr("fingerlab.cli.common.TABLE_WIDTH", 80)
     target = tmp_path / "out.json"
     code, out, _ = call("diagnose", session_file, "--add", "coulomb_friction", "--json", target)
     assert code == 0

@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from fingerlab.cli.replicate import replicate
-from fingerlab.report.replicate import TOLERANCES, compare
+from fingerlab.cli.replicate import TOLERANCES, compare, replicate
 from fingerlab.thesis.analysis import PUBLISHED, PublishedQuantity
 
 
@@ -61,14 +60,14 @@ def quantity(key: str, *runs: float) -> PublishedQuantity:
     ],
 )
 def test_a_number_outside_the_published_spread_is_marked(key: str, ours: float, outside: bool | None) -> None:
-    line = next(line for line in compare([[quantity(key, ours)]]) if line.key == key)
+    line = next(line for line in compare([[quantity(key, ours)]]) if line.published.key == key)
     assert line.outside is outside
 
 
 def test_runs_of_several_benches_count_together() -> None:
     benches = [[quantity("r2_normalised", 0.95, 0.96)], [quantity("r2_normalised", 0.99)]]
-    line = next(line for line in compare(benches) if line.key == "r2_normalised")
-    assert line.ours == pytest.approx((0.95 + 0.96 + 0.99) / 3)
+    line = next(line for line in compare(benches) if line.published.key == "r2_normalised")
+    assert line.ours.mean == pytest.approx((0.95 + 0.96 + 0.99) / 3)
     assert line.outside is False
 
 

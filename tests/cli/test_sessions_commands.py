@@ -114,7 +114,7 @@ def test_dry_run_writes_nothing(tmp_path, capsys):
 def test_on_a_terminal_it_asks_before_it_writes(tmp_path, capsys, monkeypatch, answer, code):
     path = bench_text(tmp_path)
 
-    monkeypatch.setattr(command, "_on_a_terminal", lambda: True)
+    monkeypatch.setattr(command, "somebody_there", lambda: True)
     monkeypatch.setattr("click.termui.visible_prompt_func", lambda *_: answer.strip())
     found, _, err = run_main(["import", path, "--out", tmp_path / "s.h5"], capsys)
     assert found == code

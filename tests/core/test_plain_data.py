@@ -34,6 +34,7 @@ def test_what_is_left_out_has_the_default_of_its_section() -> None:
     found = structured(Bench, {"name": "b", "sensor": {"gain": 3, "sign": -1.0}, "later": 1})
     assert found == Bench("b", Sensor("ai0", 3.0, -1))
     assert isinstance(found.sensor.gain, float)
+    assert vars(found) == {"name": "b", "sensor": found.sensor, "mode": "slow", "folder": None, "sources": {}}
     assert isinstance(found.sensor.sign, int)
 
 
@@ -78,3 +79,8 @@ def test_a_rig_text_says_which_constant_is_wrong(finger: object, says: str, tmp_
     with pytest.raises(UserError) as caught:
         Rig.from_json(json.dumps({"finger": finger}), "S.h5, attribute 'rig'")
     assert str(caught.value).startswith(f"S.h5, attribute 'rig', {says}")
+
+
+def test_a_rig_text_states_every_constant_that_its_reader_left_to_the_default() -> None:
+    again = json.loads(Rig.from_json('{"motor": {"inertia": null}}').to_json())
+    assert again == {"motor": {"torque_constant": 0.0302, "gear_ratio": 4.3}}

@@ -10,13 +10,14 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.signal import firwin, freqz
 
-from fingerlab.diagnosis.answer.wording import Z90, deviations
+from fingerlab.diagnosis.answer.wording import deviations
 from fingerlab.diagnosis.fit import solver
 from fingerlab.diagnosis.fit.solver import Fitter, bounded_step
 from fingerlab.diagnosis.fit.weights import Data
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.settings import Z90
 from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions.model import Run, Session
 

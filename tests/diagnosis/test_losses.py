@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.equations.model import Choice, Model
+from fingerlab.diagnosis.equations.model import Choice, Model, Unknown
 from fingerlab.diagnosis.fit.solver import surprise
 from fingerlab.effects import CATALOGUE
-from fingerlab.effects.base import Gain
+from fingerlab.physics.parameter import Parameter
 
 RADIUS = 0.015
 ROUTINGS = ("extension", "flexion")
@@ -25,6 +26,21 @@ SIDES = np.array([-1.0, -1.0, 1.0, 1.0])
 LEVERS = np.array(list(ARMS.values()))
 
 
+def unknown(key: str, spread: float = 1.0) -> Unknown:
+    """A nuisance, of one routing or of all, or a gain of an effect."""
+    effect, _, gain = key.rpartition(".")
+    name, _, cable = gain.partition("@")
+    return Unknown(name, Parameter("", -1.0, 1.0, spread), effect, cable)
+
+
+def holding(effect: str, keys: Iterable[str], spread: float = 1.0) -> Model:
+    unknowns = tuple(unknown(key, spread) for key in keys)
+    index = {u.key: place for place, u in enumerate(unknowns)}
+    assert list(index) == list(keys)
+    model: Any = SimpleNamespace(unknowns=unknowns, index=index, choices=(Choice(CATALOGUE[effect]),))
+    return cast(Model, model)
+
+
 def odds(effect: str, losses: np.ndarray, **gains: float) -> float:
     """Twice the log density that four losses (N m) take away from a model with the effect."""
     names = [key.replace("arm", "loss") for key in ARMS]
@@ -33,9 +49,7 @@ def odds(effect: str, losses: np.ndarray, **gains: float) -> float:
         **ARMS,
         **{f"{effect}.{k}": v for k, v in gains.items()},
     }
-    unknowns = [SimpleNamespace(key=key) for key in known]
-    model = SimpleNamespace(unknowns=unknowns, choices=(Choice(CATALOGUE[effect]),))
-    return surprise(cast(Model, cast(Any, model)), np.array(list(known.values())), RADIUS, ROUTINGS)
+    return surprise(holding(effect, known), np.array(list(known.values())), RADIUS, ROUTINGS)
 
 
 def in_favour_of_a_difference(losses: np.ndarray) -> float:
@@ -77,10 +91,8 @@ def test_the_motor_alone_tells_a_difference_from_a_current_that_is_off() -> None
 
     def told(effect: str, **known: float) -> float:
         values = {**dict(zip(names, wanted, strict=True)), **ARMS, **known}
-        gain = Gain("N m", -1.0, 1.0, spread)
-        unknowns = [SimpleNamespace(key=key, gain=gain) for key in values]
-        model = SimpleNamespace(unknowns=unknowns, choices=(Choice(CATALOGUE[effect]),))
-        return surprise(cast(Model, cast(Any, model)), np.array(list(values.values())), RADIUS, ROUTINGS)
+        model = holding(effect, values, spread)
+        return surprise(model, np.array(list(values.values())), RADIUS, ROUTINGS)
 
     plain = {"motor_coulomb_friction.coulomb": coulomb}
     off = told("motor_coulomb_friction", torque_zero=zero, **plain)

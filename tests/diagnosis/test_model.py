@@ -51,7 +51,7 @@ def test_derivatives_are_finite_differences(reduced: Reduced, effects: tuple[str
         _, jacobian = model.coefficients(values, group)
         assert jacobian.shape == (len(model.active), len(values))
         for i, unknown in enumerate(model.unknowns):
-            step = 1e-5 * (unknown.gain.high - unknown.gain.low)
+            step = 1e-5 * (unknown.parameter.high - unknown.parameter.low)
             up, down = values.copy(), values.copy()
             up[i] += step
             down[i] -= step

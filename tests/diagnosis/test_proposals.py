@@ -34,7 +34,8 @@ from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.next_effect import judge_all
-from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, NARROW_RATE_HZ
+from fingerlab.diagnosis.settings import NARROW_RATE_HZ
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Session

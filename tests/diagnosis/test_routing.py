@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.equations.parameters import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD, spread_of, tie
+from fingerlab.diagnosis.equations.parameters import spread_of, tie
+from fingerlab.diagnosis.settings import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
 from fingerlab.rig.constants import Motor, Rig
 
 INDEX = {

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.equations.model import build
-from fingerlab.diagnosis.fit.weights import SET_DOWN_N, Weighted, own_to_a_run
+from fingerlab.diagnosis.fit.weights import Weighted, own_to_a_run
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.scorer import explained
+from fingerlab.diagnosis.settings import SET_DOWN_N
 
 from . import closed_form as made
 

@@ -13,7 +13,7 @@ import pytest
 import fingerlab.batch.rows
 import fingerlab.diagnosis
 import fingerlab.prediction
-import fingerlab.report.prediction_section
+import fingerlab.report.content
 import fingerlab.twin.protocols
 from fingerlab.cli.main import cli
 from tests.docs.console import INSTALLS, OURS, Console, console_lines, mentions, shell_lines
@@ -73,7 +73,7 @@ def shelf(tmp_path_factory: pytest.TempPathFactory, patched: pytest.MonkeyPatch)
     for module in (fingerlab.diagnosis, fingerlab.batch.rows):
         patched.setattr(module, "diagnose", diagnose)
     fit = Remembered(fingerlab.prediction.fit_extended)
-    for module in (fingerlab.prediction, fingerlab.report.prediction_section):
+    for module in (fingerlab.prediction, fingerlab.report.content):
         patched.setattr(module, "fit_extended", fit)
     stop_the_clock(patched)
     thin_reports(patched)

@@ -232,16 +232,17 @@ def test_the_page_of_commands_has_all_of_them(pages: dict[str, str]) -> None:
     assert re.findall(r"^## (\S+)$", pages["commands.md"], re.MULTILINE) == list(COMMANDS)
 
 
-def test_the_numbers_of_the_diagnosis_are_read_from_its_modules(pages: dict[str, str]) -> None:
-    from fingerlab.diagnosis.score import selection
-    from fingerlab.diagnosis.signals import conditions
+def test_the_numbers_of_the_diagnosis_are_read_from_its_settings(pages: dict[str, str]) -> None:
+    from fingerlab.diagnosis import settings
 
     made = sys.modules["stated"]
     rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", pages["decisions.md"], re.MULTILINE))
-    assert float(rows["CORRELATED_VALUES"]) == selection.CORRELATED_VALUES
-    assert float(rows["SAME_SHARE"]) == conditions.SAME_SHARE
+    assert float(rows["CORRELATED_VALUES"]) == settings.CORRELATED_VALUES
+    assert float(rows["SAME_SHARE"]) == settings.SAME_SHARE
     assert rows["SAME_DIFFERENCE"].startswith("frequency hz 0.02, amplitude deg 1")
-    assert all(len(list(made.stated(name))) > 0 for name in made.MODULES)
+    every = [row for numbers in made.stated().values() for row in numbers]
+    assert len(every) > 100
+    assert all(made.shown(value) and said for _, value, said in every)
     assert made.shown({"a": object()}) == made.shown(float("inf")) == ""
 
 

@@ -67,12 +67,14 @@ LISTED = """
 import json
 from fingerlab.effects import CATALOGUE
 from fingerlab.twin.effects import EFFECTS
-from fingerlab.ui.acquire.opening import effect_choices
+from fingerlab.ui.acquire.bench_setup import effect_choices
 from tests.hidden.sweep.__main__ import trials
+from tests.hidden.sweep.table import near
 blind = trials({"rich", "pairs", "outside"}, list(EFFECTS), [101])
 print(json.dumps({
     "catalogue": list(CATALOGUE), "bench": list(EFFECTS), "window": dict(effect_choices()),
     "sweep": sorted({name for trial in blind for name in trial.effects}),
+    "near": [name for name in EFFECTS if near("seal_drag", name)],
 }))
 """
 
@@ -113,6 +115,7 @@ def test_lists_of_the_program_the_window_and_the_blind_trials_have_it(copy: Path
     assert len(told["catalogue"]) == len(told["bench"]) == 34
     assert told["window"]["seal_drag"] == "Seal that drags"
     assert "seal_drag" in told["sweep"]
+    assert told["near"] == ["motor_viscous_friction"]
 
 
 def test_the_command_line_has_it(copy: Path) -> None:

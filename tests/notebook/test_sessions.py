@@ -15,7 +15,7 @@ import xarray
 
 import fingerlab
 from fingerlab.core.errors import UserError
-from fingerlab.notebook.layout import Table, filled
+from fingerlab.notebook.display import TextTable, filled
 from fingerlab.sessions import Run
 
 MakeSession = Callable[..., Path]
@@ -92,7 +92,7 @@ def test_channels_as_read_get_a_name_that_xarray_takes() -> None:
         units={"raw/force": "V"},
         attributes={"complete": np.True_},
     )
-    from fingerlab.notebook.arrays import run_dataset
+    from fingerlab.notebook.data import run_dataset
 
     data = run_dataset(run)
     assert data["raw_force"].values.tolist() == [1.0, 2.0, 3.0]
@@ -130,7 +130,7 @@ def test_the_figure_of_a_run_shows_degrees(make_session: MakeSession) -> None:
 
 
 def test_a_table_aligns_numbers_at_the_right() -> None:
-    table = Table(("name", "n"), [("a", "1"), ("bcdef", "100")], frozenset({1}), "two & three")
+    table = TextTable(("name", "n"), [("a", "1"), ("bcdef", "100")], frozenset({1}), "two & three")
     assert table.text() == "two & three\nname     n\na        1\nbcdef  100"
     assert "two &amp; three" in table.html()
     assert '<td style="text-align:right">100</td>' in table.html()

@@ -75,7 +75,7 @@ def test_the_wheel_starts_without_the_checkout(built: tuple[Path, Path], tmp_pat
         wheel.extractall(tmp_path / "site")
     code = (
         f"import sys; sys.path.insert(0, {str(tmp_path / 'site')!r})\n"
-        "import fingerlab, fingerlab.ui.registry\n"
+        "import fingerlab, fingerlab.ui.app.tab_registry\n"
         "from importlib.resources import files\n"
         "print(fingerlab.__file__, fingerlab.ui.__file__, files('fingerlab.resources') / 'rigs')\n"
         "assert (files('fingerlab.resources') / 'rigs' / 'default.toml').is_file()\n"

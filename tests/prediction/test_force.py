@@ -109,7 +109,8 @@ def test_a_delay_is_taken_out() -> None:
     """Angles and force recorded 63 ms late: the motor's channels must be moved to later by as much."""
     made = session(tension("pip", TRUE_FORCE), None)
     (stretch,) = contact_stretches(made, made.runs[0])
-    force = solved_forces(stretch, [], VALUES | {"delay": 0.063}, "M")["pip"]
+    one = CATALOGUE["transport_delay"]
+    force = solved_forces(stretch, [one], VALUES | {"delay": 0.063}, "M")["pip"]
     late = np.interp(stretch.time - 0.063, TIME, TRUE_FORCE)
     assert force == pytest.approx(late, abs=5e-4)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fingerlab.core.text import in_words, r2_text, with_minus
-from fingerlab.report.analysis_section import analyse
+from fingerlab.report.content import analyse
 from fingerlab.sessions import open_session
 
 

@@ -14,8 +14,7 @@ from pypdf import PdfReader
 from fingerlab.core.errors import UserError
 from fingerlab.report.page import Extras, write_report
 from fingerlab.report.pdf import pdf_of_page, pieces, words
-from fingerlab.report.pdf_paper import Paper, Wanted
-from fingerlab.report.pdf_table import Table, set_table
+from fingerlab.report.pdf_paper import FigurePlace, Paper, PaperTable, set_table
 from fingerlab.report.pictures import FORMATS, NamedFigure
 from fingerlab.sessions import open_session
 
@@ -112,14 +111,14 @@ def test_a_figure_shrinks_a_little_before_it_leaves_the_rest_of_a_page_empty() -
     """A4 has 297 - 18 - 20 = 259 mm of height: below one of 130 mm and its gap there is room for 123."""
     paper = Paper("title")
     for key in ("first", "second"):
-        paper.figures([Wanted(key, 130.0 / 174.0, "", 1.0)], 1)
+        paper.figures([FigurePlace(key, 130.0 / 174.0, "", 1.0)], 1)
     first, second = paper.placed
     assert (first.page, first.width) == (1, pytest.approx(174.0, rel=1e-4))
     assert second.page == 1
     assert second.width == pytest.approx(174.0 * 123.0 / 130.0, rel=1e-3)
     paper = Paper("title")
     for key in ("first", "too high to shrink so far"):
-        paper.figures([Wanted(key, 170.0 / 174.0, "", 1.0)], 1)
+        paper.figures([FigurePlace(key, 170.0 / 174.0, "", 1.0)], 1)
     assert [(one.page, one.width) for one in paper.placed] == [
         (n, pytest.approx(174.0, rel=1e-4)) for n in (1, 2)
     ]
@@ -128,11 +127,15 @@ def test_a_figure_shrinks_a_little_before_it_leaves_the_rest_of_a_page_empty() -
 def test_heads_wrap_before_names_do_and_names_before_sentences() -> None:
     paper = Paper("title")
     head = ["Model", *(["Peak of what was modelled (N)"] * 6)]
-    set_table(paper, Table("", head, [["With the effects", *["1.234 ± 0.001"] * 6]], [False] + [True] * 6))
+    set_table(
+        paper, PaperTable("", head, [["With the effects", *["1.234 ± 0.001"] * 6]], [False] + [True] * 6)
+    )
     tale = " ".join(["the missing torque follows the speed"] * 6)
-    set_table(paper, Table("", [], [["Other inertia of rotor, gearbox and pulley", tale]], [False, False]))
+    set_table(
+        paper, PaperTable("", [], [["Other inertia of rotor, gearbox and pulley", tale]], [False, False])
+    )
     told = [["Stribeck friction in motor and gearbox", "1.23", tale]]
-    set_table(paper, Table("", ["Effect", "Error with it", "What was seen"], told, [False, True, False]))
+    set_table(paper, PaperTable("", ["Effect", "Error with it", "What was seen"], told, [False, True, False]))
     lines = PdfReader(io.BytesIO(bytes(paper.output()))).pages[0].extract_text().splitlines()
     assert any(line.startswith("with it") for line in lines)  # two lines, not three
     assert any("With the effects" in line for line in lines)
@@ -161,7 +164,7 @@ def test_no_page_begins_with_a_single_row_or_the_end_of_a_short_paragraph() -> N
     for left, last in ((10.5, 0), (9.5, 3), (8.5, 3), (6.5, 4)):
         paper = Paper("title")
         paper.set_y(paper.h - paper.b_margin - left * 4.96)
-        set_table(paper, Table("", [], rows, [False, True]))
+        set_table(paper, PaperTable("", [], rows, [False, True]))
         pages = [page.extract_text() for page in PdfReader(io.BytesIO(bytes(paper.output()))).pages]
         assert sum(page.count("row ") for page in pages) == 10
         assert [page.count("row ") for page in pages[1:]] == [last] * (last > 0), left

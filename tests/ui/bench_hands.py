@@ -16,10 +16,10 @@ from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.simulated import SimulatedRig, Simulation
-from fingerlab.ui.acquire.opening import FindCall, OpenBench, OpenCall, Wanted, find_devices
-from fingerlab.ui.acquire.tab import AcquireTab
-from fingerlab.ui.registry import TABS, Entry
-from fingerlab.ui.window import MainWindow
+from fingerlab.ui.acquire.acquire_tab import AcquireTab
+from fingerlab.ui.acquire.bench_setup import BenchRequest, FindCall, OpenBench, OpenCall, find_devices
+from fingerlab.ui.app.tab_registry import TABS, TabEntry
+from fingerlab.ui.app.window import MainWindow
 
 from .hands import LEFT, child
 
@@ -30,7 +30,7 @@ PATIENCE = 60_000
 def opener(rescue: Path, faults: Faults | None = None) -> OpenCall:
     """Opens the simulated rig on a virtual clock; with faults if wanted."""
 
-    def make(wanted: Wanted) -> OpenBench:
+    def make(wanted: BenchRequest) -> OpenBench:
         device = SimulatedRig(simulation=Simulation(seed=wanted.seed), faults=faults)
         settings = LoopSettings(BenchUnits.from_rig(device.rig), device.rig.limits)
         return OpenBench(InlineBench(device, settings, rescue), device.rig, dict(device.session_attributes))
@@ -38,10 +38,12 @@ def opener(rescue: Path, faults: Faults | None = None) -> OpenCall:
     return make
 
 
-def tabs_with(make: OpenCall, find: FindCall = find_devices) -> tuple[Entry, ...]:
+def tabs_with(make: OpenCall, find: FindCall = find_devices) -> tuple[TabEntry, ...]:
     """The window's tabs, with another way to open a bench and to look for devices."""
     return tuple(
-        replace(entry, make=lambda desk: AcquireTab(desk, make, find)) if entry.key == "acquire" else entry
+        replace(entry, make=lambda context: AcquireTab(context, make, find))
+        if entry.key == "acquire"
+        else entry
         for entry in TABS
     )
 
@@ -58,20 +60,20 @@ class Rig:
         tab = window.tab("acquire")
         assert isinstance(tab, AcquireTab)
         self.tab = tab
-        self.station, self.recording = tab.station, tab.recording
+        self.controller, self.recording = tab.controller, tab.recording
         self.wait_idle()  # the card is looked for first; whatever this machine has must not matter
         if connect:
             self.connect("connectSimulated")
 
     def wait_idle(self) -> None:
         """Wait until nothing is being asked of a bench."""
-        self._qtbot.waitUntil(lambda: not self.station.caller.busy, timeout=PATIENCE)
+        self._qtbot.waitUntil(lambda: not self.controller.worker.busy, timeout=PATIENCE)
 
     def connect(self, name: str) -> None:
         """Click one of the buttons that connect a rig; from then on time stands still but in :meth:`run`."""
         self.click(name)
-        self._qtbot.waitUntil(lambda: self.station.bench is not None, timeout=PATIENCE)
-        self.station._timer.stop()
+        self._qtbot.waitUntil(lambda: self.controller.bench is not None, timeout=PATIENCE)
+        self.controller._timer.stop()
         self.run(0.2)
 
     def choose(self, name: str, key: str) -> None:
@@ -92,7 +94,7 @@ class Rig:
 
     @property
     def bench(self) -> InlineBench:
-        bench = self.station.bench
+        bench = self.controller.bench
         assert isinstance(bench, InlineBench)
         return bench
 
@@ -103,7 +105,7 @@ class Rig:
     def run(self, seconds: float) -> None:
         """Time passes on the bench; the window looks as often as it does in life."""
         for _ in range(max(round(seconds / 0.033), 1)):
-            self.station.tick()
+            self.controller.tick()
 
     def click(self, name: str) -> None:
         """Click a button of the window."""

@@ -17,10 +17,10 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.devices.faults import Faults
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.ui import application
-from fingerlab.ui.acquire import tab as acquire_tab
-from fingerlab.ui.settings import Settings
-from fingerlab.ui.window import MainWindow
+from fingerlab.ui.acquire import acquire_tab
+from fingerlab.ui.app import application
+from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.window import MainWindow
 
 from .bench_hands import Rig, opener, tabs_with
 from .hands import invented_diagnosis, lab_with, wait_for_result

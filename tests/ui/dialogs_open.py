@@ -17,15 +17,15 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.ui import own_files
+from fingerlab.ui.acquire.acquire_bars import FROM_FILE
+from fingerlab.ui.acquire.acquire_tab import ask_to_close
 from fingerlab.ui.acquire.connect_page import ConnectPage
-from fingerlab.ui.acquire.details_dialog import DetailsDialog
-from fingerlab.ui.acquire.tab import ask_to_close
-from fingerlab.ui.acquire.toolbar import FROM_FILE
-from fingerlab.ui.calibrate.tab import ask_to_leave
+from fingerlab.ui.acquire.session_writing import DetailsDialog
+from fingerlab.ui.app import dialogs
+from fingerlab.ui.app.window import MainWindow
+from fingerlab.ui.calibrate.calibrate_tab import ask_to_leave
 from fingerlab.ui.lab.own_effects import OwnEffects
 from fingerlab.ui.sessions.session_files import ImportDialog
-from fingerlab.ui.window import MainWindow
 
 from .standing_open import Stage, Step, Surface, standing
 
@@ -133,30 +133,30 @@ def _about(stage: Stage) -> None:
 
 DIALOGS = (
     Surface("Keys (F1)", (lambda s: _menu_entry(s.window, "Keys").trigger(),)),
-    Surface("Log", (lambda s: s.window.menus.log.trigger(),), ("dialogs.py:_show",)),
+    Surface("Log", (lambda s: s.window.menus.log.trigger(),), ("app/dialogs.py:_show",)),
     Surface("Log, moved over STOP", (_log_over_stop,)),
-    Surface("About FingerLab", (_about,), ("window.py:MainWindow._about",)),
-    Surface("Open session", (lambda s: s.window.ask_and_open(),), ("window.py:MainWindow.ask_and_open",)),
+    Surface("About FingerLab", (_about,), ("app/window.py:MainWindow._about",)),
+    Surface("Open session", (lambda s: s.window.ask_and_open(),), ("app/window.py:MainWindow.ask_and_open",)),
     Surface(
         "Save the plot",
         (lambda s: s.window.plots.ask_and_save(_first_plot(s)),),
-        ("plot_menu.py:PlotMenu.ask_and_save",),
+        ("app/plot_menu.py:PlotMenu.ask_and_save",),
     ),
-    Surface("Details of the session", (_details,), ("acquire/details_dialog.py:DetailsDialog",)),
+    Surface("Details of the session", (_details,), ("acquire/session_writing.py:DetailsDialog",)),
     Surface(
         "Details > Folder for recordings",
         (_details, lambda s: _of(s.window, DetailsDialog)._choose()),
-        ("acquire/details_dialog.py:DetailsDialog._choose",),
+        ("acquire/session_writing.py:DetailsDialog._choose",),
     ),
     Surface(
         "Stop and close? (Disconnect, Quit)",
         (lambda s: ask_to_close(s.tab("acquire").widget, "The amplifier is on"),),
-        ("acquire/tab.py:ask_to_close",),
+        ("acquire/acquire_tab.py:ask_to_close",),
     ),
     Surface(
         "Model from a file",
         (lambda s: s.tab("acquire").toolbar.model_chosen.emit(FROM_FILE),),
-        ("acquire/comparing.py:Comparing._on_chosen",),
+        ("acquire/live_model.py:LiveModelComparison._on_chosen",),
     ),
     Surface(
         "Trajectory file",
@@ -176,19 +176,19 @@ DIALOGS = (
     ),
     Surface(
         "Run an own file?",
-        (lambda s: own_files.ask_to_run(s.window, *_own_file(s), False, "it"),),
-        ("own_files.py:ask_to_run",),
+        (lambda s: dialogs.ask_to_run(s.window, *_own_file(s), False, "it"),),
+        ("app/dialogs.py:ask_to_run",),
     ),
     Surface(
         "Recording of a sensor",
         (lambda s: s.tab("calibrate")._ask_for_files("load-cell"),),
-        ("calibrate/tab.py:CalibrateTab._ask_for_files",),
+        ("calibrate/calibrate_tab.py:CalibrateTab._ask_for_files",),
         "calibrate",
     ),
     Surface(
         "Session to calibrate anew",
         (lambda s: s.tab("calibrate")._ask_for_session(),),
-        ("calibrate/tab.py:CalibrateTab._ask_for_session",),
+        ("calibrate/calibrate_tab.py:CalibrateTab._ask_for_session",),
         "calibrate",
     ),
     Surface(
@@ -200,40 +200,40 @@ DIALOGS = (
     Surface(
         "Leave the calibration?",
         (lambda s: ask_to_leave(s.tab("calibrate").widget),),
-        ("calibrate/tab.py:ask_to_leave",),
+        ("calibrate/calibrate_tab.py:ask_to_leave",),
         "calibrate",
     ),
     Surface(
         "Folder of sessions",
         (lambda s: s.tab("sessions").ask_folder(),),
-        ("browse/tab.py:SessionsTab.ask_folder",),
+        ("sessions/sessions_tab.py:SessionsTab.ask_folder",),
         "sessions",
     ),
     Surface(
         "Session to lay over",
         (lambda s: s.tab("sessions").review_beside(),),
-        ("browse/tab.py:SessionsTab.review_beside",),
+        ("sessions/sessions_tab.py:SessionsTab.review_beside",),
         "sessions",
     ),
     Surface(
         "Folder for exported files",
         (lambda s: s.tab("sessions").writer.export(s.session, "csv"),),
-        ("browse/writer.py:Writer.export",),
+        ("sessions/session_files.py:Writer.export",),
         "sessions",
     ),
     Surface(
         "Merge, cut, copy: new session",
         (lambda s: s.tab("sessions").writer.merge([s.session, s.session]),),
-        ("browse/writer.py:Writer._ask_file",),
+        ("sessions/session_files.py:Writer._ask_file",),
         "sessions",
     ),
     Surface(
         "Text files to import",
         (lambda s: s.tab("sessions").ask_texts(),),
-        ("browse/writer.py:Writer.ask_texts",),
+        ("sessions/session_files.py:Writer.ask_texts",),
         "sessions",
     ),
-    Surface("Import text files", (_import,), ("browse/import_dialog.py:ImportDialog",), "sessions"),
+    Surface("Import text files", (_import,), ("sessions/session_files.py:ImportDialog",), "sessions"),
     Surface(
         "Import text files > list of phases",
         (_import, lambda s: _of(s.window, ImportDialog)._each[0][0].showPopup()),
@@ -243,35 +243,35 @@ DIALOGS = (
     Surface(
         "Import text files > Rig file",
         (_import, lambda s: _of(s.window, ImportDialog)._choose_rig()),
-        ("browse/import_dialog.py:ImportDialog._choose_rig",),
+        ("sessions/session_files.py:ImportDialog._choose_rig",),
         "sessions",
     ),
-    Surface("Save model file (Fit)", (_fit_save,), ("fitting/tab.py:FitTab.save",), "fit"),
+    Surface("Save model file (Fit)", (_fit_save,), ("fit/fit_tab.py:FitTab.save",), "fit"),
     Surface(
         "Add model files",
         (lambda s: s.tab("predict").ask_and_add(),),
-        ("predicting/tab.py:PredictTab.ask_and_add",),
+        ("predict/predict_tab.py:PredictTab.ask_and_add",),
         "predict",
     ),
     Surface(
         "Wanted force",
         (lambda s: s.tab("predict").wanted.panel._choose_file(),),
-        ("predicting/wanted_panel.py:WantedPanel._choose_file",),
+        ("predict/wanted_panel.py:WantedPanel._choose_file",),
         "predict",
     ),
     Surface(
-        "Save trajectory", (_save_wanted,), ("predicting/wanted.py:WantedView.ask_and_save",), "predict"
+        "Save trajectory", (_save_wanted,), ("predict/wanted_force.py:WantedView.ask_and_save",), "predict"
     ),
     Surface(
         "Save model",
-        (lambda s: s.tab("model_lab").onwards.ask_and_save(),),
-        ("lab/onwards.py:Onwards.ask_and_save",),
+        (lambda s: s.tab("model_lab").actions.ask_and_save(),),
+        ("lab/result_actions.py:ResultActions.ask_and_save",),
         "model_lab",
     ),
     Surface(
         "Save report page",
         (lambda s: s.tab("model_lab").save_report(),),
-        ("lab/tab.py:ModelLabTab.save_report",),
+        ("lab/model_lab_tab.py:ModelLabTab.save_report",),
         "model_lab",
     ),
     Surface("Own effects", (_own_effects,), ("lab/own_effects.py:OwnEffects",), "model_lab"),
@@ -285,7 +285,7 @@ DIALOGS = (
         "Own effects > Run it?",
         (
             _own_effects,
-            lambda s: own_files.ask_to_run(_of(s.window, OwnEffects), *_own_file(s), True, "it"),
+            lambda s: dialogs.ask_to_run(_of(s.window, OwnEffects), *_own_file(s), True, "it"),
         ),
         (),
         "model_lab",

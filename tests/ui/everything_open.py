@@ -17,8 +17,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.ui.registry import TABS
-from fingerlab.ui.window import MainWindow
+from fingerlab.ui.app.tab_registry import TABS
+from fingerlab.ui.app.window import MainWindow
 
 from .dialogs_open import DIALOGS
 from .standing_open import ANOTHER_PROGRAM, Stage, Step, Surface

@@ -16,9 +16,9 @@ from pytestqt.qtbot import QtBot
 from fingerlab.core.errors import Cancelled
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.sessions.model import Session
+from fingerlab.ui.app.tab_registry import TABS, TabEntry
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.model_lab_tab import ModelLabTab
-from fingerlab.ui.registry import TABS, Entry
-from fingerlab.ui.window import MainWindow
 
 from . import invented
 
@@ -67,10 +67,12 @@ def lab_of(window: MainWindow) -> ModelLabTab:
     return tab
 
 
-def lab_with(diagnose: Callable[..., Diagnosis]) -> tuple[Entry, ...]:
+def lab_with(diagnose: Callable[..., Diagnosis]) -> tuple[TabEntry, ...]:
     """The window's tabs, with another diagnosis in the Model lab."""
     return tuple(
-        replace(entry, make=lambda desk: ModelLabTab(desk, diagnose)) if entry.key == "model_lab" else entry
+        replace(entry, make=lambda context: ModelLabTab(context, diagnose))
+        if entry.key == "model_lab"
+        else entry
         for entry in TABS
     )
 

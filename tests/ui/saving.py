@@ -12,15 +12,15 @@ import pytest
 from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QFileDialog, QWidget
 
-from fingerlab.ui.plot_menu import _is_plot
-from fingerlab.ui.window import MainWindow
+from fingerlab.ui.app.plot_menu import is_plot
+from fingerlab.ui.app.window import MainWindow
 
 ENDINGS = ("png", "svg", "pdf", "csv")
 
 
 def plots_shown(window: MainWindow) -> list[QWidget]:
     """Every plot that is seen now."""
-    return [widget for widget in window.findChildren(QWidget) if widget.isVisible() and _is_plot(widget)]
+    return [widget for widget in window.findChildren(QWidget) if widget.isVisible() and is_plot(widget)]
 
 
 def save_each_plot(window: MainWindow, folder: Path, expected: int, empty: tuple[str, ...] = ()) -> None:
@@ -35,9 +35,12 @@ def save_each_plot(window: MainWindow, folder: Path, expected: int, empty: tuple
                 patch.setattr(QFileDialog, "getSaveFileName", staticmethod(lambda *_, p=path: (str(p), "")))
                 window.plots.ask_and_save(plot)
                 if ending == "csv" and plot.objectName() in empty:
-                    assert "no curve" in window.desk.log[-1]
+                    assert "no curve" in window.context.log[-1]
                     continue
-                assert window.desk.log[-1].endswith(f"Saved {path}"), (plot.objectName(), window.desk.log[-1])
+                assert window.context.log[-1].endswith(f"Saved {path}"), (
+                    plot.objectName(),
+                    window.context.log[-1],
+                )
                 check(path, plot)
 
 

@@ -23,8 +23,8 @@ from PySide6.QtWidgets import (
 )
 
 import fingerlab.ui
-from fingerlab.ui.stop_guard import StandIn
-from fingerlab.ui.window import MainWindow
+from fingerlab.ui.app.stop_guard import StandIn
+from fingerlab.ui.app.window import MainWindow
 
 UI = Path(fingerlab.ui.__file__).resolve().parent
 OPENING = (

@@ -24,9 +24,9 @@ from fingerlab.acquisition.columns import COLUMN, RowFlag
 from fingerlab.acquisition.commands import Enable, Initialise, Release, Reset, SetUp, Start
 from fingerlab.acquisition.machine import Mode
 from fingerlab.errors import UserError
-from fingerlab.ui.acquire.station import has_virtual_clock
-from fingerlab.ui.acquire.tab import AcquireTab
-from fingerlab.ui.stop_key import STOP_KEYS
+from fingerlab.ui.acquire.acquire_tab import AcquireTab
+from fingerlab.ui.acquire.bench_controller import has_virtual_clock
+from fingerlab.ui.app.stop_key import STOP_KEYS
 
 from .standing_open import WAYS, Stage, Surface, shut_all, standing
 
@@ -138,9 +138,9 @@ class Driving:
         self.stage, self._hand = stage, hand
         tab = stage.window.tab("acquire")
         assert isinstance(tab, AcquireTab)
-        self.station = tab.station
-        assert self.station.bench is not None
-        self.bench: Bench = self.station.bench
+        self.controller = tab.controller
+        assert self.controller.bench is not None
+        self.bench: Bench = self.controller.bench
         self.outcomes: list[Outcome] = []
 
     def stop_each(self, surfaces: list[Surface], ways: tuple[str, ...] = WAYS) -> list[Outcome]:
@@ -178,7 +178,7 @@ class Driving:
             return wait
         if has_virtual_clock(self.bench):
             for _ in range(max(round(wait / 0.033), 1)):
-                self.station.tick()
+                self.controller.tick()
             return lambda: True
         until = self.bench.status().index + wait * self.bench.rate_hz
         return lambda: self.bench.status().index >= until

@@ -13,8 +13,8 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.machine import Mode
 from fingerlab.sessions import open_session
-from fingerlab.ui.acquire import tab as acquire_tab
-from fingerlab.ui.acquire.channels import QUANTITIES
+from fingerlab.ui.acquire import acquire_tab
+from fingerlab.ui.acquire.live_channels import QUANTITIES
 
 from .bench_hands import PATIENCE, Rig
 from .hands import child
@@ -40,7 +40,7 @@ def test_from_connecting_to_a_file_that_opens(rig: Rig, qtbot: QtBot) -> None:
     rig.run(1.5)
     assert rig.mode is Mode.ENABLED
     rig.click("write")
-    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.worker.busy, timeout=PATIENCE)
     session = open_session(rig.files()[0])
     (run,) = session.runs
     assert run.phase == "on_air"
@@ -63,7 +63,7 @@ def test_a_reading_of_nothing_has_no_sign() -> None:
 def test_readings_are_what_the_bench_measures(rig: Rig) -> None:
     rig.start()
     rig.run(2.5)
-    while not rig.station.numbers_due:  # ten times a second; plots are drawn more often
+    while not rig.controller.numbers_due:  # ten times a second; plots are drawn more often
         rig.run(0.033)
     row = rig.bench.ring.last(1)[0]
     from fingerlab.acquisition.columns import COLUMN
@@ -87,7 +87,7 @@ def test_a_change_while_running_makes_no_jump(rig: Rig) -> None:
     rig.run(1.0)
     assert rig.mode is Mode.RUNNING, rig.bench.status().fault
     assert rig.label("doing") == "sine, 9°, 1.5 Hz"
-    _, command = rig.station.history.series("motor_command", 0, rig.station.history.stop)
+    _, command = rig.controller.history.series("motor_command", 0, rig.controller.history.stop)
     # 9 degrees at 1.5 Hz is 85 degrees a second: 0.1 degrees a sample; a jump would be degrees.
     assert np.degrees(np.nanmax(np.abs(np.diff(command)))) < 0.25
 
@@ -128,7 +128,7 @@ def test_phase_and_cable_go_together(rig: Rig) -> None:
     phase.setCurrentIndex(phase.findData("contact"))
     phase.activated.emit(phase.currentIndex())
     assert cable.currentData() == "flexion"
-    assert rig.station.set_up.phase == "contact"
+    assert rig.controller.set_up.phase == "contact"
     cable.setCurrentIndex(cable.findData("extension"))
     cable.activated.emit(cable.currentIndex())
     assert "contact run presses with the flexion cable" in rig.label("message")
@@ -162,7 +162,7 @@ def test_closing_while_running_asks_and_stops_first(
 
 def test_disconnect_leads_back_to_the_choice(rig: Rig, qtbot: QtBot) -> None:
     rig.click("disconnect")
-    qtbot.waitUntil(lambda: not rig.station.caller.busy, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: not rig.controller.worker.busy, timeout=PATIENCE)
     assert rig.button("connectSimulated").isVisible()
     assert rig.label("rigState") == "No rig"
     assert not child(rig.window, QLabel, "statusDevice").isVisible()
@@ -174,9 +174,9 @@ def test_what_was_recorded_is_one_click_away(rig: Rig, qtbot: QtBot) -> None:
     rig.click("record")
     rig.run(0.2)
     rig.click("write")
-    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.worker.busy, timeout=PATIENCE)
     asked: list[list[Path]] = []
-    rig.window.desk.open_paths = lambda paths, tab="": asked.append(list(paths))  # type: ignore[method-assign]
+    rig.window.context.open_paths = lambda paths, tab="": asked.append(list(paths))  # type: ignore[method-assign]
     rig.click("openRecording")
     assert asked == [rig.files()]
 

@@ -162,14 +162,14 @@ def test_a_run_says_which_motion_it_began_with_and_where_it_changed(rig: Rig) ->
 def test_a_load_goes_with_the_motor_bench_alone(rig: Rig) -> None:
     rig.choose("phase", "motor_bench")
     enter(rig, "knownLoad", "-0.02")
-    assert rig.station.set_up.load_torque == -0.02
+    assert rig.controller.set_up.load_torque == -0.02
     rig.choose("phase", "on_air")
-    assert (rig.station.set_up.cable, rig.station.set_up.load_torque) == ("extension", 0.0)
+    assert (rig.controller.set_up.cable, rig.controller.set_up.load_torque) == ("extension", 0.0)
     assert not child(rig.window, QWidget, "knownLoad").isVisible()
     rig.choose("phase", "motor_bench")
     load = child(rig.window, QDoubleSpinBox, "knownLoad")
-    assert rig.station.opened is not None
-    limit = rig.station.opened.rig.limits.torque
+    assert rig.controller.opened is not None
+    limit = rig.controller.opened.rig.limits.torque
     assert (load.minimum(), load.maximum()) == (-limit, limit)  # no more than the motor may hold
 
 
@@ -179,7 +179,7 @@ def test_a_load_goes_with_the_motor_bench_alone(rig: Rig) -> None:
 def commanded(rig: Rig) -> Array:
     """The command since the motion was started, degrees at the pulley."""
     start = rig.bench.status().run_start
-    _, values = rig.station.history.series("motor_command", start, rig.station.history.stop)
+    _, values = rig.controller.history.series("motor_command", start, rig.controller.history.stop)
     return np.degrees(values)
 
 
@@ -206,7 +206,7 @@ def test_lines_are_the_first_of_the_table_and_those_handed_over_stay(rig: Rig) -
     assert motion.settings()["frequencies_hz"] == [0.3, 0.7, 1.1]
     lines = [0.4, 0.9, 1.5, 2.3, 2.9, 3.1]
     given = {"kind": "multisine", "amplitude_deg": 4.0, "frequency_hz": 1.0, "frequencies_hz": lines}
-    rig.window.desk.hand_trajectory(given)
+    rig.window.context.hand_trajectory(given)
     assert motion.settings()["frequencies_hz"] == lines
     assert motion.numbers["lines"].value() == 6
     rig.tab.panel.history.note()

@@ -31,8 +31,8 @@ from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedBench, Simulation
 from fingerlab.rig.file import default_rig, load_rig
 from fingerlab.sessions import open_session
-from fingerlab.ui.acquire import tab as acquire_tab
-from fingerlab.ui.acquire.opening import Wanted, open_bench, own_device_file
+from fingerlab.ui.acquire import acquire_tab
+from fingerlab.ui.acquire.bench_setup import BenchRequest, open_bench, own_device_file
 
 from .bench_hands import PATIENCE, Rig, tabs_with
 from .hands import child
@@ -110,7 +110,7 @@ def test_simulated_rig_with_a_hidden_effect_and_a_fault(unconnected) -> None:  #
     page.seed.setValue(7)
     page.fault_after.setValue(10.0)
     rig.connect("connectSimulated")
-    assert rig.station.opened.simulated
+    assert rig.controller.opened.simulated
     path = drive_and_record(rig)
     assert swing(path) == pytest.approx(
         30.0, abs=4.0
@@ -199,7 +199,7 @@ def test_a_file_that_is_no_recording_is_refused_in_one_sentence(  # type: ignore
     assert rig.button("connectSimulated").isEnabled()
     wrong = tmp_path / "wires.toml"
     wrong.write_text("[daq", encoding="utf-8")
-    rig.window.desk.hush()
+    rig.window.context.hush()
     rig.click("rigFile")
     rig.wait_idle()
     assert "wires.toml" in rig.label("message")
@@ -227,10 +227,10 @@ def test_a_device_of_one_s_own_is_asked_about_once_and_driven(  # type: ignore[n
     rig = unconnected(lambda choice: choice.build())
     rig.click("connectOwn")
     assert asked == ["waiting"]
-    assert not rig.station.caller.busy  # nothing of the file was run
+    assert not rig.controller.worker.busy  # nothing of the file was run
     rig.connect("connectOwn")
     assert "rotor" in rig.label("deviceName")
-    assert not rig.station.opened.simulated
+    assert not rig.controller.opened.simulated
     rig.choose("phase", "motor_bench")
     rig.run(0.1)
     rig.start()
@@ -267,7 +267,7 @@ def test_an_own_device_that_was_not_asked_about_is_not_run(
     file.write_text("raise AssertionError  # since then\n", encoding="utf-8")
     for asked in (None, before):
         with pytest.raises(UserError, match="changed meanwhile"):
-            open_bench(Wanted(f"own:{file}", own=asked))
+            open_bench(BenchRequest(f"own:{file}", own=asked))
 
 
 def test_a_card_is_connected_driven_recorded_and_lost(unconnected, qtbot: QtBot) -> None:  # type: ignore[no-untyped-def]
@@ -364,13 +364,13 @@ def test_with_processes_of_their_own_and_the_loop_lost(  # type: ignore[no-untyp
     settings.set_recordings(tmp_path / "recordings")
     rig = Rig(make_window(tab="acquire", tabs=tabs_with(open_bench)), qtbot, connect=False)
     rig.click("connectSimulated")
-    qtbot.waitUntil(lambda: rig.station.bench is not None, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: rig.controller.bench is not None, timeout=PATIENCE)
     rig.click("record")
-    qtbot.waitUntil(lambda: (rig.station.status.recorded or 0) > 500, timeout=PATIENCE)
-    os.kill(rig.station.bench.loop_process.pid, signal.SIGKILL if hasattr(signal, "SIGKILL") else 9)
+    qtbot.waitUntil(lambda: (rig.controller.status.recorded or 0) > 500, timeout=PATIENCE)
+    os.kill(rig.controller.bench.loop_process.pid, signal.SIGKILL if hasattr(signal, "SIGKILL") else 9)
     message = child(rig.window, QLabel, "message")
     qtbot.waitUntil(lambda: message.isVisible() and "loop" in message.text(), timeout=PATIENCE)
-    qtbot.waitUntil(lambda: not rig.station.caller.busy and not rig.recording.recording, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: not rig.controller.worker.busy and not rig.recording.recording, timeout=PATIENCE)
     (run,) = open_session(rig.write()).runs
     assert run.length > 250
     rig.window.setFocus(Qt.FocusReason.OtherFocusReason)

@@ -110,7 +110,7 @@ def test_a_trajectory_handed_over_is_one_step(rig: Rig) -> None:
     motion = rig.tab.panel.motion
     before = motion.settings()
     given = {"kind": "chirp", "amplitude_deg": 9.0, "frequency_hz": 0.5, "end_frequency_hz": 4.0}
-    rig.window.desk.hand_trajectory({**given, "offset_deg": 20.0, "duration_s": 25.0})
+    rig.window.context.hand_trajectory({**given, "offset_deg": 20.0, "duration_s": 25.0})
     rig.tab.panel.history.note()
     rig.tab.undo()
     assert motion.settings() == before
@@ -135,15 +135,15 @@ def test_room_is_told_in_minutes() -> None:
 
 
 def test_little_room_and_lost_cycles_are_warned_of(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    station, real = rig.station, rig.bench.status
+    controller, real = rig.controller, rig.bench.status
     little = LEAST_FREE_BYTES + 272_000 * 60 * 8
     monkeypatch.setattr(rig.bench, "status", lambda: replace(real(), free_bytes=little, lost=3))
-    station.tick()
+    controller.tick()
     assert "room for 8 more minutes" in rig.label("message")
     assert rig.label("recordWarning") == "⚠ 3 cycles lost, room for 8 min of recording"
     assert "⚠ 3 cycles lost" in child(rig.window, QLabel, "statusDevice").text()
-    rig.window.desk.hush()
-    station.tick()
+    rig.window.context.hush()
+    controller.tick()
     assert not rig.window.message.isVisible()  # told once
 
 

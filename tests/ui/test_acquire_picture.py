@@ -40,7 +40,7 @@ def test_hold_scroll_back_and_go_live(rig: Rig) -> None:
     assert x[0] == pytest.approx(plots.shown[0] / 1000, abs=0.1)
     rig.click("hold")
     rig.run(0.1)
-    assert plots.shown[1] == rig.station.history.stop
+    assert plots.shown[1] == rig.controller.history.stop
 
 
 def test_cursors_tell_differences(rig: Rig) -> None:
@@ -63,7 +63,7 @@ def test_cursors_tell_differences(rig: Rig) -> None:
     assert (a, b) == pytest.approx((3.0, 3.5), abs=0.02)
     assert f"B − A: +{b - a:.3f} s ({1 / (b - a):.2f} Hz)" in rig.label("cursorTimes")
     text = rig.label("cursorText")
-    history = rig.station.history
+    history = rig.controller.history
     first, second = (history.value("motor_position", round(1000 * time)) for time in (a, b))
     change = math.degrees(second - first)
     assert f"position {change:.1f}°".replace("-", "−") in text
@@ -79,7 +79,7 @@ def test_trigger_starts_the_picture_at_the_crossing(rig: Rig) -> None:
     rig.run(1.0)
     at = rig.tab.plots.triggered_at
     assert at is not None
-    history = rig.station.history
+    history = rig.controller.history
     before, after = (math.degrees(history.value("motor_position", at + d)) for d in (-1, 0))
     assert before < 22.0 <= after
     assert rig.tab.plots.shown[0] == pytest.approx(at - 200, abs=2)
@@ -118,7 +118,7 @@ def test_model_beside_the_measurement(rig: Rig) -> None:
     error = rig.label("error_torque")
     assert error.startswith("error ")
     assert error.endswith(" mN m")
-    history = rig.station.history
+    history = rig.controller.history
     _, measured = history.series("motor_torque", history.stop - 3000, history.stop - 100)
     _, residual = history.series("torque_residual", history.stop - 3000, history.stop - 100)
     assert np.isfinite(residual).all()

@@ -13,7 +13,7 @@ from pytestqt.qtbot import QtBot
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.protocol import Change, Record
 from fingerlab.sessions import open_session
-from fingerlab.ui.settings import Settings
+from fingerlab.ui.app.settings import Settings
 
 from .bench_hands import PATIENCE, Rig, opener, tabs_with
 from .hands import LEFT, child, drop
@@ -64,7 +64,7 @@ def test_a_marker_while_a_protocol_records_and_a_countdown(rig: Rig, qtbot: QtBo
     said: list[str] = []
 
     def recording() -> bool:
-        rig.station.tick()
+        rig.controller.tick()
         said.append(rig.label("protocolLeft"))
         return rig.bench.status().recorded > 1000
 
@@ -103,7 +103,7 @@ def test_a_protocol_handed_over_is_chosen(rig: Rig) -> None:
     rig.window.show_tab("model_lab")
     sine = {"kind": "sine", "amplitude_deg": 5.0, "frequency_hz": 1.0, "duration_s": 3.0}
     steps = (Change(SetUp(), "Fix it."), Record(1, 1, "on_air", "extension", sine))
-    rig.window.desk.hand_protocol(steps, "Tell friction from hysteresis")
+    rig.window.context.hand_protocol(steps, "Tell friction from hysteresis")
     assert rig.window.current == "acquire"
     assert rig.tab.panel.protocol.which.currentText() == "Tell friction from hysteresis"
     assert rig.tab.panel.protocol.steps({}) == steps
@@ -129,7 +129,7 @@ def test_what_comes_before_a_rig_is_there_waits_for_it(
     assert waits.text().startswith("profile.csv waits for a rig")
     assert rig.tab.panel.by_hand.isChecked()
     sine = {"kind": "sine", "amplitude_deg": 5.0, "frequency_hz": 1.0, "duration_s": 3.0}
-    rig.window.desk.hand_protocol((Record(1, 1, "on_air", "extension", sine),), "Wanted force, 1 N")
+    rig.window.context.hand_protocol((Record(1, 1, "on_air", "extension", sine),), "Wanted force, 1 N")
     assert waits.text().startswith("Wanted force, 1 N waits for a rig")
     rig.connect("connectSimulated")
     assert waits.isHidden()
@@ -139,7 +139,7 @@ def test_what_comes_before_a_rig_is_there_waits_for_it(
 
 def test_a_trajectory_handed_over_fills_the_fields(rig: Rig) -> None:
     given = {"kind": "chirp", "amplitude_deg": 9.0, "frequency_hz": 0.5, "end_frequency_hz": 4.0}
-    rig.window.desk.hand_trajectory({**given, "offset_deg": 20.0, "duration_s": 25.0})
+    rig.window.context.hand_trajectory({**given, "offset_deg": 20.0, "duration_s": 25.0})
     settings = rig.tab.panel.motion.settings()
     assert settings == {**given, "offset_deg": 20.0, "duration_s": 25.0}
 

@@ -16,7 +16,6 @@ from pytestqt.qtbot import QtBot
 from fingerlab.core.progress import Progress
 from fingerlab.sessions import open_session
 from fingerlab.sessions.recording_files import recording_folder
-from fingerlab.ui.acquire.caller import Call
 from fingerlab.ui.sessions.session_words import quality_text
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
 
@@ -35,7 +34,7 @@ def test_pre_trigger_records_what_was_before_the_key(rig: Rig, qtbot: QtBot) -> 
     rig.click("record")
     rig.run(0.2)
     rig.click("write")
-    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.worker.busy, timeout=PATIENCE)
     (run,) = open_session(rig.files()[0]).runs
     stop = rig.bench.status().index
     assert 2400 < run.length <= stop - (at - 2000) + 1
@@ -64,7 +63,7 @@ def test_marker_takes_the_moment_of_the_key_and_its_note(rig: Rig, qtbot: QtBot)
     rig.click("record")
     rig.run(0.2)
     rig.click("write")
-    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.worker.busy, timeout=PATIENCE)
     (run,) = open_session(rig.files()[0]).runs
     (marker,) = json.loads(markers) if isinstance(markers := run.attributes["markers"], str) else markers
     assert marker["note"] == "a light touch"
@@ -84,7 +83,7 @@ def test_a_pause_is_a_gap(rig: Rig, qtbot: QtBot) -> None:
     rig.click("record")
     rig.run(0.2)
     rig.click("write")
-    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.worker.busy, timeout=PATIENCE)
     (run,) = open_session(rig.files()[0]).runs
     steps = np.diff(run.load(["time"])["time"])
     assert steps.max() == pytest.approx(0.5, abs=0.1)
@@ -99,7 +98,7 @@ def test_several_runs_in_one_file(rig: Rig, qtbot: QtBot) -> None:
         rig.run(0.2)
     assert rig.label("recordedText") == "2 runs, not yet written"
     rig.key(Qt.Key.Key_S, CONTROL)
-    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.worker.busy, timeout=PATIENCE)
     assert len(open_session(rig.files()[0]).runs) == 2
 
 
@@ -128,7 +127,7 @@ def test_while_a_file_is_written_and_verified_it_says_so(
     qtbot.waitUntil(lambda: rig.label("recordedText") == "Writing and verifying …", timeout=PATIENCE)
     assert "under way" in rig.button("record").toolTip()
     go_on.set()
-    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.worker.busy, timeout=PATIENCE)
     assert rig.label("recordedText") == "Nothing recorded"
 
 
@@ -137,7 +136,7 @@ def test_the_keyboard_stays_where_it_was_while_the_bench_is_busy(rig: Rig, qtbot
     record, before = rig.button("record"), rig.tab.panel.before
     record.setFocus()
     go_on = threading.Event()
-    rig.station.caller.call(Call("Ending the run", lambda: go_on.wait(PATIENCE / 1000)))
+    rig.controller.call("Ending the run", lambda: go_on.wait(PATIENCE / 1000))
     assert not record.isEnabled()
     assert not before.hasFocus()
     QTest.keyClick(rig.window, Qt.Key.Key_Up)
@@ -145,7 +144,7 @@ def test_the_keyboard_stays_where_it_was_while_the_bench_is_busy(rig: Rig, qtbot
     go_on.set()
     rig.wait_idle()
     assert record.hasFocus()
-    rig.station.caller.call(Call("Ending the run", lambda: None))
+    rig.controller.call("Ending the run", lambda: None)
     before.setFocus()  # who goes elsewhere meanwhile stays there
     rig.wait_idle()
     assert before.hasFocus()
@@ -183,7 +182,7 @@ def test_writing_shows_how_far_it_is_and_can_be_put_off_without_losing_a_sample(
     rig.click("writeLater")
     assert not rig.button("writeLater").isEnabled()
     go_on.set()
-    qtbot.waitUntil(lambda: not rig.station.caller.busy, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: not rig.controller.worker.busy, timeout=PATIENCE)
     assert not rig.files()
     kept = recording_folder(session.path)
     assert sorted(part.name for part in kept.glob("*.h5part")) == ["001.h5part", "written.h5part"]

@@ -14,8 +14,8 @@ from pytestqt.qtbot import QtBot
 from fingerlab.acquisition.machine import Mode
 from fingerlab.devices.faults import Faults, LineFault
 from fingerlab.sessions import open_session
-from fingerlab.ui.acquire.details_dialog import DetailsDialog
-from fingerlab.ui.registry import TABS
+from fingerlab.ui.acquire.session_writing import DetailsDialog
+from fingerlab.ui.app.tab_registry import TABS
 
 from .bench_hands import PATIENCE, Rig
 from .hands import LEFT, child, click
@@ -51,7 +51,7 @@ def test_stop_in_every_state(rig: Rig, state: str, qtbot: QtBot) -> None:
         qtbot.waitUntil(lambda: rig.bench.status().recording == 0, timeout=PATIENCE)
         rig.run(0.1)
         rig.click("write")
-        qtbot.waitUntil(lambda: bool(rig.files()) and not rig.station.caller.busy, timeout=PATIENCE)
+        qtbot.waitUntil(lambda: bool(rig.files()) and not rig.controller.worker.busy, timeout=PATIENCE)
         assert open_session(rig.files()[0]).runs[0].length > 400
     rig.settle()
     rig.click("initialise")
@@ -163,12 +163,12 @@ def test_the_press_stops_and_not_the_release(rig: Rig, button: Qt.MouseButton) -
     QTest.mousePress(handle, button, NONE, place)
     assert_stopped(rig)
     rig.run(0.7)
-    log = list(rig.window.desk.log)
+    log = list(rig.window.context.log)
     QTest.mouseRelease(handle, button, NONE, place)
     QTest.mousePress(handle, button, NONE, place)  # again: it is stopped, and stays so
     QTest.mouseRelease(handle, button, NONE, place)
     assert_stopped(rig)
-    assert [line[10:] for line in rig.window.desk.log[len(log) :]] == [STOPPED_WORDS]
+    assert [line[10:] for line in rig.window.context.log[len(log) :]] == [STOPPED_WORDS]
 
 
 def test_a_finger_stops(rig: Rig) -> None:
@@ -186,12 +186,12 @@ def test_stop_without_a_rig_does_nothing(make_window, qtbot: QtBot) -> None:  # 
     menu = window.menuBar().actions()[0].menu()
     window.menuBar().setActiveAction(window.menuBar().actions()[0])
     qtbot.waitUntil(menu.isVisible)
-    said = list(window.desk.log)
+    said = list(window.context.log)
     for key in (Qt.Key.Key_Pause, Qt.Key.Key_Escape):
         QTest.keyClick(window.windowHandle(), key)
     menu.close()
     click(window, "stop")
-    assert window.desk.log == said
+    assert window.context.log == said
     assert window.stop_guard.stand_in is None
     assert not QCoreApplication.testAttribute(Qt.ApplicationAttribute.AA_DontUseNativeDialogs)
 
@@ -199,7 +199,7 @@ def test_stop_without_a_rig_does_nothing(make_window, qtbot: QtBot) -> None:  # 
 def test_another_key_for_the_foot_switch(rig: Rig) -> None:
     """Which is kept; where the display has no key for the whole system, the log and STOP say so."""
     assert any(
-        "Pause stops the motor only while FingerLab is in front" in line for line in rig.window.desk.log
+        "Pause stops the motor only while FingerLab is in front" in line for line in rig.window.context.log
     )
     (chosen,) = (action for action in rig.window.findChildren(QAction) if action.text() == "F14")
     chosen.trigger()

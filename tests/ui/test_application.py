@@ -9,8 +9,9 @@ from pathlib import Path
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QApplication
 
-from fingerlab.ui import application, registry, window
-from fingerlab.ui.settings import Settings
+from fingerlab.ui.app import application, window
+from fingerlab.ui.app import tab_registry as registry
+from fingerlab.ui.app.settings import Settings
 
 from .hands import invented_diagnosis, lab_of, lab_with
 
@@ -18,7 +19,7 @@ HEAVY = ("scipy", "numba", "matplotlib", "pandas", "pyarrow")
 
 
 def test_the_window_opens_without_waiting_for_the_heavy_libraries() -> None:
-    code = f"import sys, fingerlab.ui.application; print([m for m in {HEAVY!r} if m in sys.modules])"
+    code = f"import sys, fingerlab.ui.app.application; print([m for m in {HEAVY!r} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

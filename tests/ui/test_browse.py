@@ -24,10 +24,10 @@ from pytestqt.qtbot import QtBot
 from fingerlab.core.errors import Cancelled
 from fingerlab.library.notes import FILE_NAME
 from fingerlab.sessions import open_session
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.sessions import sessions_tab as browse_tab
 from fingerlab.ui.sessions.session_table import NAME, QUALITY, RECORDED, TAGS, VERDICT
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
-from fingerlab.ui.window import MainWindow
 
 from .hands import LEFT, PATIENCE, child, click, drop, invented_diagnosis, lab_of
 from .looking import look
@@ -174,10 +174,13 @@ def test_reading_a_large_folder_tells_how_far_it_is_and_can_be_stopped(
     browsing: Opened, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window, tab = browsing
-    stopped = threading.Event()
+    later, stopped, now = threading.Event(), threading.Event(), [0.0]
+    tab.clock = lambda: now[0]
 
-    def slowly(_folder, _known, tell, cancelled):  # type: ignore[no-untyped-def]
-        tell(("one.h5", 0.4))
+    def slowly(_folder, _known, progress, cancelled):  # type: ignore[no-untyped-def]
+        progress(0.4, "one.h5")
+        later.wait(PATIENCE / 1000)
+        progress(0.4, "one.h5")
         while not cancelled():
             stopped.wait(0.01)
         stopped.set()
@@ -187,9 +190,10 @@ def test_reading_a_large_folder_tells_how_far_it_is_and_can_be_stopped(
     again = child(window, QPushButton, "readAgain")
     QTest.mouseClick(again, LEFT)
     qtbot.waitUntil(lambda: tab.page.count.text() == "Reading, 40 %", timeout=PATIENCE)
-    tab._began -= 12.0  # so long ago: 40 % in 12 s
-    tab._on_told("scan", ("one.h5", 0.4))
-    assert tab.page.count.text() == "Reading, 40 %, about 18 s left"
+    now[0] = 12.0  # 40 % in 12 s
+    later.set()
+    left = "Reading, 40 %, about 18 s left"
+    qtbot.waitUntil(lambda: tab.page.count.text() == left, timeout=PATIENCE)
     assert again.text() == "&Stop reading"
     QTest.mouseClick(again, LEFT)
     assert stopped.wait(PATIENCE / 1000)
@@ -213,7 +217,7 @@ def test_a_recorded_session_appears_and_a_dropped_folder_is_browsed(
     folder: Path,
 ) -> None:
     window, tab = browsing
-    window.desk.recorded(make_session("library/new.h5"))
+    window.context.recorded(make_session("library/new.h5"))
     qtbot.waitUntil(lambda: [p.name for p in tab.page.paths()] == ["new.h5"], timeout=PATIENCE)
     drop(window, folder / "may")
     qtbot.waitUntil(lambda: texts(tab, NAME) == ["index.h5\nIndex finger"], timeout=PATIENCE)
@@ -250,7 +254,9 @@ def test_export_and_copy_with_tags_from_the_menu(
     out.mkdir()
     monkeypatch.setattr(QFileDialog, "getExistingDirectory", staticmethod(lambda *_: str(out)))
     entry(window, "Export as CSV").trigger()
-    qtbot.waitUntil(lambda: window.desk.log[-1:] != [] and "Written" in window.desk.log[-1], timeout=PATIENCE)
+    qtbot.waitUntil(
+        lambda: window.context.log[-1:] != [] and "Written" in window.context.log[-1], timeout=PATIENCE
+    )
     assert sorted(p.name for p in out.iterdir()) == [
         "ring-001.csv", "ring-002.csv", "ring-003.csv", "ring.json",
     ]  # fmt: skip

@@ -12,9 +12,9 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QLineEdit, QPlainTextEdit,
 from pytestqt.qtbot import QtBot
 
 from fingerlab.sessions import open_session
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.sessions.session_files import ImportDialog
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
-from fingerlab.ui.window import MainWindow
 
 from .hands import LEFT, PATIENCE, child, click, drop
 from .looking import look

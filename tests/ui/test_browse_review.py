@@ -17,10 +17,10 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.library.pyramid import BASE
 from fingerlab.sessions import open_session
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.sessions.review_page import ReviewPage
 from fingerlab.ui.sessions.review_pane import clock_text
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
-from fingerlab.ui.window import MainWindow
 
 from .hands import PATIENCE, child, click, invented_diagnosis, lab_of
 
@@ -172,7 +172,7 @@ def test_cut_between_the_cursors_and_find_the_new_session_in_the_table(
     # The same place again: refused with a sentence, and what is there stays.
     before = target.read_bytes()
     click(window, "cut")
-    qtbot.waitUntil(lambda: "not overwritten" in window.desk.log[-1], timeout=PATIENCE)
+    qtbot.waitUntil(lambda: "not overwritten" in window.context.log[-1], timeout=PATIENCE)
     assert target.read_bytes() == before
 
 
@@ -254,7 +254,7 @@ def test_several_runs_lie_over_one_another_each_with_a_line_of_its_own(
     legend = page.plots.panes[0].legend.toPlainText()
     assert all(f"Run {number:03d}" in legend for number in (2, 3, 4, 5))
     page.over.setCurrentIndex(6)
-    assert "take one of them away" in window.desk.log[-1]
+    assert "take one of them away" in window.context.log[-1]
     assert page.over.currentText().startswith("Over it: Run 005")
     click(window, "over-2")
     settle(qtbot, page)

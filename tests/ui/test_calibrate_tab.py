@@ -25,14 +25,14 @@ from fingerlab.calibration.wizard import Phase
 from fingerlab.rig.daq import plain_section
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import open_session, text_table
-from fingerlab.ui.acquire.opening import OpenBench, Wanted, open_bench
+from fingerlab.ui.acquire.bench_setup import BenchRequest, OpenBench, open_bench
+from fingerlab.ui.app.context import RigLine
+from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.tab_registry import TABS
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.calibrate import calibrate_tab
 from fingerlab.ui.calibrate.calibrate_tab import CalibrateTab
 from fingerlab.ui.calibrate.start_page import AMPLIFIER_ON
-from fingerlab.ui.desk import RigLine
-from fingerlab.ui.registry import TABS
-from fingerlab.ui.settings import Settings
-from fingerlab.ui.window import MainWindow
 
 from .bench_hands import Rig, opener, tabs_with
 from .hands import LEFT, child
@@ -57,7 +57,7 @@ class Bench:
         self._mark = 0.0
         self._random = np.random.default_rng(3)
         bench: Any = SimpleNamespace(ring=self.ring, rate_hz=RATE)
-        window.desk.show_bench(OpenBench(bench, default_rig(), {}, folder))
+        window.context.show_bench(OpenBench(bench, default_rig(), {}, folder))
 
     def run(self, seconds: float) -> None:
         """Time passes; the operator places what is asked for, half a second after it is asked."""
@@ -110,8 +110,8 @@ def agree(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def window(make_window: Callable[..., MainWindow], tmp_path: Path) -> MainWindow:
-    def make(desk: Any) -> CalibrateTab:
-        return CalibrateTab(desk, StepTiming(3.0, 1.0), tmp_path / "default-rig")
+    def make(context: Any) -> CalibrateTab:
+        return CalibrateTab(context, StepTiming(3.0, 1.0), tmp_path / "default-rig")
 
     tabs = tuple(replace(entry, make=make) if entry.key == "calibrate" else entry for entry in TABS)
     return make_window(tab="calibrate", tabs=tabs)
@@ -121,11 +121,11 @@ def window(make_window: Callable[..., MainWindow], tmp_path: Path) -> MainWindow
 def bench(window: MainWindow, tmp_path: Path) -> Iterator[Bench]:
     made = Bench(window, tmp_path / "rig")
     yield made
-    window.desk.show_bench(None)
+    window.context.show_bench(None)
 
 
 def told(window: MainWindow) -> str:
-    return window.desk.log[-1]
+    return window.context.log[-1]
 
 
 def test_without_a_rig_the_way_to_one_is_offered(window: MainWindow) -> None:
@@ -221,18 +221,18 @@ def test_rejecting_and_going_back(bench: Bench) -> None:
 
 
 def test_the_amplifier_must_be_off_and_the_rig_there(bench: Bench) -> None:
-    desk = bench.window.desk
-    desk.show_rig(RigLine(light="live", device="rig", live=True))
+    context = bench.window.context
+    context.show_rig(RigLine(light="live", device="rig", live=True))
     assert child(bench.window, QPushButton, "start-load-cell").toolTip() == AMPLIFIER_ON
-    desk.show_rig(RigLine(light="ready", device="rig"))
+    context.show_rig(RigLine(light="ready", device="rig"))
     bench.click("start-load-cell")
     bench.run(3.5)
-    desk.show_rig(RigLine(light="live", device="rig", live=True))
+    context.show_rig(RigLine(light="live", device="rig", live=True))
     bench.run(6.0)
     assert bench.tab.wizard is not None
     assert bench.tab.wizard.number == 0  # no hand is at the rig now
     assert bench.label("calibrationState") == AMPLIFIER_ON
-    desk.show_bench(None)
+    context.show_bench(None)
     bench.tab.source.tick()
     assert bench.label("calibrationState") == "No rig is connected."
     bench.click("leaveCalibration")
@@ -323,7 +323,7 @@ def test_live_volts_of_the_rig_that_acquire_connects(
     """A hand puts 500 g on the simulated rig's cell: by thesis (2.1) 0.438 V more."""
     plain = opener(tmp_path / "rescue")
 
-    def connect(wanted: Wanted) -> OpenBench:
+    def connect(wanted: BenchRequest) -> OpenBench:
         return replace(plain(wanted), calibrations=tmp_path / "rig", simulated=True)
 
     settings.set_recordings(tmp_path / "recordings")
@@ -344,7 +344,7 @@ def test_live_volts_of_the_rig_that_acquire_connects(
         levels.append(tab.wizard.reading)
     assert levels[1] - levels[0] == pytest.approx(9.81 * 0.5 / 11.194, abs=0.005)
     rig.tab.disconnect_rig()
-    qtbot.waitUntil(lambda: not rig.station.caller.busy)
+    qtbot.waitUntil(lambda: not rig.controller.worker.busy)
     assert rig.label("calibrationState") == "No rig is connected."
     tab.leave()
 
@@ -361,7 +361,7 @@ def test_what_was_accepted_counts_at_the_next_connection(
     monkeypatch.setattr(
         "fingerlab.acquisition.process_bench.ProcessBench", lambda *given: made.append(given) or object()
     )
-    opened = open_bench(Wanted("simulated"))
+    opened = open_bench(BenchRequest("simulated"))
     (record,) = (json.loads(path.read_text(encoding="utf-8")) for path in bench.files())
     settings = made[0][1]
     assert settings.units.force.gain == record["gain"]["value"]

@@ -14,9 +14,9 @@ from pathlib import Path
 from PySide6.QtCore import QSettings, QTimer
 from PySide6.QtWidgets import QApplication
 from shiboken6 import isValid
-from fingerlab.ui import application
-from fingerlab.ui.settings import Settings
-from fingerlab.ui.window import MainWindow
+from fingerlab.ui.app import application
+from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.window import MainWindow
 
 faulthandler.enable()
 folder = Path(sys.argv[1])

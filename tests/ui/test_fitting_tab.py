@@ -15,9 +15,9 @@ from pytestqt.qtbot import QtBot
 from fingerlab.models.file import load_model
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.sessions import SessionWriter
+from fingerlab.ui.app.tab_registry import TabEntry
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.fit.fit_tab import FitTab
-from fingerlab.ui.registry import Entry
-from fingerlab.ui.window import MainWindow
 
 from .hands import PATIENCE, child, click
 from .looking import look
@@ -31,7 +31,7 @@ RIG = Rig(
 )
 """Without mass, ``K theta = -a T + L`` holds for an extension cable."""
 
-TABS = (Entry(4, "fit", "Fit", "Fits.", FitTab),)
+TABS = (TabEntry(4, "fit", "Fit", "Fits.", FitTab),)
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def session_on_air(tmp_path: Path) -> Path:
 @pytest.fixture
 def window(qtbot: QtBot, make_window, session_on_air: Path) -> MainWindow:  # type: ignore[no-untyped-def]
     made_window: MainWindow = make_window(tab="fit", tabs=TABS)
-    made_window.desk.open_paths([session_on_air], "fit")
+    made_window.context.open_paths([session_on_air], "fit")
     qtbot.waitUntil(lambda: bool(fit_of(made_window).sessions) and not made_window.tasks.busy)
     return made_window
 
@@ -123,7 +123,7 @@ def test_the_model_is_kept_once_and_never_written_over(
     assert arm.value == pytest.approx(B, rel=0.01)
     before = path.read_bytes()
     click(analysed, "saveModel")
-    qtbot.waitUntil(lambda: any("exists" in line for line in analysed.desk.log), timeout=PATIENCE)
+    qtbot.waitUntil(lambda: any("exists" in line for line in analysed.context.log), timeout=PATIENCE)
     assert path.read_bytes() == before
 
 
@@ -132,13 +132,13 @@ def test_a_fit_that_is_not_possible_is_one_sentence(qtbot: QtBot, window: MainWi
     panel.method.setCurrentIndex(panel.method.findData("whole"))
     panel.delay.setCurrentIndex(panel.delay.findData("findsignal"))
     click(window, "analyse")
-    qtbot.waitUntil(lambda: any("choose regions" in line for line in window.desk.log), timeout=PATIENCE)
+    qtbot.waitUntil(lambda: any("choose regions" in line for line in window.context.log), timeout=PATIENCE)
     assert fit_of(window).found is None
 
 
 def test_every_plot_is_saved_in_every_format(analysed: MainWindow, tmp_path: Path) -> None:
     save_each_plot(analysed, tmp_path / "plots", 5)  # two speeds, the plane, R2 and delays
-    bars = fit_of(analysed).view.r2.numbers()
+    bars = fit_of(analysed).view.r2.shown_series()
     assert [one.x.tolist() for one in bars] == [[1, 2, 3]] * 4
     assert bars[0].y == pytest.approx(1.0, abs=1e-3)
 

@@ -14,11 +14,10 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.core.errors import Cancelled
 from fingerlab.sessions.model import Session
-from fingerlab.ui.desk import Desk, RigLine
-from fingerlab.ui.registry import TABS, Entry
-from fingerlab.ui.settings import Settings
-from fingerlab.ui.tab import Command, Tab
-from fingerlab.ui.window import MainWindow
+from fingerlab.ui.app.context import ApplicationContext, RigLine
+from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.tab_registry import TABS, Command, Tab, TabEntry
+from fingerlab.ui.app.window import MainWindow
 
 from .hands import LEFT, PATIENCE, child, click, drop, invented_diagnosis, lab_of
 
@@ -28,8 +27,8 @@ CONTROL = Qt.KeyboardModifier.ControlModifier
 class Notebook(Tab):
     """A tab that writes down what the frame tells it."""
 
-    def __init__(self, desk: Desk) -> None:
-        super().__init__(desk)
+    def __init__(self, context: ApplicationContext) -> None:
+        super().__init__(context)
         self.told: list[str] = []
         self.stays = False
         self.done = 0
@@ -61,7 +60,7 @@ class Notebook(Tab):
         self.told.append("shut down")
 
 
-NOTEBOOK = Entry(2, "notebook", "Notebook", "Writes down.", Notebook)
+NOTEBOOK = TabEntry(2, "notebook", "Notebook", "Writes down.", Notebook)
 
 
 @pytest.fixture
@@ -113,7 +112,7 @@ def test_keys_of_a_tab_work_only_while_it_is_in_front(window: MainWindow) -> Non
     assert tab.done == 1
     window.show_tab("notebook")
     tab.stays = True
-    tab.desk.commands_changed.emit()
+    tab.context.commands_changed.emit()
     QTest.keyClick(window, Qt.Key.Key_1, alt)
     assert tab.done == 1
     tab.stays = False
@@ -121,7 +120,7 @@ def test_keys_of_a_tab_work_only_while_it_is_in_front(window: MainWindow) -> Non
 
 def test_a_tab_built_late_is_told_what_is_open(qtbot: QtBot, make_window, session_file: Path) -> None:  # type: ignore[no-untyped-def]
     window = make_window(tabs=(NOTEBOOK, TABS[-1]))
-    window.desk.open_paths([session_file], tab="notebook")
+    window.context.open_paths([session_file], tab="notebook")
     qtbot.waitUntil(lambda: window.current == "notebook" and not window.tasks.busy, timeout=PATIENCE)
     assert notebook(window).told == ["1 open", "shown"]
     window.close_session()
@@ -137,10 +136,10 @@ def test_a_session_opened_in_another_tab_is_compared_when_the_lab_is_looked_at(
 
     from fingerlab.ui.lab.model_lab_tab import ModelLabTab
 
-    lab = Entry(6, "model_lab", "Model lab", "", partial(ModelLabTab, diagnose=invented_diagnosis))
+    lab = TabEntry(6, "model_lab", "Model lab", "", partial(ModelLabTab, diagnose=invented_diagnosis))
     window = make_window(tabs=(NOTEBOOK, lab))
     window.show_tab("notebook")
-    window.desk.open_paths([session_file], tab="notebook")
+    window.context.open_paths([session_file], tab="notebook")
     qtbot.waitUntil(lambda: bool(lab_of(window).controller.sessions), timeout=PATIENCE)
     assert not window.tasks.busy
     window.show_tab("model_lab")
@@ -150,7 +149,7 @@ def test_a_session_opened_in_another_tab_is_compared_when_the_lab_is_looked_at(
 def test_a_recorded_session_is_told_to_every_tab_and_is_recent(
     window: MainWindow, session_file: Path
 ) -> None:
-    window.desk.recorded(session_file)
+    window.context.recorded(session_file)
     assert notebook(window).told[-1] == f"recorded {session_file.name}"
     assert window.settings.recent() == [session_file.resolve()]
 
@@ -158,10 +157,10 @@ def test_a_recorded_session_is_told_to_every_tab_and_is_recent(
 @pytest.mark.qt_log_ignore("This plugin does not support")  # of Qt's off-screen platform
 def test_escape_stops_from_a_field_a_menu_and_another_tab(window: MainWindow, qtbot: QtBot) -> None:
     stops: list[int] = []
-    window.desk.stop_asked.connect(lambda: stops.append(1))
+    window.context.stop_asked.connect(lambda: stops.append(1))
     QTest.keyClick(window, Qt.Key.Key_Escape)
     assert not stops  # no rig, nothing to stop
-    window.desk.show_rig(RigLine(device="a bench"))
+    window.context.show_rig(RigLine(device="a bench"))
     field = notebook(window).field
     field.setFocus()
     QTest.keyClick(field, Qt.Key.Key_Escape)
@@ -194,7 +193,7 @@ def test_stop_is_in_the_same_place_in_every_tab(window: MainWindow) -> None:
 
 
 def test_header_and_status_bar_say_how_the_rig_is(window: MainWindow) -> None:
-    window.desk.show_rig(
+    window.context.show_rig(
         RigLine("live", "running", "sine, 15°, 1 Hz", 12345, False, "Dev1", 99000, 3, 5 * 10**8, "", True)
     )
     assert child(window, QLabel, "rigState").text() == "Running"
@@ -205,7 +204,7 @@ def test_header_and_status_bar_say_how_the_rig_is(window: MainWindow) -> None:
     assert status == "Dev1 · 99\u202f000 samples · 3 late · ⚠ only 0.5 GB free"
     window.show_tab("model_lab")
     assert child(window, QLabel, "sampleCount").isVisible()
-    window.desk.show_rig(RigLine())
+    window.context.show_rig(RigLine())
     assert not window.header.dot.isVisible()
     assert not child(window, QLabel, "statusDevice").isVisible()
 
@@ -213,7 +212,7 @@ def test_header_and_status_bar_say_how_the_rig_is(window: MainWindow) -> None:
 def test_the_status_bar_says_less_where_room_is_short_and_never_half_a_word(window: MainWindow) -> None:
     """At 200 % the smallest window has 640 of the widget's own pixels; the warning stays to the last."""
     line = RigLine(device="NI USB-6211", samples=36_000_000, late=2, free_bytes=74 * 10**9, warning="9 lost")
-    window.desk.show_rig(replace(line, cycle_s=1e-3, longest_cycle_s=1.23e-3))
+    window.context.show_rig(replace(line, cycle_s=1e-3, longest_cycle_s=1.23e-3))
     label = window.status.device
     cycle = "cycle 1.00 ms, longest 1.23 ms"
     whole = f"NI USB-6211 · 36\u202f000\u202f000 samples · 2 late · {cycle} · 74 GB free · ⚠ 9 lost"
@@ -269,14 +268,14 @@ def test_a_wrong_file_dropped_on_any_tab_is_one_sentence(
             wrong.write_bytes(b"neither table nor recording")
         for key in (entry.key for entry in TABS if (name, entry.key) not in asks):
             window.show_tab(key)
-            window.desk.hush()
+            window.context.hush()
             drop(window, wrong)
             qtbot.waitUntil(lambda: message.isVisible() and not window.tasks.busy, timeout=PATIENCE)
             assert name in message.text(), key
             assert message.text().count(". ") == 0, message.text()
             assert "Traceback" not in message.text()
             assert window.current == key
-            assert window.desk.sessions == ()
+            assert window.context.sessions == ()
 
 
 def test_tasks_of_different_owners_wait_for_one_another(qtbot: QtBot, window: MainWindow) -> None:
@@ -311,11 +310,11 @@ def test_the_sheet_of_keys_and_the_log(window: MainWindow, qtbot: QtBot) -> None
     sheet = child(window, QTextBrowser, "keySheet").toPlainText()
     for words in ("Stop the motor", "Esc", "Notebook", "Ctrl+2", "Do it", "Alt+1"):
         assert words in sheet
-    window.desk.say("The device was opened")
+    window.context.say("The device was opened")
     window.menus.log.trigger()
     shown = child(window, QPlainTextEdit, "log")
     assert "The device was opened" in shown.toPlainText()
-    window.desk.say("The amplifier is on")  # while the log is open
+    window.context.say("The amplifier is on")  # while the log is open
     assert "The amplifier is on" in shown.toPlainText().splitlines()[-1]
     for dialog in window.findChildren(QDialog):
         QTest.keyClick(dialog, Qt.Key.Key_Escape)

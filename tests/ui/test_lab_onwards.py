@@ -18,10 +18,10 @@ from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import single_run
 from fingerlab.twin.session import write_session
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.controller import ModelHistory, ModelStep
 from fingerlab.ui.lab.truth import TruthPanel
 from fingerlab.ui.predict.predict_tab import PredictTab
-from fingerlab.ui.window import MainWindow
 
 from . import invented
 from .hands import PATIENCE, child, click, invented_diagnosis, lab_of, lab_with, wait_for_result
@@ -43,7 +43,7 @@ def pressed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def window(qtbot: QtBot, make_window: Any, pressed: Path) -> MainWindow:
     tabs = tuple(e for e in lab_with(invented_diagnosis) if e.key in ("predict", "model_lab"))
     made: MainWindow = make_window(tab="model_lab", tabs=tabs)
-    made.desk.open_paths([pressed])
+    made.context.open_paths([pressed])
     wait_for_result(qtbot, made)
     QTest.keyClick(made, Qt.Key.Key_F6)
     assert child(made, QPushButton, "handExperiment").isVisible()
@@ -91,7 +91,7 @@ def test_where_the_panel_is_narrow_buttons_go_on_below_and_a_row_stays_one_line(
 
 def test_the_proposed_recording_goes_to_acquire(window: MainWindow) -> None:
     handed: list[Any] = []
-    window.desk.protocol_handed.connect(lambda steps, title: handed.append((steps, title)))
+    window.context.protocol_handed.connect(lambda steps, title: handed.append((steps, title)))
     click(window, "handExperiment")
     ((steps, title),) = handed
     assert title == "Proposed by the Model lab"

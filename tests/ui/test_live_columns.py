@@ -11,21 +11,19 @@ from PySide6.QtCore import QPoint
 from PySide6.QtGui import QImage, QPainter
 from pytestqt.qtbot import QtBot
 
-from fingerlab.ui.acquire.canvas import Canvas
-from fingerlab.ui.acquire.channels import Trace
-from fingerlab.ui.acquire.columns import Columns, View, extremes
-from fingerlab.ui.acquire.curves import Part
-from fingerlab.ui.acquire.history import History
-from fingerlab.ui.acquire.raster import Look, Raster, grid_columns
+from fingerlab.ui.acquire.live_canvas import Canvas
+from fingerlab.ui.acquire.live_channels import LiveTrace
+from fingerlab.ui.acquire.live_curves import Raster, RasterLook, ShownPart, grid_columns
+from fingerlab.ui.acquire.live_history import ColumnView, LiveHistory, PixelColumns, extremes
 
 NAMES = ("a", "late")
 SURFACE, GRID, AXIS, BLACK, BLUE = 0xFFFFFFFF, 0xFFDDDDDD, 0xFF777777, 0xFF000000, 0xFF0072B2
 SIZE = 120, 40
 
 
-def filled(values: np.ndarray, rate_hz: float = 1000.0, first: int = 0) -> History:  # type: ignore[type-arg]
+def filled(values: np.ndarray, rate_hz: float = 1000.0, first: int = 0) -> LiveHistory:  # type: ignore[type-arg]
     """A history of one column."""
-    history = History(("a",), rate_hz)
+    history = LiveHistory(("a",), rate_hz)
     history.extend(np.arange(first, first + len(values), dtype=float), {"a": values})
     return history
 
@@ -61,13 +59,13 @@ def test_a_gap_stays_a_gap_and_a_lone_sample_a_dot() -> None:
     assert (low[:4] == 1.0).all()
 
 
-def look(scale: tuple[float, float] = (-4.0, 4.0)) -> Look:
+def look(scale: tuple[float, float] = (-4.0, 4.0)) -> RasterLook:
     """A narrow black curve and a wide blue one over it."""
     curves = ((BLACK, 1), (BLUE, 2))
-    return Look(SIZE, 1.0, scale, (10, 20), 17.3, curves, 1.0, SURFACE, GRID, AXIS)
+    return RasterLook(SIZE, 1.0, scale, (10, 20), 17.3, curves, 1.0, SURFACE, GRID, AXIS)
 
 
-def shown(raster: Raster, view: View) -> np.ndarray:  # type: ignore[type-arg]
+def shown(raster: Raster, view: ColumnView) -> np.ndarray:  # type: ignore[type-arg]
     """What is painted, shape (rows, columns)."""
     image = QImage(*SIZE, QImage.Format.Format_RGB32)
     painter = QPainter(image)
@@ -76,10 +74,10 @@ def shown(raster: Raster, view: View) -> np.ndarray:  # type: ignore[type-arg]
     return np.frombuffer(image.constBits(), dtype=np.uint32).reshape(SIZE[1], SIZE[0]).copy()
 
 
-def steps() -> Iterator[tuple[History, int, int]]:
+def steps() -> Iterator[tuple[LiveHistory, int, int]]:
     """A bench that runs, with a curve that comes later, gaps, holding and scrolling, zoom, a new start."""
     rng = np.random.default_rng(7)
-    history = History(NAMES, 1000.0, seconds=4.0)
+    history = LiveHistory(NAMES, 1000.0, seconds=4.0)
     now, wide, back = 0, 1000, 0
     for step in range(300):
         count = int(rng.integers(1, 60))
@@ -101,15 +99,15 @@ def steps() -> Iterator[tuple[History, int, int]]:
 
 def test_the_picture_that_is_kept_is_the_one_that_would_be_drawn_anew(qapp: object) -> None:
     """Pixel by pixel, whatever happened since."""
-    columns, raster = Columns(), Raster(look())
+    columns, raster = PixelColumns(), Raster(look())
     whole = 0
     for history, stop, wide in steps():
-        view = View.ending(stop, wide, SIZE[0])
+        view = ColumnView.ending(stop, wide, SIZE[0])
         runs = columns.follow(history, NAMES, view)
         whole += runs == [(view.first, view.stop)]
         for first, last in runs:
             raster.draw(columns, view, (first, min(last + raster.reach - 1, view.stop)))
-        anew, again = Columns(), Raster(look())
+        anew, again = PixelColumns(), Raster(look())
         anew.follow(history, NAMES, view)
         again.draw(anew, view, (view.first, view.stop))
         # A wide line's first column also shows the one before, which is out of view where all is drawn anew.
@@ -121,10 +119,10 @@ def test_the_picture_that_is_kept_is_the_one_that_would_be_drawn_anew(qapp: obje
 def test_pixels_are_where_the_samples_are(qapp: object) -> None:
     history = filled(np.where(np.arange(1200) < 600, -2.0, 2.0))
     columns, raster = (
-        Columns(),
-        Raster(Look(SIZE, 1.0, (-4.0, 4.0), (), 0.0, ((BLACK, 1),), 1.0, SURFACE, GRID, AXIS)),
+        PixelColumns(),
+        Raster(RasterLook(SIZE, 1.0, (-4.0, 4.0), (), 0.0, ((BLACK, 1),), 1.0, SURFACE, GRID, AXIS)),
     )
-    view = View.ending(1200, 1200, SIZE[0])
+    view = ColumnView.ending(1200, 1200, SIZE[0])
     for first, last in columns.follow(history, ("a",), view):
         raster.draw(columns, view, (first, last))
     picture = shown(raster, view)
@@ -148,7 +146,7 @@ def test_grid_lines_keep_their_columns() -> None:
 def test_a_canvas_of_another_size_or_scale_shows_what_a_new_one_shows(qtbot: QtBot) -> None:
     rng = np.random.default_rng(3)
     history = filled(rng.normal(size=5000))
-    traces = (Trace("a", "measured", wide=True),)
+    traces = (LiveTrace("a", "measured", wide=True),)
 
     def canvas() -> Canvas:
         made = Canvas("Torque", "mN m")
@@ -158,10 +156,10 @@ def test_a_canvas_of_another_size_or_scale_shows_what_a_new_one_shows(qtbot: QtB
 
     kept = canvas()
     kept.resize(500, 160)
-    kept.show_part(Part(history, traces, frozenset(), 0, 2000, 1.0))
+    kept.show_part(ShownPart(history, traces, frozenset(), 0, 2000, 1.0))
     kept.grab()
     for stop, size, scale in ((2100, (500, 160), 4.0), (2500, (377, 140), 4.0), (2500, (377, 140), 9.0)):
-        part = Part(history, traces, frozenset(), stop - 2000, stop, 1.0)
+        part = ShownPart(history, traces, frozenset(), stop - 2000, stop, 1.0)
         least, most = kept.show_part(part)
         assert (least, most) == pytest.approx((-3.5, 3.5), abs=1.0)
         kept.resize(*size)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.ui.acquire.history import History
+from fingerlab.ui.acquire.live_history import LiveHistory
 from fingerlab.ui.widgets.series import live_envelope, round_ticks
 
 
@@ -35,7 +35,7 @@ def test_a_spike_at_the_live_edge_is_drawn_and_buckets_do_not_move() -> None:
 
 
 def test_lost_samples_are_nan_and_the_oldest_are_forgotten() -> None:
-    history = History(("a",), 100.0, seconds=10.0)
+    history = LiveHistory(("a",), 100.0, seconds=10.0)
     assert history.extend(np.arange(0.0, 50.0), {"a": np.arange(50.0)})
     assert not history.extend(np.arange(60.0, 80.0), {"a": np.arange(60.0, 80.0)})
     first, values = history.series("a", 40, 70)

@@ -17,16 +17,15 @@ from PySide6.QtWidgets import QApplication, QFileDialog, QMenu, QSplitter, QWidg
 from pytestqt.qtbot import QtBot
 
 from fingerlab.core.text import ScreenUnit
-from fingerlab.ui.acquire.canvas import Canvas
-from fingerlab.ui.acquire.channels import Trace
-from fingerlab.ui.acquire.curves import Part
-from fingerlab.ui.acquire.history import History
-from fingerlab.ui.desk import Desk
-from fingerlab.ui.registry import Entry
-from fingerlab.ui.tab import Tab
+from fingerlab.ui.acquire.live_canvas import Canvas
+from fingerlab.ui.acquire.live_channels import LiveTrace
+from fingerlab.ui.acquire.live_curves import ShownPart
+from fingerlab.ui.acquire.live_history import LiveHistory
+from fingerlab.ui.app.context import ApplicationContext
+from fingerlab.ui.app.tab_registry import Tab, TabEntry
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.widgets.plots import DecimatedCurve, QuietPlot
 from fingerlab.ui.widgets.theme import colours_of
-from fingerlab.ui.window import MainWindow
 
 pytestmark = pytest.mark.qt_log_ignore("This plugin does not support")  # menus, on a screen that is none
 
@@ -38,8 +37,8 @@ FEW = np.array([0.25, 1.5, 2.0 / 3.0])
 class Plots(Tab):
     """A long curve that the screen decimates, points with symbols, and a live plot."""
 
-    def __init__(self, desk: Desk) -> None:
-        super().__init__(desk)
+    def __init__(self, context: ApplicationContext) -> None:
+        super().__init__(context)
         self.widget = QSplitter(Qt.Orientation.Vertical)
         self.long, self.dots = QuietPlot("longPlot", "Force over time"), QuietPlot("dots", "Bins")
         self.long.name_axes("Endpoint force", ScreenUnit("N", 1.0), "Time (s)")
@@ -55,14 +54,16 @@ class Plots(Tab):
         self.live.setObjectName("live")
         self.live.setAccessibleName("Motor torque")
         self.live.y_range = (0.0, 3.0)
-        history = History(("torque",), 1.0)
+        history = LiveHistory(("torque",), 1.0)
         history.extend(np.arange(3.0), {"torque": FEW})
-        self.live.show_part(Part(history, (Trace("torque", "measured", wide=True),), frozenset(), 0, 3, 1.0))
+        self.live.show_part(
+            ShownPart(history, (LiveTrace("torque", "measured", wide=True),), frozenset(), 0, 3, 1.0)
+        )
         for plot in (self.long, self.dots, self.live):
             self.widget.addWidget(plot)
 
 
-TABS = (Entry(1, "plots", "Plots", "Plots.", Plots),)
+TABS = (TabEntry(1, "plots", "Plots", "Plots.", Plots),)
 
 
 @pytest.fixture
@@ -106,7 +107,7 @@ def test_numbers_of_a_long_curve_are_all_there_with_name_and_unit(
     assert rows[0] == ["Time (s)", "Endpoint force (N): measured"]
     values = np.array(rows[1:], dtype=float)
     assert np.array_equal(values, np.stack((TIME, FORCE), axis=1))
-    assert window.desk.log[-1].endswith("force.csv")
+    assert window.context.log[-1].endswith("force.csv")
 
 
 def test_curves_over_the_same_points_share_them(
@@ -166,10 +167,10 @@ def test_another_ending_and_a_plot_without_curves_are_one_sentence(
 ) -> None:
     plot = plots_of(window).dots
     save(monkeypatch, window, plot, tmp_path / "plot.bmp")
-    assert "should end in .png, .svg, .pdf or .csv" in window.desk.log[-1]
+    assert "should end in .png, .svg, .pdf or .csv" in window.context.log[-1]
     plot.getPlotItem().clear()
     save(monkeypatch, window, plot, tmp_path / "plot.csv")
-    assert "shows no curve now" in window.desk.log[-1]
+    assert "shows no curve now" in window.context.log[-1]
     assert not list(tmp_path.glob("plot.*"))
 
 

@@ -19,10 +19,10 @@ from fingerlab.models.file import Model, ParameterEstimate, load_model, save_mod
 from fingerlab.prediction.beside import predict_beside
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.sessions import SessionWriter, open_session
+from fingerlab.ui.app.tab_registry import TabEntry
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.predict.predict_tab import PredictTab
 from fingerlab.ui.predict.wanted_force import outcome_words
-from fingerlab.ui.registry import Entry
-from fingerlab.ui.window import MainWindow
 
 from .hands import PATIENCE, child, click, drop
 from .looking import look
@@ -35,7 +35,7 @@ RIG = Rig(Finger(0.0, 0.0, 0.0225, L2, 0.0, 0.0, 0.12, K_PIP, wrist_angle=ALPHA)
 PEAK, REST = 1.5, 0.5
 """The finger is held and has no mass: ``K theta2 = b T + L - 2 l2 F cos(theta1 + theta2 - alpha)``."""
 
-TABS = (Entry(5, "predict", "Predict", "Predicts.", PredictTab),)
+TABS = (TabEntry(5, "predict", "Predict", "Predicts.", PredictTab),)
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def model_files(tmp_path: Path) -> tuple[Path, Path]:
 @pytest.fixture
 def window(qtbot: QtBot, make_window, in_contact: Path) -> MainWindow:  # type: ignore[no-untyped-def]
     made: MainWindow = make_window(tab="predict", tabs=TABS)
-    made.desk.open_paths([in_contact], "predict")
+    made.context.open_paths([in_contact], "predict")
     qtbot.waitUntil(lambda: bool(predict_of(made).sessions) and not made.tasks.busy)
     return made
 
@@ -181,7 +181,7 @@ def test_a_file_that_is_no_model_is_one_sentence(predicted: MainWindow, tmp_path
     wrong = tmp_path / "wrong.json"
     wrong.write_text("[]", encoding="utf-8")
     drop(predicted, wrong)
-    assert "wrong.json is not a model file" in predicted.desk.log[-1]
+    assert "wrong.json is not a model file" in predicted.context.log[-1]
     assert predict_of(predicted).numbers.rowCount() == 2
 
 
@@ -287,7 +287,7 @@ def test_the_torque_is_saved_and_handed_to_acquire(
     assert (saved["phase"], saved["cable"], saved["trajectory"]["kind"]) == ("contact", "flexion", "torque")
     assert read_trajectory(saved["trajectory"]).is_torque
     handed: list[object] = []
-    wanting.desk.protocol_handed.connect(lambda steps, title: handed.append((steps, title)))
+    wanting.context.protocol_handed.connect(lambda steps, title: handed.append((steps, title)))
     click(wanting, "handTorque")
     ((steps, title),) = handed
     assert title == "Wanted force, 0.6 to 1.4 N"

@@ -10,7 +10,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QFileDialog, QLabel
 from pytestqt.qtbot import QtBot
 
-from fingerlab.ui.window import MainWindow
+from fingerlab.ui.app.window import MainWindow
 
 from .hands import child, click
 

@@ -11,8 +11,8 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.ui.placing import PlaceKeeper
-from fingerlab.ui.settings import MAX_RECENT, Settings
+from fingerlab.ui.app.settings import MAX_RECENT, Settings
+from fingerlab.ui.app.window import PlaceKeeper
 from fingerlab.ui.widgets.layout import Panes
 
 

@@ -11,9 +11,9 @@ import pytest
 from PySide6.QtWidgets import QComboBox
 from pytestqt.qtbot import QtBot
 
-from fingerlab.ui.acquire import tab as acquire_tab
-from fingerlab.ui.registry import TABS
-from fingerlab.ui.settings import Settings
+from fingerlab.ui.acquire import acquire_tab
+from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.tab_registry import TABS
 
 from .bench_hands import PATIENCE, Rig, opener, tabs_with
 from .conftest import WindowMaker
@@ -51,7 +51,7 @@ def stage(
     rig = Rig(window, qtbot, connect=not real_time)
     if real_time:
         click(window, "connectSimulated")
-        qtbot.waitUntil(lambda: rig.station.bench is not None, timeout=PATIENCE)
+        qtbot.waitUntil(lambda: rig.controller.bench is not None, timeout=PATIENCE)
     window.open_paths([session_file])
     wait_for_result(qtbot, window)
     return Stage(window, session_file, tmp_path)

@@ -26,10 +26,10 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
-from fingerlab.ui.task_bar import TaskBar, time_left
+from fingerlab.ui.app.status_bar import TaskBar, time_left
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.widgets.tables import FramedTicks
 from fingerlab.ui.widgets.theme import Appearance, apply_appearance
-from fingerlab.ui.window import MainWindow
 
 from .hands import child, invented_diagnosis
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 from pytestqt.qtbot import QtBot
 
-from fingerlab.ui.tidying import Tidier
+from fingerlab.ui.app.application import Tidier
 
 
 class Circle:

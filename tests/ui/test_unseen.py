@@ -12,9 +12,9 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.library.notes import Verdict
 from fingerlab.report.diagnosis_words import set_sentence
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.result_words import set_help, set_words
 from fingerlab.ui.sessions.session_words import verdict_help, verdict_text
-from fingerlab.ui.window import MainWindow
 
 from . import invented
 from .hands import child, click, lab_of, wait_for_result
@@ -25,7 +25,7 @@ def window(qtbot: QtBot, make_window: Any, session_file: Path) -> MainWindow:
     made: MainWindow = make_window(
         diagnose=lambda sessions, *_: invented.unseen_diagnosis(str(sessions[0].path))
     )
-    made.desk.open_paths([session_file])
+    made.context.open_paths([session_file])
     wait_for_result(qtbot, made)
     return made
 
@@ -42,7 +42,7 @@ def test_the_verdict_says_what_it_could_not_see_and_offers_the_run(window: MainW
     assert "It would show Stribeck joint friction and tilted base, if there" in view.truth.next.text()
     assert view.steps.result("missing") == "nothing that they could show"
     handed: list[Any] = []
-    window.desk.protocol_handed.connect(lambda steps, title: handed.append(steps))
+    window.context.protocol_handed.connect(lambda steps, title: handed.append(steps))
     click(window, "handExperiment")
     assert handed[0][-1].trajectory["frequency_hz"] == 0.2
 

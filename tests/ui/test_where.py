@@ -15,8 +15,8 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QComboBox, QLabel
 from pytestqt.qtbot import QtBot
 
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.lab_view import LabView
-from fingerlab.ui.window import MainWindow
 
 from . import invented
 from .hands import LEFT, PATIENCE, child, click, lab_of

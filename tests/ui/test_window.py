@@ -19,8 +19,8 @@ from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QTextBrowser
 from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.widgets.labels import ElidedLabel
-from fingerlab.ui.window import MainWindow
 
 from . import invented
 from .hands import LEFT, PATIENCE, Held, child, click, drop, invented_diagnosis, lab_of, wait_for_result
@@ -316,10 +316,10 @@ def test_every_plot_is_saved_in_every_format(opened: MainWindow, tmp_path: Path)
     save_each_plot(opened, tmp_path / "missing", 3)  # curves, fingerprint, error path
     QTest.keyClick(opened, Qt.Key.Key_F3)
     save_each_plot(opened, tmp_path / "where", 3)
-    (mean, *_, curve) = lab_of(opened).view.evidence.plot.numbers()
+    (mean, *_, curve) = lab_of(opened).view.evidence.plot.shown_series()
     assert mean.across == "MCP speed (°/s)"
     assert curve.y[-1] == pytest.approx(1e3 * invented.FRICTION)
-    (tried, suggested) = lab_of(opened).view.path.path.numbers()
+    (tried, suggested) = lab_of(opened).view.path.path.shown_series()
     assert (tried.y.tolist(), suggested.x.tolist()) == ([12.4], [1.0])
 
 
@@ -330,7 +330,7 @@ def test_every_step_of_the_lab_is_whole(opened: MainWindow, make_window, qtbot: 
         look(opened)
     click(opened, "addToModel")
     qtbot.waitUntil(lambda: lab_of(opened).can_undo and not opened.tasks.busy, timeout=PATIENCE)
-    opened.desk.tell(
+    opened.context.tell(
         "A sentence that is as long as an error is when it names a file, a place and what to do.", "x"
     )
     look(opened)

@@ -12,12 +12,12 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QSpin
 
 from fingerlab.core.errors import UserError
 
-from ..desk import Desk
+from ..app.context import ApplicationContext
+from ..app.dialogs import ask_to_run as ask
 from ..lab import practice
-from ..own_files import ask_to_run as ask
 from ..widgets.fields import across, centred_column, choice, number, set_usable
 from ..widgets.labels import heading, remark
-from .opening import Wanted, forget_own_device, own_device_file, own_device_files
+from .bench_setup import BenchRequest, forget_own_device, own_device_file, own_device_files
 
 if TYPE_CHECKING:
     from fingerlab.core.trust import OwnSource
@@ -44,10 +44,10 @@ class ConnectPage(QWidget):
     runs_asked = Signal(object)
     refused = Signal(str)
 
-    def __init__(self, desk: Desk, parent: QWidget | None = None) -> None:
+    def __init__(self, context: ApplicationContext, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.rig_file: Path | None = None
-        self._folder = desk.settings.folder()
+        self._folder = context.settings.folder()
         self._card = ""
         self._session: Path | None = None
         self.title = heading("No rig connected", large=True)
@@ -57,7 +57,7 @@ class ConnectPage(QWidget):
         self._make_replay()
         self._make_practice()
         self._build()
-        self.card.clicked.connect(lambda: self.chosen.emit(Wanted(self._card, self.rig_file)))
+        self.card.clicked.connect(lambda: self.chosen.emit(BenchRequest(self._card, self.rig_file)))
         self.again.clicked.connect(self.look_asked)
         self.simulated.clicked.connect(self._on_simulated)
         self.fault.currentIndexChanged.connect(self._on_fault)
@@ -67,10 +67,10 @@ class ConnectPage(QWidget):
         self.replay.clicked.connect(self._on_replay)
         self.replay_run.clicked.connect(self._on_replay_run)
         self.rig.clicked.connect(self._on_rig)
-        self.practise.clicked.connect(lambda: practice.start(desk))
-        desk.protocol_handed.connect(lambda _steps, title: self.show_waiting(title or "A protocol"))
-        desk.trajectory_handed.connect(lambda _one, title: self.show_waiting(title or "A trajectory"))
-        desk.bench_changed.connect(lambda: self.show_waiting(""))
+        self.practise.clicked.connect(lambda: practice.start(context))
+        context.protocol_handed.connect(lambda _steps, title: self.show_waiting(title or "A protocol"))
+        context.trajectory_handed.connect(lambda _one, title: self.show_waiting(title or "A trajectory"))
+        context.bench_changed.connect(lambda: self.show_waiting(""))
         self._on_fault()
 
     def _make_simulated(self) -> None:
@@ -236,7 +236,7 @@ class ConnectPage(QWidget):
         if many:
             self.runs.setFocus()
         else:  # a session without runs is refused with a sentence by the replay itself
-            self.chosen.emit(Wanted(f"replay:{session}"))
+            self.chosen.emit(BenchRequest(f"replay:{session}"))
 
     def show_busy(self, what: str) -> None:
         """While something is being connected, say so."""
@@ -258,7 +258,7 @@ class ConnectPage(QWidget):
 
     def _on_simulated(self) -> None:
         self.chosen.emit(
-            Wanted(
+            BenchRequest(
                 "simulated",
                 self.rig_file,
                 str(self.effect.currentData()),
@@ -280,7 +280,7 @@ class ConnectPage(QWidget):
             return
         others = [one for one in own_device_files() if one != path]
         self._offer_own([path, *others])  # who puts it right and tries again finds it chosen
-        self.chosen.emit(Wanted(f"own:{path}", self.rig_file, own=file))
+        self.chosen.emit(BenchRequest(f"own:{path}", self.rig_file, own=file))
 
     def _on_own_file(self) -> None:
         self.forget.setVisible(self.own_file.currentData() is not None)
@@ -306,7 +306,7 @@ class ConnectPage(QWidget):
             self.runs_asked.emit(Path(name))
 
     def _on_replay_run(self) -> None:
-        self.chosen.emit(Wanted(f"replay:{self._session}#{self.runs.currentData()}"))
+        self.chosen.emit(BenchRequest(f"replay:{self._session}#{self.runs.currentData()}"))
 
     def _on_rig(self) -> None:
         name, _ = QFileDialog.getOpenFileName(self, "Rig file", self._folder, RIG_FILTER)

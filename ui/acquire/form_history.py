@@ -10,7 +10,7 @@ from PySide6.QtCore import QEvent, QObject, QTimer, Signal
 from PySide6.QtGui import QKeyEvent, QKeySequence
 from PySide6.QtWidgets import QAbstractSpinBox, QWidget
 
-from ..undo_steps import UndoSteps
+from ..app.undo_steps import UndoSteps
 
 MERGE_S = 1.0
 """Changes of one field that follow one another so soon, such as turns of the wheel, are one step."""
@@ -18,7 +18,7 @@ MERGE_S = 1.0
 State = Mapping[str, Any]
 
 
-class Form(Protocol):
+class UndoableForm(Protocol):
     """A form whose whole state can be taken and given back."""
 
     def state(self) -> State: ...
@@ -33,7 +33,7 @@ class FormHistory(UndoSteps[dict[str, State]]):
 
     def __init__(
         self,
-        forms: Mapping[str, Form],
+        forms: Mapping[str, UndoableForm],
         parent: QObject | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:

@@ -1,7 +1,13 @@
-"""What the motor is to do, by hand: kind of trajectory and its numbers."""
+"""What the motor is to do, by hand: kind of trajectory and its numbers.
+
+The fields are made from the table of the trajectories' parameters. They are Qt's own and not those of
+``pyqtgraph.parametertree``: its fields have neither accessible names, nor object names, nor letters to reach
+them by, and it would have pyqtgraph imported before the first tab is seen.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,52 +15,20 @@ from typing import Any
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QFileDialog, QFormLayout, QPushButton, QWidget
 
-from fingerlab.acquisition.trajectories import DEFAULT_RAMP_S, MULTISINE_RATIOS, read_trajectory
+from fingerlab.acquisition.trajectories import (
+    BY_POINTS,
+    KIND_TITLES,
+    MULTISINE_RATIOS,
+    PARAMETERS,
+    TrajectoryParameter,
+    read_trajectory,
+)
 
 from ..widgets.fields import choice, number
 
-KINDS = {
-    "sine": "Sine",
-    "chirp": "Chirp",
-    "multisine": "Multisine",
-    "steps": "Steps",
-    "ramp_hold": "Ramp and hold",
-    "blocked": "Blocked",
-    "file": "From a file",
-    "torque": "Torque from a file",
-}
 LISTS = ("time_s", "angle_deg", "torque_n_m", "amplitude_n_m", "offset_n_m", "sha256")
 """What follows from a file; kept only where the points themselves were handed over."""
 HANDED = "Handed over"
-BY_POINTS = ("file", "torque")
-"""Kinds that are given point by point: of the angle, or of the torque itself."""
-MOVES = ("sine", "chirp", "multisine", "steps", "ramp_hold")
-FIELDS = {
-    "amplitude_deg": MOVES,
-    "frequency_hz": MOVES,
-    "end_frequency_hz": ("chirp",),
-    "rise_s": ("steps",),
-    "seed": ("steps",),
-    "lines": ("multisine",),
-    "offset_deg": (*MOVES, "blocked"),
-    "ramp_s": tuple(KINDS),
-}
-"""Which numbers each kind has."""
-DEFAULTS = {"seed": 0.0, "ramp_s": DEFAULT_RAMP_S}
-"""What a trajectory means that does not name them; so they are not named."""
-LABELS = {
-    "amplitude_deg": "&Amplitude (°)",
-    "frequency_hz": "F&requency (Hz)",
-    "end_frequency_hz": "&To (Hz)",
-    "rise_s": "R&ise (s)",
-    "seed": "Se&quence",
-    "lines": "Li&nes",
-    "offset_deg": "&Offset (°)",
-    "ramp_s": "Ramp (s)",
-}
-ALL_LINES = len(MULTISINE_RATIOS)
-RATIOS = ", ".join(f"{ratio:g}" for ratio in MULTISINE_RATIOS)
-
 FILE_HELP = "Text table of time (s) and angle (degrees), or of time (s) and torque (N m)."
 ENDLESS_S = 60.0
 """Length that a trajectory without end is given: that of its pattern before it comes again."""
@@ -67,8 +41,8 @@ class MotionForm(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.kind = choice("kind", KINDS, "Mode: what the motor does.")
-        self.numbers = _make_numbers()
+        self.kind = choice("kind", KIND_TITLES, "Mode: what the motor does.")
+        self.numbers = {name: _field(one) for name, one in PARAMETERS.items()}
         self.duration = number(
             "duration", 0.0, 0.0, 36_000.0, 1, 5.0, "Duration: 0 goes on until it is brought to rest."
         )
@@ -83,7 +57,7 @@ class MotionForm(QWidget):
         self._form.setSpacing(3)
         self._form.addRow("&Mode", self.kind)
         for name, field in self.numbers.items():
-            self._form.addRow(LABELS[name], field)
+            self._form.addRow(_label(PARAMETERS[name]), field)
             field.valueChanged.connect(self._on_edited)
         self._form.addRow("File", self.file)
         self._form.addRow("&Duration (s)", self.duration)
@@ -103,12 +77,12 @@ class MotionForm(QWidget):
         """The trajectory as in the session format."""
         kind = str(self.kind.currentData())
         settings: dict[str, Any] = {"kind": kind, **self._further}
-        for name, kinds in FIELDS.items():
+        for name, one in PARAMETERS.items():
             value = self.numbers[name].value()
-            if kind in kinds and name != "lines" and value != DEFAULTS.get(name):
-                settings[name] = round(value) if name == "seed" else value
+            if kind in one.kinds and name != "lines" and not (one.unsaid and value == one.start):
+                settings[name] = value if one.decimals else round(value)
         lines = round(self.numbers["lines"].value())
-        if kind == "multisine" and lines < ALL_LINES and "frequencies_hz" not in settings:
+        if kind == "multisine" and lines < PARAMETERS["lines"].high and "frequencies_hz" not in settings:
             base = settings["frequency_hz"]
             settings["frequencies_hz"] = [round(ratio * base, 6) for ratio in MULTISINE_RATIOS[:lines]]
         if kind in BY_POINTS and self._path is not None:
@@ -126,12 +100,12 @@ class MotionForm(QWidget):
             UserError: it is no trajectory.
         """
         given = read_trajectory(settings).settings
-        known = {"kind", "duration_s", "file", *FIELDS}
+        known = {"kind", "duration_s", "file", *PARAMETERS}
         row = self.kind.findData(given["kind"])
         self.kind.setCurrentIndex(row)
         for name, field in self.numbers.items():
-            if name in given or name in DEFAULTS:
-                field.setValue(float(given.get(name, DEFAULTS.get(name))))
+            if name in given or PARAMETERS[name].unsaid:
+                field.setValue(float(given.get(name, PARAMETERS[name].start)))
         self._show_lines(len(given.get("frequencies_hz", MULTISINE_RATIOS)))
         self.duration.setValue(float(given.get("duration_s", 20.0)))
         listed = given["kind"] in BY_POINTS and "time_s" in settings
@@ -189,7 +163,7 @@ class MotionForm(QWidget):
     def words(self) -> str:
         """A few words for the header."""
         settings = self.settings()
-        parts = [KINDS[settings["kind"]].lower()]
+        parts = [KIND_TITLES[settings["kind"]].lower()]
         if "amplitude_deg" in settings:
             parts.append(f"{settings['amplitude_deg']:g}°")
         if "frequency_hz" in settings:
@@ -207,7 +181,7 @@ class MotionForm(QWidget):
         kind = str(self.kind.currentData())
         self._further = {}
         for name, field in self.numbers.items():
-            self._form.setRowVisible(field, kind in FIELDS[name])
+            self._form.setRowVisible(field, kind in PARAMETERS[name].kinds)
         self._form.setRowVisible(self.file, kind in BY_POINTS)
         self.edited.emit()
 
@@ -216,40 +190,25 @@ class MotionForm(QWidget):
 
     def _show_lines(self, count: float) -> None:
         """So many lines, which may be more than this form makes where they were handed over."""
-        self.numbers["lines"].setMaximum(max(count, ALL_LINES))
+        self.numbers["lines"].setMaximum(max(count, PARAMETERS["lines"].high))
         self.numbers["lines"].setValue(count)
 
     def _forget_lines(self) -> None:
         """Lines that were handed over hold until their number or their base is changed by hand."""
         if self._further.pop("frequencies_hz", None) is not None:
-            self.numbers["lines"].setMaximum(ALL_LINES)
+            self.numbers["lines"].setMaximum(PARAMETERS["lines"].high)
 
 
-def _make_numbers() -> dict[str, QDoubleSpinBox]:
-    """The number fields in the order in which they stand."""
-    return {
-        "amplitude_deg": number(
-            "amplitude", 15.0, 0.0, 120.0, 1, 1.0, "Amplitude: half of the range, at the pulley."
-        ),
-        "frequency_hz": number("frequency", 1.0, 0.01, 10.0, 2, 0.1, "Frequency: of the motion."),
-        "end_frequency_hz": number("endFrequency", 3.0, 0.01, 10.0, 2, 0.1, "End frequency of the chirp."),
-        "rise_s": number("rise", 0.15, 0.01, 2.0, 2, 0.05, "Rise: time from one step to the next."),
-        "seed": number(
-            "seed",
-            0.0,
-            0.0,
-            99_999.0,
-            0,
-            1.0,
-            "Sequence: seed of the steps' heights; the same gives the same.",
-        ),
-        "lines": number(
-            "lines", ALL_LINES, 1.0, ALL_LINES, 0, 1.0, f"Lines: the first of {RATIOS} times the frequency."
-        ),
-        "offset_deg": number(
-            "offset", 22.0, -180.0, 180.0, 1, 1.0, "Offset: middle of the range, at the pulley."
-        ),
-        "ramp_s": number(
-            "ramp", DEFAULT_RAMP_S, 0.0, 60.0, 2, 0.5, "Ramp: time from rest to the whole motion."
-        ),
-    }
+def _label(parameter: TrajectoryParameter) -> str:
+    words, letter = parameter.title, parameter.letter
+    if letter:
+        words = words.replace(letter, f"&{letter}", 1)
+    return f"{words} ({parameter.unit})" if parameter.unit else words
+
+
+def _field(parameter: TrajectoryParameter) -> QDoubleSpinBox:
+    """The field of a parameter; its object name is the parameter's without the unit, as ``endFrequency``."""
+    first, *others = re.sub("_(deg|hz|s)$", "", parameter.name).split("_")
+    name = first + "".join(word.capitalize() for word in others)
+    one = parameter
+    return number(name, one.start, one.low, one.high, one.decimals, one.step, one.help)

@@ -18,9 +18,9 @@ from fingerlab.calibration.store import ACCEPTED, REJECTED, WITH_REASON, Calibra
 from fingerlab.calibration.wizard import Phase, Wizard
 from fingerlab.core.errors import UserError
 
-from ..desk import Desk
-from ..tab import SEPARATOR, Command, Tab
-from ..tasks import Progress
+from ..app.context import ApplicationContext
+from ..app.tab_registry import SEPARATOR, Command, Tab
+from ..app.worker import Progress
 from ..widgets.labels import header_name
 from .calibration_words import SENSOR_NAMES
 from .measure_page import MeasurePage
@@ -43,13 +43,15 @@ class CalibrateTab(Tab):
         timing: how long each step is held. folder: for calibrations where no rig is connected.
     """
 
-    def __init__(self, desk: Desk, timing: StepTiming | None = None, folder: Path | None = None) -> None:
-        super().__init__(desk)
+    def __init__(
+        self, context: ApplicationContext, timing: StepTiming | None = None, folder: Path | None = None
+    ) -> None:
+        super().__init__(context)
         self._timing, self._folder = timing or StepTiming(), folder
         self.wizard: Wizard | None = None
         self.outcome: CalibrationOutcome | None = None
         self._source_words = ""
-        self.source = VoltSource(desk, self)
+        self.source = VoltSource(context, self)
         self.start_page = StartPage()
         self.measure_page = MeasurePage(self.undo, self.redo, self._take, self.leave)
         self.result_page = ResultPage(self._decide, self._back)
@@ -62,10 +64,10 @@ class CalibrateTab(Tab):
         self.source.arrived.connect(self._on_volts)
         self.start_page.start_asked.connect(self.start)
         self.start_page.file_asked.connect(self._ask_for_files)
-        self.start_page.connect_asked.connect(lambda: desk.show_tab("acquire"))
+        self.start_page.connect_asked.connect(lambda: context.show_tab("acquire"))
         self.start_page.again_asked.connect(self._ask_for_session)
-        desk.bench_changed.connect(self._on_bench)
-        desk.rig_changed.connect(self._on_rig)
+        context.bench_changed.connect(self._on_bench)
+        context.rig_changed.connect(self._on_rig)
         self._show_start()
 
     def _menu(self) -> tuple[Command, ...]:
@@ -109,7 +111,7 @@ class CalibrateTab(Tab):
             return False
         named = [name for name in SENSORS if any(name.split("-")[0] in p.name.lower() for p in paths)]
         if len(named) != 1:
-            self.desk.tell(
+            self.context.tell(
                 "Of which sensor is it? Use From a recording beside the sensor, or put load, mcp or pip into "
                 "the file's name."
             )
@@ -148,10 +150,10 @@ class CalibrateTab(Tab):
         """Begin with a sensor."""
         refusal = self.source.refusal
         if refusal:
-            self.desk.tell(refusal)
+            self.context.tell(refusal)
             return
         self.wizard = Wizard(standard_plan(SENSORS[name]), self._timing)
-        line = self.desk.rig_line
+        line = self.context.rig_line
         self._source_words = line.device or "live"
         self.source.start(name)
         self._show_measuring()
@@ -187,15 +189,15 @@ class CalibrateTab(Tab):
         wizard = self.wizard
         assert wizard is not None
         if wizard.phase is Phase.DONE:
-            self.desk.say("All steps captured")
+            self.context.say("All steps captured")
         else:
-            self.desk.say(f"Step {wizard.number} of {len(wizard.plan.moves)} captured")
+            self.context.say(f"Step {wizard.number} of {len(wizard.plan.moves)} captured")
             self._show_measuring()
             return
         try:
             outcome = wizard.outcome()
         except UserError as error:
-            self.desk.tell(str(error), traceback.format_exc())
+            self.context.tell(str(error), traceback.format_exc())
             wizard.undo()
             self._show_measuring()
             return
@@ -234,21 +236,23 @@ class CalibrateTab(Tab):
         try:
             record = self.store().save(self.outcome, verdict, reason, self._source_words)  # type: ignore[arg-type]
         except UserError as error:
-            self.desk.tell(str(error), traceback.format_exc())
+            self.context.tell(str(error), traceback.format_exc())
             return
         name = SENSOR_NAMES[record.sensor]
         if accept:
-            again = " It counts once the rig is connected again." if self.desk.bench is not None else ""
-            self.desk.tell(f"{name}: {record.title} is stored and counts for recordings to come.{again}")
+            again = " It counts once the rig is connected again." if self.context.bench is not None else ""
+            self.context.tell(f"{name}: {record.title} is stored and counts for recordings to come.{again}")
         else:
-            self.desk.tell(f"{name}: {record.title} is stored as rejected; the one before goes on to count.")
+            self.context.tell(
+                f"{name}: {record.title} is stored as rejected; the one before goes on to count."
+            )
         self._end()
 
     # recordings and old sessions
 
     def _ask_for_files(self, name: str) -> None:
         names, _ = QFileDialog.getOpenFileNames(
-            self.widget, f"Recording of the {SENSOR_NAMES[name]}", self.desk.settings.folder(), RECORDINGS
+            self.widget, f"Recording of the {SENSOR_NAMES[name]}", self.context.settings.folder(), RECORDINGS
         )
         if names:
             self.read_files(name, [Path(one) for one in names])
@@ -270,7 +274,7 @@ class CalibrateTab(Tab):
         )
 
     def _ask_for_session(self) -> None:
-        folder = self.desk.settings.folder()
+        folder = self.context.settings.folder()
         source, _ = QFileDialog.getOpenFileName(self.widget, "Session to calibrate anew", folder, SESSIONS)
         if not source:
             return
@@ -286,20 +290,20 @@ class CalibrateTab(Tab):
 
         def done(result: Any) -> None:
             path, told = result
-            self.desk.recorded(path)
-            self.desk.tell(f"{path.name} is written: {'; '.join(told)}.")
+            self.context.recorded(path)
+            self.context.tell(f"{path.name} is written: {'; '.join(told)}.")
 
         self._run("Calibrating anew", lambda progress: apply_again(source, target, records, progress), done)
 
     def _run(self, title: str, work: Callable[[Progress], Any], done: Callable[[Any], None]) -> None:
-        self.desk.hush()
-        self.desk.tasks.start(title, lambda progress, _cancelled: work(progress), done, owner="calibrate")
+        self.context.hush()
+        self.context.tasks.start(title, lambda progress, _cancelled: work(progress), done, owner="calibrate")
 
     # what is shown
 
     def store(self) -> CalibrationStore:
         """The calibrations of the rig that is connected, or of the default one."""
-        bench = self.desk.bench
+        bench = self.context.bench
         if bench is not None and bench.calibrations is not None:
             return CalibrationStore(bench.calibrations)
         return CalibrationStore(self._folder or default_folder())
@@ -308,7 +312,7 @@ class CalibrateTab(Tab):
         try:
             return self.store().current()
         except UserError as error:
-            self.desk.tell(str(error), traceback.format_exc())
+            self.context.tell(str(error), traceback.format_exc())
             return {}
 
     def _latest(self, name: str) -> CalibrationRecord | None:
@@ -324,7 +328,7 @@ class CalibrateTab(Tab):
         source = f" – {self._source_words}" if self._source_words else ""
         self.title.setText(f"{sensor.title[:1].upper()}{sensor.title[1:]}{source}" if sensor else "")
         self.pages.setCurrentWidget(page)
-        self.desk.commands_changed.emit()
+        self.context.commands_changed.emit()
 
     def _show_start(self) -> None:
         self.start_page.show_current(self._current(), str(self.store().folder))
@@ -333,10 +337,10 @@ class CalibrateTab(Tab):
 
     def _show_rig(self) -> None:
         refusal = self.source.refusal
-        bench = self.desk.bench
+        bench = self.context.bench
         words = UNCONNECTED if refusal == NO_RIG else refusal
         if not words and bench is not None:
-            device = self.desk.rig_line.device or "a rig"
+            device = self.context.rig_line.device or "a rig"
             words = SIMULATED if bench.simulated else f"{device[:1].upper()}{device[1:]} is connected."
         self.start_page.show_rig(words, refusal, bench is not None)
 

@@ -226,5 +226,5 @@ def _screen(outcome: CalibrationOutcome, largest: float = math.inf) -> tuple[flo
     """Factor and unit on the screen of values up to ``largest`` (SI)."""
     unit = outcome.sensor.unit
     if unit == "rad":
-        return 180.0 / math.pi, "°"
+        return outcome.sensor.screen.factor, "°"
     return (1e3, f"m{unit}") if largest < SMALL_N else (1.0, unit)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 
@@ -19,7 +18,7 @@ SENSOR_NAMES = {"load-cell": "Load cell", "mcp": "MCP angle sensor", "pip": "PIP
 
 def estimate_words(sensor: Sensor, estimate: ParameterEstimate) -> str:
     """Value and half width of its 90 % interval, as ``11.194 ± 0.003 N/V``."""
-    factor = 180.0 / math.pi if sensor.unit == "rad" else 1.0
+    factor = sensor.screen.factor
     unit = estimate.unit.replace("rad", "°")
     half = factor * (estimate.high - estimate.low) / 2
     digits = decimals_for(half)
@@ -73,7 +72,7 @@ def _repeat_rows(outcome: CalibrationOutcome) -> list[tuple[str, str, str]]:
 
 def _sheet_row(calibration: Calibration) -> tuple[str, str, str]:
     sensor = calibration.sensor
-    factor, unit = (180.0 / math.pi, "°") if sensor.unit == "rad" else (1.0, sensor.unit)
+    factor, unit = sensor.screen.factor, sensor.screen.symbol
     low, high = sensor.gain.low * factor, sensor.gain.high * factor
     size = calibration.gain.value if sensor.name == "load-cell" else abs(calibration.gain.value)
     word = "inside" if sensor.gain.low <= size <= sensor.gain.high else "outside"
@@ -110,8 +109,8 @@ def record_words(sensor: Sensor, record: CalibrationRecord | None) -> str:
     """What counts now for a sensor."""
     if record is None:
         return "not calibrated on this rig yet"
-    factor, unit = (180.0 / math.pi, "°") if sensor.unit == "rad" else (1.0, sensor.unit)
-    return f"{record.title}: {fixed(factor * record.gain, 3)}{_close(unit)}/V ({record.verdict})"
+    gain = sensor.screen.after(fixed(sensor.screen.factor * record.gain, 3))
+    return f"{record.title}: {gain}/V ({record.verdict})"
 
 
 def _close(unit: str) -> str:

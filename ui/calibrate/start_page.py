@@ -14,7 +14,7 @@ from fingerlab.acquisition.ring import RingReader
 from fingerlab.calibration import SENSORS
 from fingerlab.calibration.store import CalibrationRecord
 
-from ..desk import Desk
+from ..app.context import ApplicationContext
 from ..widgets.fields import ActionButton, centred_column
 from ..widgets.labels import heading, remark
 from .calibration_words import SENSOR_NAMES, record_words
@@ -33,9 +33,9 @@ class VoltSource(QObject):
 
     arrived = Signal(object, object)
 
-    def __init__(self, desk: Desk, parent: QObject | None = None) -> None:
+    def __init__(self, context: ApplicationContext, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._desk = desk
+        self._context = context
         self._column = 0
         self._reader: RingReader | None = None
         self._timer = QTimer(self)
@@ -45,12 +45,12 @@ class VoltSource(QObject):
     @property
     def refusal(self) -> str:
         """Why nothing can be calibrated now; empty where it can."""
-        bench = self._desk.bench
+        bench = self._context.bench
         if bench is None:
             return NO_RIG
         if bench.calibrations is None:
             return REPLAYED
-        return AMPLIFIER_ON if self._desk.rig_line.live else ""
+        return AMPLIFIER_ON if self._context.rig_line.live else ""
 
     def start(self, sensor: str) -> None:
         """Read this sensor from now on."""
@@ -65,12 +65,12 @@ class VoltSource(QObject):
 
     def attach(self) -> None:
         """Look at the bench that is connected now, if any."""
-        bench = self._desk.bench
+        bench = self._context.bench
         self._reader = bench.bench.ring.reader() if bench is not None else None
 
     def tick(self) -> None:
         """Hand on what has been read since the last time."""
-        bench = self._desk.bench
+        bench = self._context.bench
         if bench is None or self._reader is None:
             return
         rows = self._reader.read().rows

@@ -12,8 +12,8 @@ from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.inspection import FitView, Plane
 from fingerlab.thesis.traces import JOINT_TITLES, Joint
 
-from ..widgets.plot_export import Series
 from ..widgets.plots import QuietPlot, span_of
+from ..widgets.series import Series
 from ..widgets.theme import Colours, colours_of, tint
 
 REGION_COLOURS = {
@@ -149,7 +149,7 @@ class RunBars(QuietPlot):
         self.names, self.series = tuple(names), series
         self.redraw()
 
-    def numbers(self) -> list[Series]:
+    def shown_series(self) -> list[Series]:
         """For CSV: of each region one value a run, by the number of the run."""
         runs = np.array([float(n) if n.isdigit() else row for row, n in enumerate(self.names, 1)])
         up = self.unit.label(self.quantity)

@@ -24,9 +24,9 @@ from fingerlab.thesis.fitting import model_of_fit
 from fingerlab.thesis.inspection import Inspection, inspect_session
 from fingerlab.thesis.traces import Delay, FitSpec, Method
 
-from ..desk import Desk
-from ..tab import Command, Tab
-from ..tasks import IsCancelled, Progress
+from ..app.context import ApplicationContext
+from ..app.tab_registry import Command, Tab
+from ..app.worker import IsCancelled, Progress
 from ..widgets.labels import header_name, heading, remark
 from ..widgets.layout import lay_out_invitation
 from .fit_view import FitResultView
@@ -150,13 +150,13 @@ NOT_YET = (
 class FitTab(Tab):
     """Asks :func:`inspect_session` and shows what comes back."""
 
-    def __init__(self, desk: Desk) -> None:
-        super().__init__(desk)
+    def __init__(self, context: ApplicationContext) -> None:
+        super().__init__(context)
         self.sessions: tuple[Session, ...] = ()
         self.found: Inspection | None = None
         self.panel = FitPanel()
         self.view = FitResultView()
-        self.view.panes.remember(desk.settings)
+        self.view.panes.remember(context.settings)
         self.header = self.name = header_name("fitSession", "Session that is fitted")
         self.empty = QWidget()
         self.pages = QStackedWidget()
@@ -181,7 +181,7 @@ class FitTab(Tab):
         self.empty_title.setObjectName("fitEmpty")
         self.empty_open = QPushButton("&Open a session…")
         self.empty_open.setProperty("primary", "true")
-        self.empty_open.clicked.connect(self.desk.open_asked)
+        self.empty_open.clicked.connect(self.context.open_asked)
         lay_out_invitation(self.empty, self.empty_title, self.empty_text, self.empty_open)
         across = QHBoxLayout(self.widget)
         across.setContentsMargins(8, 8, 8, 8)
@@ -200,7 +200,7 @@ class FitTab(Tab):
         if not self.sessions:
             return
         session, spec, opened = self.sessions[0], self.panel.spec(), self.sessions
-        self.desk.hush()
+        self.context.hush()
 
         def work(progress: Progress, cancelled: IsCancelled) -> Inspection:
             return inspect_session(session, spec, progress)
@@ -210,7 +210,7 @@ class FitTab(Tab):
                 self.found = found
                 self._refresh()
 
-        self.desk.tasks.start(f"Fitting {session.path.name}", work, done, OWNER)
+        self.context.tasks.start(f"Fitting {session.path.name}", work, done, OWNER)
 
     def save(self) -> None:
         """Keep the fit as a model file; a file that exists is refused by the writer itself."""
@@ -218,7 +218,7 @@ class FitTab(Tab):
         if found is None:
             return
         session = self.sessions[0]
-        start = Path(self.desk.settings.folder()) / f"{session.path.stem}-fit.json"
+        start = Path(self.context.settings.folder()) / f"{session.path.stem}-fit.json"
         name, _ = QFileDialog.getSaveFileName(
             self.widget,
             "Save model file",
@@ -234,8 +234,8 @@ class FitTab(Tab):
             save_model(model_of_fit(session, found.fit), path)
             return path
 
-        self.desk.tasks.start(
-            "Saving the model", work, lambda done: self.desk.tell(f"Model file saved: {done}"), OWNER
+        self.context.tasks.start(
+            "Saving the model", work, lambda done: self.context.tell(f"Model file saved: {done}"), OWNER
         )
 
     def _step(self, by: int) -> None:
@@ -259,7 +259,7 @@ class FitTab(Tab):
             self.panel.show_runs(tuple(found.views), _remarks(found, len(self.sessions)))
             self.view.show_run(self.panel.run.currentText())
             self.pages.setCurrentWidget(self.view)
-        self.desk.commands_changed.emit()
+        self.context.commands_changed.emit()
 
 
 def _remarks(found: Inspection, sessions: int) -> str:

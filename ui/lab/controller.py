@@ -12,7 +12,7 @@ from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.sessions.model import Session
 
-from ..tasks import IsCancelled, Progress, TaskRunner
+from ..app.worker import IsCancelled, Progress, Worker
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.gram.reduction import Reduction
@@ -113,7 +113,7 @@ class LabController(QObject):
 
     def __init__(
         self,
-        tasks: TaskRunner,
+        tasks: Worker,
         diagnose: DiagnoseCall | None = None,
         parent: QObject | None = None,
     ) -> None:

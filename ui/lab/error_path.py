@@ -23,7 +23,7 @@ from fingerlab.core.text import r2_text, score_text
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence
 
 from ..widgets.fields import set_usable
-from ..widgets.plot_export import Series
+from ..widgets.series import Series
 from ..widgets.theme import Colours, colours_of, small_font, tint
 from .controller import ModelHistory
 from .result_words import FLOOR_HELP, SCORE_HELP, error_texts
@@ -87,7 +87,7 @@ class ErrorPath(QWidget):
         ]
         return " → ".join(words) + (", in multiples of the floor" if words else "")
 
-    def numbers(self) -> list[Series]:
+    def shown_series(self) -> list[Series]:
         """For CSV: the error of each model in multiples of the floor, by how many effects it has."""
         tried = [bar for bar in self.bars if bar.tried]
         parts = (("", 0, tried), ("would be", len(tried), [bar for bar in self.bars if not bar.tried]))

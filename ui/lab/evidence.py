@@ -16,8 +16,8 @@ from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed,
 from fingerlab.sessions.model import Array
 
 from ..widgets.labels import ElidedLabel, WholeLabel
-from ..widgets.plot_export import Series
 from ..widgets.plots import bottom_axis_height, colour_plot, label_left, prepare_plot, span_of
+from ..widgets.series import Series
 from ..widgets.theme import colours_of, line, small_font, tint
 from .comparison_bar import FINGERPRINT, LOOK_ALIKES, RESIDUAL_ONLY, LegendKeys
 from .comparison_curves import largest
@@ -141,7 +141,7 @@ class FingerprintPlot(pg.PlotWidget):
         pen.setStyle(Qt.PenStyle.DotLine)
         return pen
 
-    def numbers(self) -> list[Series]:
+    def shown_series(self) -> list[Series]:
         """For CSV: bins with their interval, the curves of look-alikes, the effect's own where claimed."""
         shown = self.fingerprint
         if shown is None or self._unit is None:

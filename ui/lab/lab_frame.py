@@ -58,7 +58,7 @@ class LabHeader(QWidget):
 START_WIDTH = 520
 
 
-class StartPage(QWidget):
+class LabStartPage(QWidget):
     """Signals ``open_asked``, ``practise_asked``, ``recent_asked(path)``."""
 
     open_asked = Signal()

@@ -8,8 +8,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QStackedWidget, QVBoxLayout, QWidget
 
 from fingerlab.diagnosis.answer.where import Profile, stretches_in, worst_run
-from fingerlab.report.diagnosis_words import not_shown
-from fingerlab.report.where_words import bin_words
+from fingerlab.report.diagnosis_words import bin_words, not_shown
 
 from ..widgets.layout import Panes
 from .candidates import CandidatesPanel

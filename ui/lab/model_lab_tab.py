@@ -12,12 +12,12 @@ from PySide6.QtWidgets import QFileDialog, QStackedWidget
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES
 
-from ..desk import Desk
-from ..tab import SEPARATOR, Command, Tab
-from ..tasks import IsCancelled, Progress
+from ..app.context import ApplicationContext
+from ..app.tab_registry import SEPARATOR, Command, Tab
+from ..app.worker import IsCancelled, Progress
 from . import practice, result_actions
 from .controller import DiagnoseCall, LabController
-from .lab_frame import STEPS, LabHeader, StartPage, WaitingPage
+from .lab_frame import STEPS, LabHeader, LabStartPage, WaitingPage
 from .result_actions import ResultActions
 from .result_words import sessions_text
 
@@ -32,17 +32,17 @@ REPORT_FILTER = "Web page (*.html);;PDF (*.pdf)"
 class ModelLabTab(Tab):
     """Composes the lab; all that it shows comes from the controller."""
 
-    def __init__(self, desk: Desk, diagnose: DiagnoseCall | None = None) -> None:
-        super().__init__(desk)
-        self.controller = LabController(desk.tasks, diagnose, self)
-        self.empty = StartPage()
+    def __init__(self, context: ApplicationContext, diagnose: DiagnoseCall | None = None) -> None:
+        super().__init__(context)
+        self.controller = LabController(context.tasks, diagnose, self)
+        self.empty = LabStartPage()
         self.waiting = WaitingPage()
         self._view: LabView | None = None
         self.pages = QStackedWidget()
         for page in (self.empty, self.waiting):
             self.pages.addWidget(page)
         self.widget = self.pages
-        self.onwards = ResultActions(desk, self.controller, self.pages)
+        self.actions = ResultActions(context, self.controller, self.pages)
         self.header = self.bar = LabHeader()
         self.commands = self._commands()
         self._shown = self._waits = False
@@ -50,19 +50,19 @@ class ModelLabTab(Tab):
         self._refresh()
 
     def _connect(self) -> None:
-        desk = self.desk
-        self.bar.open_asked.connect(desk.open_asked)
+        context = self.context
+        self.bar.open_asked.connect(context.open_asked)
         self.bar.report_asked.connect(self.save_report)
         self.bar.reveal_asked.connect(self.reveal)
-        self.empty.open_asked.connect(desk.open_asked)
+        self.empty.open_asked.connect(context.open_asked)
         self.empty.practise_asked.connect(self.practise)
-        self.empty.recent_asked.connect(lambda path: desk.open_paths([Path(path)]))
+        self.empty.recent_asked.connect(lambda path: context.open_paths([Path(path)]))
         self.waiting.compare_asked.connect(self.controller.compare)
         for signal in self._changes():
             signal.connect(self._refresh)
-        desk.tasks.progressed.connect(self._on_progress)
-        desk.tasks.started.connect(lambda title: self.empty.show_practice(title == practice.TITLE))
-        desk.tasks.ended.connect(lambda _how: self.empty.show_practice(False))
+        context.tasks.progressed.connect(self._on_progress)
+        context.tasks.started.connect(lambda title: self.empty.show_practice(title == practice.TITLE))
+        context.tasks.ended.connect(lambda _how: self.empty.show_practice(False))
 
     def _changes(self) -> tuple[SignalInstance, ...]:
         controller = self.controller
@@ -77,12 +77,12 @@ class ModelLabTab(Tab):
         from .lab_view import LabView
 
         self._view = view = LabView(self.controller)
-        view.panes.remember(self.desk.settings)
+        view.panes.remember(self.context.settings)
         self.pages.addWidget(view)
         view.report_asked.connect(self.save_report)
-        view.truth.hand_asked.connect(self.onwards.hand_experiment)
-        view.truth.predict_asked.connect(self.onwards.predict)
-        view.truth.save_asked.connect(self.onwards.ask_and_save)
+        view.truth.hand_asked.connect(self.actions.hand_experiment)
+        view.truth.predict_asked.connect(self.actions.predict)
+        view.truth.save_asked.connect(self.actions.ask_and_save)
         for signal in self._changes():  # the tab after the view, whose buttons it asks
             signal.disconnect(self._refresh)
             signal.connect(self._refresh)
@@ -127,7 +127,7 @@ class ModelLabTab(Tab):
             Command(
                 "&Predict the force with this model", lambda: self.view.truth.predict.click(), None, compared
             ),
-            Command("Save &model…", self.onwards.ask_and_save, "Ctrl+Shift+M", compared),
+            Command("Save &model…", self.actions.ask_and_save, "Ctrl+Shift+M", compared),
             Command("&Save report page…", self.save_report, "Ctrl+S", compared),
             SEPARATOR,
             Command("&Practise on a hidden effect", self.practise),
@@ -140,7 +140,7 @@ class ModelLabTab(Tab):
         """The folder of own effects, and which of its files may be run."""
         from .own_effects import OwnEffects
 
-        OwnEffects(self.pages, self.desk.settings.folder()).open()
+        OwnEffects(self.pages, self.context.settings.folder()).open()
 
     # what the frame asks
 
@@ -180,7 +180,7 @@ class ModelLabTab(Tab):
 
     def practise(self) -> None:
         """Simulate a session with a sealed effect and open it."""
-        practice.start(self.desk)
+        practice.start(self.context)
 
     def reveal(self) -> None:
         """Say which effect the practice session holds."""
@@ -188,17 +188,17 @@ class ModelLabTab(Tab):
         model = history.now.added if history is not None else ()
         try:
             sealed = [session for session in self.controller.sessions if practice.is_sealed(session)]
-            self.desk.tell(" ".join(practice.reveal(session, model) for session in sealed))
+            self.context.tell(" ".join(practice.reveal(session, model) for session in sealed))
             self.view.show_what_gave_it_away([e for s in sealed for e in practice.hidden_effects(s)])
         except UserError as error:
-            self.desk.tell(str(error), traceback.format_exc())
+            self.context.tell(str(error), traceback.format_exc())
 
     def save_report(self) -> None:
         """Write the report page of what is open, off the GUI thread."""
         sessions, history = self.controller.sessions, self.controller.history
         if not sessions or history is None:
             return
-        start = Path(self.desk.settings.folder()) / f"{sessions[0].path.stem}.html"
+        start = Path(self.context.settings.folder()) / f"{sessions[0].path.stem}.html"
         name, _ = QFileDialog.getSaveFileName(self.widget, "Save report page", str(start), REPORT_FILTER)
         if not name:
             return
@@ -207,8 +207,8 @@ class ModelLabTab(Tab):
         def work(progress: Progress, cancelled: IsCancelled) -> Path:
             return result_actions.write_page(sessions, path, diagnosis, progress, cancelled)
 
-        self.desk.tasks.start(
-            "Writing the report page", work, lambda done: self.desk.tell(f"Report page saved: {done}")
+        self.context.tasks.start(
+            "Writing the report page", work, lambda done: self.context.tell(f"Report page saved: {done}")
         )
 
     # what is shown
@@ -242,11 +242,11 @@ class ModelLabTab(Tab):
             sessions_text(sessions) if sessions else "", self._sealed(), history is not None
         )
         if not sessions:
-            self.empty.show_recent(self.desk.settings.recent())
+            self.empty.show_recent(self.context.settings.recent())
             self.pages.setCurrentWidget(self.empty)
         elif history is None:
-            self.waiting.show_state(self.desk.tasks.busy, "")
+            self.waiting.show_state(self.context.tasks.busy, "")
             self.pages.setCurrentWidget(self.waiting)
         else:
             self.pages.setCurrentWidget(self.view)
-        self.desk.commands_changed.emit()
+        self.context.commands_changed.emit()

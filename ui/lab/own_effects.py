@@ -23,7 +23,7 @@ from PySide6.QtWidgets import (
 
 from fingerlab.core.errors import UserError
 
-from ..own_files import ask_to_run
+from ..app.dialogs import ask_to_run
 from ..widgets.labels import remark
 
 if TYPE_CHECKING:

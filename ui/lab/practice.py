@@ -15,10 +15,10 @@ from fingerlab.core.text import estimate_text
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Session
 
-from ..tasks import IsCancelled, Progress
+from ..app.worker import IsCancelled, Progress
 
 if TYPE_CHECKING:
-    from ..desk import Desk
+    from ..app.context import ApplicationContext
 
 PROTOCOL = "rich"
 TITLE = "Recording a practice session"
@@ -58,11 +58,11 @@ def simulate(progress: Progress, cancelled: IsCancelled) -> Path:
     return path
 
 
-def start(desk: Desk) -> None:
+def start(context: ApplicationContext) -> None:
     """Simulate a session with a sealed effect and open it in the Model lab, which is shown at once."""
-    desk.hush()
-    desk.show_tab("model_lab")
-    desk.tasks.start(TITLE, simulate, lambda path: desk.open_paths([path]))
+    context.hush()
+    context.show_tab("model_lab")
+    context.tasks.start(TITLE, simulate, lambda path: context.open_paths([path]))
 
 
 def is_sealed(session: Session) -> bool:

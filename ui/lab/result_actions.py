@@ -14,8 +14,8 @@ from fingerlab.core.files import put_in_place
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.sessions.model import Session
 
-from ..desk import Desk
-from ..tasks import IsCancelled, Progress, Work
+from ..app.context import ApplicationContext
+from ..app.worker import IsCancelled, Progress, Work
 from .controller import LabController
 
 if TYPE_CHECKING:
@@ -61,9 +61,9 @@ CONTACT_FORCE_N = 0.8
 class ResultActions(QObject):
     """Acts on the controller's present diagnosis."""
 
-    def __init__(self, desk: Desk, controller: LabController, widget: QWidget) -> None:
+    def __init__(self, context: ApplicationContext, controller: LabController, widget: QWidget) -> None:
         super().__init__(widget)
-        self._desk, self._controller, self._widget = desk, controller, widget
+        self._context, self._controller, self._widget = context, controller, widget
 
     def hand_experiment(self) -> None:
         """The proposed recording to Acquire, as a protocol of one run."""
@@ -77,17 +77,17 @@ class ResultActions(QObject):
             run = single_run(proposal["trajectory"], proposal["phase"], proposal.get("cable"))
             steps = plan_steps([run], CONTACT_FORCE_N)
         except UserError as error:
-            self._desk.tell(str(error))
+            self._context.tell(str(error))
             return
-        self._desk.hand_protocol(steps, "Proposed by the Model lab")
+        self._context.hand_protocol(steps, "Proposed by the Model lab")
 
     def predict(self) -> None:
         """Fit the present model with its interval, and show its force in Predict."""
-        self._desk.hush()
-        self._desk.tasks.start(
+        self._context.hush()
+        self._context.tasks.start(
             "Fitting the model to predict with",
             self._fit(),
-            lambda model: self._desk.hand_model(model, NAME),
+            lambda model: self._context.hand_model(model, NAME),
         )
 
     def ask_and_save(self) -> None:
@@ -95,7 +95,7 @@ class ResultActions(QObject):
         sessions = self._controller.sessions
         if not sessions:
             return
-        start = Path(self._desk.settings.folder()) / f"{sessions[0].path.stem}-model.json"
+        start = Path(self._context.settings.folder()) / f"{sessions[0].path.stem}-model.json"
         name, _ = QFileDialog.getSaveFileName(self._widget, "Save model", str(start), MODELS)
         if not name:
             return
@@ -109,7 +109,9 @@ class ResultActions(QObject):
             save_model(model, path)
             return path
 
-        self._desk.tasks.start("Saving the model", work, lambda done: self._desk.tell(f"Model saved: {done}"))
+        self._context.tasks.start(
+            "Saving the model", work, lambda done: self._context.tell(f"Model saved: {done}")
+        )
 
     def _fit(self) -> Work:
         sessions, added = self._controller.sessions, self._added()

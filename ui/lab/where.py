@@ -12,8 +12,8 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidg
 
 from fingerlab.diagnosis.answer.results import Comparison
 from fingerlab.diagnosis.answer.where import COORDINATES, Profile, most_orderly, profile
-from fingerlab.report.diagnosis_words import PHASE_WORDS
-from fingerlab.report.where_words import (
+from fingerlab.report.diagnosis_words import (
+    PHASE_WORDS,
     axis_title,
     bin_words,
     coordinate_unit,
@@ -23,8 +23,8 @@ from fingerlab.report.where_words import (
 )
 
 from ..widgets.labels import ElidedLabel, remark
-from ..widgets.plot_export import Series
 from ..widgets.plots import QuietPlot
+from ..widgets.series import Series
 from ..widgets.theme import colours_of, line, tint
 from .comparison_bar import WHERE, LegendKeys
 from .result_words import FLOOR_HELP, equation_text
@@ -126,7 +126,7 @@ class WherePlot(QuietPlot):
             return f"{axis_title(found)}: {len(found.mean)} bins"
         return f"{bin_words(found, self.bin)}: {miss_words(found, self.bin)}"
 
-    def numbers(self) -> list[Series]:
+    def shown_series(self) -> list[Series]:
         """For CSV: what is drawn of each bin. Runs go by their place in the list."""
         found = self.found
         if found is None:

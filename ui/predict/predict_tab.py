@@ -20,10 +20,10 @@ from PySide6.QtWidgets import (
 from fingerlab.core.errors import UserError
 from fingerlab.models.file import Model, load_model
 
-from ..desk import Desk
-from ..tab import Command, Tab
-from ..tasks import IsCancelled, Progress
-from ..undo_steps import UndoSteps
+from ..app.context import ApplicationContext
+from ..app.tab_registry import Command, Tab
+from ..app.undo_steps import UndoSteps
+from ..app.worker import IsCancelled, Progress
 from ..widgets.fields import ViewChoice
 from ..widgets.labels import header_name, heading, remark
 from ..widgets.layout import Panes, lay_out_invitation
@@ -56,8 +56,8 @@ WAITS = "A session with contact runs is needed to predict with {files}."
 class PredictTab(Tab):
     """Asks :func:`predict_beside` and shows what comes back."""
 
-    def __init__(self, desk: Desk) -> None:
-        super().__init__(desk)
+    def __init__(self, context: ApplicationContext) -> None:
+        super().__init__(context)
         self.sessions: tuple[Session, ...] = ()
         self.models: dict[str, Model] = {}
         self.found: Beside | None = None
@@ -69,11 +69,11 @@ class PredictTab(Tab):
         self.numbers = ForceTable()
         self.header = self.name = header_name("predictSession", "Session whose force is predicted")
         self.widget, self.empty, self.pages = QWidget(), QWidget(), QStackedWidget()
-        self.wanted = WantedView(desk, self)
+        self.wanted = WantedView(context, self)
         self._build()
         self.widget.installEventFilter(self)
         self.panel.add_asked.connect(self.ask_and_add)
-        desk.model_handed.connect(lambda model, name: self._predict({**self.models, name: model}))
+        context.model_handed.connect(lambda model, name: self._predict({**self.models, name: model}))
         self.panel.remove_asked.connect(self.remove)
         self.panel.changed.connect(self._show_choice)
         self.commands = (
@@ -91,7 +91,7 @@ class PredictTab(Tab):
         self.empty_title.setObjectName("predictEmpty")
         self.empty_open = QPushButton("&Open a session…")
         self.empty_open.setProperty("primary", "true")
-        self.empty_open.clicked.connect(self.desk.open_asked)
+        self.empty_open.clicked.connect(self.context.open_asked)
         lay_out_invitation(self.empty, self.empty_title, self.empty_text, self.empty_open)
         middle = QWidget()
         row = QHBoxLayout(middle)
@@ -101,7 +101,7 @@ class PredictTab(Tab):
         parts = ((self.force, 6), (middle, 5), (self.numbers, 3))
         self.panes = Panes("predict", parts, (270, 230, 190))
         for panes in (self.panes, self.wanted.widget):
-            panes.remember(self.desk.settings)
+            panes.remember(self.context.settings)
         for page in (self.empty, self.panes, self.wanted.widget):
             self.pages.addWidget(page)
         self.views = ViewChoice(VIEWS)
@@ -154,18 +154,18 @@ class PredictTab(Tab):
 
     def ask_and_add(self) -> None:
         """Add model files chosen in a dialog."""
-        folder = self.desk.settings.folder()
+        folder = self.context.settings.folder()
         names, _ = QFileDialog.getOpenFileNames(self.widget, "Add model files", folder, MODEL_FILTER)
         if names:
             self.add_files([Path(name) for name in names])
 
     def add_files(self, paths: Sequence[Path]) -> None:
         """Read model files and predict with them; one of the same name takes the other's place."""
-        self.desk.hush()
+        self.context.hush()
         try:
             added = {path.name: load_model(path) for path in paths}
         except UserError as error:
-            self.desk.tell(str(error))
+            self.context.tell(str(error))
             return
         self._predict({**self.models, **added})
 
@@ -221,7 +221,7 @@ class PredictTab(Tab):
                 self.models, self.found = given, found
                 self._refresh()
 
-        self.desk.tasks.start(f"Predicting the force in {opened[0].path.name}", work, done, OWNER)
+        self.context.tasks.start(f"Predicting the force in {opened[0].path.name}", work, done, OWNER)
 
     # what is shown
 
@@ -247,7 +247,7 @@ class PredictTab(Tab):
             self.pages.setCurrentIndex(1)
         self._show_wanted(found is not None)
         self._show_choice()
-        self.desk.commands_changed.emit()
+        self.context.commands_changed.emit()
 
     def _show_wanted(self, predicted: bool) -> None:
         """The view that is chosen, and whether it has something to work with."""

@@ -17,8 +17,8 @@ from fingerlab.core.text import ScreenUnit, decimals_for, fixed
 from fingerlab.models.file import Model
 from fingerlab.prediction.inverse import TorquePlan
 
-from ..desk import Desk
-from ..tasks import IsCancelled, Progress
+from ..app.context import ApplicationContext
+from ..app.worker import IsCancelled, Progress
 from ..widgets.layout import Panes
 from ..widgets.plots import QuietPlot, plain_curve, span_of
 from ..widgets.theme import colours_of, tint
@@ -109,9 +109,9 @@ TRAJECTORIES = "Trajectories (*.json)"
 class WantedView(QObject):
     """``widget`` is the work area, ``panel`` the side panel."""
 
-    def __init__(self, desk: Desk, parent: QObject) -> None:
+    def __init__(self, context: ApplicationContext, parent: QObject) -> None:
         super().__init__(parent)
-        self._desk = desk
+        self._context = context
         self._session: Session | None = None
         self._predictors: dict[str, tuple[str, Predictor]] = {}
         self._shown = False
@@ -180,7 +180,7 @@ class WantedView(QObject):
                 else:
                     self._show(found)
 
-        self._desk.tasks.start("Asking for the motor torque", work, done, OWNER)
+        self._context.tasks.start("Asking for the motor torque", work, done, OWNER)
 
     def _show(self, plan: TorquePlan | None) -> None:
         self.plan = plan
@@ -200,7 +200,7 @@ class WantedView(QObject):
         plan = self.plan
         if plan is None or plan.beyond:
             return
-        start = Path(self._desk.settings.folder()) / "wanted-force.json"
+        start = Path(self._context.settings.folder()) / "wanted-force.json"
         name, _ = QFileDialog.getSaveFileName(self.widget, "Save trajectory", str(start), TRAJECTORIES)
         if not name:
             return
@@ -208,9 +208,9 @@ class WantedView(QObject):
         try:
             path.write_text(json.dumps(plan.experiment(), indent=1) + "\n", encoding="utf-8")
         except OSError as error:
-            self._desk.tell(f"{path} cannot be written ({error.strerror}); choose another folder.")
+            self._context.tell(f"{path} cannot be written ({error.strerror}); choose another folder.")
             return
-        self._desk.tell(f"Trajectory saved: {path}")
+        self._context.tell(f"Trajectory saved: {path}")
 
     def hand(self) -> None:
         """One contact run with this torque, as a protocol in Acquire."""
@@ -222,7 +222,7 @@ class WantedView(QObject):
 
         run = RunPlan("contact", plan.pose.cable, plan.trajectory())
         words = f"Wanted force, {plan.force.min():.2g} to {plan.force.max():.2g} N"
-        self._desk.hand_protocol(plan_steps([run], contact_force=float(plan.force.mean())), words)
+        self._context.hand_protocol(plan_steps([run], contact_force=float(plan.force.mean())), words)
 
 
 def outcome_words(plan: TorquePlan) -> str:

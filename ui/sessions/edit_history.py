@@ -15,7 +15,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.library.index import SessionFacts
 from fingerlab.library.notes import Note
 
-from ..undo_steps import UndoSteps
+from ..app.undo_steps import UndoSteps
 
 
 class Gone(UserError):

@@ -41,7 +41,7 @@ from .session_table import (
 )
 
 if TYPE_CHECKING:
-    from ..settings import Settings
+    from ..app.settings import Settings
 
 WIDTHS = {MOTOR: 12, RECORDED: 13, LENGTH: 13, PHASES: 13, RIG: 10, QUALITY: 14, VERDICT: 20, TAGS: 10}
 """Widths in characters; the name takes the rest, and gives the verdict a share of what it does not need."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -16,7 +16,7 @@ from fingerlab.library.pyramid import BASE, MOST_SAMPLES, Pyramid, fill
 from fingerlab.library.reviewing import broken_at_gaps, fold, load_between, values_at
 from fingerlab.sessions.model import Array, Run, Session
 
-from .background import Background, IsCancelled, Tell
+from ..app.worker import IsCancelled, Progress, Worker
 
 DEGREE = ScreenUnit("°", DEGREES)
 MILLI_NEWTON_METRE = ScreenUnit("mN m", 1e3)
@@ -180,6 +180,9 @@ def limits_of(parts: list[Array], least: float) -> tuple[float, float]:
 KEPT = 6
 """Pyramids held, the ones used last: of ten-hour runs 22 MB each."""
 
+BROWSING = "Browsing"
+"""What the sentence on a mistake of the program says failed."""
+
 RunKey = tuple[Path, str]
 
 
@@ -199,12 +202,9 @@ class ReviewData(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._pyramids: dict[RunKey, tuple[Run, Pyramid]] = {}
-        self._filler, self._reader = Background(self), Background(self)
-        self._filler.told.connect(lambda key, share: self.filled.emit(key[1], share))
-        self._filler.done.connect(lambda key, _: self.filled.emit(key[1], 1.0))
-        self._reader.done.connect(self._on_read)
-        for thread in (self._filler, self._reader):
-            thread.failed.connect(lambda _key, sentence, details: self.failed.emit(sentence, details))
+        self._filler, self._reader = (Worker(self, newest_first=True) for _ in range(2))
+        for worker in (self._filler, self._reader):
+            worker.failed.connect(lambda failed: self.failed.emit(failed.sentence, failed.details))
 
     @property
     def busy(self) -> bool:
@@ -213,11 +213,11 @@ class ReviewData(QObject):
 
     def open(self, paths: Sequence[Path], read: Callable[[Path], Session]) -> None:
         """Open sessions to be reviewed."""
-        self._ask("opened", lambda tell, cancelled: tuple(read(path) for path in paths))
+        self._ask("opened", lambda: tuple(read(path) for path in paths), self.opened.emit)
 
     def open_beside(self, path: Path, read: Callable[[Path], Session]) -> None:
         """Open a session whose runs are to be laid over those of the one under review."""
-        self._ask("beside", lambda tell, cancelled: read(path))
+        self._ask("beside", lambda: read(path), self.beside.emit)
 
     def layer(self, number: int, session: Session, run: Run) -> Layer:
         """A run to draw as the layer of that number; what is not read yet is read now."""
@@ -229,27 +229,33 @@ class ReviewData(QObject):
         while len(self._pyramids) > KEPT:
             del self._pyramids[next(iter(self._pyramids))]
         if not kept[1].complete:
-            self._filler.ask(("fill", number), partial(_fill, *kept))
+            self._fill(number, *kept)
         return Layer(number, run, kept[1])
 
     def want_samples(self, layer: Layer, left: float, right: float) -> None:
         """Read every sample between two times of the layer's run."""
         run, pyramid = layer.run, layer.pyramid
         work = partial(load_between, run, pyramid, pyramid.channels, left, right)
-        self._ask(("sampled", layer.number), lambda tell, cancelled: (layer, work()))
+
+        def done(found: Mapping[str, Array] | None) -> None:
+            if found is not None:
+                layer.take(found)
+                self.sampled.emit(layer)
+
+        self._ask(("sampled", layer.number), work, done)
 
     def want_values(self, layer: Layer, times: tuple[float, ...]) -> None:
         """Read the samples nearest to times of the layer's run."""
 
-        def work(tell: Tell, cancelled: IsCancelled) -> Any:
+        def work() -> Any:
             return [values_at(layer.run, layer.pyramid, layer.pyramid.channels, time) for time in times]
 
-        self._ask("valued", work)
+        self._ask("valued", work, self.valued.emit)
 
     def want_cycles(self, layer: Layer) -> None:
         """Lay the strokes of the layer's run over one another."""
         work = partial(fold, layer.run, layer.pyramid, layer.pyramid.channels)
-        self._ask(("cycled", layer.number), lambda tell, cancelled: (layer, work()))
+        self._ask(("cycled", layer.number), work, partial(self.cycled.emit, layer))
 
     def shut_down(self) -> None:
         """Stop both threads and wait for them."""
@@ -258,24 +264,20 @@ class ReviewData(QObject):
 
     def stop(self) -> None:
         """Forget what was asked for."""
-        self._filler.clear()
-        self._reader.clear()
+        self._filler.cancel()
+        self._reader.cancel()
 
-    def _ask(self, key: Any, work: Any) -> None:
-        self._reader.ask(key, work)
+    def _ask(self, key: Hashable, work: Callable[[], Any], done: Callable[[Any], None]) -> None:
+        self._reader.start(BROWSING, lambda *_: work(), done, key)
 
-    def _on_read(self, key: Any, result: Any) -> None:
-        if not isinstance(key, tuple):
-            signals = {"valued": self.valued, "opened": self.opened, "beside": self.beside}
-            signals[key].emit(result)
-            return
-        layer, found = result
-        if key[0] == "cycled":
-            self.cycled.emit(layer, found)
-        elif found is not None:
-            layer.take(found)
-            self.sampled.emit(layer)
+    def _fill(self, number: int, run: Run, pyramid: Pyramid) -> None:
+        def work(progress: Progress, cancelled: IsCancelled) -> None:
+            fill(pyramid, run, lambda share: progress(share, ""), cancelled)
 
-
-def _fill(run: Run, pyramid: Pyramid, tell: Tell, cancelled: IsCancelled) -> None:
-    fill(pyramid, run, tell, cancelled)
+        self._filler.start(
+            BROWSING,
+            work,
+            lambda _: self.filled.emit(number, 1.0),
+            ("fill", number),
+            told=lambda share, _: self.filled.emit(number, share),
+        )

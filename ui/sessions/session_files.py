@@ -33,8 +33,8 @@ from fingerlab.sessions.copying import copy_session
 from fingerlab.sessions.format import CABLES, PHASES
 from fingerlab.sessions.model import Run, Session
 
-from ..desk import Desk, read_session
-from ..tasks import IsCancelled, Progress
+from ..app.context import ApplicationContext, read_session
+from ..app.worker import IsCancelled, Progress
 from ..widgets.fields import choice
 from ..widgets.labels import remark
 
@@ -195,9 +195,9 @@ class Writer(QObject):
 
     written = Signal(object)
 
-    def __init__(self, desk: Desk, widget: QWidget, parent: QObject) -> None:
+    def __init__(self, context: ApplicationContext, widget: QWidget, parent: QObject) -> None:
         super().__init__(parent)
-        self._desk, self._widget = desk, widget
+        self._context, self._widget = context, widget
 
     def cut(self, session: Session, run: Run, start: float, stop: float) -> None:
         """Write what lies between two times of a run as a session of its own."""
@@ -265,11 +265,11 @@ class Writer(QObject):
     def import_texts(self, files: Sequence[Path], folder: Path) -> None:
         """Ask what text files are, and write them as one session, proposed for ``folder``."""
 
-        self._desk.hush()
+        self._context.hush()
         try:
             dialog = ImportDialog(sorted(files), self._widget)
         except UserError as error:
-            self._desk.tell(str(error))
+            self._context.tell(str(error))
             return
         dialog.accepted.connect(lambda: self._write_texts(dialog, folder))
         dialog.finished.connect(dialog.deleteLater)
@@ -307,14 +307,14 @@ class Writer(QObject):
         return path if path.suffix else path.with_suffix(".h5")
 
     def _start(self, title: str, write: Callable[[Progress], Path]) -> None:
-        self._desk.hush()
+        self._context.hush()
 
         def work(progress: Progress, cancelled: IsCancelled) -> Path:
             progress(0.0, "reading")
             return write(progress)
 
-        self._desk.tasks.start(title, work, self._on_done, OWNER)
+        self._context.tasks.start(title, work, self._on_done, OWNER)
 
     def _on_done(self, path: Path) -> None:
-        self._desk.tell(f"Written: {path}")
+        self._context.tell(f"Written: {path}")
         self.written.emit(path)

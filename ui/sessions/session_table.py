@@ -26,8 +26,8 @@ from fingerlab.library.index import SessionFacts
 from fingerlab.library.notes import LibraryEntry, Note, Test, Verdict
 from fingerlab.library.pyramid import Thumbnail, make_thumbnail
 
+from ..app.worker import Worker
 from ..widgets.theme import colours_of, line, tint
-from .background import Background, IsCancelled, Tell
 from .session_words import clock_time, duration, phases_text, quality_text, verdict_help, verdict_text
 
 Index = QModelIndex | QPersistentModelIndex
@@ -231,33 +231,24 @@ class Thumbnails(QObject):
         super().__init__(parent)
         self._make = make
         self._kept: dict[tuple[Path, float], Thumbnail | None] = {}
-        self._thread = Background(self)
-        self._thread.done.connect(self._keep)
-        self._thread.failed.connect(self._give_up)
+        self._worker = Worker(self, newest_first=True)  # what fails, the row says
 
     def get(self, path: Path, modified: float) -> Thumbnail | None:
         """The thumbnail of a file as it was at a time; None while it is not read yet or cannot be."""
         key = (path, modified)
         if key not in self._kept:
             self._kept[key] = None
-            self._thread.ask(key, partial(_work, self._make, path))
+            self._worker.start("Browsing", lambda *_: self._make(path), partial(self._keep, key), key)
         return self._kept[key]
 
     def shut_down(self) -> None:
-        self._thread.shut_down()
+        self._worker.shut_down()
 
     def _keep(self, key: tuple[Path, float], found: Thumbnail) -> None:
         while len(self._kept) > KEPT:
             del self._kept[next(iter(self._kept))]
         self._kept[key] = found
         self.ready.emit(key[0])
-
-    def _give_up(self, key: object, sentence: str, details: str) -> None:
-        """A file without a picture; the row says itself what is wrong with it."""
-
-
-def _work(make: Callable[[Path], Thumbnail], path: Path, tell: Tell, cancelled: IsCancelled) -> Thumbnail:
-    return make(path)
 
 
 class ThumbnailDelegate(QStyledItemDelegate):

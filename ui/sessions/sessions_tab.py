@@ -16,11 +16,11 @@ from fingerlab.library.index import SessionFacts, scan
 from fingerlab.library.notes import Note, Notebook, Verdict, find_verdicts
 from fingerlab.sessions.model import Session
 
-from ..desk import Desk, read_session
-from ..tab import SEPARATOR, Command, Tab
-from ..task_bar import time_left
+from ..app.context import ApplicationContext, read_session
+from ..app.status_bar import time_left
+from ..app.tab_registry import SEPARATOR, Command, Tab
+from ..app.worker import Failed, IsCancelled, Progress, Worker
 from ..widgets.labels import header_name
-from .background import Background, IsCancelled, Tell
 from .edit_history import EditHistory, FileEdit, NoteEdit
 from .library_page import LibraryPage
 from .review_data import ReviewData
@@ -43,12 +43,12 @@ class FolderScan:
 
 
 def look_through(
-    folder: Path, known: Sequence[SessionFacts], tell: Tell, cancelled: IsCancelled
+    folder: Path, known: Sequence[SessionFacts], progress: Progress, cancelled: IsCancelled
 ) -> FolderScan:
     """Read a folder anew; in the background."""
 
     def found(facts: SessionFacts, share: float) -> None:
-        tell((facts.name, share))
+        progress(share, facts.name)
 
     facts = scan(folder, known, found, cancelled)
     notebook, trouble = Notebook(folder), ""
@@ -59,29 +59,29 @@ def look_through(
     return FolderScan(folder, facts, notebook, find_verdicts(folder, facts), trouble)
 
 
-SCAN = "scan"
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
 
 
 class SessionsTab(Tab):
     """Composes the tab."""
 
-    def __init__(self, desk: Desk) -> None:
-        super().__init__(desk)
-        self.folder = desk.settings.library()
+    def __init__(self, context: ApplicationContext) -> None:
+        super().__init__(context)
+        self.folder = context.settings.library()
         self.thumbnails = Thumbnails(self)
         self.page = LibraryPage(self.thumbnails)
-        self.page.remember(desk.settings)
+        self.page.remember(context.settings)
         self.data = ReviewData(self)
         self._review: ReviewPage | None = None
         self.pages = QStackedWidget()
         self.pages.addWidget(self.page)
         self.widget = self.pages
         self.header = self.name = header_name("reviewSession", "Session under review")
-        self.writer = Writer(desk, self.widget, self)
+        self.writer = Writer(context, self.widget, self)
         self.notebook = Notebook(self.folder)
         self.history = EditHistory(self)
-        self._scanner = Background(self)
+        self.clock: Callable[[], float] = time.monotonic
+        self._scanner = Worker(self)
         self._looked, self._began = False, 0.0
         self._choose_next: Path | None = None
         self.commands = self._menu()
@@ -96,7 +96,7 @@ class SessionsTab(Tab):
         page.again_asked.connect(self._read_or_stop)
         page.lab_asked.connect(self.open_in_lab)
         page.review_asked.connect(self.review)
-        page.chosen.connect(self.desk.commands_changed)
+        page.chosen.connect(self.context.commands_changed)
         page.details.noted.connect(self._keep_note)
         page.details.merge_asked.connect(self.merge)
         for kind, title in FORMATS.items():
@@ -104,11 +104,10 @@ class SessionsTab(Tab):
             action.triggered.connect(lambda _checked=False, k=kind: self.export(k))
         page.details.exports.addAction("Copy with tags and notes…").triggered.connect(self.copy_with_note)
         self.writer.written.connect(self._on_written)
-        self.history.changed.connect(self.desk.commands_changed)
+        self.history.changed.connect(self.context.commands_changed)
         self.data.opened.connect(self._on_opened)
-        self.data.failed.connect(self.desk.tell)
-        self._scanner.told.connect(self._on_told)
-        self._scanner.done.connect(self._on_found)
+        self.data.failed.connect(self.context.tell)
+        self._scanner.progressed.connect(self._on_read)
         self._scanner.failed.connect(self._on_failed)
 
     @property
@@ -122,11 +121,11 @@ class SessionsTab(Tab):
         self._review = review = ReviewPage(self.data)
         self.pages.addWidget(review)
         review.back_asked.connect(self.show_table)
-        review.changed.connect(self.desk.commands_changed)
+        review.changed.connect(self.context.commands_changed)
         review.changed.connect(lambda: self.name.setText(self.window_title()))
         review.cut_asked.connect(self.cut)
         review.beside_asked.connect(self.review_beside)
-        review.refused.connect(self.desk.tell)
+        review.refused.connect(self.context.tell)
         self.data.beside.connect(review.show_beside)
         return review
 
@@ -215,11 +214,11 @@ class SessionsTab(Tab):
         return self.history.can_redo
 
     def _step(self, step: Callable[[], str], word: str) -> None:
-        self.desk.hush()
+        self.context.hush()
         try:
-            self.desk.say(f"{word}: {step()}")
+            self.context.say(f"{word}: {step()}")
         except UserError as error:
-            self.desk.tell(str(error))
+            self.context.tell(str(error))
         self.page.refresh_details()
         self.read_again()
 
@@ -233,9 +232,9 @@ class SessionsTab(Tab):
 
     def browse(self, folder: Path) -> None:
         """Show another folder, and remember it."""
-        self.desk.hush()
+        self.context.hush()
         self.folder = folder
-        self.desk.settings.set_library(folder)
+        self.context.settings.set_library(folder)
         self.page.show_folder(str(folder))
         self.page.model.show_all((), {}, {})
         self.read_again()
@@ -245,25 +244,29 @@ class SessionsTab(Tab):
         self._looked = True
         self._choose_next = choose if isinstance(choose, Path) else None
         folder, known = self.folder, self.page.model.all_facts()
-        if not folder.is_dir() and folder == self.desk.settings.recordings():
+        if not folder.is_dir() and folder == self.context.settings.recordings():
             self.page.show_count()  # nothing has been recorded yet; that is no mistake
             return
         self.page.show_reading(True)
-        self._began = time.monotonic()
-        self._scanner.ask(SCAN, lambda tell, cancelled: look_through(folder, known, tell, cancelled))
+        self._began = self.clock()
+
+        def work(progress: Progress, cancelled: IsCancelled) -> FolderScan:
+            return look_through(folder, known, progress, cancelled)
+
+        self._scanner.start("Browsing", work, self._on_found)
 
     def _read_or_stop(self) -> None:
         if not self._scanner.busy:
             self.read_again()
             return
-        self._scanner.clear()
+        self._scanner.cancel()
         self.page.show_reading(False)
 
-    def _on_told(self, _key: object, part: tuple[str, float]) -> None:
-        left = time_left(part[1], time.monotonic() - self._began)
-        self.page.show_count(f"Reading, {100 * part[1]:.0f} %{f', {left}' if left else ''}")
+    def _on_read(self, share: float, _what: str) -> None:
+        left = time_left(share, self.clock() - self._began)
+        self.page.show_count(f"Reading, {100 * share:.0f} %{f', {left}' if left else ''}")
 
-    def _on_found(self, _key: object, found: FolderScan) -> None:
+    def _on_found(self, found: FolderScan) -> None:
         if found.folder != self.folder:
             return
         chosen = self.page.paths()
@@ -273,16 +276,16 @@ class SessionsTab(Tab):
         self.page.model.show_all(found.facts, notes, found.verdicts)
         self.page.show_reading(False)
         if found.trouble:
-            self.desk.tell(found.trouble)
+            self.context.tell(found.trouble)
         for path in [self._choose_next] if self._choose_next is not None else chosen[:1]:
             self.page.choose_path(path)
         if not self.page.details.changed:
             self.page.refresh_details()
-        self.desk.commands_changed.emit()
+        self.context.commands_changed.emit()
 
-    def _on_failed(self, _key: object, sentence: str, details: str) -> None:
+    def _on_failed(self, failed: Failed) -> None:
         self.page.show_reading(False)
-        self.desk.tell(sentence, details)
+        self.context.tell(failed.sentence, failed.details)
 
     # sessions
 
@@ -295,9 +298,9 @@ class SessionsTab(Tab):
 
     def review(self, paths: Sequence[Path]) -> None:
         """Open sessions and show the runs of the first against time; those of the others can be laid over."""
-        self.desk.hush()
+        self.context.hush()
         self.page.details.flush()
-        self.desk.when_whole(paths, lambda whole: self.data.open(whole, read_session))
+        self.context.when_whole(paths, lambda whole: self.data.open(whole, read_session))
 
     def review_beside(self) -> None:
         """Choose another session whose runs can be laid over those under review."""
@@ -305,7 +308,7 @@ class SessionsTab(Tab):
             self.widget, "Session to lay over", str(self.folder), SESSION_FILTER
         )
         if name:
-            self.desk.hush()
+            self.context.hush()
             self.data.open_beside(Path(name), read_session)
 
     def show_table(self) -> None:
@@ -314,7 +317,7 @@ class SessionsTab(Tab):
             self._review.show_session(None)
         self.pages.setCurrentWidget(self.page)
         self.page.table.setFocus()
-        self.desk.commands_changed.emit()
+        self.context.commands_changed.emit()
 
     def window_title(self) -> str:
         return self._reviewed.path.name if self._reviewed is not None else ""
@@ -332,13 +335,13 @@ class SessionsTab(Tab):
     def _on_opened(self, sessions: tuple[Session, ...]) -> None:
         self.pages.setCurrentWidget(self.review_page)
         self.review_page.show_session(sessions[0], sessions[1:])
-        self.desk.commands_changed.emit()
+        self.context.commands_changed.emit()
 
     def open_in_lab(self, paths: Sequence[Path]) -> None:
         """Open sessions together in the Model lab."""
         if paths:
-            self.desk.hush()
-            self.desk.open_paths(list(paths), "model_lab")
+            self.context.hush()
+            self.context.open_paths(list(paths), "model_lab")
 
     def open_chosen(self) -> None:
         self.open_in_lab(self.chosen())
@@ -384,7 +387,7 @@ class SessionsTab(Tab):
     def _in_use(self, path: Path) -> bool:
         """Whether a session file is open in a tab."""
         reviewed = self._reviewed
-        opened = [*self.desk.sessions, *([] if reviewed is None else [reviewed])]
+        opened = [*self.context.sessions, *([] if reviewed is None else [reviewed])]
         return any(session.path.resolve() == path.resolve() for session in opened)
 
     def _keep_note(self, facts: SessionFacts, note: Note) -> None:
@@ -392,11 +395,11 @@ class SessionsTab(Tab):
         try:
             self._write_note(notebook, facts, note)
         except UserError as error:
-            self.desk.tell(str(error))
+            self.context.tell(str(error))
             return
         self.page.details.kept(note)
         self.history.add(NoteEdit(facts, before, note, partial(self._write_note, notebook)))
-        self.desk.say(f"Tags and notes of {facts.name} kept")
+        self.context.say(f"Tags and notes of {facts.name} kept")
 
     def _write_note(self, notebook: Notebook, facts: SessionFacts, note: Note) -> None:
         """Into the side file of the folder in which the session was; and into the table, if it is there."""

@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
 )
 
 if TYPE_CHECKING:
-    from ..settings import Settings
+    from ..app.settings import Settings
 
 GAP = 8
 

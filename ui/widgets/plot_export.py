@@ -6,7 +6,6 @@ import csv
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -22,37 +21,15 @@ from fingerlab.core.files import whole_file
 from fingerlab.sessions.model import Array
 
 from .plots import FULL_LABEL, DecimatedCurve
+from .series import Series, ShowsSeries
 from .theme import Colours, colours_of
-
-
-@dataclass(frozen=True)
-class Series:
-    """One curve: its name, the words of both axes with units, and its points, (n,) each."""
-
-    name: str
-    across: str
-    up: str
-    x: Array
-    y: Array
 
 
 def series_of(widget: QWidget) -> list[Series]:
     """Every curve that a plot shows, whole where the screen only draws a part; empty where it shows none."""
-    from ..acquire.canvas import Canvas
-
-    colours = colours_of(widget)
-    own = getattr(widget, "numbers", None)
-    if own is not None:  # a plot that is no curves, such as bars
-        found = list(own())
-    elif isinstance(widget, Canvas):
-        label = f"{widget._label} ({widget._unit})"
-        time = "Time since connecting (s)"
-        found = [Series(line.role, time, label, line.x, line.y) for line in widget.lines if len(line.x)]
-    elif isinstance(widget, pg.GraphicsView):
-        found = _of_view(widget, colours)
-    else:
-        found = []
-    return _told_apart(found)
+    if isinstance(widget, ShowsSeries):
+        return _told_apart(widget.shown_series())
+    return _told_apart(_of_view(widget, colours_of(widget)) if isinstance(widget, pg.GraphicsView) else [])
 
 
 def to_csv(series: list[Series]) -> str:

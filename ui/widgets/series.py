@@ -6,11 +6,32 @@ pyqtgraph's own decimation drops the newest samples and does not handle NaN, hen
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from fingerlab.sessions.model import Array
+
+
+@dataclass(frozen=True)
+class Series:
+    """One curve: its name, the words of both axes with units, and its points, (n,) each."""
+
+    name: str
+    across: str
+    up: str
+    x: Array
+    y: Array
+
+
+@runtime_checkable
+class ShowsSeries(Protocol):
+    """A plot that says itself which numbers it shows, since they are no curves of pyqtgraph."""
+
+    def shown_series(self) -> list[Series]:
+        """What is shown now, to be saved as CSV."""
 
 
 def envelope(x: Array, y: Array, buckets: int) -> tuple[Array, Array]:

@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 from .theme import small_font
 
 if TYPE_CHECKING:
-    from ..settings import Settings
+    from ..app.settings import Settings
 
 
 class NumberTable(QTableWidget):

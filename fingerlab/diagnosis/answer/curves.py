@@ -8,26 +8,22 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Comparison, Failure, Fingerprint
-from fingerlab.diagnosis.answer.wording import Z90
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, BoolArray
-from fingerlab.diagnosis.equations.model import CABLE_NAMES
 from fingerlab.diagnosis.fit.noise import floor_covariance
-from fingerlab.diagnosis.fit.weights import SLACK_SPREAD_M
 from fingerlab.diagnosis.gram.decimation import Decimated, counted
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.settings import BINS, NARROW_RATE_HZ, SHOWN_STRETCHES, SLACK_SPREAD_M, Z90
 from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
-from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, NARROW_RATE_HZ, decimate
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, decimate
 from fingerlab.effects.base import COORDINATE_UNITS, Effect, Row
 from fingerlab.effects.transmission import winding_state
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
 
-SHOWN_STRETCHES = 48
-"""Curves are kept of this many stretches (of at most a minute); more would not be looked at one by one."""
-BINS = 15
 ROW_EQUATIONS = {
     Row.MCP: "mcp_torque",
     Row.PIP: "pip_torque",

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from fingerlab.diagnosis.answer.results import EquationError, HeldOutRuns
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
-from fingerlab.diagnosis.equations.model import CABLE_NAMES
 from fingerlab.diagnosis.fit.noise import floor_covariance
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel

@@ -13,18 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.diagnosis.settings import BINS, LEAST_SAMPLES, OUTLYING, PHASE_BINS, SHORTEST_S
 from fingerlab.sessions.model import Array
 
 IntArray = NDArray[np.int_]
-
-BINS = 15
-PHASE_BINS = 12
-LEAST_SAMPLES = 4
-"""A bin with fewer says nothing."""
-OUTLYING = 0.005
-"""Share of the samples at either end that does not widen the range."""
-SHORTEST_S = 0.04
-"""Stretches shorter than this, s, are joined with their neighbours where they lie as close."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +91,7 @@ def profile(comparisons: Sequence[Comparison], equation: str, coordinate: str) -
     Returns:
         None where the runs do not tell the coordinate (a bench has no joint) or never vary it.
     """
-    from fingerlab.diagnosis.answer.wording import Z90
+    from fingerlab.diagnosis.settings import Z90
     from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 
     chosen = COORDINATES[coordinate]

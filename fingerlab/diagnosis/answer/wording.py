@@ -6,10 +6,9 @@ import numpy as np
 
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel, own_keys
+from fingerlab.diagnosis.settings import MOST_NAMED, Z90
 from fingerlab.effects.base import Effect, Row
 from fingerlab.models.file import ParameterEstimate
-
-Z90 = 1.645  # two-sided 90 % of a normal distribution
 
 SCREEN_UNITS = {
     "N m": (1e3, "mN m"),
@@ -35,7 +34,7 @@ def deviations(fitted: FittedModel, heat: float) -> dict[str, float]:
 def parameters(fitted: FittedModel, effect: Effect, heat: float) -> dict[str, ParameterEstimate]:
     """The effect's parameters with 90 % intervals; a grid parameter's interval is to its neighbours."""
     values = fitted.values
-    gains = {u.key: u.gain for u in fitted.model.unknowns}
+    gains = {u.key: u.parameter for u in fitted.model.unknowns}
     spread = deviations(fitted, heat)
     result = {}
     for name, key in own_keys(fitted, effect).items():
@@ -57,7 +56,7 @@ def every_parameter(fitted: FittedModel, heat: float) -> dict[str, ParameterEsti
     spread = deviations(fitted, heat)
     return {
         u.key: ParameterEstimate(
-            float(v), u.gain.unit, float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
+            float(v), u.parameter.unit, float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
         )
         for u, v in zip(fitted.model.unknowns, fitted.fit.values, strict=True)
     }
@@ -70,17 +69,13 @@ def would_have_shown(fitted: FittedModel, effect: Effect, least: float) -> str:
         least: multiple of its typical strength (see ``evidence.least_strength``).
     """
     names = {key: name for name, key in own_keys(fitted, effect).items()}
-    gains = {u.key: u.gain for u in fitted.model.unknowns}
+    gains = {u.key: u.parameter for u in fitted.model.unknowns}
     said = [
         f"{_title(effect, names[key])} {_amount(least * strength, gains[key].unit)}"
         for key, strength in fitted.sensitivity.strengths.items()
         if least * strength <= MOST_NAMED * max(abs(gains[key].high), abs(gains[key].low))
     ]
     return " and ".join(said) if len(said) == len(fitted.sensitivity.strengths) else ""
-
-
-MOST_NAMED = 1.0
-"""A strength beyond this share of its plausible range is not named: none that is plausible would show."""
 
 
 def _amount(value: float, unit: str) -> str:

@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.parameters import SLIP_STIFFNESSES, TIP_LAWS, TORQUE_ZERO, USUAL_SPREAD
+from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
+from fingerlab.diagnosis.settings import LIFTED_M, SLIP_STIFFNESSES, TIP_STIFFNESS, USUAL_SPREAD, WIDE_RATE_HZ
 from fingerlab.effects.base import Effect, Gain, Row, Scale
 from fingerlab.effects.contact_compliance import SIDEWAYS_STIFFNESSES
 from fingerlab.effects.joints import lateral_levers
@@ -61,16 +62,6 @@ class Pick:
 
     def __getitem__(self, chosen: Any) -> Pick:
         return Pick(self.signals[chosen], self.rows[chosen])
-
-
-LIFTED_M = 1e-4
-"""A tip that is higher or lower than this (twice this: for certain) than where it presses has let go, m;
-assumed: several times what the joint angles' noise moves it by."""
-
-
-TIP_STIFFNESS = 1 / 3e-5
-"""Sideways force over the friction coefficient that a tip which sticks takes on with travel, N/m: 1 N over
-about one angle step at the tip; assumed."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +112,18 @@ class Layout:
         for i, feature in enumerate(self.features):
             places.setdefault((feature.owner, feature.shape), []).append(i)
         return {key: np.array(found, dtype=int) for key, found in places.items()}
+
+    @cached_property
+    def base_features(self) -> list[tuple[int, Feature]]:
+        """The features of every model that have a coefficient, with their indices."""
+        every = [(int(i), self.features[i]) for i in self.base]
+        return [(i, feature) for i, feature in every if feature != FORCE]
+
+    @cached_property
+    def nuisance_features(self) -> dict[str, Feature]:
+        """A feature of each nuisance, by the nuisance's name."""
+        every = (self.features[i] for i in self.base)
+        return {f.parameter: f for f in every if f.parameter is not None}
 
     def rows(self) -> IntArray:
         """Equation of each feature, shape (features,)."""
@@ -333,6 +336,8 @@ def beside_a_finger(feature: Feature, rig: Rig) -> Feature:
 
 SHIFTS_S = tuple(0.024 * k for k in range(-2, 10))
 """Delays (s) at which the motor's channels are kept; values between them are interpolated."""
+SHIFT_SAMPLES = tuple(round(s * WIDE_RATE_HZ) for s in SHIFTS_S)
+"""The same in samples of the wide rate."""
 INTERPOLATION_POINTS = 6
 SLOPE = len(SHIFTS_S)
 """Index of a motor channel's time derivative, which replaces the shifts below a delay of 1 ms."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES, DELAY, Coefficients
 from fingerlab.diagnosis.equations.features import (
-    FORCE,
     NO_SHIFT,
     SLOPE,
     BoolArray,
@@ -17,18 +18,11 @@ from fingerlab.diagnosis.equations.features import (
     IntArray,
     Layout,
     Pick,
-    shift_weights,
-    slope_weights,
 )
-from fingerlab.diagnosis.equations.parameters import SET_DOWN, TIP_LAWS, Tie, tie
-from fingerlab.diagnosis.gram.sums import Group
+from fingerlab.diagnosis.equations.parameters import ARMS, SET_DOWN, TIP_LAWS, Tie, tie
 from fingerlab.effects.base import Effect, Row
 from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
-
-CABLE_NAMES = {1: "flexion", -1: "extension", 0: "none"}
-OPEN = ("arm_", "offset", "bench_inertia", "bench_gain", "bench_offset")
-"""Unknowns of the bench of which nothing is known before a run tells."""
 
 
 @dataclass(frozen=True)
@@ -41,15 +35,42 @@ class Choice:
 
 @dataclass(frozen=True)
 class Unknown:
-    """A free parameter: ``key`` is its name, with ``@routing`` where each routing has its own."""
+    """A free parameter of a model: a gain of an effect, or a nuisance.
 
-    key: str
-    gain: Parameter
+    Attributes:
+        name: among the gains of its effect, or among the nuisances.
+        effect: id of the effect whose gain it is; empty for a nuisance.
+        cable: the routing that it is for; empty: one value for all.
+    """
+
+    name: str
+    parameter: Parameter
+    effect: str = ""
+    cable: str = ""
+
+    @cached_property
+    def key(self) -> str:
+        """By which its value is kept and told."""
+        if self.effect:
+            return f"{self.effect}.{self.name}"
+        return f"{self.name}@{self.cable}" if self.cable else self.name
 
     @property
     def open(self) -> bool:
         """Whether nothing is known of it before a run tells: an arm, an offset, an effect's gain."""
-        return self.key.startswith(OPEN) or "." in self.key
+        return bool(self.effect) or self.parameter.open
+
+
+class Runs(Protocol):
+    """What a model must know of the runs that it is for."""
+
+    @property
+    def cable_sign(self) -> int:
+        """+1 flexion, -1 extension, 0 the motor alone."""
+
+    @property
+    def in_contact(self) -> bool:
+        """Whether they press on the load cell."""
 
 
 @dataclass
@@ -74,23 +95,30 @@ class Model:
     tip_law: str
     index: dict[str, int]
     tie: Tie | None = None
-    tables: dict[tuple[int, ...], _Table] = field(default_factory=dict)
-    scalings: dict[int, tuple[Array, Array, Array]] = field(default_factory=dict)
+
+    @cached_property
+    def terms(self) -> Coefficients:
+        """Coefficients of the active features."""
+        return Coefficients([self.layout.features[i] for i in self.active], self.index, self.delayed)
+
+    @cached_property
+    def _every_term(self) -> Coefficients:
+        return Coefficients(self.layout.features, self.index, self.delayed)
 
     @cached_property
     def low(self) -> Array:
         """Lower bounds, shape (p,)."""
-        return np.array([u.gain.low for u in self.unknowns])
+        return np.array([u.parameter.low for u in self.unknowns])
 
     @cached_property
     def high(self) -> Array:
         """Upper bounds, shape (p,)."""
-        return np.array([u.gain.high for u in self.unknowns])
+        return np.array([u.parameter.high for u in self.unknowns])
 
     @cached_property
     def spread(self) -> Array:
         """Prior standard deviation of every unknown, shape (p,); weak for arms and effects."""
-        return np.array([u.gain.typical for u in self.unknowns])
+        return np.array([u.parameter.typical for u in self.unknowns])
 
     @cached_property
     def pick(self) -> Pick:
@@ -131,150 +159,32 @@ class Model:
 
     def start(self) -> Array:
         """A vector to start from: no deviation, arms of 10 mm."""
-        values = np.array([0.01 if u.key.startswith("arm_") else 0.0 for u in self.unknowns])
-        return np.clip(values, self.low, self.high)
+        return np.clip(np.array([u.parameter.default for u in self.unknowns]), self.low, self.high)
 
-    def features(self, values: Array, group: Group) -> Array:
+    def features(self, values: Array, group: Runs) -> Array:
         """Coefficients of the active features for one group, (k,)."""
-        return self.features_of(values, (group.cable_sign,))[0]
+        return self.terms.of(values, (group.cable_sign,))[0]
 
     def features_of(self, values: Array, cable_signs: tuple[int, ...]) -> Array:
         """The same for several groups, (groups, k), told by their cables."""
-        amount, scale, weight, _ = self._parts(self._table(cable_signs), values)
-        return -amount * scale * weight
+        return self.terms.of(values, cable_signs)
 
-    def coefficients(self, values: Array, group: Group) -> tuple[Array, Array]:
+    def coefficients(self, values: Array, group: Runs) -> tuple[Array, Array]:
         """Coefficients of the active features for one group, (k,), and their derivatives, (k, p)."""
-        h, jacobian = self.coefficients_of(values, (group.cable_sign,))
+        h, jacobian = self.terms.with_jacobian(values, (group.cable_sign,))
         return h[0], jacobian[0]
 
     def coefficients_of(self, values: Array, cable_signs: tuple[int, ...]) -> tuple[Array, Array]:
         """The same for several groups, (groups, k) and (groups, k, p), told by their cables."""
-        table = self._table(cable_signs)
-        amount, scale, weight, slopes = self._parts(table, values)
-        turned = np.where(
-            table.inverse, -(scale**2) / np.where(table.sign == 0.0, 1.0, table.sign), table.sign
-        )
-        jacobian = np.zeros((*amount.shape, len(values) + 2))
-        flat = jacobian.reshape(-1, len(values) + 2)
-        flat[table.lines, table.parameter.reshape(-1)] = (-scale * weight).reshape(-1)
-        flat[table.lines, table.scale_by.reshape(-1)] -= (amount * turned * weight).reshape(-1)
-        if table.delay >= 0:
-            late = table.shifted
-            jacobian[:, late, table.delay] -= (amount * scale)[:, late] * slopes[table.shifts]
-        return -amount * scale * weight, jacobian[:, :, : len(values)]
+        return self.terms.with_jacobian(values, cable_signs)
 
-    def unit_coefficients(self, values: Array, group: Group) -> Array:
-        """Coefficient of every feature of the layout, active or not, per unit of its own unknown.
-
-        Shape (features,); features of the motor's channels, which are kept at several shifts, are not meant.
-        """
-        if group.cable_sign not in self.scalings:
-            every = [_scaling(f, self.index, group.cable_sign) for f in self.layout.features]
-            places = np.array([len(values) if place < 0 else place for place, _, _ in every])
-            inverse, sign = np.array([s[1] for s in every]), np.array([s[2] for s in every])
-            self.scalings[group.cable_sign] = places, inverse, sign
-        places, inverse, sign = self.scalings[group.cable_sign]
-        scale = np.append(values, 1.0)[places]
-        return np.asarray(-sign * np.where(inverse, 1.0 / np.where(inverse, scale, 1.0), scale))
-
-    def _parts(self, table: _Table, values: Array) -> tuple[Array, Array, Array, Array]:
-        """Of the active features amount and scale, (groups, k), the shift's weight, (k,), and its slopes."""
-        padded = np.concatenate((values, (0.0, 1.0)))
-        amount = table.constant + padded[table.parameter]
-        scale = padded[table.scale_by]
-        flat = scale.reshape(-1)
-        flat[table.divides] = 1.0 / flat[table.divides]
-        scale *= table.sign
-        delay = float(values[table.delay]) if table.delay >= 0 else 0.0
-        weights, slopes = shift_weights(delay) if self.delayed else slope_weights(delay)
-        weight = np.ones(len(table.shift))
-        weight[table.shifted] = weights[table.shifts]
-        return amount, scale, weight, slopes
-
-    def _table(self, cable_signs: tuple[int, ...]) -> _Table:
-        if cable_signs not in self.tables:
-            self.tables[cable_signs] = _make_table(self, cable_signs)
-        return self.tables[cable_signs]
-
-    def parameter_index(self, feature: Feature, routing: str) -> int:
-        """Index of the unknown that multiplies a feature; -1 where there is none."""
-        if not feature.parameter:
-            return -1
-        if feature.owner is not None and not feature.borrowed:
-            return self.index.get(f"{feature.owner}.{feature.parameter}", -1)
-        key = f"{feature.parameter}@{routing}" if feature.routed else feature.parameter
-        return self.index.get(key, -1)
-
-
-@dataclass(frozen=True)
-class _Table:
-    """The active features as arrays, (groups, k), for the routing of each group.
-
-    Indices of unknowns point into the vector of values with 0 and 1 appended, so that a feature without an
-    unknown needs no case of its own.
-    """
-
-    constant: Array
-    parameter: IntArray
-    scale_by: IntArray  # index of the unknown that scales the feature: moment arm or compliance
-    inverse: Array  # whether it divides
-    sign: Array
-    shift: IntArray  # (k,), -1 stands for none
-    delay: int  # -1 stands for none
-
-    @cached_property
-    def lines(self) -> IntArray:
-        return np.arange(self.constant.size)
-
-    @cached_property
-    def divides(self) -> IntArray:
-        return np.flatnonzero(self.inverse)
-
-    @cached_property
-    def shifted(self) -> IntArray:
-        return np.flatnonzero(self.shift >= 0)
-
-    @cached_property
-    def shifts(self) -> IntArray:
-        return self.shift[self.shifted]
-
-
-def _make_table(model: Model, cable_signs: tuple[int, ...]) -> _Table:
-    features = [model.layout.features[i] for i in model.active]
-
-    def padded(indices: list[list[int]], none: int) -> IntArray:
-        found = np.array(indices)
-        return np.where(found < 0, none, found)
-
-    scales = [[_scaling(f, model.index, sign) for f in features] for sign in cable_signs]
-    places = [[model.parameter_index(f, CABLE_NAMES[sign]) for f in features] for sign in cable_signs]
-    return _Table(
-        constant=np.array([[f.constant for f in features]] * len(cable_signs)),
-        parameter=padded(places, len(model.unknowns)),
-        scale_by=padded([[s[0] for s in line] for line in scales], len(model.unknowns) + 1),
-        inverse=np.array([[s[1] for s in line] for line in scales]),
-        sign=np.array([[s[2] for s in line] for line in scales]),
-        shift=np.array([-1 if f.shift is None else f.shift for f in features]),
-        delay=model.index.get("delay", -1),
-    )
-
-
-def _scaling(feature: Feature, index: Mapping[str, int], cable_sign: int) -> tuple[int, bool, float]:
-    """Index of the unknown that scales a feature (-1: none), whether it divides, and sign and factor."""
-    routing, sign = CABLE_NAMES[cable_sign], feature.factor * cable_sign
-    if feature.scale == "direct":
-        return -1, False, feature.factor
-    if feature.scale == "compliance":
-        return index.get("cable_compliance", -1), False, -feature.factor
-    if feature.scale == "joint":
-        arm = "arm_mcp" if feature.row == Row.MCP else "arm_pip"
-        return index.get(f"{arm}@{routing}", -1), True, sign
-    return index.get(f"{feature.scale}@{routing}", -1), False, sign
+    def unit_coefficients(self, values: Array, group: Runs) -> Array:
+        """Coefficient of every feature of the layout, active or not, per unit of its own unknown."""
+        return self._every_term.per_unit(values, group.cable_sign)
 
 
 def build(
-    layout: Layout, groups: Sequence[Group], choices: Sequence[Choice], tip_law: str = "slides"
+    layout: Layout, groups: Sequence[Runs], choices: Sequence[Choice], tip_law: str = "slides"
 ) -> Model:
     """The model with the nominal equations, all nuisances (one law of the tip), and the chosen effects."""
     absent = {name for law, names in TIP_LAWS.items() if law != tip_law for name in names}
@@ -287,12 +197,13 @@ def build(
         if choice.effect.special == "delay":
             continue
         unknowns += [
-            Unknown(f"{choice.effect.id}.{name}", gain)
+            Unknown(name, gain, effect=choice.effect.id)
             for name, gain in choice.effect.gains_at(choice.shape).items()
         ]
         active += list(layout.indices(choice.effect.id, choice.shape))
     index = {u.key: i for i, u in enumerate(unknowns)}
-    tied = None if any(name.startswith("arm_") for name in relaxed) else tie(index, layout.arm_spread)
+    free_arms = any(u.name in ARMS and u.key in relaxed for u in unknowns)
+    tied = None if free_arms else tie(index, layout.arm_spread)
     return Model(
         layout,
         tuple(choices),
@@ -308,7 +219,7 @@ def build(
 
 def _bench_unknowns(
     layout: Layout,
-    groups: Sequence[Group],
+    groups: Sequence[Runs],
     relaxed: Mapping[str, Parameter],
     absent: Collection[str],
     choices: Sequence[Choice],
@@ -321,32 +232,37 @@ def _bench_unknowns(
     unknowns: list[Unknown] = []
     routings = [CABLE_NAMES[s] for s in sorted({g.cable_sign for g in groups}) if s != 0]
     contact = any(g.in_contact for g in groups)
-    named = {f.parameter: f for f in layout.features if f.owner is None and f.parameter is not None}
+    named = dict(layout.nuisance_features)
     if routings:
         named["cable_compliance"] = Feature(Row.CABLE, "cable_compliance")
     for name, feature in named.items():
-        if name in absent or (name.startswith(("lateral", "force_gain", "tip_")) and not contact):
+        nuisance = layout.nuisances[name]
+        if name in absent or (nuisance.phase == "contact" and not contact):
             continue
-        keys = [f"{name}@{r}" for r in routings] if feature.routed else [name]
-        unknowns += [Unknown(key, relaxed.get(name, layout.nuisances[name])) for key in keys]
+        parameter = _range(nuisance, relaxed, name)
+        unknowns += [Unknown(name, parameter, cable=r) for r in (routings if feature.routed else [""])]
     if routings:
         unknowns += [
-            Unknown(f"{arm}@{r}", relaxed.get(f"{arm}@{r}", layout.nuisances[arm]))
+            Unknown(arm, _range(layout.nuisances[arm], relaxed, f"{arm}@{r}"), cable=r)
             for r in routings
-            for arm in ("arm_mcp", "arm_pip")
+            for arm in ARMS
         ]
-        delays = [c.effect.gains["delay"] for c in choices if c.effect.special == "delay"]
-        unknowns += [Unknown("delay", gain) for gain in delays or [layout.nuisances["delay"]]]
+        delays = [c.effect.gains[DELAY] for c in choices if c.effect.special == "delay"]
+        unknowns += [Unknown(DELAY, one) for one in delays or [layout.nuisances[DELAY]]]
     return unknowns
+
+
+def _range(usual: Parameter, relaxed: Mapping[str, Parameter], key: str) -> Parameter:
+    """A nuisance in the range that an effect gives it, or in its usual one."""
+    found = relaxed.get(key)
+    return usual if found is None else replace(found, open=usual.open, default=usual.default)
 
 
 def _bench_features(layout: Layout, absent: Collection[str], delayed: bool) -> list[int]:
     """Indices of the features of every model; a motor channel that is not late needs few of its shifts."""
-    kept = (None, NO_SHIFT, SLOPE)
     return [
         i
-        for i in layout.base
-        if layout.features[i] != FORCE
-        and layout.features[i].parameter not in absent
-        and (layout.features[i].shift != SLOPE if delayed else layout.features[i].shift in kept)
+        for i, feature in layout.base_features
+        if feature.parameter not in absent
+        and (feature.shift != SLOPE if delayed else feature.shift in (None, NO_SHIFT, SLOPE))
     ]

@@ -10,20 +10,29 @@ that a fit stays at its edge, unless an effect says that the routing is another 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fingerlab.effects.base import Gain
+from fingerlab.diagnosis.settings import (
+    CURRENT_ZERO_A,
+    SLIP_STIFFNESSES,
+    STIFFNESS,
+    TOLERANCES,
+    USUAL_RATIOS,
+    USUAL_SPREAD,
+)
+from fingerlab.physics.parameter import Parameter, Role
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array
 
-SLIP_STIFFNESSES = (2.0, 6.0, 18.0)
-"""Sideways over normal force, and over the friction coefficient, of a tip that sticks while the finger
-presses harder or softer; assumed: the finger's posture and what gives way behind it decide."""
-
-
+ARMS, LOSSES = ("arm_mcp", "arm_pip"), ("loss_mcp", "loss_pip")
+"""Moment arms, m, and constant losses, N m, of the two joints; a value for each routing."""
 SLIPS = tuple(f"lateral_slip_{stiffness:g}" for stiffness in SLIP_STIFFNESSES)
+CABLE_OFFSET = "offset"
+"""Cable that is wound where the joints are straight, m: the motor's zero, for each routing."""
+RUBS = "lateral_rub"
+"""Friction coefficient of a tip that slides."""
 SET_DOWN = "lateral_constant"
 """What a tip that sticks was set down with, N."""
 TIP_LAWS = {"slides": SLIPS, "sticks": (SET_DOWN,)}
@@ -33,21 +42,23 @@ normal one until friction gives way; or stick, and keep what it was set down wit
 
 TORQUE_ZERO = "torque_zero"
 """The unknown that a current's zero adds to the motor's torque, N m."""
-CURRENT_ZERO_A = 0.0025
-"""How far the zero of the current measurement may be off, one standard deviation, A; assumed: half of the
-5 mA in which a 16-bit card reads the monitor of a 5 A drive."""
 
 
 BENCH_RANGES = {
-    "bench_inertia": Gain("kg m^2", 0.0, 0.1, 1e-3),
-    "bench_gain": Gain("1", -100.0, 100.0, 1.0),
-    "bench_offset": Gain("N m", -10.0, 10.0, 0.1),
-    "bench_trace": Gain("N m s/rad", 0.0, 2e-4, 5e-5),
+    "bench_inertia": Parameter("kg m^2", 0.0, 0.1, 1e-3, open=True),
+    "bench_gain": Parameter("1", -100.0, 100.0, 1.0, open=True),
+    "bench_offset": Parameter("N m", -10.0, 10.0, 0.1, open=True),
+    "bench_trace": Parameter("N m s/rad", 0.0, 2e-4, 5e-5),
 }
 """Of a motor alone, whose equation is fitted as it comes."""
 
 
-def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
+ARM = Parameter("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm", default=0.01, open=True)
+IN_CONTACT = ("force_gain", "lateral", SET_DOWN, "lateral_spring", RUBS, *SLIPS, "tip_tilt", "tip_compliance")
+"""What a finger that touches nothing says nothing of."""
+
+
+def nuisance_ranges(rig: Rig) -> dict[str, Parameter]:
     """Plausible range of every unknown that each model carries; ``typical`` is one standard deviation.
 
     Constants of the rig move within 2.5 tolerances and no further: a prior alone lets a mass absorb what
@@ -57,52 +68,48 @@ def nuisance_ranges(rig: Rig) -> dict[str, Gain]:
         return dict(BENCH_RANGES)
     zero = rig.motor.torque_constant * rig.motor.gear_ratio * CURRENT_ZERO_A
     ranges = BENCH_RANGES | {
-        TORQUE_ZERO: Gain("N m", -2.5 * zero, 2.5 * zero, zero, source="assumed: the current's zero"),
-        "load_gain": Gain("1", -0.05, 0.05, 0.02, source="assumed: a load known to 2 %"),
+        TORQUE_ZERO: Parameter("N m", -2.5 * zero, 2.5 * zero, zero, source="assumed: the current's zero"),
+        "load_gain": Parameter("1", -0.05, 0.05, 0.02, source="assumed: a load known to 2 %"),
     }
     for name in ("proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness"):
         tolerance = rig.tolerance_of(name)
-        ranges[name] = Gain("1", -2.5 * tolerance, 2.5 * tolerance, tolerance, source="rig file")
+        ranges[name] = Parameter("1", -2.5 * tolerance, 2.5 * tolerance, tolerance, source="rig file")
     inertia = rig.motor.inertia
     spread = 5e-5 if inertia is None else inertia * rig.tolerance_of("inertia")
-    ranges["rotor_inertia"] = Gain("kg m^2", -2.5 * spread, 2.5 * spread, spread, source="rig file")
+    ranges["rotor_inertia"] = Parameter("kg m^2", -2.5 * spread, 2.5 * spread, spread, source="rig file")
     ranges |= {
-        "torque_gain": Gain("1", -0.05, 0.05, rig.tolerance_of("torque_constant"), source="rig file"),
-        "force_gain": Gain("1", -0.03, 0.03, 0.01, source="FC2231 data sheet: 1 % of span"),
-        "loss_mcp": Gain("N m", -0.05, 0.05, 1e-3, source="assumed: a degree of a joint's zero"),
-        "loss_pip": Gain("N m", -0.05, 0.05, 1e-3, source="assumed: a degree of a joint's zero"),
-        "trace_mcp": Gain("N m s/rad", 0.0, 4e-4, 1e-4),
-        "trace_pip": Gain("N m s/rad", 0.0, 4e-4, 1e-4),
-        "offset": Gain("m", -0.05, 0.05, 0.01),
-        "cable_compliance": Gain("m/N", 0.0, 6e-5, 2e-5),
-        "cable_damping": Gain("m s/N", -2e-6, 2e-6, 5e-7),
-        "lateral": Gain("tan", -0.12, 0.12, 0.05),
-        SET_DOWN: Gain("N", -1.5, 1.5, 0.5, source="assumed: friction that the tip was set down with"),
+        "torque_gain": Parameter("1", -0.05, 0.05, rig.tolerance_of("torque_constant"), source="rig file"),
+        "force_gain": Parameter("1", -0.03, 0.03, 0.01, source="FC2231 data sheet: 1 % of span"),
+        "loss_mcp": Parameter("N m", -0.05, 0.05, 1e-3, source="assumed: a degree of a joint's zero"),
+        "loss_pip": Parameter("N m", -0.05, 0.05, 1e-3, source="assumed: a degree of a joint's zero"),
+        "trace_mcp": Parameter("N m s/rad", 0.0, 4e-4, 1e-4),
+        "trace_pip": Parameter("N m s/rad", 0.0, 4e-4, 1e-4),
+        CABLE_OFFSET: Parameter("m", -0.05, 0.05, 0.01, open=True),
+        "cable_compliance": Parameter("m/N", 0.0, 6e-5, 2e-5),
+        "cable_damping": Parameter("m s/N", -2e-6, 2e-6, 5e-7),
+        "lateral": Parameter("tan", -0.12, 0.12, 0.05),
+        SET_DOWN: Parameter("N", -1.5, 1.5, 0.5, source="assumed: friction that the tip was set down with"),
         # A pad can only hold the tip back: with either sign, it would pass for a force that leans.
-        "lateral_spring": Gain("N/m", 0.0, 4000.0, 1300.0, source="assumed: a tip of rubber"),
-        "lateral_rub": Gain("1", 0.0, 0.4, 0.1, source="assumed: friction coefficient of printed parts"),
+        "lateral_spring": Parameter("N/m", 0.0, 4000.0, 1300.0, source="assumed: a tip of rubber"),
+        RUBS: Parameter("1", 0.0, 0.4, 0.1, source="assumed: friction coefficient of printed parts"),
         **dict.fromkeys(
             SLIPS,
-            Gain("1", -0.25, 0.25, 0.1, source="assumed: friction coefficient of printed parts, either way"),
+            Parameter(
+                "1", -0.25, 0.25, 0.1, source="assumed: friction coefficient of printed parts, either way"
+            ),
         ),
-        "tip_tilt": Gain("1", -0.15, 0.15, 0.05, source="assumed: a level face, lengths within 2 %"),
-        "tip_compliance": Gain("m/N", 0.0, 1.5e-4, 5e-5, source="assumed: a printed tip on a steel button"),
-        "delay": Gain("s", -0.001, 0.001, 0.0003),
-        "arm_mcp": Gain("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm"),
-        "arm_pip": Gain("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm"),
+        "tip_tilt": Parameter("1", -0.15, 0.15, 0.05, source="assumed: a level face, lengths within 2 %"),
+        "tip_compliance": Parameter(
+            "m/N", 0.0, 1.5e-4, 5e-5, source="assumed: a printed tip on a steel button"
+        ),
+        "delay": Parameter("s", -0.001, 0.001, 0.0003),
+        **dict.fromkeys(ARMS, ARM),
     }
-    return ranges
-
-
-USUAL_RATIOS = (1.10, 0.76)
-"""Flexion over extension arm at MCP and PIP; assumed. In thirteen recordings of finger benches that the
-project did not make it is 0.97 to 1.32 and 0.61 to 0.78."""
-USUAL_SPREAD = 0.12
-"""One standard deviation of the ratio's logarithm between fingers of one design, each joint; assumed."""
-TOLERANCES = 2.75
-"""How many of them the two joints together may be away: one finger in forty is."""
-STIFFNESS = 1e7
-"""Curvature of the cost beyond the edge, for a ratio's logarithm: ten times what a session tells of it."""
+    pressed = {name: replace(ranges[name], phase="contact") for name in IN_CONTACT}
+    return {
+        name: replace(pressed.get(name, one), name=name, role=Role.NUISANCE_OF_BENCH)
+        for name, one in ranges.items()
+    }
 
 
 @dataclass(frozen=True)

@@ -14,24 +14,25 @@ from typing import Any
 import numpy as np
 
 from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.diagnosis.equations.model import CABLE_NAMES
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.gram.sums import Reduced
-from fingerlab.diagnosis.signals.filters import WIDE_RATE_HZ, decimate
-from fingerlab.diagnosis.signals.segments import SETTLING_S, segments_of
+from fingerlab.diagnosis.settings import (
+    BALANCE_STEPS,
+    BALANCED_RAD,
+    BENCH_LOADS_NM,
+    DURATION_S,
+    LEAST_PULL_N,
+    MOST_PULL_N,
+    SETTLING_S,
+    WIDE_RATE_HZ,
+)
+from fingerlab.diagnosis.signals.filters import decimate
+from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Finger, Rig
 from fingerlab.sessions.model import Array, Session
-
-BENCH_LOADS_NM = (0.0, 0.05, 0.1)
-"""Known loads that a motor bench is proposed with, N m; assumed."""
-DURATION_S = 20.0
-"""Length of a motion that is looked at, s."""
-BALANCE_STEPS = 12
-BALANCED_RAD = 1e-6
-LEAST_PULL_N, MOST_PULL_N = 0.1, 60.0
-"""A run is proposed where the cable pulls between these, N; assumed: it neither hangs loose nor hurts."""
 
 
 @dataclass(frozen=True)

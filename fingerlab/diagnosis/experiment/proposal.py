@@ -12,17 +12,18 @@ between two rival models", 1965).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.columns import layout_of
 from fingerlab.diagnosis.equations.features import Layout
-from fingerlab.diagnosis.equations.model import CABLE_NAMES, Choice, Model, build
+from fingerlab.diagnosis.equations.model import Model, build
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
-from fingerlab.diagnosis.experiment.predicted_runs import DURATION_S, Proposal, menu
-from fingerlab.diagnosis.fit.noise import LEAST_TORQUE_SPREAD, torque_noise
+from fingerlab.diagnosis.experiment.predicted_runs import Proposal, menu
+from fingerlab.diagnosis.fit.noise import torque_noise
 from fingerlab.diagnosis.fit.solver import scaled_inverse
 from fingerlab.diagnosis.fit.weights import Weights, feature_weights, own_to_a_run
 from fingerlab.diagnosis.gram.decimation import decimated_columns
@@ -30,33 +31,27 @@ from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums
 from fingerlab.diagnosis.score.evidence import Evidence, against_nothing
 from fingerlab.diagnosis.score.fitted_model import FittedModel, condition_weights, values_at_typical_strength
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import (
+from fingerlab.diagnosis.score.selection import by_what_is_left, left_for, small_excess
+from fingerlab.diagnosis.settings import (
     DECIDING_LOG_ODDS,
+    DECISIVE,
+    DURATION_S,
     LEAST_EXCESS,
     LEAST_FALL,
-    by_what_is_left,
-    left_for,
-    small_excess,
+    LEAST_PROBABILITY,
+    LEAST_SEPARATION,
+    LEAST_TORQUE_SPREAD,
+    LENGTHS_S,
+    LOOKING_ITERATIONS,
+    RIVALS,
+    SETTLING_S,
+    WEAKEST_PRIOR,
 )
 from fingerlab.diagnosis.signals.conditions import kind_of
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.diagnosis.signals.segments import SETTLING_S
 from fingerlab.effects.base import Effect, Row
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Session
-
-LEAST_SEPARATION = 0.2
-"""A run that is expected to bring less (nats) is not worth the operator's time."""
-RIVALS = 4
-"""So many effects of the set are separated from its first by one run; more are rarely left."""
-LOOK_ROUND = 3  # steps of a fit
-DECISIVE = 10.0
-"""A separation beyond this (nats) is worth no more: the effect is out of the set."""
-
-
-LENGTHS_S = (DURATION_S, 60.0)
-"""Lengths of a run, s; the longer one is proposed where the shorter would not decide. Assumed: an operator
-spends a minute on a question rather than come back with half an answer."""
 
 
 def propose(
@@ -122,7 +117,7 @@ def _present_and_absent(
     scorer: Scorer, base: FittedModel, fitted: FittedModel
 ) -> tuple[FittedModel, FittedModel]:
     """The model if its last effect were there at its typical strength and the rest hid it; and without it."""
-    without = scorer.fit_same_law(base.choices, fitted, LOOK_ROUND)
+    without = scorer.fit_same_law(base.choices, fitted, LOOKING_ITERATIONS)
     known = without.values
     start = np.array([known.get(u.key, 0.0) for u in fitted.model.unknowns])
     absent = replace(without, misfits=base.misfits)
@@ -156,12 +151,10 @@ def _shown(
     left = count * _after(base, run, usual, usual * values)
     misfit = count * _after(base, run, usual, usual * values + 2.0 * gain)
     after = against_nothing(base, misfit, left, count) - np.log(len(evidence.candidates))
-    before = np.log(max(float(evidence.undetected[i]), LEAST_SHARE) / max(evidence.nothing, LEAST_SHARE))
+    before = np.log(
+        max(float(evidence.undetected[i]), LEAST_PROBABILITY) / max(evidence.nothing, LEAST_PROBABILITY)
+    )
     return Shown(decides, float(after - before))
-
-
-LEAST_SHARE = 1e-12
-"""Probabilities are compared down to here."""
 
 
 def _values(run: Imagined) -> float:
@@ -183,7 +176,7 @@ def _expected(scorer: Scorer, run: Imagined, evidence: Evidence, first: int, sec
     """Expected gain in the log odds of the one of two effects that is true, as likely as they are now."""
     shares = evidence.probabilities[[first, second]]
     gains = [_gain(scorer, run, evidence, *ways) for ways in ((first, second), (second, first))]
-    return float(shares @ gains / max(float(shares.sum()), LEAST_SHARE))
+    return float(shares @ gains / max(float(shares.sum()), LEAST_PROBABILITY))
 
 
 def _gain(scorer: Scorer, run: Imagined, evidence: Evidence, true: int, other: int) -> float:
@@ -246,10 +239,6 @@ def _lasting(
         yield replace(proposal, seconds=seconds), run.lasting(times)
 
 
-WEAKEST_PRIOR = 1e-4
-"""Weight of the prior, in the new run alone, of what nothing is known of: arms, offsets, gains of effects."""
-
-
 @dataclass(frozen=True)
 class Imagined:
     """A run that was not taken: its motion, and the sums over the signals that it would give."""
@@ -258,6 +247,15 @@ class Imagined:
     layout: Layout
     sums: Sums
     group: Group
+    models: dict[tuple[object, ...], Model] = field(default_factory=dict)
+
+    def model(self, fitted: FittedModel) -> Model:
+        """The model for this run alone, with those of its effects that act in it."""
+        choices = [c for c in fitted.choices if c.effect in self.layout.effects]
+        key = (fitted.model.tip_law, *((c.effect.id, c.shape) for c in choices))
+        if key not in self.models:
+            self.models[key] = build(self.layout, [self.group], choices, fitted.model.tip_law)
+        return self.models[key]
 
     def lasting(self, times: float) -> Imagined:
         """The same motion so many times as long, again and again: it tells so many times as much."""
@@ -299,8 +297,7 @@ def apart(reduced: Reduced, run: Imagined, truth: FittedModel, rival: FittedMode
 
     Both are seen under the weights of ``truth``.
     """
-    right = build(run.layout, [run.group], _choices(truth, run), truth.model.tip_law)
-    wrong = build(run.layout, [run.group], _choices(rival, run), rival.model.tip_law)
+    right, wrong = run.model(truth), run.model(rival)
     values = values_in(wrong, rival)
     told, slopes = wrong.coefficients(values, run.group)
     wander = own_to_a_run(wrong, values, told, run.group)
@@ -331,10 +328,6 @@ def held_by(candidates: Sequence[FittedModel], motion: Motion) -> list[Effect]:
     """Effects of all the models, each once, that act in such a run."""
     every = {c.effect.id: c.effect for t in candidates for c in t.choices}
     return [e for e in every.values() if e.bench or motion.finger is not None]
-
-
-def _choices(fitted: FittedModel, run: Imagined) -> list[Choice]:
-    return [c for c in fitted.choices if c.effect in run.layout.effects]
 
 
 def _group(motion: Motion) -> Group:
@@ -378,5 +371,5 @@ def known_of(model: Model, fitted: FittedModel, heat: float) -> Array:
         result[np.ix_(mine, mine)] = scaled_inverse(covariance)
     for i, unknown in enumerate(model.unknowns):
         if unknown.key not in old:
-            result[i, i] = (WEAKEST_PRIOR if unknown.open else 1.0) / unknown.gain.typical**2
+            result[i, i] = (WEAKEST_PRIOR if unknown.open else 1.0) / unknown.parameter.typical**2
     return result

@@ -20,14 +20,19 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, Layout
 from fingerlab.diagnosis.equations.model import Model
+from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
 from fingerlab.diagnosis.gram.sums import Group, Reduced
+from fingerlab.diagnosis.settings import (
+    LEAST_DEPTH_SPREAD_M,
+    LEAST_LENGTH_SPREAD_M,
+    LEAST_TENSION_SPREAD_N,
+    LEAST_TORQUE_SPREAD,
+    MOST_NOISE,
+    RIDGE,
+    TIP_FRICTION_SPREAD,
+)
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
-
-MOST_NOISE = 0.995
-"""Noise may make up at most this share of any combination of features."""
-RIDGE = 1e-9
-"""Share of its own size below which a combination of features is rounding."""
 
 
 def noise_of_a_sample(group: Group) -> Array:
@@ -164,10 +169,6 @@ def floor_covariance(model: Model, values: Array, group: Group, weights: Array) 
     return floor
 
 
-HELD_SHARE = 1.0 / 3.0
-"""Mean square of a friction anywhere between its extremes, as a share of its square when it slides."""
-
-
 def encoder_spread(variance: float) -> Array:
     """Covariance (5, 5) of the equations from a standing encoder; ``variance`` in m^2 of cable."""
     spread = np.zeros((5, 5))
@@ -184,18 +185,6 @@ def change_of_weight(weights: Array, spread: Array) -> Array:
 def log_widening(weights: Array, spread: Array) -> float:
     """By how much an additional covariance raises the logarithm of the covariance's determinant."""
     return float(np.linalg.slogdet(np.eye(len(weights)) + weights @ spread)[1])
-
-
-TIP_FRICTION_SPREAD = 0.3
-"""Share of its friction at the fingertip that a tip which slides holds back or adds at will, one standard
-deviation; assumed. It is as good as noise to all else: only the tip's own law could tell it."""
-LEAST_TENSION_SPREAD_N = 1e-3
-LEAST_LENGTH_SPREAD_M = 5e-7
-LEAST_TORQUE_SPREAD = 1e-6
-"""No equation is trusted beyond these spreads (N, m, N m): about a tenth of the sensors' resolution."""
-LEAST_DEPTH_SPREAD_M = 3e-5
-"""Nor is where a tip stands that presses, m; assumed: it is rough, and rolls, and half an angle step moves it
-by as much."""
 
 
 def first_weights() -> Array:
@@ -222,12 +211,9 @@ def _rubbing(model: Model, values: Array, group: Group) -> Array:
     """
     values = values.copy()
     if model.tip_law == "sticks":
-        k = model.index["lateral_rub"]
-        values[k] = max(values[k], model.unknowns[k].gain.typical)
-    mine = [
-        (model.layout.features[i].parameter or "").startswith(("lateral_rub", "lateral_slip"))
-        for i in model.active
-    ]
+        k = model.index[RUBS]
+        values[k] = max(values[k], model.unknowns[k].parameter.typical)
+    mine = [model.layout.features[i].parameter in (RUBS, *SLIPS) for i in model.active]
     products = group.whole.of(model.pick)
     return row_covariance(model, values, group, products, group.samples, np.array(mine))
 

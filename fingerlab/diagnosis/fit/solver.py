@@ -16,11 +16,21 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES, DELAY
 from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, Layout
-from fingerlab.diagnosis.equations.model import CABLE_NAMES, Model
-from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
+from fingerlab.diagnosis.equations.model import Model
+from fingerlab.diagnosis.equations.parameters import ARMS, LOSSES, TORQUE_ZERO
 from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, feature_weights
 from fingerlab.diagnosis.gram.sums import Group, Sums
+from fingerlab.diagnosis.settings import (
+    LEAST_GAIN,
+    LEAST_GAIN_SHARE,
+    PIVOTING_ROUNDS,
+    SETTLING_ITERATIONS,
+    SIMPLER_FIRST,
+    USUAL_LOSS_NM,
+    WEAK_PRIOR,
+)
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
@@ -33,7 +43,7 @@ def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
         routing = CABLE_NAMES[group.cable_sign]
         if group.on_bench or f"arm_mcp@{routing}" in arms:
             continue
-        for row, name in ((Row.MCP, "arm_mcp"), (Row.PIP, "arm_pip")):
+        for row, name in zip((Row.MCP, Row.PIP), ARMS, strict=True):
             slope = _tension_over_torque(layout, group.whole, row, group.cable_sign)
             arms[f"{name}@{routing}"] = float(np.clip(1.0 / slope if slope > 1e-9 else 0.01, 0.003, 0.035))
     return arms
@@ -50,7 +60,7 @@ def _tension_over_torque(layout: Layout, sums: Sums, row: Row, cable_sign: int) 
         ]
 
     torque = pick({"proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness", "force_gain"})
-    loss = pick({"loss_mcp", "loss_pip"})
+    loss = pick({*LOSSES})
     pull = pick({"torque_gain"}, shift=NO_SHIFT)
     inertia = pick({"rotor_inertia"}, shift=NO_SHIFT)
     # One line for each feature that takes part: what it adds to torque, loss and tension.
@@ -65,12 +75,6 @@ def _tension_over_torque(layout: Layout, sums: Sums, row: Row, cable_sign: int) 
     return float(np.linalg.lstsq(products[:2, :2], products[:2, 2], rcond=None)[0][0])
 
 
-USUAL_LOSS_NM = 2e-4
-"""Scatter of losses that count as none, N m; assumed: 0.2 degrees of a joint's zero on 60 mN m/rad."""
-SIMPLER_FIRST = 2.0
-"""What a gain costs of which the data tell nothing: the simpler effect comes first, both are in the set."""
-
-
 def surprise(
     model: Model, values: Array, radius: float, routings: Collection[str], zero_spread: float | None = None
 ) -> float:
@@ -83,40 +87,29 @@ def surprise(
             contact, what a loss seems to be may be the tip's friction as well.
         zero_spread: of the current's zero, N m, where a run of the motor alone is to be counted on.
     """
-    known = {u.key: float(v) for u, v in zip(model.unknowns, values, strict=True)}
+    known = list(zip(model.unknowns, map(float, values), strict=True))
 
-    def free(name: str) -> Array:
-        return np.array(
-            [v for key, v in known.items() if key.startswith(name) and key.split("@")[-1] in routings]
-        )
+    def free(names: Collection[str]) -> Array:
+        return np.array([v for u, v in known if u.name in names and not u.effect and u.cable in routings])
 
-    zeros = {u.key: u.gain.typical for u in model.unknowns if u.key == TORQUE_ZERO}
-    spreads = [*zeros.values(), *([] if zero_spread is None or zeros else [zero_spread])]
-    losses = free("loss_")
+    zeros = [(value, u.parameter.typical) for u, value in known if u.key == TORQUE_ZERO]
+    spreads = [spread for _, spread in zeros]
+    spreads += [] if zero_spread is None or zeros else [zero_spread]
+    losses = free(LOSSES)
     if len(losses) == 0:  # a bench, whose own offset could be the difference with no chance involved
         return sum(SIMPLER_FIRST * len(c.effect.offsets) for c in model.choices)
     variance = np.mean(losses**2) + USUAL_LOSS_NM**2
     result = len(losses) * np.log(variance / USUAL_LOSS_NM**2)
-    result += sum((known[key] / spread) ** 2 for key, spread in zeros.items())
-    levers = free("arm_") / radius
+    result += sum((zero / spread) ** 2 for zero, spread in zeros)
+    levers = free(ARMS) / radius
     told = levers @ levers / variance + sum(1.0 / spread**2 for spread in spreads)
     for choice in model.choices:
         for name in choice.effect.offsets:
             # Friction opposes the motion in either direction, so that the difference stays within the mean.
-            width = max(2.0 * known[f"{choice.effect.id}.{choice.effect.excess[name]}"], 1e-12)
+            mean = values[model.index[f"{choice.effect.id}.{choice.effect.excess[name]}"]]
+            width = max(2.0 * float(mean), 1e-12)
             result += max(2.0 * np.log(width * np.sqrt(told / (2 * np.pi))), SIMPLER_FIRST)
     return float(result)
-
-
-SETTLING_ITERATIONS = 4
-"""With fewer, a fit only looks round, and friction at rest is taken as it was at the start."""
-LEAST_GAIN = 1e-3
-LEAST_SHARE = 1e-6
-"""A step that lowers the cost by less than this, or by less than this share of it, is the last; the cost is
-twice a log probability."""
-
-WEAK_PRIOR = 0.01
-"""Weight of the prior of what nothing is known of: arms, offsets, and gains of effects."""
 
 
 @dataclass(frozen=True)
@@ -245,9 +238,8 @@ class Fitter:
         """
         groups = self.data.groups
         pressed = {g.key[0] for g in groups} - {g.key[0] for g in groups if not g.in_contact}
-        losses = tuple(f"loss_{joint}@{routing}" for joint in ("mcp", "pip") for routing in pressed)
         weak = [
-            u.open or u.key.startswith(losses) or (u.key == "delay" and u.gain.high > 0.01)
+            u.open or (u.name in LOSSES and u.cable in pressed) or (u.key == DELAY and self.model.delayed)
             for u in self.model.unknowns
         ]
         return np.where(weak, WEAK_PRIOR, 1.0)
@@ -275,7 +267,7 @@ class Fitter:
             gradient, information, bend = self._expansion(values)
             # The cost's own curvature, which lacks the noise, converges in a few steps; where it is too weak
             # to be trusted, the one with noise takes shorter ones.
-            least = max(LEAST_GAIN, LEAST_SHARE * cost)
+            least = max(LEAST_GAIN, LEAST_GAIN_SHARE * cost)
             values, gain = self._improve(values, cost, gradient, bend, least)
             if gain < -least:
                 values, gain = self._improve(values, cost, gradient, information, least)
@@ -381,9 +373,6 @@ def bounded_step(values: Array, gradient: Array, information: Array, low: Array,
             break
         fixed[int(np.argmax(np.where(wrong, np.abs(pull), -1.0)))] = False
     return step * scale
-
-
-PIVOTING_ROUNDS = 40
 
 
 def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array) -> Array | None:

@@ -16,20 +16,12 @@ import numpy as np
 from fingerlab.diagnosis.equations.features import IntArray
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import SET_DOWN
-from fingerlab.diagnosis.fit.noise import (
-    HELD_SHARE,
-    change_of_weight,
-    encoder_spread,
-    log_widening,
-    noise_of_a_sample,
-)
+from fingerlab.diagnosis.fit.noise import change_of_weight, encoder_spread, log_widening, noise_of_a_sample
 from fingerlab.diagnosis.gram.sums import Group, Sums, total
+from fingerlab.diagnosis.settings import HELD_SHARE, LEAST_REPEATS, SET_DOWN_N, SLACK_SPREAD_M, WANDER
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.sessions.model import Array
-
-SLACK_SPREAD_M = 1e-4
-"""Cable that may hang loose at no tension before that is called slack, m; assumed."""
 
 Weights = Mapping[GroupKey, Array]
 """Inverse covariance of the equations' noise for each group, (5, 5) over :class:`Row`."""
@@ -193,17 +185,6 @@ class Data:
 def feature_weights(weights: Array, rows: IntArray) -> Array:
     """Weight of each product of features, (k, k)."""
     return weights.take(rows, axis=0).take(rows, axis=1)
-
-
-WANDER = 0.05
-"""Friction differs from run to run by this share, one standard deviation; assumed ("some per cent")."""
-SET_DOWN_N = 0.02
-"""Force along the load cell's face that a tip which sticks is set down with, from run to run, one standard
-deviation; assumed: a tenth of what friction of 0.2 holds at 1 N."""
-
-
-LEAST_REPEATS = 3
-"""Runs of one condition from which on their differences are known to be the runs', not the condition's."""
 
 
 def own_to_a_run(model: Model, values: Array, told: Array, group: Group, condition: int = 0) -> Array:

@@ -15,27 +15,21 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial.legendre import legvander
 
 from fingerlab.diagnosis.equations.columns import Column, all_columns
-from fingerlab.diagnosis.equations.features import SHIFTS_S, SLOPE, BoolArray, IntArray
-from fingerlab.diagnosis.signals.filters import (
-    NARROW_HALF,
+from fingerlab.diagnosis.equations.features import SHIFT_SAMPLES, SLOPE, BoolArray, IntArray
+from fingerlab.diagnosis.settings import (
+    AT_ONCE,
+    AT_REST_DEG,
+    INERTIA_SPREADS,
     NARROW_RATE_HZ,
-    NARROW_STEP,
-    WIDE_RATE_HZ,
-    decimate,
-    decimated_count,
+    REST_REACH,
+    SLACK_TENSION_N,
+    TREND_DEGREE,
 )
+from fingerlab.diagnosis.signals.filters import NARROW_HALF, NARROW_STEP, decimate, decimated_count
 from fingerlab.effects.base import Effect
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run
 from fingerlab.sessions.trajectory import found_frequency, told_frequency
-
-SLACK_TENSION_N = 0.12
-"""Below this tension the cable may be slack, N; assumed: a few times the noise of the current at 8 Hz."""
-INERTIA_SPREADS = 2.0
-"""... and more where the rotor speeds up: its inertia may be off by so many standard deviations."""
-AT_REST_DEG = 0.1
-"""A motor stands that turns by less than this in a sixth of a second; assumed: two steps of its encoder."""
-REST_REACH = 2  # decimated samples on either side
 
 
 def taut_moments(motion: Motion, inner: slice) -> BoolArray:
@@ -61,10 +55,8 @@ def rest_moments(position: Array) -> BoolArray:
     return np.asarray(np.ptp(windows, axis=1) < np.radians(AT_REST_DEG))
 
 
-MARGIN = round(max(abs(s) for s in SHIFTS_S) * WIDE_RATE_HZ)
+MARGIN = max(abs(samples) for samples in SHIFT_SAMPLES)
 """Samples at the wide rate on either side of those that are judged: room for the delays."""
-AT_ONCE = 64
-"""So many signals are filtered together: they fit into the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -140,12 +132,8 @@ def _shifted(values: Array, shift: int | None, rate: float, inner: slice) -> Arr
         return values[inner]
     if shift == SLOPE:
         return np.asarray(np.gradient(values, 1.0 / rate)[inner])
-    late = round(SHIFTS_S[shift] * WIDE_RATE_HZ)
+    late = SHIFT_SAMPLES[shift]
     return values[inner.start - late : max(inner.stop - late, 0)]
-
-
-TREND_DEGREE = 3
-"""Of the polynomial over a stretch that counts as its slow trend."""
 
 
 def repeating_bases(low: Decimated, run: Run, seek: bool = False) -> tuple[Array, Array] | None:

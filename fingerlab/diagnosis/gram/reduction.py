@@ -23,6 +23,7 @@ from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.gram.decimation import Decimated
 from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, run_sums
 from fingerlab.diagnosis.gram.sums import Group, Reduced, RunSums, empty
+from fingerlab.diagnosis.settings import MOST_CLOSER, TASKS_AHEAD
 from fingerlab.diagnosis.signals.conditions import Fold, GroupKey, deal_runs, group_key, runs_to_analyse
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
 from fingerlab.effects import CATALOGUE
@@ -159,8 +160,6 @@ class Reduction:
         return Reduced(whole, list(groups.values()), self._on_bench, radius)
 
 
-MOST_CLOSER = 8
-"""So many reductions of a second look are kept, each of a few megabytes."""
 _Key = tuple[str, object, tuple[tuple[tuple[str, float], ...], ...]]
 
 
@@ -241,8 +240,6 @@ def _comparable(group: Group) -> list[list[Array]]:
     return [*repeated, *alone.values()]
 
 
-TASKS_AHEAD = 2
-"""Runs that a second process is given at a time: one at work and one waiting."""
 Grid = tuple[str, Sequence[Shape]]
 """A built-in effect by its id, and the shapes that are asked of it."""
 

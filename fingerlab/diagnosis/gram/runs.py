@@ -19,13 +19,11 @@ from fingerlab.diagnosis.equations.columns import Asked, effect_columns
 from fingerlab.diagnosis.equations.features import BoolArray, IntArray
 from fingerlab.diagnosis.gram.decimation import Decimated, decimated_columns, fill, repeating_bases
 from fingerlab.diagnosis.gram.sums import Part, RunSums, Sums
+from fingerlab.diagnosis.settings import MOST_BYTES
 from fingerlab.diagnosis.signals.segments import segments_of, senses
 from fingerlab.effects.base import Effect
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
-
-MOST_BYTES = 96_000_000
-"""So much is kept in each process, about fifty runs of half a minute; longer recordings are read again."""
 
 
 @dataclass(frozen=True)

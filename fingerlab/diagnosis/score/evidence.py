@@ -15,33 +15,35 @@ import numpy as np
 
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.selection import (
-    CONTACT_CHARGE,
-    CONTACT_SHARE,
-    DECIDING_LOG_ODDS,
     charge,
     contact_charge,
     least_explained,
     log_odds_among,
     temperature,
 )
+from fingerlab.diagnosis.settings import (
+    AS_LIKELY,
+    CONTACT_CHARGE,
+    CONTACT_SHARE,
+    DECIDING_LOG_ODDS,
+    IMPOSSIBLE,
+    MOST_ODDS,
+    MOST_UNDETECTED,
+    NOT_BORNE_OUT,
+    PRIOR_EFFECTS,
+    PRIOR_NOTHING,
+    PRIOR_UNKNOWN,
+    SET_LOG_ODDS,
+    SET_PROBABILITY,
+    STRONGEST,
+    UNKNOWN_LEAST,
+    UNKNOWN_LEAST_BEYOND,
+    UNKNOWN_SHARE,
+    WEAKEST,
+)
 from fingerlab.sessions.model import Array
 
 Verdict = Literal["nothing_missing", "missing_effect", "not_in_catalogue"]
-
-UNKNOWN_SHARE = 0.65
-"""An effect outside the catalogue is thought to explain this share of the misfit."""
-UNKNOWN_LEAST = 0.5
-"""... and is not thought of where the squared score is above one by less than about this: a misfit that small
-comes from what every bench does a little (rubbing at the fingertip, joints that stick)."""
-UNKNOWN_LEAST_BEYOND = 6.0
-"""The same for a model that holds an effect already, whose own law is never quite the plant's."""
-PRIOR_NOTHING, PRIOR_UNKNOWN, PRIOR_EFFECTS = 0.5, 0.05, 0.45
-SET_PROBABILITY = 0.95
-SET_LOG_ODDS = 3.0
-"""An effect is in the set when its log odds against the best are above minus this (odds of about 1 to 20)."""
-RUN_LOG_ODDS = float(np.log(100.0))
-"""A run is proposed until the best is a hundred times likelier than the next: what a law lacks, or a tip does
-that no law here tells, moves odds by several."""
 
 
 @dataclass(frozen=True)
@@ -136,12 +138,6 @@ def against_nothing(base: FittedModel, misfit: float, left: float, count: float)
     return 0.5 * fall / temperature(left, count) + float(np.log(PRIOR_EFFECTS / PRIOR_NOTHING))
 
 
-IMPOSSIBLE = -700.0
-"""Log odds that leave no probability."""
-NOT_BORNE_OUT = 0.05
-"""Share of their probability that effects keep when adding the best of them is no justified step."""
-
-
 def distrusted(evidence: Evidence) -> Evidence:
     """The evidence when the held-out runs do not bear the best step out under the weights of either model."""
     kept = evidence.probabilities * NOT_BORNE_OUT
@@ -200,17 +196,6 @@ def alike(evidence: Evidence, least: float = -SET_LOG_ODDS) -> list[int]:
         chosen.append(int(i))
         covered += float(evidence.probabilities[i])
     return chosen
-
-
-WEAKEST, STRONGEST = 0.5, 2.0
-"""Multiples of its typical strength between which an effect that is there is thought to lie, evenly in their
-logarithm; assumed."""
-MOST_ODDS = float(np.exp(2.0))
-"""What is below a verdict's threshold speaks for an effect by at most this factor; assumed."""
-AS_LIKELY = np.exp(-1.0)
-"""An effect of which the data say that it is less likely by more than this factor has not stayed unseen."""
-MOST_UNDETECTED = 0.95
-"""Effects that were not seen are together less likely than nothing."""
 
 
 def with_undetected(evidence: Evidence) -> Evidence:

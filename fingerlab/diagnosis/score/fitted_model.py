@@ -17,12 +17,10 @@ from fingerlab.diagnosis.equations.features import BoolArray
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.fit.solver import Fit, Fitter, bounded_step
 from fingerlab.diagnosis.fit.weights import Weights
+from fingerlab.diagnosis.settings import CLEARLY_SHOWN
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Array
-
-CLEARLY_SHOWN = 0.5
-"""An effect whose typical strength changes the squared score by more than this is seen in any case."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +152,7 @@ def sensitivity(fitter: Fitter, fitted: FittedModel) -> Sensitivity:
     effect = fitted.last_effect
     names = [n for n in own_keys(fitted, effect).items() if n[0] not in effect.offsets]
     places = [fitted.model.index[key] for _, key in names]
-    typical = np.array([fitted.model.unknowns[i].gain.typical for i in places])
+    typical = np.array([fitted.model.unknowns[i].parameter.typical for i in places])
     if not places:
         return NO_SENSITIVITY
     patterns = list(np.diag(typical)) + ([typical] if len(places) > 1 else [])

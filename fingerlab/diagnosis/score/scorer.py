@@ -27,14 +27,9 @@ from fingerlab.diagnosis.fit.solver import Fitter, LeftOut, starting_arms, surpr
 from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, change, own_to_a_run
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel, sensitivity
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, SETTLED
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.sessions.model import Array
-
-FULL_ITERATIONS = 8
-"""A fit of so many iterations is meant to end, not to look round."""
-SETTLED = 0.05
-"""Weights that change by no larger share belong to their fit: a score then changes by some per mille."""
-MOST_ROUNDS = 8
 
 
 class Scorer:

@@ -17,32 +17,25 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.features import BoolArray
 from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.settings import (
+    CONTACT_CHARGE,
+    CONTACT_SHARE,
+    CORRELATED_VALUES,
+    COST_OF_A_GAIN,
+    DECIDING_LOG_ODDS,
+    EARNED_SHARE,
+    EXCESS_SPREAD,
+    LEAST_DIFFERENCE,
+    LEAST_EXCESS,
+    LEAST_FALL,
+    LEAST_FALL_BEYOND,
+    LEAST_SHARE,
+    MUCH,
+    NEXT_SHARE,
+    SYSTEMATIC_VALUES,
+    USUAL_LEFT,
+)
 from fingerlab.sessions.model import Array
-
-CORRELATED_VALUES = 16.0
-"""Independent noise values within one correlation time (about a second) of a systematic misfit; assumed."""
-EARNED_SHARE = 0.001
-"""Share of the explained misfit that every further unknown gains by chance and bias."""
-LEAST_SHARE = 0.2
-"""A missing effect must explain this share of the reproducible misfit, or nothing is missing."""
-LEAST_FALL = 0.05
-"""... and lower the squared score by this much: below, the misfit is a matter of sensor steps."""
-LEAST_FALL_BEYOND = 0.2
-"""The same for a model that holds an effect already: its own law is never quite the plant's."""
-CONTACT_CHARGE = 0.1
-"""... and by this much more where it explains runs in contact alone: how a tip rubs and settles is never
-described to the end, and a lean of the force takes up what is left."""
-CONTACT_SHARE = 0.6
-"""An effect of whose gain this share lies in contact explains the contact."""
-NEXT_SHARE = 0.4
-"""A second effect must explain more of what is left: the first one's own law is never quite the plant's
-(where a joint sticks, say), and a partner that only mends that law is not missing physics."""
-DECIDING_LOG_ODDS = 5.0
-"""Log odds that decide (about 150 to 1)."""
-MUCH = 1.0
-"""Squared score above one that no bench leaves (``USUAL_LEFT``) and no nearly right law (about 0.5)."""
-NEARLY_RIGHT = 0.4
-"""Squared score above one up to which several effects together are taken for right; assumed."""
 
 
 def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0) -> bool:
@@ -109,23 +102,6 @@ def temperature(misfit: float, count: float) -> float:
 def much_left(fitted: FittedModel, much: float = MUCH) -> bool:
     """Whether a model leaves so much that something is missing for certain."""
     return fitted.misfit > much * fitted.count
-
-
-SYSTEMATIC_VALUES = 16.0
-"""Independent values that a session's systematic misfit is worth, however long it is: what no model explains
-is the same in every run. Found on blind trials of the simulated bench for odds by the ratio of whole scores;
-the present form was chosen on such trials, too, and is not cross-validated."""
-USUAL_LEFT = 0.14
-"""Squared score, above one, that every model leaves of a bench (bench-plain's); it tells nothing."""
-LEAST_DIFFERENCE = 0.02
-"""Two models whose squared scores differ by less than this leave the same."""
-COST_OF_A_GAIN = 0.5
-"""Log odds that a further unknown must overcome."""
-LEAST_EXCESS = 0.2
-"""Share of a friction by which that at low speed is usually larger at least where one speaks of Stribeck's;
-assumed. The unevenness of a simple law of friction is taken up by a smaller one."""
-EXCESS_SPREAD = 0.3
-"""How far below it may lie, one standard deviation of its logarithm; assumed."""
 
 
 def log_odds_among(base: FittedModel, candidates: Sequence[FittedModel]) -> Array:

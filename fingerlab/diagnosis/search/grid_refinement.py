@@ -20,17 +20,20 @@ from fingerlab.diagnosis.fit.weights import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Scorer
-from fingerlab.diagnosis.score.selection import USUAL_LEFT, idle_steps, justified, least_fall, log_odds_among
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.score.selection import idle_steps, justified, least_fall, log_odds_among
 from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all
-from fingerlab.diagnosis.search.path import LONGEST_PATH, STEP_GAIN, forward_selection, worth_adding
+from fingerlab.diagnosis.search.path import forward_selection, worth_adding
+from fingerlab.diagnosis.settings import (
+    FULL_ITERATIONS,
+    LONGEST_PATH,
+    LOOKING_ITERATIONS,
+    MOST_RIVALS,
+    ROUNDS,
+    STEP_GAIN,
+    USUAL_LEFT,
+)
 from fingerlab.effects.base import Effect, Shape
-
-LOOKING_ITERATIONS = 3
-ROUNDS = 2
-"""Times that the shapes of several effects are gone through, each given the others'."""
-MOST_RIVALS = 3
-"""So many of a set are looked at again, the likeliest first."""
 
 
 def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:

@@ -16,12 +16,21 @@ import numpy as np
 from fingerlab.core.progress import Watch
 from fingerlab.diagnosis.equations.features import Feature
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.fit.solver import WEAK_PRIOR, Fitter, bounded_step
+from fingerlab.diagnosis.fit.solver import Fitter, bounded_step
 from fingerlab.diagnosis.fit.weights import Data, Weights, feature_weights
 from fingerlab.diagnosis.score.evidence import Evidence, judge
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Scorer
+from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import much_left
+from fingerlab.diagnosis.settings import (
+    FRONT,
+    FULL_ITERATIONS,
+    HELD_OUT_TRIALS,
+    HOPEFUL_SHARE,
+    SAME_COST_SHARE,
+    SCREEN_ITERATIONS,
+    WEAK_PRIOR,
+)
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Array
@@ -101,17 +110,6 @@ class ScoreTest:
 def _picks(features: list[Feature], names: list[str]) -> Array:
     """1 where a feature is multiplied by a gain, shape (features, gains)."""
     return np.array([[float(f.parameter == name) for name in names] for f in features])
-
-
-HELD_OUT_TRIALS = 4
-"""This many of the best effects are scored on held-out runs; the rest are far behind and scored in sample."""
-FRONT = 8
-"""This many are looked at more closely when the weights have changed."""
-HOPEFUL_SHARE = 0.1
-"""An effect whose first step lowers the cost by less than this share of the best's is fitted no further."""
-SAME_SHARE = 1e-3
-"""Effects whose costs differ by less than this share leave the same noise, and set the same weights."""
-SCREEN_ITERATIONS = 3
 
 
 def screen(
@@ -221,7 +219,9 @@ def _at_its_best(scorer: Scorer, fitted: FittedModel, every: bool) -> FittedMode
 def _led(front: Sequence[FittedModel], leaders: Collection[str]) -> bool:
     """Whether the best of the front has set the weights, or one that these data hardly tell from it."""
     best = front[0].fit.cost
-    return any(c.last_effect.id in leaders and c.fit.cost - best <= SAME_SHARE * abs(best) for c in front)
+    return any(
+        c.last_effect.id in leaders and c.fit.cost - best <= SAME_COST_SHARE * abs(best) for c in front
+    )
 
 
 def readjust_shapes(scorer: Scorer, fitted: FittedModel) -> FittedModel:

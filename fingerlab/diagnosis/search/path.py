@@ -11,31 +11,19 @@ from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.weights import Weights
 from fingerlab.diagnosis.score.evidence import Evidence, alike
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Scorer
-from fingerlab.diagnosis.score.selection import (
-    NEXT_SHARE,
-    idle_steps,
-    justified,
-    least_fall,
-    log_odds_among,
-    much_left,
-)
-from fingerlab.diagnosis.search.next_effect import (
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.score.selection import idle_steps, justified, least_fall, log_odds_among, much_left
+from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid, judge_all, readjust_shapes
+from fingerlab.diagnosis.settings import (
     FRONT,
+    FULL_ITERATIONS,
+    LONGEST_PATH,
+    NEXT_SHARE,
+    RUNNERS_UP,
     SCREEN_ITERATIONS,
-    ScoreTest,
-    climb_grid,
-    judge_all,
-    readjust_shapes,
+    STEP_GAIN,
 )
 from fingerlab.effects.base import Effect
-
-LONGEST_PATH = 4
-"""At most this many effects are added."""
-STEP_GAIN = 0.25
-"""An effect that promises less than this share of what a further step must reach is no candidate for it."""
-RUNNERS_UP = 2
-"""So many other beginnings are tried where a way ends with much left."""
 
 
 def forward_selection(

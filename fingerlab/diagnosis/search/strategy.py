@@ -16,8 +16,8 @@ from fingerlab.diagnosis.score.evidence import (
     with_undetected,
 )
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.score.scorer import FULL_ITERATIONS, Scorer
-from fingerlab.diagnosis.score.selection import LEAST_FALL_BEYOND, NEARLY_RIGHT, justified, much_left
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.score.selection import justified, much_left
 from fingerlab.diagnosis.search.grid_refinement import (
     break_ties,
     can_refine,
@@ -26,7 +26,8 @@ from fingerlab.diagnosis.search.grid_refinement import (
     refine_path,
 )
 from fingerlab.diagnosis.search.next_effect import judge_all, rescore
-from fingerlab.diagnosis.search.path import LONGEST_PATH, forward_selection
+from fingerlab.diagnosis.search.path import forward_selection
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, LEAST_FALL_BEYOND, LONGEST_PATH, NEARLY_RIGHT
 from fingerlab.effects.base import Effect
 
 

@@ -14,16 +14,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.settings import FOLDS, MOST_FOLDS, SAME_DIFFERENCE, SAME_SHARE
 from fingerlab.sessions.model import Run, Session
 
 TOLD = ("frequency_hz", "amplitude_deg", "offset_deg", "load_torque")
 """What tells one motion from another of its kind."""
-SAME_SHARE = 0.15
-"""Numbers that differ by less than this share are the same condition; an approach is never found twice."""
-SAME_DIFFERENCE = {"frequency_hz": 0.02, "amplitude_deg": 1.0, "offset_deg": 3.0, "load_torque": 0.002}
-"""... or by less than this (Hz, degrees at the pulley, N m)."""
-MOST_FOLDS = 30
-"""Folds of a group, whatever the number of its conditions: beyond, conditions share folds."""
 
 
 @dataclass(frozen=True)
@@ -83,9 +78,6 @@ def _close(one: object, other: object, difference: float) -> bool:
         return one == other
     return abs(one - other) <= max(difference, SAME_SHARE * max(abs(one), abs(other)))
 
-
-FOLDS = 10
-"""Runs of a condition are dealt to at most this many folds; ten runs or fewer are held out one by one."""
 
 GroupKey = tuple[str, str]
 

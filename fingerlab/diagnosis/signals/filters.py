@@ -12,13 +12,15 @@ from collections.abc import Callable
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from fingerlab.diagnosis.settings import (
+    NARROW_CUTOFF_HZ,
+    NARROW_RATE_HZ,
+    NARROW_TAPS,
+    WIDE_CUTOFF_HZ,
+    WIDE_RATE_HZ,
+)
 from fingerlab.sessions.model import Array
 
-WIDE_RATE_HZ = 250.0
-WIDE_CUTOFF_HZ = 40.0
-NARROW_RATE_HZ = 25.0
-NARROW_CUTOFF_HZ = 8.0
-NARROW_TAPS = 81  # odd, so that the delay is a whole number of samples and can be removed
 NARROW_STEP = round(WIDE_RATE_HZ / NARROW_RATE_HZ)
 NARROW_HALF = NARROW_TAPS // 2
 

@@ -13,22 +13,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.settings import (
+    AGAINST,
+    ALWAYS,
+    CLEARLY_HELPING,
+    LONGEST_STRETCH_S,
+    MOVED_DEG,
+    NO_TORQUE,
+    PUSHES_N,
+    SETTLING_S,
+    SHORTEST_STRETCH_S,
+    USUAL_INERTIA,
+)
 from fingerlab.diagnosis.signals.filters import derivative_kernels, differentiate
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Run, whole_pieces
-
-LONGEST_STRETCH_S = 60.0
-"""A longer run is cut, so that memory does not grow with its length, s."""
-SETTLING_S = 2.0
-"""Left out at the start of a run: the ramp from rest (1.5 s on the bench) and the end of its transient, s."""
-SHORTEST_STRETCH_S = 2.0
-CLEARLY_HELPING = 0.4
-"""Correlation of torque with speed beyond which a bench's torque is read as a reaction; assumed."""
-
-USUAL_INERTIA = 2e-4
-"""Inertia of a rotor, gearbox and pulley of which nothing is known, kg m^2; assumed: the bench's order."""
 
 FINGER_CHANNELS = ("motor_position", "motor_torque", "mcp_angle", "pip_angle")
 BENCH_CHANNELS = ("motor_position", "motor_torque")
@@ -204,18 +205,6 @@ def _force(run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, st
             "it needs the load cell's force in N."
         )
     return differentiate(np.nan_to_num(values), kernels[:, :1], step)[0]
-
-
-NO_TORQUE = 1e-9
-"""A torque that changes by less is a constant, N m: rounding."""
-MOVED_DEG = 3.0
-"""A joint that moves by less says little of its sense, degrees; assumed."""
-AGAINST = -0.7
-"""Correlation with what its cable does below which a joint turns against it; assumed."""
-PUSHES_N = -0.5
-"""A mean tension below it is no zero of the current, N; assumed."""
-ALWAYS = 0.9
-"""Share of a run in which a cable would have to push to be called turned; assumed."""
 
 
 @dataclass(frozen=True)

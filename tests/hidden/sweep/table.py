@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from fingerlab.effects import CATALOGUE
+
 Entry = dict[str, Any]
 
 NEIGHBOURS: tuple[frozenset[str], ...] = (
@@ -30,11 +32,19 @@ NEIGHBOURS: tuple[frozenset[str], ...] = (
     frozenset({"viscoelastic_creep", "sensor_drift", "spring_hardening", "stiffness_error"}),
 )
 """Effects that act alike on a bench (the usual families): who may stand in for whom."""
+IN_A_FAMILY = frozenset().union(*NEIGHBOURS)
 
 
 def near(first: str, second: str) -> bool:
-    """Whether two effects are physical neighbours."""
-    return any({first, second} <= family for family in NEIGHBOURS)
+    """Whether two effects are physical neighbours; of an effect in none of the families, its file says so."""
+    if {first, second} <= IN_A_FAMILY:
+        return any({first, second} <= family for family in NEIGHBOURS)
+    return second in _alike(first) or first in _alike(second)
+
+
+def _alike(name: str) -> tuple[str, ...]:
+    found = CATALOGUE.get(name)
+    return () if found is None or found.formula is None else found.formula.alike
 
 
 def kind(entry: Entry) -> str:

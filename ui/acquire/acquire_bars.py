@@ -1,0 +1,331 @@
+"""Above the plots of Acquire: the device, what the operator has to do, time and trigger; the menu."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QDoubleSpinBox,
+    QFrame,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QMenu,
+    QPushButton,
+    QToolButton,
+    QWidget,
+    QWidgetAction,
+)
+
+from fingerlab.core.text import ScreenUnit
+
+from ..app.tab_registry import SEPARATOR, Command
+from ..widgets.fields import choice
+from ..widgets.labels import ElidedLabel, header_name
+from ..widgets.theme import large_font
+from .acquire_panel import AcquirePanel
+from .live_channels import QUANTITIES, SHOWN
+from .live_plots import WINDOWS_S, LivePlots, Trigger, level_of
+from .recording_control import RecordingControl
+
+
+class AcquireHeader(QWidget):
+    """Signals: disconnect_asked; open_asked(path)."""
+
+    disconnect_asked = Signal()
+    open_asked = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.name = header_name("deviceName", "Device", alone=False)
+        self.lines = ElidedLabel()
+        self.lines.setObjectName("safetyLines")
+        self.lines.setAccessibleName("Emergency stop, amplifier and dead-man")
+        self.disconnect_button = QPushButton("Disconnect")
+        self.disconnect_button.setObjectName("disconnect")
+        self.disconnect_button.setToolTip("Stop the motor and let the device go, to choose another.")
+        self.open = QPushButton("Look at the recording")
+        self.open.setObjectName("openRecording")
+        self._path = ""
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(16, 0, 8, 0)
+        layout.setSpacing(8)
+        layout.addWidget(self.name, 1)
+        layout.addWidget(self.lines, 1)
+        layout.addWidget(self.open)
+        layout.addWidget(self.disconnect_button)
+        self.open.hide()
+        self.open.clicked.connect(lambda: self.open_asked.emit(self._path))
+        self.disconnect_button.clicked.connect(self.disconnect_asked)
+
+    def show_device(self, name: str, in_protocol: bool) -> None:
+        """Which device is connected."""
+        self.name.setText(name[:1].upper() + name[1:] if name else "")
+        self.disconnect_button.setVisible(bool(name))
+        self.disconnect_button.setEnabled(not in_protocol)
+
+    def show_lines(self, words: Mapping[str, str]) -> None:
+        """State of the bench's digital lines, each in words; nothing where no bench is connected."""
+        told = [f"{name[:1].upper()}{name[1:]} {word}" for name, word in words.items()]
+        wired = [line for line in told if not line.endswith("not wired")]
+        short = " · ".join(wired) or ("No emergency stop input" if told else "")
+        if self.lines.text() != " · ".join(told):
+            self.lines.set_texts([" · ".join(told), short])
+
+    def show_written(self, path: Path) -> None:
+        """Offer what was just recorded."""
+        self._offer(path, "Look at the recording", f"Open {path.name} in the Model lab.")
+
+    def show_put_off(self, path: Path) -> None:
+        """Offer to finish what was put off."""
+        self._offer(
+            path, "Finish the recording", f"Write and verify {path.name}, and open it in the Model lab."
+        )
+
+    def _offer(self, path: Path, text: str, help_text: str) -> None:
+        self._path = str(path)
+        self.open.setText(text)
+        self.open.setToolTip(help_text)
+        self.open.show()
+
+
+class PromptBar(QFrame):
+    """Hidden until something is asked. Signal ``done``."""
+
+    done = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("promptBar")
+        self.setAccessibleName("What to do now")
+        self.sentence = QLabel()
+        self.sentence.setObjectName("prompt")
+        self.sentence.setFont(large_font())
+        self.sentence.setWordWrap(True)
+        self.button = QPushButton("&Done")
+        self.button.setObjectName("promptDone")
+        self.button.setProperty("primary", "true")
+        self.button.setToolTip("It is done: go on with the protocol (Ctrl+D).")
+        self.button.clicked.connect(self._on_done)
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(16, 8, 8, 8)
+        layout.setSpacing(16)
+        layout.addWidget(self.sentence, 1)
+        layout.addWidget(self.button)
+        self.hide()
+
+    def ask(self, sentence: str) -> None:
+        """Show what to do."""
+        self.sentence.setText(sentence)
+        self.setAccessibleDescription(sentence)
+        self.show()
+        self.button.setFocus()
+
+    def _on_done(self) -> None:
+        self.hide()
+        self.done.emit()
+
+
+NO_MODEL, NOMINAL, FROM_FILE, FILE = "none", "nominal", "choose", "file"
+MODELS = {NO_MODEL: "No model", NOMINAL: "Nominal model", FROM_FILE: "Model from a file…"}
+
+
+class PlotToolbar(QWidget):
+    """Signal ``model_chosen(key)``."""
+
+    model_chosen = Signal(str)
+
+    def __init__(self, plots: LivePlots, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._plots = plots
+        self.window_s = choice(
+            "timeWindow", {str(s): f"{s:g} s" for s in WINDOWS_S}, "Time shown: how much of it."
+        )
+        self.window_s.setMinimumContentsLength(5)
+        self.window_s.setCurrentIndex(2)
+        self.hold = _switch("hold", "&Hold", "Keep the picture still; the bench goes on (Ctrl+P).")
+        self.cursors = _switch("cursors", "C&ursors", "Two cursors to drag, with differences (Ctrl+K).")
+        self.trigger = TriggerButton(plots)
+        self.model = choice(
+            "model", MODELS, "Model: its torque and force over the measured ones, with what is left."
+        )
+        self.model.setMinimumContentsLength(14)
+        self.times = ElidedLabel()
+        self.times.setObjectName("cursorTimes")
+        self.times.setAccessibleName("Times of the cursors")
+        self.differences = ElidedLabel()
+        self.differences.setObjectName("cursorText")
+        self.differences.setAccessibleName("At the cursors")
+        row = QHBoxLayout()
+        row.setSpacing(8)
+        for widget in (self.window_s, self.hold, self.cursors, self.trigger):
+            row.addWidget(widget)
+        row.addWidget(self.times, 1)
+        row.addWidget(self.model)
+        layout = QGridLayout(self)
+        layout.setContentsMargins(8, 4, 8, 0)
+        layout.setSpacing(4)
+        layout.addLayout(row, 0, 0)
+        layout.addWidget(self.differences, 1, 0)
+        self.differences.hide()
+        self.window_s.activated.connect(self._on_window)
+        self.hold.toggled.connect(self._on_hold)
+        self.cursors.toggled.connect(plots.show_cursors)
+        plots.held_changed.connect(self._on_held)
+        plots.cursors_told.connect(self._tell)
+        self.model.activated.connect(lambda: self.model_chosen.emit(str(self.model.currentData())))
+
+    def show_model(self, key: str, path: Path | None = None) -> None:
+        """Which model is shown."""
+        row = self.model.findData(FILE)
+        if path is not None:
+            if row < 0:
+                row = self.model.count() - 1
+                self.model.insertItem(row, "", FILE)
+            self.model.setItemText(row, path.stem)
+        self.model.setCurrentIndex(self.model.findData(key))
+
+    def _on_window(self) -> None:
+        self._plots.set_window(float(self.window_s.currentData()))
+
+    def _on_hold(self, on: bool) -> None:
+        self._plots.hold(on)
+        self._plots.refresh()
+
+    def _on_held(self, on: bool) -> None:
+        self.hold.setChecked(on)
+        self.hold.setText("Go &live" if on else "&Hold")
+
+    def _tell(self, times: str, differences: str, values: str) -> None:
+        for label, text in ((self.times, times), (self.differences, differences)):
+            label.setText(text)
+            label.setToolTip(values)
+        self.differences.setVisible(bool(differences))
+
+
+class TriggerButton(QToolButton):
+    """Opens a small form: on or off, which quantity, which level, upwards or downwards."""
+
+    def __init__(self, plots: LivePlots, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._plots = plots
+        self.setObjectName("trigger")
+        self.setAccessibleName("Trigger")
+        self.setToolTip("Start the picture where a quantity crosses a level (Ctrl+G).")
+        self.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        form = QWidget()
+        self.on = QCheckBox("&Trigger")
+        self.on.setObjectName("triggerOn")
+        self.quantity: QComboBox = choice(
+            "triggerQuantity", {name: QUANTITIES[name].title for name in SHOWN}, "Quantity that triggers."
+        )
+        self.quantity.setCurrentIndex(1)
+        self.edge = choice(
+            "triggerEdge", {"rising": "Rising", "falling": "Falling"}, "Direction of crossing."
+        )
+        self.level = QDoubleSpinBox()
+        self.level.setObjectName("triggerLevel")
+        self.level.setAccessibleName("Level")
+        self.level.setRange(-1e5, 1e5)
+        self.level.setDecimals(2)
+        layout = QGridLayout(form)
+        layout.setContentsMargins(16, 8, 16, 8)
+        layout.addWidget(self.on, 0, 0, 1, 2)
+        self._unit = QLabel(f"&Level ({self._shown_unit().symbol})")
+        self._unit.setBuddy(self.level)
+        for row, (label, field) in enumerate(
+            ((QLabel("Quantity"), self.quantity), (QLabel("Edge"), self.edge), (self._unit, self.level)), 1
+        ):
+            layout.addWidget(label, row, 0)
+            layout.addWidget(field, row, 1)
+        menu = QMenu(self)
+        action = QWidgetAction(menu)
+        action.setDefaultWidget(form)
+        menu.addAction(action)
+        self.setMenu(menu)
+        self.on.toggled.connect(self._on_toggled)
+        self.quantity.activated.connect(self._on_quantity)
+        self.edge.activated.connect(self._apply)
+        self.level.valueChanged.connect(self._apply)
+        self._apply()
+
+    def _on_toggled(self, on: bool) -> None:
+        if on:
+            self._on_quantity()
+        self._apply()
+
+    def _shown_unit(self) -> ScreenUnit:
+        return QUANTITIES[str(self.quantity.currentData())].unit
+
+    def _on_quantity(self) -> None:
+        column, unit = str(self.quantity.currentData()), self._shown_unit()
+        self._unit.setText(f"&Level ({unit.symbol})")
+        self.level.setValue(level_of(self._plots.history, column) * unit.factor)
+        self._apply()
+
+    def _apply(self) -> None:
+        column = str(self.quantity.currentData())
+        level = self.level.value() / QUANTITIES[column].unit.factor
+        self._plots.trigger = Trigger(self.on.isChecked(), column, level, self.edge.currentData() == "rising")
+        self._plots.triggered_at = None
+        self.setText(
+            f"Trigger: {QUANTITIES[column].title.lower()}" if self.on.isChecked() else "Trigger: off"
+        )
+
+
+def _switch(name: str, text: str, help_text: str) -> QPushButton:
+    button = QPushButton(text)
+    button.setObjectName(name)
+    button.setCheckable(True)
+    button.setToolTip(help_text)
+    return button
+
+
+def acquire_menu(
+    panel: AcquirePanel,
+    bar: PlotToolbar,
+    plots: LivePlots,
+    prompt: PromptBar,
+    recording: RecordingControl,
+    take_moment: Callable[[], Any],
+    disconnect: Callable[[], Any],
+) -> tuple[Command, ...]:
+    """All that can be done on the tab; a key does what its button does."""
+
+    def connected() -> bool:
+        return recording.controller.bench is not None
+
+    def press(text: str, button: Any, keys: str) -> Command:
+        return Command(text, button.click, keys, lambda: connected() and button.isEnabled())
+
+    return (
+        press("&Initialise", panel.initialise, "Ctrl+I"),
+        press("Reset &load cell", panel.tare, "Ctrl+T"),
+        press("&Enable or disable", panel.enable, "Ctrl+E"),
+        press("&Release stop", panel.release, "Ctrl+L"),
+        press("Reset &fault", panel.reset, "Ctrl+Shift+L"),
+        SEPARATOR,
+        press("&Start or change", panel.start, "Ctrl+Return"),
+        press("To res&t", panel.finish, "Ctrl+Backspace"),
+        press("Run &protocol", panel.run, "Ctrl+Shift+Return"),
+        Command("&Done as asked", prompt.button.click, "Ctrl+D", prompt.isVisible),
+        SEPARATOR,
+        press("Re&cord or end run", panel.record, "Ctrl+R"),
+        press("Pause recording", panel.pause, "Ctrl+Shift+P"),
+        Command("&Marker with a note", take_moment, "Ctrl+M", lambda: panel.mark.isEnabled()),
+        press("&Write to file", panel.write, "Ctrl+S"),
+        Command("Finish writing l&ater", panel.later.click, None, lambda: recording.writing.under_way),
+        SEPARATOR,
+        Command("&Hold the picture", bar.hold.toggle, "Ctrl+P", connected, bar.hold.isChecked),
+        Command("C&ursors", bar.cursors.toggle, "Ctrl+K", connected, bar.cursors.isChecked),
+        Command("Tri&gger", bar.trigger.on.toggle, "Ctrl+G", connected, bar.trigger.on.isChecked),
+        Command("Scroll &back", lambda: plots.scroll_by(-0.5), "Alt+Left", connected),
+        Command("Scroll for&ward", lambda: plots.scroll_by(0.5), "Alt+Right", connected),
+        SEPARATOR,
+        Command("Disco&nnect", disconnect, None, connected),
+    )

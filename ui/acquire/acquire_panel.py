@@ -1,0 +1,394 @@
+"""The side panel, from top to bottom in the order of use: bench, motion or protocol, recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
+from PySide6.QtWidgets import (
+    QButtonGroup,
+    QDoubleSpinBox,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QStackedWidget,
+    QVBoxLayout,
+    QWidget,
+)
+
+from fingerlab.acquisition.beginning import LONGEST_BEFORE_S
+from fingerlab.acquisition.machine import Event, Mode
+from fingerlab.rig.daq import Limits
+
+from ..widgets.fields import (
+    PROGRESS_STEPS,
+    ActionButton,
+    choice,
+    number,
+    progress_bar,
+    row,
+    set_shown,
+    set_usable,
+)
+from ..widgets.labels import ElidedLabel, heading, remark
+from .bench_controller import BenchController
+from .bench_setup import LOADED_PHASE
+from .form_history import FormHistory
+from .motion_form import MotionForm
+from .recording_control import WRITING, RecordingControl
+from .run_forms import InitialButton, ProtocolForm
+
+PHASES = {
+    "on_air": "On air",
+    "contact": "Contact",
+    "motor_bench": "Motor bench",
+    "free": "Free",
+}
+CABLES = {"extension": "Extension cable", "flexion": "Flexion cable", "none": "No cable"}
+LOAD_HELP = "Known load: torque of a weight on the pulley; above 0 where the motor lifts it turning forwards."
+MOTIONS = (
+    "A motion that you set, start, change and end yourself.",
+    "All runs of a series by itself, with a prompt at each change of the cable.",
+)
+WIDTH = 272
+
+
+@dataclass(frozen=True)
+class PanelActions:
+    """What the buttons call."""
+
+    initialise: Callable[[], Any]
+    tare: Callable[[], Any]
+    enable: Callable[[], Any]
+    release: Callable[[], Any]
+    reset: Callable[[], Any]
+    start: Callable[[], Any]
+    finish: Callable[[], Any]
+    protocol: Callable[[], Any]
+    record: Callable[[], Any]
+    pause: Callable[[], Any]
+    mark: Callable[[], Any]
+    write: Callable[[], Any]
+    later: Callable[[], Any]
+    details: Callable[[], Any]
+
+
+class _Value:
+    """One field as a form of its own, for the history."""
+
+    def __init__(self, name: str, field: QDoubleSpinBox) -> None:
+        self._name, self._field = name, field
+
+    def state(self) -> dict[str, float]:
+        return {self._name: self._field.value()}
+
+    def restore(self, state: Mapping[str, float]) -> None:
+        self._field.setValue(state[self._name])
+
+
+class AcquirePanel(QWidget):
+    """Signals: ``set_up_chosen(phase, cable)``; the cable is empty where the phase was changed.
+    ``load_chosen(load_torque)``, N m.
+    """
+
+    set_up_chosen = Signal(str, str)
+    load_chosen = Signal(float)
+
+    def __init__(
+        self,
+        controller: BenchController,
+        recording: RecordingControl,
+        actions: PanelActions,
+        parent: QWidget | None = None,
+    ) -> None:
+        super().__init__(parent)
+        self.setObjectName("acquirePanel")
+        self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
+        self.setFixedWidth(WIDTH)
+        self._controller, self._recording = controller, recording
+        self.pages = QStackedWidget()
+        self._make_bench(actions)
+        self._make_motion(actions)
+        self._make_recording(actions)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(8, 4, 8, 0)
+        layout.setSpacing(4)
+        for part in (self._bench, self._motion, self._record):
+            for entry in part:
+                if isinstance(entry, QWidget):
+                    layout.addWidget(entry)
+                else:
+                    layout.addLayout(entry)
+            layout.addSpacing(4)
+        layout.addStretch(1)
+        self._keep_history()
+
+    def _keep_history(self) -> None:
+        forms: dict[str, Any] = {"initial": self.initial, "motion": self.motion, "protocol": self.protocol}
+        self.history = FormHistory({**forms, "recording": _Value("before", self.before)}, self)
+        for form in forms.values():
+            form.edited.connect(self.history.edited)
+            self.history.watch(form.fields)
+        self.before.valueChanged.connect(self.history.edited)
+        self.history.watch([self.before])
+        self.history.shown.connect(self._show_form)
+
+    def _show_form(self, name: str) -> None:
+        """Undo has changed a form: let it be seen."""
+        if name in ("motion", "protocol"):
+            (self.by_hand if name == "motion" else self.by_protocol).click()
+
+    def _make_bench(self, actions: PanelActions) -> None:
+        self.phase = choice("phase", PHASES, "Phase: what is on the bench.")
+        self.cable = choice("cable", CABLES, "Cable: which one is fixed to the pulley.")
+        self.load = number("knownLoad", 0.0, -1.0, 1.0, 4, 0.01, LOAD_HELP)
+        self.load_label = QLabel("Known load (N m)")
+        self.load_label.setBuddy(self.load)
+        self.load.valueChanged.connect(self.load_chosen)
+        self.initialise = ActionButton(
+            "&Initialise",
+            "initialise",
+            "Encoder and angle sensors to their predefined values, at rest (Ctrl+I).",
+            actions.initialise,
+        )
+        self.tare = ActionButton(
+            "Reset &load cell", "tare", "The load cell's reading now is no force (Ctrl+T).", actions.tare
+        )
+        self.initial = InitialButton()
+        self.enable = ActionButton("&Enable", "enable", "Amplifier on or off (Ctrl+E).", actions.enable)
+        self.enable.setProperty("primary", "true")
+        self.release = ActionButton(
+            "Release stop", "release", "Open the latch of the stop (Ctrl+L).", actions.release
+        )
+        self.reset = ActionButton(
+            "Reset fault", "resetFault", "Acknowledge the fault (Ctrl+Shift+L).", actions.reset
+        )
+        self.phase.activated.connect(lambda: self.set_up_chosen.emit(str(self.phase.currentData()), ""))
+        self.cable.activated.connect(
+            lambda: self.set_up_chosen.emit(str(self.phase.currentData()), str(self.cable.currentData()))
+        )
+        self._bench = (
+            heading("Bench"),
+            row(self.phase, self.cable),
+            row(self.load_label, self.load),
+            row(self.initialise, self.tare),
+            self.initial,
+            self.enable,
+            row(self.release, self.reset),
+        )
+
+    def _make_motion(self, actions: PanelActions) -> None:
+        self.by_hand, self.by_protocol = QPushButton("By &hand"), QPushButton("By p&rotocol")
+        group = QButtonGroup(self)
+        for number_, button in enumerate((self.by_hand, self.by_protocol)):
+            button.setCheckable(True)
+            button.setObjectName("byProtocol" if number_ else "byHand")
+            button.setToolTip(MOTIONS[number_])
+            button.clicked.connect(lambda _checked=False, page=number_: self.pages.setCurrentIndex(page))
+            group.addButton(button)
+        self.by_hand.setChecked(True)
+        self.motion, self.protocol = MotionForm(), ProtocolForm()
+        self.start = ActionButton(
+            "&Start", "start", "Run the motion, or go over to it without a jump (Ctrl+Return).", actions.start
+        )
+        self.finish = ActionButton(
+            "To &rest", "finish", "Bring the motor to rest softly (Ctrl+Backspace).", actions.finish
+        )
+        self.run = ActionButton(
+            "Run &protocol",
+            "runProtocol",
+            "Take all runs and write the file (Ctrl+Shift+Return).",
+            actions.protocol,
+        )
+        self.progress = progress_bar("protocolProgress", "Progress of the protocol")
+        keeps = self.progress.sizePolicy()
+        keeps.setRetainSizeWhenHidden(True)  # nothing below moves when it appears
+        self.progress.setSizePolicy(keeps)
+        self.progress.hide()
+        self.hand_left = ElidedLabel()
+        self.hand_left.setObjectName("motionLeft")
+        self.hand_left.setAccessibleName("Time left of the motion")
+        self.left = ElidedLabel()
+        self.left.setObjectName("protocolLeft")
+        for entries in (
+            (self.motion, row(self.start, self.finish), self.hand_left),
+            (self.protocol, self.run, self.progress, self.left),
+        ):
+            page = QWidget()
+            layout = QVBoxLayout(page)
+            layout.setContentsMargins(0, 0, 0, 0)
+            layout.setSpacing(4)
+            for entry in entries:
+                if isinstance(entry, QWidget):
+                    layout.addWidget(entry)
+                else:
+                    layout.addLayout(entry)
+            layout.addStretch(1)
+            self.pages.addWidget(page)
+        self._motion: tuple[QWidget | QHBoxLayout, ...] = (
+            heading("Motion"),
+            row(self.by_hand, self.by_protocol),
+            self.pages,
+        )
+
+    def _make_recording(self, actions: PanelActions) -> None:
+        self.record = ActionButton("Re&cord", "record", "Record a run, or end it (Ctrl+R).", actions.record)
+        self.pause = ActionButton(
+            "&Pause", "pauseRecording", "Leave samples out: a gap in time (Ctrl+Shift+P).", actions.pause
+        )
+        self.before = number(
+            "before",
+            0.0,
+            0.0,
+            LONGEST_BEFORE_S,
+            1,
+            1.0,
+            "Pre-trigger: seconds before the key that are recorded, too.",
+        )
+        self.note = QLineEdit()
+        self.note.setObjectName("note")
+        self.note.setPlaceholderText("Note for a marker")
+        self.note.setAccessibleName("Note for a marker")
+        self.note.returnPressed.connect(lambda: actions.mark())
+        self.mark = ActionButton(
+            "Mar&k",
+            "mark",
+            "Marker with the note; Ctrl+M takes the moment, then asks for the note.",
+            actions.mark,
+        )
+        self._make_writing(actions)
+        self.warning = remark()
+        self.warning.setObjectName("recordWarning")
+        self.warning.setAccessibleName("Warning")
+        self.warning.hide()
+        label = QLabel("Before (s)")
+        label.setBuddy(self.before)
+        self._record = (
+            heading("Recording"),
+            row(self.record, self.pause),
+            row(label, self.before),
+            row(self.note, self.mark),
+            row(self.write, self.later, self.details),
+            self.count,
+            self.writing,
+            self.warning,
+        )
+
+    def _make_writing(self, actions: PanelActions) -> None:
+        self.write = ActionButton(
+            "&Write to file",
+            "write",
+            "Write the session, verify it, give it its name (Ctrl+S).",
+            actions.write,
+        )
+        self.later = ActionButton(
+            "Finish l&ater",
+            "writeLater",
+            "Go on without the file: the recording is kept whole, and is written when it is opened.",
+            actions.later,
+        )
+        self.later.hide()
+        self.details = ActionButton(
+            "Details…", "details", "Folder, title, operator and notes of the session.", actions.details
+        )
+        self.count = ElidedLabel()
+        self.count.setObjectName("recordedText")
+        self.writing = progress_bar("writingProgress", "Progress of writing and verifying")
+        self.writing.setTextVisible(False)
+        self.writing.hide()
+
+    # what is shown
+
+    def show_set_up(self) -> None:
+        """Show the set-up that holds."""
+        set_up = self._controller.set_up
+        self.phase.setCurrentIndex(self.phase.findData(set_up.phase))
+        self.cable.setCurrentIndex(self.cable.findData(set_up.cable))
+        with QSignalBlocker(self.load):
+            self.load.setValue(set_up.load_torque)
+        for widget in (self.load_label, self.load):
+            widget.setVisible(set_up.phase == LOADED_PHASE)
+
+    def show_limits(self, limits: Limits) -> None:
+        """No known load that the motor may not hold."""
+        with QSignalBlocker(self.load):
+            self.load.setRange(-limits.torque, limits.torque)
+
+    def refresh(self) -> None:
+        """Which buttons can be used now, and why not."""
+        controller, recording = self._controller, self._recording
+        busy = recording.refusal("mark") if recording.in_protocol else ""
+        hands_off = "A protocol is under way; STOP ends it." if recording.in_protocol else busy
+        mode = controller.mode
+        on = mode in (Mode.ENABLED, Mode.RUNNING, Mode.STOPPING)
+        for button, event in (
+            (self.initialise, Event.INITIALISE),
+            (self.enable, Event.DISABLE if on else Event.ENABLE),
+            (self.start, Event.RUN),
+            (self.finish, Event.FINISH),
+        ):
+            button.refuse(hands_off or controller.refusal(event))
+        latched = controller.status is not None and controller.status.latched
+        self.release.refuse(
+            hands_off or (controller.refusal(Event.RELEASE) if latched else "No stop is latched.")
+        )
+        self.reset.refuse(hands_off or controller.refusal(Event.RESET))
+        moving = mode in (Mode.RUNNING, Mode.STOPPING)
+        rest = "The motor is running; reset the load cell at rest, with nothing on it." if moving else ""
+        self.tare.refuse(hands_off or (controller.refusal(Event.FAULT) or rest))
+        self._set_text(self.enable, "Disa&ble" if on else "&Enable")
+        self._set_text(self.start, "&Change" if mode is Mode.RUNNING else "&Start")
+        fixed = hands_off or ("The amplifier is enabled; disable it first." if on else "")
+        for field, help_text in (
+            (self.phase, "What is on the bench."),
+            (self.cable, "Fixed to the pulley."),
+            (self.load, LOAD_HELP),
+        ):
+            set_usable(field, not fixed and controller.status is not None)
+            field.setToolTip(fixed or help_text)
+        self._refresh_recording()
+
+    def _refresh_recording(self) -> None:
+        recording = self._recording
+        self._set_text(self.record, "End &run" if recording.recording else "Re&cord")
+        self._set_text(self.pause, "&Go on" if recording.paused else "&Pause")
+        self.record.refuse(recording.refusal("end" if recording.recording else "record"))
+        for button, what in (
+            (self.pause, "pause"),
+            (self.mark, "mark"),
+            (self.write, "write"),
+            (self.run, "protocol"),
+        ):
+            button.refuse(recording.refusal(what))
+        self._refresh_writing()
+        status, session = self._controller.status, recording.session
+        if self._controller.worker.title == WRITING or recording.writing.under_way:
+            words = recording.writing.words or f"{WRITING} …"
+        elif recording.recording and status is not None:
+            words = f"{status.recorded:,} samples".replace(",", "\u202f")
+        elif session is not None:
+            words = f"{session.runs} run{'s' * (session.runs != 1)}, not yet written"
+        else:
+            words = "Nothing recorded"
+        if words != self.count.text():
+            self.count.setText(words)
+        warning = f"⚠ {self._controller.warning}" if self._controller.warning else ""
+        if warning != self.warning.text():
+            self.warning.setText(warning)
+            self.warning.setVisible(bool(warning))
+
+    def _refresh_writing(self) -> None:
+        writing = self._recording.writing
+        set_shown(self.write, not writing.under_way)
+        set_shown(self.later, writing.under_way)
+        self.writing.setVisible(writing.under_way)
+        self.later.refuse("It is being put off." if writing.asked_to_wait else "")
+        self.writing.setValue(round(PROGRESS_STEPS * writing.share))
+
+    @staticmethod
+    def _set_text(button: QPushButton, text: str) -> None:
+        if button.text() != text:
+            button.setText(text)

@@ -1,0 +1,237 @@
+"""The last minutes of what the bench gave, and what each pixel column of a live plot shows of them. No Qt.
+
+From frame to frame a live plot only gains the few columns that time has moved on by. A column is numbered by
+the samples that lie in it, so that it keeps its number while it moves to the left, and is measured once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerlab.sessions.model import Array
+
+HISTORY_S = 240.0
+"""How far one can scroll back: as far as the ring goes."""
+
+
+class LiveHistory:
+    """A buffer whose newest samples always lie in one piece: two copies' length, moved when it is full.
+
+    Sample ``index`` of the bench is at ``index - first``; samples that never came are NaN.
+    """
+
+    def __init__(self, names: Sequence[str], rate_hz: float, seconds: float = HISTORY_S) -> None:
+        self.names = tuple(names)
+        self.rate_hz = rate_hz
+        self._row = {name: row for row, name in enumerate(self.names)}
+        self._capacity = round(seconds * rate_hz)
+        self._data = np.full((len(self.names), 2 * self._capacity), np.nan)
+        self._begin = self._end = 0
+        self._known: dict[str, int] = {}
+        self.first = 0
+        """Index of the oldest sample."""
+        self.epoch = 0
+        """Raised when all is forgotten: what was seen before may be other samples of the same index."""
+
+    @property
+    def stop(self) -> int:
+        """Index after the newest sample."""
+        return self.first + self._end - self._begin
+
+    def __len__(self) -> int:
+        return self._end - self._begin
+
+    def clear(self, first: int = 0) -> None:
+        """Forget all; the next sample is ``first``."""
+        self._begin = self._end = 0
+        self._known.clear()
+        self.first = first
+        self.epoch += 1
+
+    def extend(self, index: Array, columns: Mapping[str, Array]) -> bool:
+        """Append samples of increasing index, shape (n,); whether they follow without a gap.
+
+        Columns that are not given are NaN until :meth:`fill`.
+        """
+        if not len(index):
+            return True
+        start, stop = int(index[0]), int(index[-1]) + 1
+        whole = start == self.stop and stop - start == len(index)
+        if not len(self) or start < self.stop or start - self.stop >= self._capacity:
+            self.clear(start)
+        room = min(stop - self.stop, self._capacity)
+        if stop - self.stop > room:
+            self.clear(stop - room)
+        self._make_room(room)
+        self._data[:, self._end : self._end + room] = np.nan
+        place = self._end + np.asarray(index, dtype=np.intp) - self.stop
+        good = place >= self._end
+        for name, values in columns.items():
+            self._data[self._row[name], place[good]] = values[good]
+        self._end += room
+        self._known.update(dict.fromkeys(columns, self.stop))
+        self._drop_oldest()
+        return whole
+
+    def fill(self, stop: int, columns: Mapping[str, Array]) -> None:
+        """Set columns of samples that end before index ``stop``, such as modelled ones that come later."""
+        for name, values in columns.items():
+            start = stop - len(values)
+            low, high = max(start, self.first), min(stop, self.stop)
+            if high > low:
+                at = self._begin + low - self.first
+                self._known[name] = high
+                self._data[self._row[name], at : at + high - low] = values[low - start : high - start]
+
+    def known(self, name: str) -> int:
+        """Index after the newest sample of a column that will not change any more."""
+        return self._known.get(name, self.first)
+
+    def time(self, start: int, stop: int) -> Array:
+        """Seconds since the bench's first sample, of samples ``start`` to ``stop``."""
+        return np.arange(start, stop) / self.rate_hz
+
+    def series(self, name: str, start: int, stop: int) -> tuple[int, Array]:
+        """Samples from ``start`` to ``stop`` as far as they are here: index of the first, and a view."""
+        low, high = max(start, self.first), min(stop, self.stop)
+        if high <= low:
+            return max(low, self.first), np.empty(0)
+        at = self._begin + low - self.first
+        return low, self._data[self._row[name], at : at + high - low]
+
+    def value(self, name: str, index: int) -> float:
+        """One sample, NaN where it is not here."""
+        if not self.first <= index < self.stop:
+            return float("nan")
+        return float(self._data[self._row[name], self._begin + index - self.first])
+
+    def _make_room(self, count: int) -> None:
+        if self._end + count <= self._data.shape[1]:
+            return
+        kept = min(len(self), self._capacity)
+        self.first = self.stop - kept
+        self._data[:, :kept] = self._data[:, self._end - kept : self._end].copy()
+        self._begin, self._end = 0, kept
+
+    def _drop_oldest(self) -> None:
+        extra = len(self) - self._capacity
+        if extra > 0:
+            self._begin += extra
+            self.first += extra
+
+
+ColumnRun = tuple[int, int]
+"""Columns from, to (not included)."""
+
+
+@dataclass(frozen=True)
+class ColumnView:
+    """Columns ``first`` to ``first + count``; column ``c`` reaches from sample ``c * wide`` to the next one.
+
+    Attributes:
+        wide: samples in a column, not whole as a rule, and less than one where the picture is closely zoomed.
+    """
+
+    first: int
+    count: int
+    wide: float
+
+    @classmethod
+    def ending(cls, stop: int, samples: float, count: int) -> ColumnView:
+        """The ``count`` columns over ``samples`` samples of which the last holds sample ``stop - 1``."""
+        wide = samples / count
+        return cls(math.ceil(stop / wide - 1e-9) - count, count, wide)
+
+    @property
+    def stop(self) -> int:
+        """The column after the last."""
+        return self.first + self.count
+
+    def seconds(self, rate_hz: float) -> tuple[float, float]:
+        """Times of the outer edges."""
+        return self.first * self.wide / rate_hz, self.stop * self.wide / rate_hz
+
+
+class PixelColumns:
+    """Smallest and largest value of each curve within each column, the way to its neighbours included.
+
+    Attributes:
+        low, high: shape (curves, columns), in the unit of the samples; column ``c`` is at ``c % columns``;
+            NaN where a curve has nothing.
+    """
+
+    def __init__(self) -> None:
+        self.low = self.high = np.empty((0, 0))
+        self._of: tuple[object, ...] = ()
+        self._kept: ColumnRun = (0, 0)
+        self._settled = 0
+
+    def follow(self, history: LiveHistory, names: Sequence[str | None], view: ColumnView) -> list[ColumnRun]:
+        """Measure what is new in ``view``; the columns that may differ from what they were.
+
+        Args:
+            names: the curves' columns in the history; None for a curve that is not shown.
+        """
+        of = (history, history.epoch, tuple(names), view.count, view.wide)
+        if of != self._of:
+            self._of = of
+            self.low, self.high = (np.full((len(names), view.count), np.nan) for _ in range(2))
+            self._kept = (view.first, view.first)
+        newest = [(history.known(name) - 1) // view.wide for name in names if name is not None]
+        runs = self._changed(view, math.ceil(max(newest, default=view.first)) + 1)
+        for start, stop in runs:
+            slots = np.arange(start, stop) % view.count
+            for row, name in enumerate(names):
+                if name is not None:
+                    self.low[row, slots], self.high[row, slots] = extremes(
+                        history, name, start, stop, view.wide
+                    )
+        self._kept = (view.first, view.stop)
+        self._settled = math.floor(min(newest, default=view.stop))
+        return runs
+
+    def _changed(self, view: ColumnView, newest: int) -> list[ColumnRun]:
+        """Columns that are not kept, and those kept that samples have come into since."""
+        left, right = max(self._kept[0], view.first), min(self._kept[1], view.stop)
+        if right <= left:
+            return [(view.first, view.stop)]
+        grown = max(min(self._settled, right), left), min(newest, right)
+        if grown[1] == right > grown[0]:  # up to the right edge: one run with what is new there
+            runs = [(view.first, left), (grown[0], view.stop)]
+        else:
+            runs = [(view.first, left), grown, (right, view.stop)]
+        return [(start, stop) for start, stop in runs if stop > start]
+
+
+def extremes(history: LiveHistory, name: str, start: int, stop: int, wide: float) -> tuple[Array, Array]:
+    """Smallest and largest value of the broken line through the samples, in columns ``start`` to ``stop``.
+
+    Values at the columns' edges are taken from the line between the samples beside them, so that neighbours
+    join; a gap stays a gap, and a sample between two gaps stays a dot.
+    """
+    edges = np.arange(start, stop + 1) * wide
+    begin, end = math.floor(edges[0]), math.floor(edges[-1]) + 2
+    first, values = history.series(name, begin, end)
+    if len(values) < end - begin:
+        padded = np.full(end - begin, np.nan)
+        padded[first - begin : first - begin + len(values)] = values
+        values = padded
+    below = np.floor(edges)
+    part, before = edges - below, below.astype(np.intp) - begin
+    left = values[before]
+    with np.errstate(invalid="ignore"):
+        on_edge = np.where(part > 0, left + part * (values[before + 1] - left), left)
+    inside = np.ceil(edges).astype(np.intp) - begin
+    pairs = np.column_stack((inside[:-1], inside[1:])).ravel()
+    low = np.fmin.reduceat(values, pairs)[::2]
+    high = np.fmax.reduceat(values, pairs)[::2]
+    if wide < 1:
+        empty = inside[1:] == inside[:-1]
+        low[empty] = high[empty] = np.nan
+    low = np.fmin(low, np.fmin(on_edge[:-1], on_edge[1:]))
+    high = np.fmax(high, np.fmax(on_edge[:-1], on_edge[1:]))
+    return low, high

@@ -1,0 +1,316 @@
+"""One live plot: its readings as large numbers above, its curves below, its scale."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from PySide6.QtCore import QSize, Qt, Signal
+from PySide6.QtGui import QPainter, QPaintEvent, QResizeEvent
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QDoubleSpinBox,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QMenu,
+    QSizePolicy,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+    QWidgetAction,
+)
+
+from fingerlab.sessions.model import Array
+
+from ..widgets.labels import heading, remark
+from ..widgets.theme import colours_of, large_font, line
+from .live_canvas import Canvas
+from .live_channels import MODELLED, QUANTITIES, LivePlotSpec, LiveQuantity, LiveTrace
+from .live_curves import ShownPart
+from .live_history import LiveHistory
+
+LARGEST = 1e6
+
+
+class PlotScale:
+    """Automatic while ``fixed`` is None, else (low, high) in the screen's unit."""
+
+    def __init__(self, least: float) -> None:
+        self.least = least
+        self.fixed: tuple[float, float] | None = None
+
+
+class ScaleButton(QToolButton):
+    """Opens a small form: automatic, or from where to where."""
+
+    def __init__(self, spec: LivePlotSpec, scale: PlotScale, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._scale = scale
+        self._shown = (-spec.least / 2, spec.least / 2)
+        self.setObjectName(f"scale_{spec.key}")
+        self.setAccessibleName(f"Scale of {spec.title}")
+        self.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        self.setToolTip("Scale of this plot: automatic, or as you set it.")
+        form = QWidget()
+        self.automatic = QCheckBox("&Automatic")
+        self.automatic.setChecked(True)
+        self.low, self.high = (self._field(name, spec) for name in ("From", "To"))
+        layout = QGridLayout(form)
+        layout.setContentsMargins(16, 8, 16, 8)
+        layout.addWidget(heading(f"{spec.title} ({spec.unit.symbol})"), 0, 0, 1, 2)
+        layout.addWidget(self.automatic, 1, 0, 1, 2)
+        for row, (words, field) in enumerate((("&From", self.low), ("&To", self.high)), start=2):
+            label = QLabel(words)
+            label.setBuddy(field)
+            layout.addWidget(label, row, 0)
+            layout.addWidget(field, row, 1)
+        menu = QMenu(self)
+        action = QWidgetAction(menu)
+        action.setDefaultWidget(form)
+        menu.addAction(action)
+        menu.aboutToShow.connect(self._fill)
+        self.setMenu(menu)
+        self.automatic.toggled.connect(self._changed)
+        self.low.valueChanged.connect(self._changed)
+        self.high.valueChanged.connect(self._changed)
+        self._say()
+
+    def _field(self, name: str, spec: LivePlotSpec) -> QDoubleSpinBox:
+        field = QDoubleSpinBox()
+        field.setRange(-LARGEST, LARGEST)
+        field.setDecimals(2 if spec.least < 1 else 1)
+        field.setAccessibleName(f"{name}, {spec.title}")
+        field.setAlignment(Qt.AlignmentFlag.AlignRight)
+        field.setEnabled(False)
+        return field
+
+    def show_range(self, shown: tuple[float, float]) -> None:
+        """What the plot shows now: what the form starts from."""
+        self._shown = shown
+
+    def _fill(self) -> None:
+        if self._scale.fixed is None:
+            for field, value in ((self.low, self._shown[0]), (self.high, self._shown[1])):
+                field.blockSignals(True)
+                field.setValue(value)
+                field.blockSignals(False)
+
+    def _changed(self) -> None:
+        hand = not self.automatic.isChecked()
+        self.low.setEnabled(hand)
+        self.high.setEnabled(hand)
+        if hand and self.low.value() < self.high.value():
+            self._scale.fixed = self.low.value(), self.high.value()
+        elif not hand:
+            self._scale.fixed = None
+        self._say()
+
+    def _say(self) -> None:
+        self.setText("Scale: auto" if self._scale.fixed is None else "Scale: set")
+
+
+SHRINK_BELOW = 0.35
+"""An automatic scale is tightened when its data fill less than this share of it."""
+
+SCALE_MARGIN = 1.15
+SPARED = ("motor_speed",)
+"""Readings that a narrow window leaves out; the cursors tell them all the same."""
+LEAST_CHARACTERS = 88
+"""Width that a plot and its most important numbers keep, in characters."""
+
+
+class Swatch(QWidget):
+    """A short piece of a curve as it is drawn: the legend."""
+
+    def __init__(self, trace: LiveTrace, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._trace = trace
+        self.setFixedSize(QSize(20, 12))
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        colour = getattr(colours_of(self), self._trace.role)
+        painter.setPen(line(colour, 3.0 if self._trace.wide else 1.5))
+        painter.drawLine(0, self.height() // 2, self.width(), self.height() // 2)
+        painter.end()
+
+
+class LargeReading(QWidget):
+    """A large number with its name, its unit, and the curve it belongs to."""
+
+    def __init__(
+        self, quantity: LiveQuantity, trace: LiveTrace | None, parent: QWidget | None = None
+    ) -> None:
+        super().__init__(parent)
+        self._quantity = quantity
+        self.value = QLabel(quantity.text(math.nan))
+        self.value.setObjectName(f"reading_{quantity.column}")
+        self.value.setAccessibleName(quantity.title)
+        font = large_font()
+        font.setBold(True)
+        self.value.setFont(font)
+        widest = QLabel(quantity.unit.after("−8888." + "8" * quantity.digits))
+        # Nothing moves as digits come and go, and a label of fixed size does not lay out the window.
+        self.value.setFixedSize(widest.sizeHint().width() * 5 // 4, self.value.sizeHint().height())
+        self.setToolTip(quantity.help)
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(4)
+        if trace is not None:
+            layout.addWidget(Swatch(trace))
+        layout.addWidget(remark(quantity.title, wrap=False))
+        layout.addWidget(self.value)
+
+    def show_value(self, value: float) -> None:
+        """Show a value in SI."""
+        text = self._quantity.text(value)
+        if text != self.value.text():
+            self.value.setText(text)
+            if (wanted := self.value.sizeHint().width()) > self.value.width():
+                self.value.setFixedWidth(wanted)
+
+
+class LivePane(QWidget):
+    """Signals: moved_by_hand(left, right) in s; cursor_moved(number, time)."""
+
+    moved_by_hand = Signal(float, float)
+    cursor_moved = Signal(int, float)
+
+    def __init__(self, spec: LivePlotSpec, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.spec = spec
+        self.setObjectName(f"pane_{spec.key}")
+        self.canvas = Canvas(spec.title, spec.unit.symbol)
+        self.canvas.setAccessibleName(f"{spec.title} against time")
+        self.canvas.notes = spec.key == "displacement"
+        self.canvas.moved_by_hand.connect(self.moved_by_hand)
+        self.canvas.cursor_moved.connect(self.cursor_moved)
+        self.scale = PlotScale(spec.least)
+        self._model = self._narrow = False
+        self._full = 0
+        self._spared: list[QWidget] = []
+        self._range = (-spec.least / 2, spec.least / 2)
+        self.canvas.y_range = self._range
+        self.error = remark(wrap=False)
+        self.error.setObjectName(f"error_{spec.key}")
+        self._build()
+
+    def _build(self) -> None:
+        spec = self.spec
+        self.readings: dict[str, LargeReading] = {}
+        self._row = row = QHBoxLayout()
+        row.setContentsMargins(8, 0, 8, 0)
+        row.setSpacing(16)
+        drawn = {trace.column: trace for trace in spec.traces}
+        for column in spec.readings:
+            self.readings[column] = LargeReading(QUANTITIES[column], drawn.get(column))
+            row.addWidget(self.readings[column])
+            if column in SPARED:
+                self._spared.append(self.readings[column])
+        self.modelled: list[QWidget] = []
+        for column, trace in drawn.items():
+            if column not in spec.readings:
+                legend = QHBoxLayout()
+                legend.setSpacing(4)
+                legend.addWidget(swatch := Swatch(trace))
+                legend.addWidget(words := remark(QUANTITIES[column].title, wrap=False))
+                row.addLayout(legend)
+                self.modelled += [swatch, words]
+                self._spared.append(words)
+                swatch.setToolTip(QUANTITIES[column].title)
+        row.addWidget(self.error)
+        row.addStretch(1)
+        self.scale_button = ScaleButton(spec, self.scale)
+        row.addWidget(self.scale_button)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(0)
+        layout.addLayout(row)
+        layout.addWidget(self.canvas, 1)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+
+    # room
+
+    def minimumSizeHint(self) -> QSize:
+        least = LEAST_CHARACTERS * self.fontMetrics().averageCharWidth()
+        return QSize(min(least, self._full), super().minimumSizeHint().height())
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self._share_room()
+
+    def _share_room(self) -> None:
+        """Leave out what can be spared where there is no room for all of it."""
+        if not self._narrow:
+            self._full = self._row.minimumSize().width()
+        narrow = self.width() < self._full
+        if narrow != self._narrow:
+            self._narrow = narrow
+            self._show_spared()
+
+    def _show_spared(self) -> None:
+        for widget in self._spared:
+            wanted = widget not in self.modelled or self._model or self.spec.model
+            widget.setVisible(wanted and not self._narrow)
+
+    # what is shown
+
+    @property
+    def y_range(self) -> tuple[float, float]:
+        """From where to where the scale goes, in the screen's unit."""
+        return self.canvas.y_range
+
+    def drawn(self, column: str) -> tuple[Array, Array]:
+        """Times (s) and values (screen unit) of a curve as they are drawn."""
+        number = [trace.column for trace in self.spec.traces].index(column)
+        curve = self.canvas.lines[number]
+        return curve.x, curve.y
+
+    def show_time_axis(self, on: bool) -> None:
+        """Only the lowest plot has ticks and label below."""
+        self.canvas.show_time_axis(on)
+
+    def show_model(self, on: bool) -> None:
+        """Whether what belongs to the model is shown."""
+        self._model = on
+        for widget in self.modelled:
+            widget.setVisible(on or self.spec.model)
+        self.error.setVisible(on and not self.spec.model)
+        self._narrow = False
+        self._show_spared()
+        self._share_room()
+
+    def show_part(self, history: LiveHistory, start: int, stop: int) -> None:
+        """Draw samples ``start`` to ``stop`` and keep to the scale."""
+        hidden = frozenset() if self._model else frozenset(MODELLED)
+        part = ShownPart(history, self.spec.traces, hidden, start, stop, self.spec.unit.factor)
+        self._fit(*self.canvas.show_part(part))
+
+    def _fit(self, least: float, most: float) -> None:
+        if self.scale.fixed is not None:
+            self._range = self.scale.fixed
+        elif least <= most:
+            self._range = self._automatic(least, most)
+        if self._range != self.canvas.y_range:
+            self.canvas.set_scale(self._range)
+            self.scale_button.show_range(self._range)
+
+    def _automatic(self, least: float, most: float) -> tuple[float, float]:
+        """The range now, if the data still fit and fill it well; else a better one."""
+        low, high = self._range
+        span = max(most - least, self.spec.least)
+        if low <= least and most <= high and span >= SHRINK_BELOW * (high - low):
+            return low, high
+        middle, half = (least + most) / 2, 0.5 * span * SCALE_MARGIN
+        return middle - half, middle + half
+
+    def show_cursors(self, times: Sequence[float] | None) -> None:
+        """Put the cursors somewhere, or hide them."""
+        self.canvas.cursors = (times[0], times[1]) if times is not None else None
+        self.canvas.update()
+
+    def show_marks(self, marks: Sequence[tuple[float, str]]) -> None:
+        """Vertical lines, with their notes in the first plot."""
+        self.canvas.marks = marks
+        self.canvas.update()

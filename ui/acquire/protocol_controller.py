@@ -1,0 +1,250 @@
+"""A protocol under way: its steps off the GUI thread, its prompts above the plots, its countdown."""
+
+from __future__ import annotations
+
+import math
+import threading
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from queue import Empty
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal
+
+from fingerlab.acquisition.bench import Bench, Status
+from fingerlab.acquisition.commands import Initialise, SetUp
+from fingerlab.acquisition.protocol import Change, Step, countdown
+from fingerlab.acquisition.protocol_driver import ProtocolDriver
+from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.core.errors import UserError
+
+from ..app.context import ApplicationContext
+from ..app.worker import Failed
+from .acquire_bars import PromptBar
+from .acquire_panel import AcquirePanel
+from .recording_control import RecordingControl
+from .session_writing import SessionEnding
+
+
+class _Driver(ProtocolDriver):
+    """Says which set-up it has come to."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        ask_operator: Callable[[str], None],
+        changed: Callable[[SetUp], None],
+        initial: Initialise,
+        between: Callable[[], None],
+    ) -> None:
+        super().__init__(bench, ask_operator, None, initial, between)
+        self._changed = changed
+
+    def _take(self, step: Step) -> None:
+        super()._take(step)
+        if isinstance(step, Change):
+            self._changed(step.set_up)
+
+
+class ProtocolRun(QObject):
+    """Takes the steps of one protocol at a time.
+
+    Signals:
+        asked(sentence): the operator has to do something, then :meth:`answer`.
+        progressed(share, words, step_left_s, left_s). set_up_changed(SetUp).
+        ended(how): it is over: ``done`` or a sentence.
+    """
+
+    asked = Signal(str)
+    progressed = Signal(float, str, float, float)
+    set_up_changed = Signal(object)
+    ended = Signal(str)
+
+    def __init__(self, recording: RecordingControl) -> None:
+        super().__init__(recording)
+        self._recording, self._controller = recording, recording.controller
+        self._answered = threading.Event()
+        self._told: tuple[int, str, int] = (0, "", 0)
+
+    def start(self, steps: Sequence[Step], title: str, initial: Initialise) -> bool:
+        """Take the steps one by one and write the session; whether it has begun."""
+        recording = self._recording
+        info = recording.told_info(title or "protocol")
+        if info is None:
+            return False
+        self._answered.clear()
+        self._run_errands(None)
+        recording.in_protocol = True
+
+        def work(bench: Bench) -> SessionEnding:
+            driver = _Driver(
+                bench,
+                lambda sentence: self._ask(bench, sentence),
+                self.set_up_changed.emit,
+                initial,
+                lambda: self._run_errands(bench),
+            )
+            driver.report_to(lambda share, words: self._report(driver, share, words))
+            try:
+                bench.recorder.open(info)
+                driver.take(steps)
+                self._run_errands(bench)
+            except BaseException as error:
+                bench.stop()  # before anything else
+                raise UserError(_kept(bench, str(error) or type(error).__name__)) from error
+            return recording.writing.close(bench, info.path)
+
+        self._controller.do("The protocol", work, self._on_done, self._on_failed, True)
+        recording.changed.emit()
+        return True
+
+    def answer(self) -> None:
+        """The operator has done what was asked."""
+        self._answered.set()
+
+    # in the worker
+
+    def _ask(self, bench: Bench, sentence: str) -> None:
+        """Wait for the operator, but not for one who has pressed STOP."""
+        self._answered.clear()
+        self.asked.emit(sentence)
+        bench.wait_until(self._answered.is_set, math.inf, "")
+
+    def _run_errands(self, bench: Bench | None) -> None:
+        """Do what others asked for meanwhile; without a bench, forget it."""
+        while True:
+            try:
+                errand = self._recording.errands.get_nowait()
+            except Empty:
+                return
+            if bench is not None:
+                errand(bench)
+
+    def _report(self, driver: ProtocolDriver, share: float, words: str) -> None:
+        """Asked hundreds of times a second; told when something of it changes on the screen."""
+        now = round(500 * share), words, math.ceil(driver.step_left_s)
+        if now != self._told:
+            self._told = now
+            self.progressed.emit(share, words, driver.step_left_s, driver.left_s)
+
+    # its end
+
+    def _on_done(self, ending: SessionEnding) -> None:
+        self._recording.in_protocol = False
+        self._recording.keep(ending)
+        self.ended.emit("done")
+
+    def _on_failed(self, failure: Failed) -> None:
+        self._recording.in_protocol = False
+        self._recording.writing.over()
+        self._controller.context.tell(failure.sentence, failure.details)
+        self.ended.emit(failure.sentence)
+        self._recording.changed.emit()
+
+
+def _kept(bench: Bench, reason: str) -> str:
+    """What was recorded before it broke off becomes a session that says so."""
+    try:
+        bench.recorder.cut(reason)
+        path = bench.recorder.close()
+    except UserError:
+        return f"{reason} The protocol was given up before a run was recorded."
+    return f"{reason} The protocol was given up; what was recorded is in {path}."
+
+
+class ProtocolController(QObject):
+    """Between the protocol's form, its run, its prompts and the panel.
+
+    Args:
+        set_up: called with the set-up that the protocol has come to. refresh: called when it is over.
+    """
+
+    def __init__(
+        self,
+        context: ApplicationContext,
+        recording: RecordingControl,
+        panel: AcquirePanel,
+        prompt: PromptBar,
+        set_up: Callable[[SetUp], None],
+        refresh: Callable[[], None],
+    ) -> None:
+        super().__init__(recording)
+        self._context, self._recording, self._panel, self._prompt = context, recording, panel, prompt
+        self._refresh = refresh
+        self.running = ProtocolRun(recording)
+        self.running.asked.connect(prompt.ask)
+        self.running.progressed.connect(self._on_progress)
+        self.running.set_up_changed.connect(set_up)
+        self.running.ended.connect(self._on_ended)
+        prompt.done.connect(self.running.answer)
+        recording.controller.stopped.connect(lambda _: prompt.hide())
+        panel.motion.edited.connect(self.tell_total)
+        panel.protocol.edited.connect(self.tell_total)
+        context.protocol_handed.connect(self._on_protocol_handed)
+        context.trajectory_handed.connect(self._on_trajectory_handed)
+        self.tell_total()
+
+    def start(self) -> None:
+        """Take all runs of the protocol that is set."""
+        panel = self._panel
+        try:
+            steps = panel.protocol.steps(panel.motion.settings())
+        except UserError as error:
+            self._context.tell(str(error), traceback.format_exc())
+            return
+        if self.running.start(steps, panel.protocol.title(), panel.initial.command()):
+            self._recording.controller.doing = "protocol"
+
+    def take_file(self, path: Path) -> bool:
+        """A table that was dropped becomes the motion by hand; what is none is refused in a sentence."""
+        motion = self._panel.motion
+        try:
+            read_trajectory({"kind": motion.kind_by_points, "file": str(path)}, str(path))
+        except UserError as error:
+            self._context.tell(str(error), traceback.format_exc())
+            return False
+        motion.show_file(path)
+        self._panel.by_hand.click()
+        self._context.say(f"Motion set: {path.name}")
+        return True
+
+    def tell_total(self) -> None:
+        """How many runs, how long, as the forms are now."""
+        form = self._panel.protocol
+        try:
+            form.tell_total(form.steps(self._panel.motion.settings()))
+        except UserError as error:
+            form.total.setText(str(error))
+
+    def _on_progress(self, share: float, words: str, step_left_s: float, left_s: float) -> None:
+        panel = self._panel
+        panel.progress.show()
+        panel.progress.setValue(round(1000 * share))
+        step = f": {countdown(step_left_s)}" if step_left_s > 0 else ""
+        panel.left.setText(f"{words[:1].upper()}{words[1:]}{step} · in all {countdown(left_s)} left")
+        self._recording.controller.doing = f"protocol, {words}"
+
+    def _on_ended(self, how: str) -> None:
+        self._prompt.hide()
+        self._panel.progress.setValue(1000 if how == "done" else 0)
+        self._panel.left.setText("All runs taken" if how == "done" else "Given up")
+        self._refresh()
+
+    def _on_protocol_handed(self, steps: Sequence[Any], title: str) -> None:
+        self._panel.protocol.hand(steps, title)
+        self._panel.by_protocol.click()
+
+    def _on_trajectory_handed(self, trajectory: dict[str, Any], title: str) -> None:
+        try:
+            self._panel.motion.show_settings(trajectory)
+        except UserError as error:
+            self._context.tell(str(error))
+            return
+        self._panel.by_hand.click()
+        self._context.say(f"Motion set: {title or self._panel.motion.words()}")
+
+
+def left_of_run(status: Status, rate_hz: float, lasts_s: float) -> float:
+    """What is left of the trajectory that runs and lasts so long, s."""
+    return max(lasts_s - (status.index - status.run_start) / rate_hz, 0.0)

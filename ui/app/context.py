@@ -1,0 +1,232 @@
+"""What the tabs share: settings, the worker, open sessions, the rig's state, and calls to one another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from PySide6.QtCore import QObject, Signal
+
+from .settings import Settings
+from .worker import IsCancelled, Progress, Worker
+
+if TYPE_CHECKING:
+    from fingerlab.sessions.model import Session
+
+    from ..acquire.bench_setup import OpenBench
+
+Light = Literal["off", "ready", "live", "fault"]
+OpenCall = Callable[[Path], "Session"]
+
+LOG_LINES = 1000
+
+
+@dataclass(frozen=True)
+class RigLine:
+    """What header and status bar say of the rig.
+
+    Attributes:
+        light, state: colour of the state light, and its word.
+        doing: what is running, such as ``sine, 15°, 1 Hz``.
+        recording: None, or the number of recorded samples; paused: whether recording pauses.
+        device: name; samples: cycles since the device was opened; late: late and lost cycles.
+        free_bytes: room on the disk, 0 before it is known.
+        live: whether the motor may have current now.
+        cycle_s, longest_cycle_s: measured cycle of the control loop in the last seconds, s: mean and longest;
+            0 before it is known.
+    """
+
+    light: Light = "off"
+    state: str = "no rig"
+    doing: str = ""
+    recording: int | None = None
+    paused: bool = False
+    device: str = ""
+    samples: int = 0
+    late: int = 0
+    free_bytes: int = 0
+    warning: str = ""
+    live: bool = False
+    cycle_s: float = 0.0
+    longest_cycle_s: float = 0.0
+
+
+def read_session(path: Path) -> Session:
+    """Open a session file; imported late, so that the window opens without waiting for HDF5."""
+    from fingerlab.sessions import open_session
+
+    return open_session(path)
+
+
+def make_whole(path: Path, progress: Progress) -> Path:
+    """Finish a recording that was cut or put off, which may take minutes; the path to read then."""
+    from fingerlab.sessions.repair import repaired
+
+    return repaired(path, progress)
+
+
+def part_of(progress: Progress, number: int, count: int) -> Progress:
+    """Tells the progress of one of several parts, the first of which is 0."""
+    return lambda share, what: progress((number + share) / count, what)
+
+
+class ApplicationContext(QObject):
+    """One for each window.
+
+    Signals:
+        sessions_changed(tuple): other sessions are open, or none.
+        session_recorded(Path): a session file has been recorded and verified.
+        protocol_handed(steps): for Acquire: sequence of ``fingerlab.acquisition.protocol.Step``.
+        trajectory_handed(dict): for Acquire: one run's trajectory, as in the session format.
+        model_handed(Model, name): for Predict: a fitted model, as in a model file.
+        rig_changed(RigLine): the state of the rig, as shown in header and status bar.
+        bench_changed: another bench is connected (:attr:`ApplicationContext.bench`), or none.
+        stop_asked: STOP or Escape; whoever drives a motor stops it now.
+        tab_asked(key): a tab is wanted at the front. open_asked: the dialog that opens a session is wanted.
+        commands_changed: what can be done has changed; menus look again.
+        told(sentence, details): a message for the user. said(line): a line for the status bar and the log.
+        logged(line): a line of the log, with its time.
+    """
+
+    sessions_changed = Signal(object)
+    session_recorded = Signal(object)
+    protocol_handed = Signal(object, str)
+    trajectory_handed = Signal(object, str)
+    model_handed = Signal(object, str)
+    rig_changed = Signal(object)
+    bench_changed = Signal()
+    stop_asked = Signal()
+    tab_asked = Signal(str)
+    open_asked = Signal()
+    commands_changed = Signal()
+    told = Signal(str, str)
+    said = Signal(str)
+    logged = Signal(str)
+
+    def __init__(
+        self,
+        settings: Settings,
+        tasks: Worker,
+        read: OpenCall = read_session,
+        parent: QObject | None = None,
+    ) -> None:
+        super().__init__(parent)
+        self.settings = settings
+        self.tasks = tasks
+        self.sessions: tuple[Session, ...] = ()
+        self.rig_line = RigLine()
+        self.bench: OpenBench | None = None
+        self.log: list[str] = []
+        self._read = read
+
+    # sessions
+
+    def open_paths(self, paths: Sequence[Path], tab: str = "model_lab") -> None:
+        """Open session files together and show them in ``tab``; what is open stays until they are read."""
+        names = ", ".join(path.name for path in paths)
+
+        def work(progress: Progress, cancelled: IsCancelled) -> tuple[Session, ...]:
+            sessions = []
+            for number, path in enumerate(paths):
+                progress(number / len(paths), f"reading {path.name}")
+                sessions.append(self._read(make_whole(path, part_of(progress, number, len(paths)))))
+            return tuple(sessions)
+
+        def done(sessions: Any) -> None:
+            self.settings.remember(paths)
+            self.sessions = sessions
+            self.sessions_changed.emit(sessions)
+            self.show_tab(tab)
+
+        self.tasks.start(f"Opening {names}", work, done)
+
+    def when_whole(self, paths: Sequence[Path], then: Callable[[Sequence[Path]], None]) -> None:
+        """Finish recordings among these that were cut or put off, with progress; then call with all paths."""
+        if all(path.exists() for path in paths):
+            then(paths)
+            return
+
+        def work(progress: Progress, cancelled: IsCancelled) -> list[Path]:
+            return [make_whole(path, part_of(progress, n, len(paths))) for n, path in enumerate(paths)]
+
+        def done(whole: list[Path]) -> None:
+            then(whole)
+            for path in set(whole) - existing:
+                self.recorded(path)
+
+        existing = {path for path in paths if path.exists()}
+        self.tasks.start("Finishing the recording", work, done, "finishing")
+
+    def close_sessions(self) -> None:
+        """Close what is open."""
+        self.sessions = ()
+        self.sessions_changed.emit(())
+        self.say("Session closed")
+
+    # calls between tabs
+
+    def show_tab(self, key: str) -> None:
+        """Bring a tab to the front; one that is not registered leaves everything as it is."""
+        self.tab_asked.emit(key)
+
+    def hand_protocol(self, steps: Sequence[Any], title: str = "") -> None:
+        """Hand the steps of a protocol (``acquisition.protocol.plan_steps``) to Acquire and show it."""
+        self.show_tab("acquire")
+        self.protocol_handed.emit(tuple(steps), title)
+
+    def hand_trajectory(self, trajectory: dict[str, Any], title: str = "") -> None:
+        """Hand one trajectory (as in the session format) to Acquire's settings and show it."""
+        self.show_tab("acquire")
+        self.trajectory_handed.emit(dict(trajectory), title)
+
+    def hand_model(self, model: Any, name: str) -> None:
+        """Hand a fitted model (``models.file.Model``) to Predict and show it."""
+        self.show_tab("predict")
+        self.model_handed.emit(model, name)
+
+    def recorded(self, path: Path) -> None:
+        """Say that a session file has been recorded and verified."""
+        self.settings.remember([path])
+        self.session_recorded.emit(path)
+
+    # rig
+
+    def show_rig(self, line: RigLine) -> None:
+        """Say how the rig is, for header and status bar."""
+        if line != self.rig_line:
+            self.rig_line = line
+            self.rig_changed.emit(line)
+
+    def show_bench(self, bench: OpenBench | None) -> None:
+        """Say which bench is connected; for tabs that only read it."""
+        if bench is not self.bench:
+            self.bench = bench
+            self.bench_changed.emit()
+
+    def stop(self) -> None:
+        """Stop the motor, whatever it does."""
+        self.stop_asked.emit()
+
+    # words
+
+    def tell(self, sentence: str, details: str = "") -> None:
+        """Show a sentence across the window; with details it can be copied whole for a report."""
+        self._note(sentence)
+        self.told.emit(sentence, details)
+
+    def hush(self) -> None:
+        """Take the sentence across the window away."""
+        self.told.emit("", "")
+
+    def say(self, line: str) -> None:
+        """The last thing that happened, at the bottom of the window."""
+        self._note(line)
+        self.said.emit(line)
+
+    def _note(self, line: str) -> None:
+        self.log.append(f"{datetime.now():%H:%M:%S}  {line}")
+        del self.log[:-LOG_LINES]
+        self.logged.emit(self.log[-1])

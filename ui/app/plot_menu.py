@@ -1,0 +1,137 @@
+"""Copy or save any plot of the window: by its context menu, by the View menu, and by keys.
+
+A context menu that no widget wants goes up to the window: here every plot of every tab has its own, and no
+tab need know of it.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from PySide6.QtCore import QObject, QPoint, Qt
+from PySide6.QtGui import QContextMenuEvent, QGuiApplication
+from PySide6.QtWidgets import QApplication, QFileDialog, QMenu, QWidget
+
+from fingerlab.core.errors import UserError
+
+from ..widgets.series import ShowsSeries
+from .context import ApplicationContext
+
+# What draws and writes plots is imported late: without it the window opens sooner.
+ENDINGS = {".png": "Picture", ".svg": "Vector picture", ".pdf": "Vector picture", ".csv": "Numbers"}
+FORMATS = ";;".join(f"{words} (*{ending})" for ending, words in ENDINGS.items())
+COPY_KEYS, SAVE_KEYS = "Ctrl+Shift+C", "Ctrl+Shift+S"
+
+
+class PlotMenu(QObject):
+    """Belongs to one window; plots of others are left alone."""
+
+    def __init__(self, window: QWidget, context: ApplicationContext) -> None:
+        super().__init__(window)
+        self._window, self._context = window, context
+        self.menu: QMenu | None = None
+
+    def offer(self, event: QContextMenuEvent) -> bool:
+        """The menu of the plot under the mouse, or of that with the keyboard; False where there is none."""
+        by_key = event.reason() == QContextMenuEvent.Reason.Keyboard
+        plot = plot_at(QApplication.focusWidget() if by_key else self._window.childAt(event.pos()))
+        if plot is None or plot.window() is not self._window:
+            return False
+        self.open(plot, plot.mapToGlobal(plot.rect().center()) if by_key else event.globalPos())
+        return True
+
+    def open(self, plot: QWidget, place: QPoint) -> None:
+        """The plot's menu at a place on the screen."""
+        from ..widgets.plot_export import series_of
+
+        menu = self.menu = QMenu(self._window)
+        menu.setObjectName("plotMenu")
+        menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        menu.addAction("&Copy as a picture", lambda: self.copy_picture(plot))
+        menu.addAction("Copy &numbers (CSV)", lambda: self.copy_numbers(plot)).setEnabled(
+            bool(series_of(plot))
+        )
+        menu.addSeparator()
+        menu.addAction("&Save as PNG, SVG, PDF or CSV…", lambda: self.ask_and_save(plot))
+        menu.popup(place)
+
+    # what the View menu asks
+
+    def copy_current(self) -> None:
+        """Copy the plot that has the keyboard, or the first of the tab."""
+        plot = self.current()
+        if plot is not None:
+            self.copy_picture(plot)
+
+    def save_current(self) -> None:
+        """Save the plot that has the keyboard, or the first of the tab."""
+        plot = self.current()
+        if plot is not None:
+            self.ask_and_save(plot)
+
+    def current(self) -> QWidget | None:
+        """The plot that has the keyboard; else the topmost of the tab in front."""
+        focus = plot_at(QApplication.focusWidget())
+        if focus is not None and focus.window() is self._window:
+            return focus
+        seen = [w for w in self._window.findChildren(QWidget) if is_plot(w) and w.isVisible()]
+        if not seen:
+            self._context.tell("No plot is shown in this tab.")
+            return None
+        return min(seen, key=lambda w: (w.mapTo(self._window, w.rect().topLeft()).y(), w.x()))
+
+    # what is done
+
+    def copy_picture(self, plot: QWidget) -> None:
+        """The picture to the clipboard."""
+        from ..widgets.plot_export import picture_of
+
+        QGuiApplication.clipboard().setImage(picture_of(plot))
+        self._context.say(f"Copied as a picture: {_words(plot)}")
+
+    def copy_numbers(self, plot: QWidget) -> None:
+        """The numbers to the clipboard, as CSV."""
+        from ..widgets.plot_export import series_of, to_csv
+
+        QGuiApplication.clipboard().setText(to_csv(series_of(plot)))
+        self._context.say(f"Copied as numbers: {_words(plot)}")
+
+    def ask_and_save(self, plot: QWidget) -> None:
+        """Ask where; the ending says in which format."""
+        from ..widgets.plot_export import save_plot
+
+        proposed = Path(self._context.settings.folder()) / f"{plot.objectName() or 'plot'}.png"
+        name, chosen = QFileDialog.getSaveFileName(self._window, "Save the plot", str(proposed), FORMATS)
+        if not name:
+            return
+        path = Path(name)
+        if not path.suffix and "*" in chosen:
+            path = path.with_suffix(chosen.partition("*")[2].rstrip(")"))
+        try:
+            save_plot(plot, path)
+        except UserError as error:
+            self._context.tell(str(error))
+            return
+        self._context.say(f"Saved {path}")
+
+
+def plot_at(watched: QObject | None) -> QWidget | None:
+    """The plot that an object is, or is inside of."""
+    while isinstance(watched, QWidget):
+        if is_plot(watched):
+            return watched
+        watched = watched.parentWidget()
+    return None
+
+
+def is_plot(widget: QWidget) -> bool:
+    """Of pyqtgraph, where that has been imported, or one that says itself what it shows."""
+    pyqtgraph = sys.modules.get("pyqtgraph")
+    return isinstance(widget, ShowsSeries) or (
+        pyqtgraph is not None and isinstance(widget, pyqtgraph.GraphicsView)
+    )
+
+
+def _words(plot: QWidget) -> str:
+    return plot.accessibleName() or plot.objectName() or "plot"

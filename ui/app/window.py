@@ -1,0 +1,301 @@
+"""The window: rail, header, work area, status bar; opening, dropping and closing; messages; its place.
+
+What a tab is and which there are, ``tab_registry.py`` says; what they share, ``context.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from PySide6.QtCore import QEvent, QObject, QSize, QTimer
+from PySide6.QtGui import QCloseEvent, QContextMenuEvent, QDragEnterEvent, QDropEvent
+from PySide6.QtWidgets import (
+    QApplication,
+    QFileDialog,
+    QHBoxLayout,
+    QMainWindow,
+    QMessageBox,
+    QStackedWidget,
+    QVBoxLayout,
+    QWidget,
+)
+
+import fingerlab
+
+from ..widgets.layout import Room
+from ..widgets.theme import apply_appearance
+from . import dialogs, tab_registry
+from .context import ApplicationContext, OpenCall, RigLine, read_session
+from .header import FrameHeader, MessageBar
+from .menus import MenuChoices, Menus, WindowCommands
+from .plot_menu import PlotMenu
+from .settings import Settings
+from .status_bar import StatusBar
+from .stop_guard import StopGuard
+from .tab_registry import Rail, Tab, TabEntry
+from .worker import Failed, Worker
+
+SETTLED_MS = 800
+"""So long after the last move: a window that is dragged would else be written with every pixel."""
+
+
+class PlaceKeeper(QObject):
+    """Watches one window, which owns it."""
+
+    def __init__(self, window: QWidget, settings: Settings) -> None:
+        super().__init__(window)
+        self._window, self._settings = window, settings
+        self._timer = QTimer(self)
+        self._timer.setSingleShot(True)
+        self._timer.setInterval(SETTLED_MS)
+        self._timer.timeout.connect(self.keep)
+        window.installEventFilter(self)
+
+    def keep(self) -> None:
+        """Write the place down now; not of a window that nobody sees."""
+        self._timer.stop()
+        if self._window.isVisible():
+            self._settings.save_place(self._window)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        moved = (QEvent.Type.Move, QEvent.Type.Resize, QEvent.Type.WindowStateChange)
+        if event.type() in moved and self._window.isVisible():
+            self._timer.start()
+        return False
+
+
+FIRST_SIZE = QSize(1280, 800)
+SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
+
+
+class MainWindow(QMainWindow):
+    """The frame around the tabs.
+
+    Args:
+        tabs: which there are; those of the registry where it is None.
+        read: opens a session file.
+    """
+
+    def __init__(
+        self,
+        settings: Settings | None = None,
+        tabs: Sequence[TabEntry] | None = None,
+        read: OpenCall = read_session,
+    ) -> None:
+        super().__init__()
+        self.settings = settings if settings is not None else Settings()
+        self.tasks = Worker(self, assurance="; the session file is unchanged")
+        self.context = ApplicationContext(self.settings, self.tasks, read, self)
+        self._entries = {entry.key: entry for entry in (tabs if tabs is not None else tab_registry.TABS)}
+        self._tabs: dict[str, Tab] = {}
+        self._rooms: dict[str, Room] = {}
+        self.current = ""
+        self.setWindowTitle("FingerLab")
+        self.setMinimumSize(800, 480)
+        self.setAcceptDrops(True)
+        self._build()
+        self.plots = PlotMenu(self, self.context)
+        self.stop_guard = StopGuard(self, self.header.stop, self.context)
+        chosen = MenuChoices(self.settings.appearance(), self.stop_guard.key)
+        self.menus = Menus(self, self._commands(), list(self._entries.values()), chosen)
+        self._connect()
+        self.settings.restore_place(self, FIRST_SIZE)
+        self.place = PlaceKeeper(self, self.settings)
+        first = self.settings.tab()
+        self.show_tab(first if first in self._entries else next(iter(self._entries)))
+        if self.focusWidget() is None:
+            self.rail.take_focus()
+
+    def _build(self) -> None:
+        self.rail = Rail(list(self._entries.values()))
+        self.header = FrameHeader()
+        self.message = MessageBar()
+        self.work = QStackedWidget()
+        self.status = StatusBar(self.tasks)
+        self.task_bar = self.status.tasks
+        right = QVBoxLayout()
+        right.setSpacing(0)
+        right.addWidget(self.header)
+        right.addWidget(self.message)
+        right.addWidget(self.work, 1)
+        across = QHBoxLayout()
+        across.setSpacing(0)
+        across.addWidget(self.rail)
+        across.addLayout(right, 1)
+        body = QWidget()
+        layout = QVBoxLayout(body)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(0)
+        layout.addLayout(across, 1)
+        layout.addWidget(self.status)
+        self.setCentralWidget(body)
+
+    def _commands(self) -> WindowCommands:
+        return WindowCommands(
+            open=self.ask_and_open,
+            close_session=self.close_session,
+            quit=self.close,
+            undo=lambda: self.tab().undo(),
+            redo=lambda: self.tab().redo(),
+            tab=self.show_tab,
+            copy_plot=self.plots.copy_current,
+            save_plot=self.plots.save_current,
+            appearance=self._set_appearance,
+            stop_key=self.stop_guard.choose_key,
+            shortcuts=lambda: dialogs.show_keys(self.menus.keys(self._others()), self.stop_guard.key, self),
+            log=lambda: dialogs.show_log(self.context.log, self, self.context.logged),
+            about=self._about,
+        )
+
+    def _connect(self) -> None:
+        context = self.context
+        self.rail.chosen.connect(self.show_tab)
+        self.tasks.failed.connect(self._on_failed)
+        self.menus.recent.aboutToShow.connect(self._fill_recent)
+        context.tab_asked.connect(self.show_tab)
+        context.open_asked.connect(self.ask_and_open)
+        context.rig_changed.connect(self._on_rig)
+        context.told.connect(self.message.tell)
+        context.said.connect(self.task_bar.say)
+        context.sessions_changed.connect(self._on_sessions)
+        context.session_recorded.connect(self._on_recorded)
+        context.commands_changed.connect(self._refresh)
+
+    # tabs
+
+    def _others(self) -> list[tuple[str, Tab]]:
+        """Title and tab of all that are not in front."""
+        entries = self._entries.items()
+        return [(entry.title, self.tab(key)) for key, entry in entries if key != self.current]
+
+    def tab(self, key: str = "") -> Tab:
+        """A tab, built if it was not yet; the one in front where no key is given."""
+        key = key or self.current
+        if key not in self._tabs:
+            self._tabs[key] = tab = self._entries[key].make(self.context)
+            self._rooms[key] = Room(tab.widget)
+            self.work.addWidget(self._rooms[key])
+            if self.context.sessions:
+                tab.on_session_opened(self.context.sessions)
+        return self._tabs[key]
+
+    def show_tab(self, key: str) -> None:
+        """Bring a tab to the front."""
+        if key not in self._entries or key == self.current:
+            return
+        tab = self.tab(key)
+        if self.current:
+            self.tab().on_hidden()
+        self.current = key
+        self.rail.show_current(key)
+        self.header.show_own(tab.header)
+        self.work.setCurrentWidget(self._rooms[key])
+        self.menus.show_tab(self._entries[key].title, tab)
+        self.settings.set_tab(key)
+        self._refresh()
+        tab.on_shown()
+
+    # opening and closing
+
+    def ask_and_open(self) -> None:
+        """Open session files chosen in a dialog."""
+        names, _ = QFileDialog.getOpenFileNames(self, "Open session", self.settings.folder(), SESSION_FILTER)
+        if names:
+            self.open_paths([Path(name) for name in names])
+
+    def open_paths(self, paths: Sequence[Path]) -> None:
+        """Open session files together; what is open stays until they have been read."""
+        self.context.hush()
+        self.context.open_paths(paths)
+
+    def close_session(self) -> None:
+        """Close what is open."""
+        self.context.hush()
+        self.tasks.cancel()
+        self.context.close_sessions()
+
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+        """What no widget wanted: over a plot, its copy and save."""
+        event.setAccepted(self.plots.offer(event))
+
+    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
+        if any(url.isLocalFile() for url in event.mimeData().urls()):
+            event.acceptProposedAction()
+
+    def dropEvent(self, event: QDropEvent) -> None:
+        paths = [Path(url.toLocalFile()) for url in event.mimeData().urls() if url.isLocalFile()]
+        if paths:
+            event.acceptProposedAction()
+            self.context.hush()
+            if not self.tab().accept_files(paths):
+                self.open_paths(paths)
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        """Ask where a tab has something to lose; then leave at once to the eye, and wait for what runs."""
+        if not all(tab.can_close() for tab in self._tabs.values()):
+            event.ignore()
+            return
+        self.place.keep()
+        self.hide()
+        self.tasks.shut_down()
+        for tab in self._tabs.values():
+            tab.shut_down()
+        self.stop_guard.arm(False)
+        event.accept()
+
+    # what is shown
+
+    def _on_sessions(self, sessions: object) -> None:
+        for tab in self._tabs.values():
+            tab.on_session_opened(self.context.sessions)
+        self._refresh()
+
+    def _on_recorded(self, path: Path) -> None:
+        for tab in self._tabs.values():
+            tab.on_session_recorded(path)
+
+    def _on_rig(self, line: RigLine) -> None:
+        self.header.show_rig(line)
+        self.status.show_rig(line)
+        self.stop_guard.arm(bool(line.device))
+
+    def _refresh(self) -> None:
+        if not self.current:
+            return
+        tab = self.tab()
+        name = tab.window_title()
+        self.setWindowTitle(f"{name} – FingerLab" if name else "FingerLab")
+        self.menus.update(tab, sessions=bool(self.context.sessions))
+
+    def _fill_recent(self) -> None:
+        menu = self.menus.recent
+        menu.clear()
+        for path in self.settings.recent():
+            action = menu.addAction(path.name.replace("&", "&&"))
+            action.setToolTip(str(path))
+            action.triggered.connect(lambda _checked=False, p=path: self.open_paths([p]))
+        if menu.isEmpty():
+            menu.addAction("No recent files").setEnabled(False)
+
+    def _on_failed(self, failed: Failed) -> None:
+        version = f"FingerLab {fingerlab.__version__}\n"
+        self.context.tell(failed.sentence, version + failed.details)
+
+    def show_mistake(self, sentence: str, details: str) -> None:
+        """Show an error that no task caught."""
+        self._on_failed(Failed(sentence, details))
+
+    def _set_appearance(self, name: str) -> None:
+        app = QApplication.instance()
+        if isinstance(app, QApplication) and name in ("system", "light", "dark"):
+            self.settings.set_appearance(name)  # type: ignore[arg-type]
+            apply_appearance(app, self.settings.appearance())
+
+    def _about(self) -> None:
+        QMessageBox.about(
+            self,
+            "About FingerLab",
+            f"FingerLab {fingerlab.__version__}\n\nDrives a cable-driven finger rig, records it, and tells "
+            "which physical effect its model is missing.",
+        )
