@@ -88,7 +88,8 @@ class Reset:
 class MoveByHand:
     """What the operator of a simulated rig does with a hand from now on; on a real one they do it themselves.
 
-    ``channel``: ``load_cell`` (N), ``mcp``, ``pip`` or ``encoder`` (rad), moved by ``amount``.
+    ``channel``: ``load_cell`` (N), ``mcp``, ``pip`` or ``encoder`` (rad), moved by ``amount``; or a digital
+    input (1 or 0).
     """
 
     channel: str
@@ -103,6 +104,11 @@ class TryOutput:
 
 
 @dataclass(frozen=True)
+class HoldDeadMan:
+    """Invert the dead-man's line no more until the next ``Enable``, as if the loop hung; it goes on."""
+
+
+@dataclass(frozen=True)
 class Quit:
     """End the loop: zero output, enable low, device given back."""
 
@@ -110,6 +116,7 @@ class Quit:
 AtRest = MoveByHand | TryOutput
 """What is only done with the amplifier off, for the check of a rig."""
 
-Command = (
-    Initialise | Tare | SetUp | Enable | Disable | Start | Approach | Finish | Release | Reset | AtRest | Quit
-)
+Drive = Enable | Disable | Start | Approach | Finish | HoldDeadMan
+"""What lets current flow, or takes it away."""
+
+Command = Initialise | Tare | SetUp | Drive | Release | Reset | AtRest | Quit

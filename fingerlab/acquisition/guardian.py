@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.lives import Pulse, Standstill
 from fingerlab.acquisition.loop import SAFE_TRIES
-from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost
+from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost, StopRehearsal
 
 LOOK_S = 0.005
 """How often the guardian looks whether the loop lives, where it is not told at once."""
@@ -67,10 +67,9 @@ def guard(device: Device | None, board: Board, loop_lives: Connection, standstil
 
 def _trial(device: Device) -> str:
     """Why the device could not stop the motor; empty where it can."""
-    rehearse = getattr(device, "try_stop", None)
     try:
-        if rehearse is not None:
-            rehearse()
+        if isinstance(device, StopRehearsal):
+            device.try_stop()
             return ""
         confirmed = device.make_safe()
         device.close()  # the loop's own is to have the hardware

@@ -20,6 +20,7 @@ from fingerlab.acquisition.commands import (
     Disable,
     Enable,
     Finish,
+    HoldDeadMan,
     Initialise,
     MoveByHand,
     Quit,
@@ -47,9 +48,11 @@ from fingerlab.acquisition.trying import STOPPED_MEANWHILE, move_by_hand, try_ou
 from fingerlab.core.errors import UserError
 from fingerlab.devices.protocol import (
     NO_LINES,
+    DeadMan,
     Device,
     DeviceFault,
     DeviceLost,
+    SetUpBySoftware,
     cycles_per_command,
     safety_lines,
 )
@@ -92,7 +95,7 @@ class ControlLoop:
         self._lost_process = ""
         self._look: Callable[[], None] = lambda: None
         self._quit_at = math.inf
-        self._restart = False
+        self._restart = self._held = False
         self._stops = board[Slot.STOP_REQUESTS]
         self._recorder_errors = board[Slot.RECORDER_ERRORS]
         self._dogs = watchdogs(settings, self._period)
@@ -146,7 +149,7 @@ class ControlLoop:
         if self._restart and not self._start_again():
             return
         try:
-            if self._beat is not None and self.machine.enable_allowed:
+            if self._beat is not None and self.machine.enable_allowed and not self._held:
                 self._beat()
             sample = self.device.exchange(self._steering.volts)
         except DeviceLost as error:
@@ -198,8 +201,9 @@ class ControlLoop:
         hold, lines = cycles_per_command(self.device), safety_lines(self.device)
         self._steering = Steering(self.settings, self._period, hold, self._board)
         self._interlock = Interlock(lines, self._period, hold)
-        beats = bool(lines.dead_man.terminal)
-        self._beat: Callable[[], None] | None = getattr(self.device, "beat", None) if beats else None
+        self._beat: Callable[[], None] | None = None
+        if lines.dead_man.terminal and isinstance(self.device, DeadMan):
+            self._beat = self.device.beat
         self._board[Slot.DEAD_MAN] = int(self._beat is not None)
 
     def _look_at_lines(self, reading: Reading) -> str:
@@ -259,6 +263,9 @@ class ControlLoop:
                 sentence = self._start(command, reading)
             elif isinstance(command, AtRest):
                 sentence = self._at_rest(command)
+            elif isinstance(command, HoldDeadMan):
+                self._held = self._beat is not None
+                sentence = "" if self._held else f"The {self.device.name} has no dead-man."
             elif isinstance(command, Quit):
                 self.ended = True
             else:
@@ -288,6 +295,7 @@ class ControlLoop:
             self._safety.reset()
             for _, dog in self._dogs:
                 dog.reset()
+            self._held = False
             self.device.set_enable(command.line)
             self._board[Slot.ENABLE_LINE] = int(command.line)
             if command.line:
@@ -404,9 +412,8 @@ class ControlLoop:
     def _set_up(self, command: SetUp) -> str:
         if self.machine.enable_allowed:
             return "The amplifier is enabled; disable it before the cable or the mode is changed."
-        change = getattr(self.device, "set_up", None)
-        if change is not None and self._reader.index >= 0:
-            change(command.phase, command.cable, command.load_torque)
+        if isinstance(self.device, SetUpBySoftware) and self._reader.index >= 0:
+            self.device.set_up(command.phase, command.cable, command.load_torque)
         self._board[Slot.SET_AT] = self._reader.index + 1
         self._cable = command.cable != "none"
         self._safety = safety_checks(

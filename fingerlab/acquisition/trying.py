@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 from fingerlab.acquisition.board import Board, Number, Slot
 from fingerlab.acquisition.commands import MoveByHand, TryOutput
-from fingerlab.devices.protocol import Device, cycles_per_command
+from fingerlab.devices.protocol import Device, MovedByHand, OutputReadBack, cycles_per_command
 
 STAND_COMMANDS = 20
 """Set values written before the clock is stopped: the last has then long reached the output (assumed)."""
@@ -18,9 +17,8 @@ STOPPED_MEANWHILE = "The bench was stopped meanwhile; try again."
 
 def move_by_hand(device: Device, command: MoveByHand) -> str:
     """Let a simulated rig do what its operator was asked to do; nothing where the bench is real."""
-    move = getattr(device, "move_by_hand", None)
-    if move is not None:
-        move(command.channel, command.amount)
+    if isinstance(device, MovedByHand):
+        device.move_by_hand(command.channel, command.amount)
     return ""
 
 
@@ -38,8 +36,7 @@ def try_output(device: Device, command: TryOutput, board: Board, stopped: Callab
     Raises:
         DeviceLost, DeviceFault: by the device.
     """
-    card: Any = device
-    if not hasattr(device, "read_back_output"):
+    if not isinstance(device, OutputReadBack):
         return f"The {device.name} cannot stop its clock with a set value standing; only a card can."
     block = cycles_per_command(device)
     for _ in range(STAND_COMMANDS * block):
@@ -47,10 +44,10 @@ def try_output(device: Device, command: TryOutput, board: Board, stopped: Callab
         if stopped():
             device.make_safe()
             return STOPPED_MEANWHILE
-    card.abandon(late_write=0.0 if block == 1 else None)
-    left = card.read_back_output()
+    device.abandon(late_write=0.0 if block == 1 else None)
+    left = device.read_back_output()
     board[Slot.SAFE] = int(device.make_safe())
-    cleared = card.read_back_output()
+    cleared = device.read_back_output()
     board.set_number(Number.LEFT, math.nan if left is None else left)
     board.set_number(Number.CLEARED, math.nan if cleared is None else cleared)
     return ""

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+from fingerlab.calibration import SENSORS, Calibration, SteadyStep, StepTiming, calibrate_steps, find_steps
+from fingerlab.calibration.line import count_steps
+from fingerlab.calibration.offline import read_recording
 from fingerlab.cli.common import PATH, json_option, result_table, table_console, write_json
 from fingerlab.core.errors import UserError
-
-if TYPE_CHECKING:
-    from fingerlab.calibration import Calibration, SteadyStep
-
-_SENSOR_WORDS = ("load-cell", "mcp", "pip")
 
 
 @click.command()
 @click.argument("data", metavar="DATA [DATA2 ...]", nargs=-1, required=True, type=PATH)
-@click.option("--sensor", "word", required=True, type=click.Choice(_SENSOR_WORDS), help="Which sensor.")
+@click.option("--sensor", "word", required=True, type=click.Choice(tuple(SENSORS)), help="Which sensor.")
 @click.option(
     "--marks",
     metavar="M1,M2,...",
@@ -57,10 +54,6 @@ def calibrate(
     The load cell is loaded with 0 to 1 kg in steps of 100 g (F = m g, g = 9.81 m/s2); an angle sensor
     is held at --marks, without them evenly from 0 to 90 degrees.
     """
-    from fingerlab.calibration import SENSORS, StepTiming, calibrate_steps, find_steps
-    from fingerlab.calibration.line import count_steps
-    from fingerlab.calibration.offline import read_recording
-
     sensor, timing = SENSORS[word], StepTiming(step_seconds, centre_seconds)
     steps: list[SteadyStep] = []
     values: list[float] = []

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import json_option, write_json
-from fingerlab.cli.interrupts import Interrupts
+from fingerlab.cli.common import Interrupts, json_option, write_json
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
 

@@ -1,4 +1,4 @@
-"""What several commands share: options, progress on standard error, tables, and files written safely.
+"""What several commands share: options, progress on standard error, tables, Ctrl-C, files written safely.
 
 What takes a while to load is imported when it is used: every command imports this module.
 """
@@ -6,9 +6,11 @@ What takes a while to load is imported when it is used: every command imports th
 from __future__ import annotations
 
 import json
+import signal
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import FrameType, TracebackType
 from typing import IO, TYPE_CHECKING, Any
 
 import click
@@ -123,6 +125,42 @@ def result_table(*columns: str, no_wrap: bool = False, **options: Any) -> Table:
 def somebody_there() -> bool:
     """Whether somebody sits at a terminal to be asked."""
     return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
+
+
+class Interrupts:
+    """While it is entered, Ctrl-C and SIGTERM call ``first`` and then raise KeyboardInterrupt, once.
+
+    Args:
+        raises: whether they raise anything; else ``first`` alone has to see to it.
+
+    Python drops an exception that is raised while it clears away an object, so that a KeyboardInterrupt may
+    get lost; ``first`` has run by then, and ``asked`` tells.
+
+    A program started in the background may find Ctrl-C switched off; here it listens all the same.
+    """
+
+    def __init__(self, first: Callable[[], None], raises: bool = True) -> None:
+        self.first, self._raises = first, raises
+        self.asked = False
+        self._before: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> Interrupts:
+        for which in (signal.SIGINT, signal.SIGTERM):
+            self._before[which] = signal.signal(which, self._on_signal)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for which, handler in self._before.items():
+            signal.signal(which, handler)
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        self.first()
+        if not self.asked:  # who presses again must not break what is being saved
+            self.asked = True
+            if self._raises:
+                raise KeyboardInterrupt
 
 
 def _json_text(result: Mapping[str, Any]) -> str:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from fingerlab.cli.common import PATH, json_option, write_json
 from fingerlab.core.errors import UserError
-
-if TYPE_CHECKING:
-    from fingerlab.devices.protocol import Found
+from fingerlab.devices import own
+from fingerlab.devices.detect import detect
+from fingerlab.devices.protocol import Found
+from fingerlab.rig.file import load_rig
 
 STATES = {
     "trusted": "confirmed in the window",
@@ -36,10 +37,6 @@ def devices(rig_file: Path | None, untrust: Path | None, forget: bool, json_targ
     The window asks once before it runs the Python file of a device, and remembers the answer; --untrust takes
     it back. In a command, --device own:FILE is the answer itself.
     """
-    from fingerlab.devices import own
-    from fingerlab.devices.detect import detect
-    from fingerlab.rig.file import load_rig
-
     if forget and untrust is not None:
         raise UserError("--forget forgets every file; leave out --untrust, or leave out --forget.")
     rig = load_rig(rig_file) if rig_file is not None else None

@@ -19,7 +19,7 @@ from fingerlab.cli.common import (
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import in_words, mean_and_deviation, number
-from fingerlab.models.file import Model, estimate_to_json
+from fingerlab.models.file import estimate_to_json
 from fingerlab.sessions import Session, open_session
 from fingerlab.signals.periods import REGION_TITLES, THRESHOLDS_PERCENT
 from fingerlab.thesis.fitting import SessionFit, delay_estimate, fit_session, model_of_fit
@@ -87,15 +87,8 @@ def fit(
     drawn = _figures(session, figures)
     if json_target != "-":
         _print_fit(session, result)
-    model = model_of_fit(session, result) if model_file is not None else None
-    _write(_fit_json(result), json_target, model, model_file, drawn)
-
-
-def _write(
-    data: dict[str, Any], json_target: str | None, model: Model | None, place: Path | None, drawn: Any
-) -> None:
-    pair = (model, place) if model is not None and place is not None else None
-    write_results(data, json_target, pair, drawn)
+    saved = None if model_file is None else (model_of_fit(session, result), model_file)
+    write_results(_fit_json(result), json_target, saved, drawn)
 
 
 def _figures(session: Session, folder: Path | None) -> Any:
@@ -208,8 +201,8 @@ def _fit_motor_bench(
         result = fit_motor_bench(session, report)
     if json_target != "-":
         _print_motor_bench(session, result)
-    model = model_of_motor_bench(session, result) if model_file is not None else None
-    _write(_motor_bench_json(result), json_target, model, model_file, None)
+    saved = None if model_file is None else (model_of_motor_bench(session, result), model_file)
+    write_results(_motor_bench_json(result), json_target, saved)
 
 
 def _print_motor_bench(session: Session, result: MotorBenchFit) -> None:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from fingerlab.cli.common import PATH, json_option, write_json, write_text_safely
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
-
-if TYPE_CHECKING:
-    from fingerlab.prediction.inverse import TorquePlan
-    from fingerlab.prediction.target import ContactPose
-    from fingerlab.sessions import Session
+from fingerlab.models.file import load_model
+from fingerlab.prediction.force import contact_runs
+from fingerlab.prediction.inverse import TorquePlan, needed_torque, plan_json, predictors
+from fingerlab.prediction.target import ContactPose, pose_by_hand, pose_of_run, wanted_force, words_of
+from fingerlab.sessions import Session, open_session
 
 
 @click.command()
@@ -48,11 +48,6 @@ def inverse(
     The finger presses as it does in a contact run of the session. What is written with --out runs with
     'fingerlab record --trajectory FILE', in the simulated rig, and in the Acquire tab.
     """
-    from fingerlab.models.file import load_model
-    from fingerlab.prediction.inverse import needed_torque, plan_json, predictors
-    from fingerlab.prediction.target import wanted_force
-    from fingerlab.sessions import open_session
-
     if out is not None:
         refuse_taken(out)
     session = open_session(session_file)
@@ -72,11 +67,6 @@ def inverse(
 
 
 def _pose(session: Session, run_name: str | None, angles: tuple[float, float] | None) -> ContactPose:
-    import math
-
-    from fingerlab.prediction.force import contact_runs
-    from fingerlab.prediction.target import pose_by_hand, pose_of_run
-
     if angles is not None:
         if run_name is not None:
             raise UserError("Give either --run or --pose, not both.")
@@ -93,8 +83,6 @@ def _pose(session: Session, run_name: str | None, angles: tuple[float, float] | 
 
 
 def _print(plan: TorquePlan, name: str, out: Path | None) -> None:
-    from fingerlab.prediction.target import words_of
-
     angles = words_of(plan.pose)
     click.echo(f"Predictor: {name}.")
     click.echo(

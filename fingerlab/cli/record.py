@@ -204,10 +204,11 @@ def _open(
     from fingerlab.acquisition.requests import LoopSettings
     from fingerlab.acquisition.units import BenchUnits
     from fingerlab.calibration.applying import default_folder, rig_and_attributes
+    from fingerlab.devices.protocol import SelfDescribing
 
     device = choice.build() if simulated else None
     rig: Rig = device.rig if device is not None else choice.rig  # type: ignore[attr-defined, assignment]
-    attributes = dict(getattr(device, "session_attributes", {}))
+    attributes: dict[str, Any] = dict(device.session_attributes) if isinstance(device, SelfDescribing) else {}
     if device is None:
         rig, told = rig_and_attributes(rig, default_folder(options["rig_file"]))
         attributes |= told

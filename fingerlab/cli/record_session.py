@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.interrupts import Interrupts
+from fingerlab.cli.common import Interrupts
 from fingerlab.cli.record_events import Events, Lines, Observer, live_model
 from fingerlab.core.errors import Cancelled, UserError
 

@@ -78,6 +78,12 @@ class ScreenUnit:
         return number if not self.symbol else f"{number}{'' if self.symbol[0] == '°' else ' '}{self.symbol}"
 
 
+DEGREE, DEGREE_A_SECOND = ScreenUnit("°", DEGREES), ScreenUnit("°/s", DEGREES)
+NEWTON, MILLI_NEWTON_METRE = ScreenUnit("N", 1.0), ScreenUnit("mN m", 1e3)
+AMPERE, MILLISECOND, UNITLESS = ScreenUnit("A", 1.0), ScreenUnit("ms", 1e3), ScreenUnit("", 1.0)
+"""What is always shown in the same unit, however large it is."""
+
+
 def screen_unit(si: str, largest: float) -> ScreenUnit:
     """The unit in which values up to ``largest`` (in the SI unit ``si``) read well; an unknown one stays."""
     si = si.strip()
@@ -144,6 +150,11 @@ def fixed(value: float, decimals: int) -> str:
 def with_minus(text: str) -> str:
     """Hyphens in front of digits as minus signs; exponents too."""
     return text.replace("-", MINUS)
+
+
+def grouped(count: int) -> str:
+    """A count in groups of three digits, as ``1 234 567`` with narrow spaces."""
+    return f"{count:,}".replace(",", "\u202f")
 
 
 def score_text(score: float) -> str:

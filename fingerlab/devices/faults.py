@@ -61,6 +61,7 @@ class Faults:
         clock_steps: cycle -> s by which the clock is set there.
         unsafe: how often ``make_safe`` fails before it works.
         lines: an emergency stop that is pressed, an amplifier that is not ready.
+        pump_sticks: the comparator behind the dead-man's charge pump lets enable through all the time.
     """
 
     unplug_at: int | None = None
@@ -71,6 +72,7 @@ class Faults:
     clock_steps: Mapping[int, float] = field(default_factory=dict)
     unsafe: int = 0
     lines: tuple[LineFault, ...] = ()
+    pump_sticks: bool = False
 
 
 SLOW_S, SKIPPED, CLOCK_S = 0.05, 5, -3600.0

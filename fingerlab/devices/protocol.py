@@ -55,7 +55,7 @@ class Device(Protocol):
     ``make_safe``. ``make_safe`` may come at any time, even before ``open`` (a guardian stops what a lost
     process left), any number of times, and never raises: it writes 0 V, drops the enable line, and says
     whether both were confirmed. The guardian tries that once before the bench is opened, and then closes its
-    device; one that has a method ``try_stop``, which raises as ``open`` does, is asked for that instead.
+    device; a :class:`StopRehearsal` is asked for its ``try_stop`` instead.
     """
 
     @property
@@ -87,22 +87,87 @@ class Device(Protocol):
         """Give the hardware back, safe first. Never raises."""
 
 
-def cycles_per_command(device: Device) -> int:
-    """How many cycles a command stays: 1, or the block of a device that is read in blocks.
+# What a device may have beside that. A class need not name these protocols: it has the members, or not.
 
-    Such a device has an attribute ``cycles_per_command``; its position loop runs at the rate over this.
-    """
-    return int(getattr(device, "cycles_per_command", 1))
+
+@runtime_checkable
+class ReadInBlocks(Protocol):
+    """A command stays for ``cycles_per_command`` cycles; the position loop runs at the rate over this."""
+
+    @property
+    def cycles_per_command(self) -> int: ...
+
+
+@runtime_checkable
+class SafetyWired(Protocol):
+    """There are digital lines beside enable."""
+
+    @property
+    def safety_lines(self) -> SafetyLines: ...
+
+
+@runtime_checkable
+class DeadMan(Protocol):
+    """The dead-man's line can be inverted."""
+
+    def beat(self) -> None:
+        """Invert it: called before each ``exchange`` while the amplifier is enabled and the loop well.
+
+        Once for each command, whatever the cycles of a block. Raises as ``exchange`` does.
+        """
+
+
+@runtime_checkable
+class SetUpBySoftware(Protocol):
+    """A simulated bench, on which nobody changes cable and load cell by hand."""
+
+    def set_up(self, phase: str, cable: str, load_torque: float) -> None:
+        """Change them; raises DeviceFault."""
+
+
+@runtime_checkable
+class MovedByHand(Protocol):
+    """A simulated bench does what its operator is asked to do with a hand."""
+
+    def move_by_hand(self, channel: str, amount: float) -> None:
+        """Move ``load_cell`` (N), ``mcp``, ``pip``, ``encoder`` (rad), or set one of ``LINES`` (1 or 0)."""
+
+
+@runtime_checkable
+class SelfDescribing(Protocol):
+    """What a session recorded from the device is to carry as attributes."""
+
+    @property
+    def session_attributes(self) -> dict[str, str]: ...
+
+
+@runtime_checkable
+class StopRehearsal(Protocol):
+    """The stop can be tried without taking the hardware."""
+
+    def try_stop(self) -> None:
+        """Try it; raises as ``open`` does."""
+
+
+@runtime_checkable
+class OutputReadBack(Protocol):
+    """A card, whose clock can be stopped with a set value standing; for ``check-rig``, the amplifier off."""
+
+    def abandon(self, late_write: float | None = None) -> None:
+        """Stop the clock and give the tasks back without writing anything safe; then write so many V."""
+
+    def read_back_output(self) -> float | None:
+        """V at the output; None where the card cannot tell."""
+
+
+def cycles_per_command(device: Device) -> int:
+    """How many cycles a command stays: 1, or the block of a device that is read in blocks."""
+    return device.cycles_per_command if isinstance(device, ReadInBlocks) else 1
 
 
 def safety_lines(device: Device) -> SafetyLines:
-    """The digital lines that a device has beside enable: its attribute ``safety_lines``, none without it.
-
-    A device with a dead-man has a method ``beat()``, called before each ``exchange`` while the amplifier is
-    enabled and the loop well: it inverts the line, once for each command. It raises as ``exchange`` does.
-    """
-    lines: SafetyLines = getattr(device, "safety_lines", SafetyLines())
-    return lines
+    """The digital lines that a device has beside enable."""
+    return device.safety_lines if isinstance(device, SafetyWired) else SafetyLines()
 
 
 @dataclass(frozen=True)

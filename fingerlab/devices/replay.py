@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,8 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.devices.clock import Clock, VirtualClock
-from fingerlab.devices.protocol import RAW_CHANNELS, DeviceFault, DeviceLost, Sample
-from fingerlab.rig.daq import Daq
+from fingerlab.devices.protocol import LINES, RAW_CHANNELS, DeviceFault, DeviceLost, Sample
+from fingerlab.rig.daq import Daq, DeadManLine, SafetyLines
 from fingerlab.sessions import Run, open_session
 
 BLOCK = 8192
@@ -24,7 +25,8 @@ _QUANTITIES = ("endpoint_force", "mcp_angle", "pip_angle", "motor_current", "mot
 class Replay:
     """One run of a session behind the device protocol; commands and enable are taken and ignored.
 
-    Raw values are the stored ones, else those at which the rig's scaling gives the stored quantities.
+    Raw values are the stored ones, else those at which the rig's scaling gives the stored quantities. The
+    digital inputs are played back where they were recorded.
 
     Args:
         path: session file. run: its name, such as ``001``; the first run where it is None.
@@ -46,12 +48,18 @@ class Replay:
         self._at = self._block_start = 0
         self._index = np.zeros(0, dtype=np.int64)
         self._raw = np.zeros((0, len(RAW_CHANNELS)))
+        self._lines = np.zeros((0, len(LINES)))
         self._first_time = self._origin = 0.0
 
     @property
     def length(self) -> int:
         """Samples of the run."""
         return self._run.length
+
+    @property
+    def safety_lines(self) -> SafetyLines:
+        """The digital inputs of the rig that was recorded; a recording needs no dead-man."""
+        return replace(self._daq.safety_lines, dead_man=DeadManLine())
 
     def open(self) -> None:
         self._open = True
@@ -87,7 +95,8 @@ class Replay:
         if wait > 0.0:
             self._clock.sleep(wait)
         self._at += 1
-        return Sample(index, tuple(self._raw[k].tolist()), max(-wait, 0.0))
+        stop, ready = self._lines[k].tolist()
+        return Sample(index, tuple(self._raw[k].tolist()), max(-wait, 0.0), (stop, ready))
 
     def make_safe(self) -> bool:
         self._running = False
@@ -105,7 +114,8 @@ class Replay:
 
     def _load_block(self, start: int) -> None:
         stop = min(start + BLOCK, self.length)
-        names = [name for name in (*_QUANTITIES, *(f"raw/{n}" for n in RAW_CHANNELS)) if self._run.has(name)]
+        known = (*_QUANTITIES, *(f"raw/{name}" for name in (*RAW_CHANNELS, *LINES)))
+        names = [name for name in known if self._run.has(name)]
         values = self._run.load(["time", *names], start, stop)
         if start == 0:
             self._first_time = float(values["time"][0])
@@ -113,6 +123,8 @@ class Replay:
         self._index = np.round((values["time"] - self._first_time) * self.rate_hz).astype(np.int64)
         columns = [_raw_values(k, values, self._daq, stop - start) for k in range(len(RAW_CHANNELS))]
         self._raw = np.column_stack(columns)
+        absent = np.full(stop - start, math.nan)
+        self._lines = np.column_stack([values.get(f"raw/{name}", absent) for name in LINES])
 
 
 def _raw_values(k: int, values: dict[str, Any], daq: Daq, count: int) -> Any:

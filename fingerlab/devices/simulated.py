@@ -219,7 +219,7 @@ class SimulatedRig:
     @property
     def powered(self) -> bool:
         """Whether the amplifier may drive: enable line up, dead-man alive, emergency stop not pressed."""
-        pump = self._pump is None or self._pump.on
+        pump = self._pump is None or self._pump.on or self._faults.pump_sticks
         return self._enabled and pump and self._lines[0] != 1.0 and self._lines[1] != 0.0
 
     @property
@@ -251,7 +251,10 @@ class SimulatedRig:
             raise DeviceFault(str(error)) from error
 
     def move_by_hand(self, channel: str, amount: float) -> None:
-        """Press the load cell (N), bend a joint or turn the pulley (rad): the operator of ``check-rig``."""
+        """Press the load cell (N), bend a joint or turn the pulley (rad), set a line, as an operator does."""
+        if channel in LINES:
+            self.set_line(channel, bool(amount))
+            return
         self.bench.move_by_hand(channel, amount)
 
     def set_line(self, line: str, on: bool) -> None:

@@ -10,7 +10,7 @@ from fingerlab.core.progress import Progress
 from fingerlab.core.text import printed, score_text
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.effects.base import Effect
-from fingerlab.notebook.display import Displayable, Displayed, Figures, TextTable
+from fingerlab.notebook.display import Displayable, Displayed, Figures, ShownTable
 from fingerlab.notebook.model import ModelView, SessionSource, effect_ids, fit, opened
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import error_rows, short_ranking
@@ -46,7 +46,7 @@ class EffectView(Displayed):
         ]
         parts: list[Displayable] = [f"{one.title} ({one.id}), changes {self.changes}", one.explanation]
         if rows:
-            parts.append(TextTable(("unknown", "what", "unit", "plausible range", "source"), rows))
+            parts.append(ShownTable(("unknown", "what", "unit", "plausible range", "source"), rows))
         return (*parts, f"What reveals it: {one.reveal}.")
 
 
@@ -67,7 +67,7 @@ class Catalogue(Mapping[str, EffectView], Displayed):
 
     def _parts(self) -> Sequence[Displayable]:
         rows = [(one.id, one.title, one.changes) for one in self.values()]
-        return (f"{len(self)} effects", TextTable(("id", "effect", "acts on"), rows))
+        return (f"{len(self)} effects", ShownTable(("id", "effect", "acts on"), rows))
 
 
 class DiagnosisView(Displayed):
@@ -153,18 +153,18 @@ class DiagnosisView(Displayed):
         return parts
 
 
-def _errors(result: Diagnosis) -> TextTable:
+def _errors(result: Diagnosis) -> ShownTable:
     rows = [(r.title, r.error, r.floor, r.unit, r.times, r.r2) for r in error_rows(result.errors)]
     columns = ("equations", "error (rms)", "floor", "unit", "error / floor", "R2")
     title = f"Error on runs left out of the fit: {score_text(result.score)} times the floor"
-    return TextTable(columns, rows, frozenset({1, 2, 4, 5}), title)
+    return ShownTable(columns, rows, frozenset({1, 2, 4, 5}), title)
 
 
-def _ranking(result: Diagnosis) -> TextTable:
+def _ranking(result: Diagnosis) -> ShownTable:
     rows = [(r.chance, r.score, "*" if r.in_set else "", r.title, r.effect) for r in short_ranking(result)]
     columns = ("probability", "error", "", "effect or outcome", "id")
     note = "; * cannot be ruled out" if result.set else ""
-    return TextTable(columns, rows, frozenset({0, 1}), f"error: with that effect in the model{note}")
+    return ShownTable(columns, rows, frozenset({0, 1}), f"error: with that effect in the model{note}")
 
 
 def catalogue() -> Catalogue:

@@ -21,7 +21,7 @@ WIDTH = 88
 
 
 @dataclass(frozen=True)
-class TextTable:
+class ShownTable:
     """Columns and rows of text; the columns in ``right`` hold numbers and stand at the right."""
 
     columns: Sequence[str]
@@ -57,7 +57,7 @@ class TextTable:
         return f'<{kind} style="text-align:{side}">{html.escape(text)}</{kind}>'
 
 
-Displayable = str | TextTable
+Displayable = str | ShownTable
 
 
 def filled(text: str) -> str:
@@ -74,14 +74,14 @@ class Displayed:
 
     def __repr__(self) -> str:
         return "\n\n".join(
-            part.text() if isinstance(part, TextTable) else filled(part) for part in self._parts()
+            part.text() if isinstance(part, ShownTable) else filled(part) for part in self._parts()
         )
 
     def _repr_html_(self) -> str:
         first, *rest = self._parts()
-        head = first.html() if isinstance(first, TextTable) else f"<p><b>{html.escape(first)}</b></p>"
+        head = first.html() if isinstance(first, ShownTable) else f"<p><b>{html.escape(first)}</b></p>"
         return head + "".join(
-            part.html() if isinstance(part, TextTable) else f"<p>{html.escape(part)}</p>" for part in rest
+            part.html() if isinstance(part, ShownTable) else f"<p>{html.escape(part)}</p>" for part in rest
         )
 
 

@@ -10,7 +10,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import estimate_text, mean_and_deviation
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model, ParameterEstimate, save_model
-from fingerlab.notebook.display import Displayable, Displayed, Figures, TextTable
+from fingerlab.notebook.display import Displayable, Displayed, Figures, ShownTable
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import model_rows
 from fingerlab.sessions.model import Session
@@ -100,7 +100,7 @@ class ModelView(Displayed):
         )
         head = f"{what[:1].upper()}{what[1:]}, fitted on {files} ({model.created})"
         title = "± is half the 90 % interval"
-        return (head, TextTable(("parameter", "value"), _rows(model), frozenset(), title))
+        return (head, ShownTable(("parameter", "value"), _rows(model), frozenset(), title))
 
 
 def _rows(model: Model) -> list[tuple[str, str]]:
@@ -143,9 +143,9 @@ class PredictionView(Displayed):
 
     def coverage(self, variant: str | None = None) -> float:
         """Mean share of the load cell's samples inside the 90 % interval; models as for ``r2``."""
-        from fingerlab.thesis.onair import Spread
+        from fingerlab.prediction.predict import interval_over
 
-        return Spread(tuple(run.coverage for run in self._runs(variant))).mean
+        return interval_over(self._runs(variant))[1]
 
     def _runs(self, variant: str | None) -> Sequence[RunPrediction]:
         runs = self.result.runs
@@ -155,9 +155,9 @@ class PredictionView(Displayed):
         return runs[name]
 
     def _spread(self, variant: str | None, number: str) -> tuple[float, float]:
-        from fingerlab.thesis.onair import Spread
+        from fingerlab.prediction.predict import spread_over
 
-        spread = Spread(tuple(run.numbers["both"].value(number) for run in self._runs(variant)))
+        spread = spread_over(self._runs(variant), "both", number)
         return spread.mean, spread.deviation
 
     def _parts(self) -> Sequence[Displayable]:
@@ -174,7 +174,7 @@ class PredictionView(Displayed):
         right = frozenset(range(1, len(columns)))
         return (
             head,
-            TextTable(columns, rows, right, "Mean ± deviation over runs, PIP and MCP equation together"),
+            ShownTable(columns, rows, right, "Mean ± deviation over runs, PIP and MCP equation together"),
         )
 
     def _row(self, variant: str) -> tuple[str, ...]:

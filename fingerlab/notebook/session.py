@@ -10,7 +10,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.notebook.data import channel_figure, run_dataset, session_tree
 from fingerlab.notebook.diagnosis import DiagnosisView, diagnose
-from fingerlab.notebook.display import Displayable, Displayed, TextTable
+from fingerlab.notebook.display import Displayable, Displayed, ShownTable
 from fingerlab.notebook.model import ModelView, effect_ids, fit
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.reading import open_session
@@ -58,7 +58,7 @@ class RunView(Displayed):
             f"run {run.name}: {PHASE_WORDS.get(run.phase, run.phase)}, {cable}, "
             f"{trajectory_words(run.trajectory)}; {run.seconds:.1f} s at {run.sample_rate_hz:g} Hz"
         )
-        return (line, TextTable(("channel", "unit"), list(run.units.items())))
+        return (line, ShownTable(("channel", "unit"), list(run.units.items())))
 
 
 class SessionView(Displayed):
@@ -122,7 +122,7 @@ class SessionView(Displayed):
         head = f"{session.path.name}: {session.title or 'session'}{when}, {len(self)} runs, {seconds:.0f} s"
         columns = ("runs", "phase", "cable", "motion", "s", "Hz")
         rows = [(r.runs, r.phase, r.cable, r.trajectory, r.seconds, r.rate) for r in run_rows(session)]
-        return (head, TextTable(columns, rows, frozenset({4, 5})))
+        return (head, ShownTable(columns, rows, frozenset({4, 5})))
 
 
 def open(path: str | Path) -> SessionView:

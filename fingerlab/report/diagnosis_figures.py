@@ -58,7 +58,7 @@ WORTH_CUTTING = 0.1
 
 
 @dataclass(frozen=True)
-class Stretch:
+class DrawnStretch:
     """A stretch of a comparison that is drawn: run, and seconds into it."""
 
     comparison: Comparison
@@ -72,7 +72,7 @@ class Stretch:
         return slice(int(np.searchsorted(time, self.start)), int(np.searchsorted(time, self.stop, "right")))
 
 
-def chosen_stretches(comparisons: Iterable[Comparison], equation: str) -> tuple[Stretch, ...]:
+def chosen_stretches(comparisons: Iterable[Comparison], equation: str) -> tuple[DrawnStretch, ...]:
     """The run that misses most and the one in the middle, each around its worst half second.
 
     Empty where no run says anything about the equation; one where only one does.
@@ -85,7 +85,7 @@ def chosen_stretches(comparisons: Iterable[Comparison], equation: str) -> tuple[
     return tuple(_around(c, _worst_moment(c)) for c in picked)
 
 
-def failure_stretch(comparisons: Iterable[Comparison], failure: Failure) -> Stretch | None:
+def failure_stretch(comparisons: Iterable[Comparison], failure: Failure) -> DrawnStretch | None:
     """The stretch around the place where the model fails worst."""
     for one in comparisons:
         if _is_of(failure, one) and len(one.time) and one.time[0] <= failure.start <= one.time[-1]:
@@ -114,13 +114,13 @@ def _worst_moment(comparison: Comparison) -> float:
     return float(time[start + width // 2])
 
 
-def _around(comparison: Comparison, moment: float) -> Stretch:
+def _around(comparison: Comparison, moment: float) -> DrawnStretch:
     first, last = float(comparison.time[0]), float(comparison.time[-1])
     start = min(max(moment - 0.5 * STRETCH_S, first), max(last - STRETCH_S, first))
-    return Stretch(comparison, start, min(start + STRETCH_S, last))
+    return DrawnStretch(comparison, start, min(start + STRETCH_S, last))
 
 
-def comparison_figure(shown: Stretch, failure: Failure | None = None) -> Figure:
+def comparison_figure(shown: DrawnStretch, failure: Failure | None = None) -> Figure:
     """Measured and modelled above, the residual with the floor as a band below.
 
     Args:

@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -13,17 +14,18 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.errors import UserError
 from fingerlab.core.files import OutputSet
+from fingerlab.core.progress import Progress, Watch
 from fingerlab.core.text import estimate_text, score_text
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report import page_tables as tables
-from fingerlab.report.content import Analysis, Content, Prediction, Progress, gather
+from fingerlab.report.content import Analysis, Content, Prediction, gather
 from fingerlab.report.diagnosis_figures import (
     QUANTITIES,
-    Stretch,
+    DrawnStretch,
     chosen_stretches,
     comparison_figure,
     failure_stretch,
@@ -95,20 +97,24 @@ def write_report(
         UserError: a place is taken or cannot be written to, or the sessions cannot be analysed.
         Cancelled: ``cancelled`` answered True.
     """
-    report, extras = _Report(progress, cancelled), extras or Extras()
+    watch, extras = Watch(progress, cancelled), extras or Extras()
+
+    def part(low: float, high: float) -> Progress:
+        return lambda share, what: watch.tell(low + (high - low) * share, what)
+
     try:
         # Claimed before the work, so that a place that cannot be written to is found out at once.
         with OutputSet() as outputs:
-            parts = {place: outputs.claim(place) for place in (path, extras.pdf, extras.equation) if place}
+            places = {place: outputs.claim(place) for place in (path, extras.pdf, extras.equation) if place}
             started = 0.0 if diagnosis is not None else 0.5
             if diagnosis is None:
-                diagnosis = diagnose(sessions, added, report.part(0.0, started), cancelled)
-            content = gather(sessions, diagnosis, report.part(started, 0.75))
-            page = render(content, report.part(0.75, 0.9))
-            _write_files(parts, page, content)
+                diagnosis = diagnose(sessions, added, part(0.0, started), cancelled)
+            content = gather(sessions, diagnosis, part(started, 0.75))
+            page = render(content, part(0.75, 0.9))
+            _write_files(places, page, content)
             if extras.figures is not None:
                 save_figures(page.figures, extras.figures, outputs)
-            report.part(0.9, 1.0)(1.0, "written")
+            part(0.9, 1.0)(1.0, "written")
     except OSError as error:
         raise UserError(
             f"{error.filename or path} cannot be written ({error.strerror}); "
@@ -129,22 +135,6 @@ def _write_files(parts: Mapping[Path, Path], page: Page, content: Content) -> No
             part.write_text(page.text, encoding="utf-8", newline="\n")
 
 
-class _Report:
-    """Progress of one part of the work on the scale of the whole, and the wish to stop."""
-
-    def __init__(self, progress: Progress | None, cancelled: Callable[[], bool] | None) -> None:
-        self._progress, self._cancelled = progress, cancelled
-
-    def part(self, low: float, high: float) -> Progress:
-        def tell(share: float, what: str) -> None:
-            if self._cancelled is not None and self._cancelled():
-                raise Cancelled
-            if self._progress is not None:
-                self._progress(low + (high - low) * share, what)
-
-        return tell
-
-
 @dataclass(frozen=True)
 class Page:
     """The page as text, well-formed as XML too, and its figures by the id that they have in it."""
@@ -159,12 +149,19 @@ def render(content: Content, progress: Progress) -> Page:
     sessions, diagnosis, analysis = content.sessions, content.diagnosis, content.analysis
     pictures = Pictures(progress, _picture_count(diagnosis, analysis))
     title = " + ".join(dict.fromkeys(s.title or s.path.stem for s in sessions))
-    text = _template("page.html.j2").render(
+    templates = Environment(
+        loader=FunctionLoader(partial(_resource, "report")),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    text = templates.get_template("page.html.j2").render(
         title=title,
         versions=versions(),
         written=datetime.now().astimezone().isoformat(timespec="seconds"),
-        style=Markup(_text("page.css")),
-        colours=tomllib.loads(_style_text("colours.toml")),
+        style=Markup(_resource("report", "page.css")),
+        colours=tomllib.loads(_resource("style", "colours.toml")),
         diagnosis=diagnosis,
         verdict=words.verdict_sentence(diagnosis),
         model=words.model_words(diagnosis.model),
@@ -190,7 +187,10 @@ def render(content: Content, progress: Progress) -> Page:
         no_calibration=calibration_sentence(sessions),
         files=tables.file_rows(sessions),
         analysis=analysis,
-        analysis_figures=[] if analysis is None else _analysis_figures(analysis, pictures),
+        analysis_figures=[
+            {"picture": pictures.draw(figure, name.replace("-", " ")), "caption": caption}
+            for name, figure, caption in (() if analysis is None else analysis.figures)
+        ],
     )
     return Page(title, text, pictures.drawn)
 
@@ -249,24 +249,19 @@ def _candidate(candidate: Candidate, pictures: Pictures) -> dict[str, Any]:
         "picture": None
         if print_ is None
         else pictures.draw(fingerprint_figure(print_, candidate.title), f"Fingerprint of {candidate.title}"),
-        "where": "" if print_ is None else _where(candidate),
+        "where": ""
+        if print_ is None
+        else f"{EQUATION_TITLES.get(print_.equation, print_.equation)} against {print_.coordinate}",
     }
 
 
-def _where(candidate: Candidate) -> str:
-    assert candidate.fingerprint is not None
-    equation = candidate.fingerprint.equation
-    return f"{EQUATION_TITLES.get(equation, equation)} against {candidate.fingerprint.coordinate}"
-
-
 def _failure_picture(diagnosis: Diagnosis, pictures: Pictures, many: bool) -> dict[str, Any] | None:
-    if diagnosis.failure is None:
+    failure = diagnosis.failure
+    shown = None if failure is None else failure_stretch(diagnosis.comparisons, failure)
+    if failure is None or shown is None:
         return None
-    shown = failure_stretch(diagnosis.comparisons, diagnosis.failure)
-    if shown is None:
-        return None
-    title = EQUATION_TITLES.get(diagnosis.failure.equation, diagnosis.failure.equation)
-    figure = comparison_figure(shown, diagnosis.failure)
+    title = EQUATION_TITLES.get(failure.equation, failure.equation)
+    figure = comparison_figure(shown, failure)
     return {"picture": pictures.draw(figure, f"{title} where it is worst"), "caption": _caption(shown, many)}
 
 
@@ -302,7 +297,7 @@ def _equations(diagnosis: Diagnosis, pictures: Pictures, many: bool) -> list[dic
     return result
 
 
-def _caption(shown: Stretch, many: bool) -> str:
+def _caption(shown: DrawnStretch, many: bool) -> str:
     one: Comparison = shown.comparison
     name = f"{Path(one.session).name}, run {one.run}" if many else f"run {one.run}"
     return f"{name}, {words.PHASE_WORDS.get(one.phase, one.phase)}, {shown.start:.1f} to {shown.stop:.1f} s"
@@ -320,27 +315,5 @@ def _session(session: Session) -> dict[str, Any]:
     }
 
 
-def _analysis_figures(analysis: Analysis, pictures: Pictures) -> list[dict[str, Any]]:
-    return [
-        {"picture": pictures.draw(figure, name.replace("-", " ")), "caption": caption}
-        for name, figure, caption in analysis.figures
-    ]
-
-
-def _template(name: str) -> Any:
-    environment = Environment(
-        loader=FunctionLoader(_text),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template(name)
-
-
-def _text(name: str) -> str:
-    return resources.files("fingerlab.resources").joinpath("report", name).read_text(encoding="utf-8")
-
-
-def _style_text(name: str) -> str:
-    return resources.files("fingerlab.resources").joinpath("style", name).read_text(encoding="utf-8")
+def _resource(folder: str, name: str) -> str:
+    return resources.files("fingerlab.resources").joinpath(folder, name).read_text(encoding="utf-8")

@@ -13,8 +13,8 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import fingerlab
-from fingerlab.calibration.sensors import SENSORS
 from fingerlab.core.text import (
+    DEGREES,
     decimals_for,
     estimate_text,
     fixed,
@@ -336,9 +336,11 @@ def calibration_rows(session: Session) -> list[CalibrationRow]:
 
 
 def _calibration_row(name: str, record: Mapping[str, Any]) -> CalibrationRow:
+    from fingerlab.calibration.sensors import SENSORS  # its package loads scipy, which tables do without
+
     sensor = SENSORS.get(name)
     unit = str(record.get("unit", ""))
-    factor, shown = (57.29577951308232, "°") if unit == "rad" else (1.0, f" {unit}")
+    factor, shown = (DEGREES, "°") if unit == "rad" else (1.0, f" {unit}")
     gain, offset = (factor * float(record[key]["value"]) for key in ("gain", "offset"))
     line = f"{gain:.4g}{shown}/V · U {'−' if offset < 0 else '+'} {abs(offset):.4g}{shown}"
     verdict = str(record.get("verdict", ""))

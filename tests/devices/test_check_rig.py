@@ -17,14 +17,18 @@ from fingerlab.acquisition.check_rig.walk import STEPS, Step, check_rig
 from fingerlab.acquisition.inline import InlineBench
 from fingerlab.cli.check_rig import check_rig as command
 from fingerlab.core.errors import UserError
+from fingerlab.devices.charge_pump import ChargePump
 from fingerlab.devices.faults import Faults, SensorFault
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.file import default_rig, parse_rig
 
+from .card_bench import BUFFERED, SINGLE
+from .safety_wiring import DEAD_MAN, READY, STOP, WIRED, wired
 from .virtual_card import Card, InProcessChannel, Servicer
 
+LINES = ("lines/emergency_stop", "lines/amplifier_ready", "drive/dead_man")
 OWN = Path(__file__).resolve().parents[2] / "docs" / "own_device_example.py"
 
 
@@ -81,6 +85,7 @@ def test_a_bench_wired_like_its_rig_file_is_confirmed() -> None:
         "assumption/paced-by-the-card",
         "assumption/late-write-is-lost",
         "assumption/fresh-task-reaches-the-output",
+        *LINES,
     }
     assert found["rest/load_cell"].measured["quantity"] == pytest.approx(0.0, abs=0.01)
     assert found["moved/mcp"].measured["peak"] == pytest.approx(0.52, abs=0.02)
@@ -176,7 +181,7 @@ def test_a_device_that_is_lost_ends_the_check_and_is_told() -> None:
 def test_the_three_assumptions_are_measured_on_a_card() -> None:
     card, device = card_with_bench()
     found = outcomes(check_card(card, device))
-    assert {o.state for o in found.values()} == {"confirmed"}
+    assert {o.state for o in found.values() if o.id not in LINES} == {"confirmed"}
     pace = found["assumption/paced-by-the-card"].measured
     assert (pace["cycles"], pace["lost"], pace["samples_a_block"]) == (1999, 0, 1)
     assert pace["seconds"] == pytest.approx(1.999)
@@ -186,8 +191,21 @@ def test_the_three_assumptions_are_measured_on_a_card() -> None:
     assert (card.volts, card.line, card.tasks) == (0.0, False, {})
 
 
+class Holding(Willing):
+    """Holds the pulley until it stands before the dead-man is tried: the simulated gears coast for long."""
+
+    def __init__(self, plant: Any) -> None:
+        super().__init__()
+        self.plant = plant
+
+    def ask(self, step: str, question: str) -> str:
+        if step == "drive/dead_man":
+            self.plant.set_up("motor_bench", "none")
+        return super().ask(step, question)
+
+
 def check_card(card: Card, device: NiCard, steps: Sequence[Step] = STEPS) -> CheckProtocol:
-    return check(device, device.rig, Willing(), clock=card.clock.now, card=True, steps=steps)
+    return check(device, device.rig, Holding(card.plant), clock=card.clock.now, card=True, steps=steps)
 
 
 def only_assumptions(card: Card, device: NiCard) -> dict[str, Outcome]:
@@ -316,9 +334,9 @@ def test_a_rig_without_a_finger_s_sensor_can_be_driven_and_one_without_a_monitor
 
 
 def test_no_more_than_the_test_current_ever_flows_and_the_motor_goes_no_farther_than_it_may() -> None:
-    for wired in ("", "[daq.command]\nsign = -1\n", "[daq.current_monitor]\ngain = 2.5\n"):
+    for otherwise in ("", "[daq.command]\nsign = -1\n", "[daq.current_monitor]\ngain = 2.5\n"):
         card, device = card_with_bench()
-        card.plant = SimulatedBench(Simulation(seed=2), parse_rig(wired, "wired").daq)
+        card.plant = SimulatedBench(Simulation(seed=2), parse_rig(otherwise, "wired").daq)
         device.move_by_hand = card.plant.move_by_hand  # type: ignore[attr-defined]
         outcomes(check(device, device.rig, Willing(), clock=card.clock.now, card=True))
         assert max(abs(volts) for volts, line in card.history if line) <= 0.3 + 1e-9
@@ -338,3 +356,104 @@ def test_a_stop_ends_the_check() -> None:
     bench.close()
     assert list(found)[-1] == "stopped"
     assert "stop is latched" in found["stopped"].sentence
+
+
+class Amplifier(SimulatedBench):
+    """The simulated bench behind the charge pump of a dead-man, at a card that does not know of it."""
+
+    card: Card
+    sticks = False
+
+    def advance(self, volts: float, enabled: bool) -> None:
+        if not hasattr(self, "pump"):
+            self.pump, self.beats = ChargePump(HOLD), 0
+        edges = len(self.card.edges.get(DEAD_MAN, []))
+        for _ in range(edges - self.beats):
+            self.pump.invert()
+        self.beats = edges
+        self.pump.wait(1e-3)
+        super().advance(volts, enabled and (self.pump.on or self.sticks))
+
+
+HOLD = 0.05  # s; the rig file's
+
+
+def wired_card(text: str) -> tuple[Card, NiCard, Amplifier]:
+    """A card with all three lines, its amplifier, and somebody who presses, releases and switches."""
+    rig = parse_rig(text + WIRED, "x")
+    plant = Amplifier(Simulation(seed=2), rig.daq)
+    card = Card(plant)
+    plant.card, card.inputs = card, {STOP: True, READY: True}
+    device = NiCard(rig, card.clock, InProcessChannel(Servicer(card)))
+
+    def move_by_hand(channel: str, amount: float) -> None:
+        if channel == "emergency_stop":
+            card.inputs[STOP] = not amount
+        elif channel == "amplifier_ready":
+            card.inputs[READY] = bool(amount)
+        else:
+            plant.move_by_hand(channel, amount)
+
+    device.move_by_hand = move_by_hand  # type: ignore[attr-defined]
+    return card, device, plant
+
+
+def test_lines_that_the_rig_file_does_not_wire_are_not_applicable() -> None:
+    assert [check_simulated()[line].state for line in LINES] == ["not applicable"] * 3
+
+
+def test_the_lines_of_the_simulated_rig_are_seen() -> None:
+    rig = wired(default_rig())
+    found = outcomes(check(SimulatedRig(rig), rig, Willing()))
+    assert [found[line].state for line in LINES] == ["confirmed"] * 3, [found[k].sentence for k in LINES]
+    assert found["lines/emergency_stop"].measured["bench_stopped"] is True
+    # 47 nF and 820 kOhm hold from the last rising edge on, at most one sample before the beat ended.
+    assert found["drive/dead_man"].measured["hold_time"] == pytest.approx(HOLD, abs=3e-3)
+    assert found["stop"].state == "confirmed"
+
+
+@pytest.mark.parametrize("text", [SINGLE, BUFFERED], ids=["single-point", "buffered"])
+def test_the_lines_of_a_card_are_seen(text: str) -> None:
+    card, device, _ = wired_card(text)
+    found = outcomes(check_card(card, device))
+    assert [found[line].state for line in LINES] == ["confirmed"] * 3, [found[k].sentence for k in LINES]
+    since_charged = 2e-3 if text == SINGLE else 20e-3  # every second edge feeds the pump
+    assert HOLD - since_charged - 1e-3 <= found["drive/dead_man"].measured["hold_time"] <= HOLD
+    assert not card.line
+
+
+def test_a_comparator_that_is_stuck_high_is_found() -> None:
+    card, device, plant = wired_card(SINGLE)
+    plant.sticks = True
+    rig = wired(default_rig())
+    simulated = SimulatedRig(rig, faults=Faults(pump_sticks=True))
+    for found in (outcomes(check_card(card, device)), outcomes(check(simulated, rig, Willing()))):
+        assert found["drive/direction"].state == "confirmed"
+        assert found["drive/dead_man"].state == "failed"
+        assert "stuck high" in found["drive/dead_man"].sentence
+
+
+def test_a_pump_that_holds_for_longer_than_its_rig_file_says_is_found() -> None:
+    rig = wired(default_rig())
+    device = SimulatedRig(rig, wired=wired(default_rig(), WIRED.replace("50", "80")).daq)
+    found = outcomes(check(device, rig, Willing()))["drive/dead_man"]
+    assert found.state == "failed"
+    assert "not 50 ms" in found.sentence
+
+
+def test_lines_with_the_wrong_sense_or_no_wire_are_found() -> None:
+    card, device, _ = wired_card(SINGLE)
+    card.inputs[STOP] = False  # the wire is off
+    found = outcomes(check_card(card, device))
+    assert (found["lines/emergency_stop"].state, found["drive/dead_man"].state) == ("failed", "skipped")
+    assert "reads pressed before anybody" in found["lines/emergency_stop"].sentence
+
+    class Deaf(SimulatedRig):
+        def set_line(self, line: str, on: bool) -> None:
+            """Nothing arrives."""
+
+    rig = wired(default_rig())
+    found = outcomes(check(Deaf(rig), rig, Willing()))
+    assert "still read released" in found["lines/emergency_stop"].sentence
+    assert "read ready without its supply" in found["lines/amplifier_ready"].sentence
+    assert found["drive/dead_man"].state == "skipped"

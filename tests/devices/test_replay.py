@@ -50,6 +50,19 @@ def test_stored_raw_values_are_given_as_they_are(make_session) -> None:
         assert np.array_equal(raw[k], stored + k)
 
 
+def test_the_digital_inputs_are_played_back_where_they_were_recorded(make_session) -> None:
+    pressed = (np.arange(4000) >= 3000).astype(float)
+
+    def add_line(file: h5py.File) -> None:
+        dataset = file["runs/001"].create_dataset("raw/emergency_stop", data=pressed)
+        dataset.attrs["units"] = ""
+        dataset.dims[0].attach_scale(file["runs/001/time"])
+
+    stop, ready = np.array([s.lines for s in all_of(Replay(make_session(change=add_line)))]).T
+    assert np.array_equal(stop, pressed)
+    assert np.isnan(ready).all()  # no such line was recorded
+
+
 def test_a_load_cell_that_was_not_read_is_nan(make_session) -> None:
     samples = all_of(Replay(make_session()))
     assert all(math.isnan(s.raw[0]) for s in samples)

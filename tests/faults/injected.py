@@ -26,17 +26,20 @@ from fingerlab.acquisition.commands import SetUp
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.core.errors import UserError
+from fingerlab.devices.charge_pump import ChargePump
 from fingerlab.devices.clock import VirtualClock
-from fingerlab.devices.faults import Faults
+from fingerlab.devices.faults import Faults, LineFault
 from fingerlab.devices.ni.card import NiCard
-from fingerlab.devices.simulated import SimulatedRig
+from fingerlab.devices.simulated import SimulatedRig, simulated_rig_file
 from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 from fingerlab.sessions.recording_files import PART_SUFFIX, RESERVE_BYTES, PartWriter
+from fingerlab.twin.preset import load_preset
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
 from tests.devices.card_bench import SINGLE, failing, rig_with
+from tests.devices.safety_wiring import DEAD_MAN, READY, STOP, WIRED, wired
 from tests.devices.virtual_card import Card, InProcessChannel, Servicer
 
 AT = 2400
@@ -58,6 +61,7 @@ class Fault:
         card: how a card has it that the fake device's options have no say in: called with the card and the
             cycles since ``AT``, every cycle from there on.
         most_ms: plant time within which output and enable are at zero; None where the run goes on.
+        frozen: the program stands still from cycle ``AT`` on, the bench and its dead-man do not.
         words: in the sentence that the operator reads. phase: of the run.
         card_ms: the same as ``most_ms`` for a card, whose cycles pass while the program is late.
     """
@@ -70,6 +74,7 @@ class Fault:
     words: str = ""
     phase: str = "contact"
     card_ms: int | None = None
+    frozen: bool = False
 
 
 @dataclass(frozen=True)
@@ -137,6 +142,19 @@ def _hiccup(card: Card, since: int) -> None:
         card.hooks["ReadAnalogF64"] = lambda: (card.hooks.clear(), failing(-200284)())[1]
 
 
+def _at_line(line: str, level: bool) -> Callable[[Card, int], None]:
+    """A digital input of the card falls to this level and stays there."""
+
+    def change(card: Card, since: int) -> None:
+        card.inputs[line] = level
+
+    return change
+
+
+def _line(line: str, on: bool) -> dict[str, Any]:
+    return {"lines": (LineFault(line, AT, on),)}
+
+
 def _away(cycles: int, times: int = 1) -> Callable[[Card, int], None]:
     """So many cycles pass unseen, so many times in a row: the program was late for them."""
     return lambda card, since: card.pass_time(cycles) if since < times * (cycles + 1) else None
@@ -172,6 +190,29 @@ FAULTS = [
     ),
     Fault("10 cycles lost", {"lost": {AT: 10}}, card=_away(11), most_ms=None),
     Fault("30 cycles lost at once", {"lost": {AT: 30}}, card=_away(31), words="30 ms", most_ms=31),
+    Fault(
+        "emergency stop pressed",
+        _line("emergency_stop", True),
+        card=_at_line(STOP, False),
+        words="emergency stop was pressed",
+        most_ms=1,
+        phase="on_air",
+    ),
+    Fault(
+        "amplifier no longer ready",
+        _line("amplifier_ready", False),
+        card=_at_line(READY, False),
+        words="no longer ready",
+        most_ms=1,
+        phase="on_air",
+    ),
+    Fault(
+        "computer frozen: the dead-man ends the current",
+        {"lines": ()},
+        words="away for",
+        phase="on_air",
+        frozen=True,
+    ),
     Fault("machine's clock set forward and back by hours", during=set_the_clock, most_ms=None),
     Fault("rig's clock set forward by an hour", {"clock_steps": {AT: 3600.0}}, most_ms=None, phase="on_air"),
     Fault("rig's clock set back by two hours", {"clock_steps": {AT: -7200.0}}, most_ms=None, phase="on_air"),
@@ -190,6 +231,29 @@ class Rotor(FakeDevice):
     def raw(self) -> tuple[float, ...]:
         """What stands at the inputs."""
         return self._raw()
+
+
+class Amplified(Rotor):
+    """The same behind the charge pump of a dead-man, which the card does not know of."""
+
+    card: Card
+
+    def __init__(self, **spoilt: Any) -> None:
+        super().__init__(**spoilt)
+        self.pump, self._beats = ChargePump(0.05), 0
+
+    @property
+    def driven_current(self) -> float:
+        """A, under the card's set value."""
+        return self.card.volts if self.card.line and self.pump.on else 0.0
+
+    def advance(self, volts: float, enabled: bool) -> None:
+        edges = len(self.card.edges.get(DEAD_MAN, ()))
+        for _ in range(edges - self._beats):
+            self.pump.invert()
+        self._beats = edges
+        self.pump.wait(1e-3)
+        super().advance(volts, enabled and self.pump.on)
 
 
 def possible(fault: Fault, card: bool = False) -> bool:
@@ -226,13 +290,21 @@ def _bench(fault: Fault) -> Driven:
     if "clock_steps" in fault.device:
         clock = VirtualClock(1e4)
         return Driven(SimulatedRig(faults=Faults(**fault.device), clock=clock))
+    if "lines" in fault.device:
+        rig = wired(simulated_rig_file(load_preset()))
+        return Driven(SimulatedRig(rig, faults=Faults(**fault.device)))
     return Driven(FakeDevice(**fault.device), Limits(stuck_torque=0.02))
 
 
 def _bench_on_card(fault: Fault) -> Driven:
     spoilt = {name: value for name, value in fault.device.items() if name in ("nan", "stuck", "jump")}
-    card = Card(Rotor(**spoilt))
-    device = NiCard(rig_with(SINGLE), card.clock, InProcessChannel(Servicer(card)))
+    lines = "lines" in fault.device
+    plant = Amplified(**spoilt) if lines else Rotor(**spoilt)
+    card = plant.card = Card(plant)
+    card.inputs = {STOP: True, READY: True}
+    device = NiCard(
+        rig_with(SINGLE + WIRED if lines else SINGLE), card.clock, InProcessChannel(Servicer(card))
+    )
     bench = Driven(device, Limits(stuck_torque=0.02))
     device.virtual = card
     return bench
@@ -245,7 +317,7 @@ def _run(
 
     A full disk comes with the first write that it refuses.
     """
-    came, faults = AT, bench.board[Slot.FAULTS]
+    came, frozen, faults = AT, 0, bench.board[Slot.FAULTS]
     card = getattr(bench.device, "virtual", None)
     while bench.board[Slot.INDEX] < LAST and not bench.loop.ended:
         bench.cycles(1)
@@ -255,16 +327,37 @@ def _run(
         if fault.during is not None and index == AT:
             recorder.poll()
             fault.during(stack, place)
+        if fault.frozen and index == AT:
+            frozen = _freeze(bench.device, card)
         if index % TURN == 0:
             recorder.poll()
             if fault.during is fill_the_disk and bench.board[Slot.RECORDER_ERRORS]:
                 came = index
         if bench.board[Slot.FAULTS] != faults:
-            device = bench.device
-            told = (device.volts, device.enabled) if card is None else (card.volts, card.line)
-            assert told == (0.0, False)
-            return came, max(index, came)
+            assert _told(bench.device, card) == (0.0, False)
+            return came, came + frozen if fault.frozen else max(index, came)
     return came, None
+
+
+def _freeze(device: Any, card: Card | None) -> int:
+    """Let the program stand still until the motor has no current, and longer; ms of plant time to zero."""
+    plant, tick = (device, lambda: device.freeze(1)) if card is None else (card.plant, card.tick)
+    current = []
+    for _ in range(100):
+        current.append(plant.driven_current)
+        tick()
+    assert current[0] != 0.0
+    assert current[-1] == 0.0
+    return int(np.flatnonzero(current)[-1]) + 1
+
+
+def _told(device: Any, card: Card | None) -> tuple[float, bool]:
+    """Set value and enable line at the bench."""
+    if card is not None:
+        return card.volts, card.line
+    if isinstance(device, SimulatedRig):
+        return device.driven_current, device.enabled
+    return device.volts, device.enabled
 
 
 def _finish(recorder: Recorder, sentence: str, path: Path, rescued: Path) -> Path:

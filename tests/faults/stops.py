@@ -44,7 +44,7 @@ def take(path: Path) -> None:
     server = subprocess.Popen(["Xvfb", DISPLAY, "-screen", "0", "1920x1080x24"])
     time.sleep(2.0)
     manager = subprocess.Popen(["openbox"], env=environment)
-    test = "tests/ui/test_stop_everywhere.py"
+    test = "tests/ui/app/test_stop_everywhere.py"
     try:
         command = [
             sys.executable,

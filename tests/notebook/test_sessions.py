@@ -15,7 +15,7 @@ import xarray
 
 import fingerlab
 from fingerlab.core.errors import UserError
-from fingerlab.notebook.display import TextTable, filled
+from fingerlab.notebook.display import ShownTable, filled
 from fingerlab.sessions import Run
 
 MakeSession = Callable[..., Path]
@@ -43,13 +43,15 @@ def test_importing_fingerlab_imports_nothing_else(make_session: MakeSession) -> 
     }
     assert not heavy & imported_by("import fingerlab")
     path = make_session()
+    opened = imported_by(f"import fingerlab; repr(fingerlab.open({str(path)!r}))")
+    assert not {"scipy", "matplotlib", "xarray"} & opened
     opened = imported_by(f"import fingerlab; s = fingerlab.open({str(path)!r}); s.to_xarray()")
     assert {"h5py", "xarray"} <= opened
     assert not {"PySide6", "pyqtgraph", "numba"} & opened
 
 
 def test_what_import_fingerlab_offers_is_listed_and_the_rest_is_refused() -> None:
-    assert {"open", "diagnose", "fit", "load_model", "simulate", "effects"} <= set(dir(fingerlab))
+    assert {"open", "diagnose", "fit", "load_model", "simulate", "catalogue"} <= set(dir(fingerlab))
     with pytest.raises(AttributeError, match="no attribute 'opne'"):
         fingerlab.opne  # type: ignore[attr-defined]  # noqa: B018
 
@@ -130,7 +132,7 @@ def test_the_figure_of_a_run_shows_degrees(make_session: MakeSession) -> None:
 
 
 def test_a_table_aligns_numbers_at_the_right() -> None:
-    table = TextTable(("name", "n"), [("a", "1"), ("bcdef", "100")], frozenset({1}), "two & three")
+    table = ShownTable(("name", "n"), [("a", "1"), ("bcdef", "100")], frozenset({1}), "two & three")
     assert table.text() == "two & three\nname     n\na        1\nbcdef  100"
     assert "two &amp; three" in table.html()
     assert '<td style="text-align:right">100</td>' in table.html()

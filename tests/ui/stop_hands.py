@@ -23,7 +23,7 @@ from fingerlab.acquisition.bench import Bench
 from fingerlab.acquisition.columns import COLUMN, RowFlag
 from fingerlab.acquisition.commands import Enable, Initialise, Release, Reset, SetUp, Start
 from fingerlab.acquisition.machine import Mode
-from fingerlab.errors import UserError
+from fingerlab.core.errors import UserError
 from fingerlab.ui.acquire.acquire_tab import AcquireTab
 from fingerlab.ui.acquire.bench_controller import has_virtual_clock
 from fingerlab.ui.app.stop_key import STOP_KEYS

@@ -27,6 +27,7 @@ from fingerlab.core.text import ScreenUnit
 from ..app.tab_registry import SEPARATOR, Command
 from ..widgets.fields import choice
 from ..widgets.labels import ElidedLabel, header_name
+from ..widgets.layout import described, hbox
 from ..widgets.theme import large_font
 from .acquire_panel import AcquirePanel
 from .live_channels import QUANTITIES, SHOWN
@@ -103,20 +104,14 @@ class PromptBar(QFrame):
         super().__init__(parent)
         self.setObjectName("promptBar")
         self.setAccessibleName("What to do now")
-        self.sentence = QLabel()
-        self.sentence.setObjectName("prompt")
-        self.sentence.setFont(large_font())
+        self.sentence = described(QLabel(), "prompt", font=large_font())
         self.sentence.setWordWrap(True)
         self.button = QPushButton("&Done")
         self.button.setObjectName("promptDone")
         self.button.setProperty("primary", "true")
         self.button.setToolTip("It is done: go on with the protocol (Ctrl+D).")
         self.button.clicked.connect(self._on_done)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(16, 8, 8, 8)
-        layout.setSpacing(16)
-        layout.addWidget(self.sentence, 1)
-        layout.addWidget(self.button)
+        hbox(self, (self.sentence, 1), self.button, margins=(16, 8, 8, 8), spacing=16)
         self.hide()
 
     def ask(self, sentence: str) -> None:
@@ -155,18 +150,11 @@ class PlotToolbar(QWidget):
             "model", MODELS, "Model: its torque and force over the measured ones, with what is left."
         )
         self.model.setMinimumContentsLength(14)
-        self.times = ElidedLabel()
-        self.times.setObjectName("cursorTimes")
-        self.times.setAccessibleName("Times of the cursors")
-        self.differences = ElidedLabel()
-        self.differences.setObjectName("cursorText")
-        self.differences.setAccessibleName("At the cursors")
-        row = QHBoxLayout()
-        row.setSpacing(8)
-        for widget in (self.window_s, self.hold, self.cursors, self.trigger):
-            row.addWidget(widget)
-        row.addWidget(self.times, 1)
-        row.addWidget(self.model)
+        self.times = described(ElidedLabel(), "cursorTimes", accessible="Times of the cursors")
+        self.differences = described(ElidedLabel(), "cursorText", accessible="At the cursors")
+        row = hbox(
+            None, self.window_s, self.hold, self.cursors, self.trigger, (self.times, 1), self.model, spacing=8
+        )
         layout = QGridLayout(self)
         layout.setContentsMargins(8, 4, 8, 0)
         layout.setSpacing(4)
@@ -228,9 +216,7 @@ class TriggerButton(QToolButton):
         self.edge = choice(
             "triggerEdge", {"rising": "Rising", "falling": "Falling"}, "Direction of crossing."
         )
-        self.level = QDoubleSpinBox()
-        self.level.setObjectName("triggerLevel")
-        self.level.setAccessibleName("Level")
+        self.level = described(QDoubleSpinBox(), "triggerLevel", accessible="Level")
         self.level.setRange(-1e5, 1e5)
         self.level.setDecimals(2)
         layout = QGridLayout(form)

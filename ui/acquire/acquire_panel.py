@@ -15,14 +15,15 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QPushButton,
     QStackedWidget,
-    QVBoxLayout,
     QWidget,
 )
 
 from fingerlab.acquisition.beginning import LONGEST_BEFORE_S
 from fingerlab.acquisition.machine import Event, Mode
+from fingerlab.core.text import grouped
 from fingerlab.rig.daq import Limits
 
+from ..app.undo import FormHistory
 from ..widgets.fields import (
     PROGRESS_STEPS,
     ActionButton,
@@ -34,19 +35,14 @@ from ..widgets.fields import (
     set_usable,
 )
 from ..widgets.labels import ElidedLabel, heading, remark
+from ..widgets.layout import FLUSH, described, vbox
 from .bench_controller import BenchController
 from .bench_setup import LOADED_PHASE
-from .form_history import FormHistory
 from .motion_form import MotionForm
 from .recording_control import WRITING, RecordingControl
 from .run_forms import InitialButton, ProtocolForm
 
-PHASES = {
-    "on_air": "On air",
-    "contact": "Contact",
-    "motor_bench": "Motor bench",
-    "free": "Free",
-}
+PHASES = {"on_air": "On air", "contact": "Contact", "motor_bench": "Motor bench", "free": "Free"}
 CABLES = {"extension": "Extension cable", "flexion": "Flexion cable", "none": "No cable"}
 LOAD_HELP = "Known load: torque of a weight on the pulley; above 0 where the motor lifts it turning forwards."
 MOTIONS = (
@@ -113,9 +109,7 @@ class AcquirePanel(QWidget):
         self._make_bench(actions)
         self._make_motion(actions)
         self._make_recording(actions)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(8, 4, 8, 0)
-        layout.setSpacing(4)
+        layout = vbox(self, margins=(8, 4, 8, 0), spacing=4)
         for part in (self._bench, self._motion, self._record):
             for entry in part:
                 if isinstance(entry, QWidget):
@@ -208,9 +202,7 @@ class AcquirePanel(QWidget):
         keeps.setRetainSizeWhenHidden(True)  # nothing below moves when it appears
         self.progress.setSizePolicy(keeps)
         self.progress.hide()
-        self.hand_left = ElidedLabel()
-        self.hand_left.setObjectName("motionLeft")
-        self.hand_left.setAccessibleName("Time left of the motion")
+        self.hand_left = described(ElidedLabel(), "motionLeft", accessible="Time left of the motion")
         self.left = ElidedLabel()
         self.left.setObjectName("protocolLeft")
         for entries in (
@@ -218,9 +210,7 @@ class AcquirePanel(QWidget):
             (self.protocol, self.run, self.progress, self.left),
         ):
             page = QWidget()
-            layout = QVBoxLayout(page)
-            layout.setContentsMargins(0, 0, 0, 0)
-            layout.setSpacing(4)
+            layout = vbox(page, margins=FLUSH, spacing=4)
             for entry in entries:
                 if isinstance(entry, QWidget):
                     layout.addWidget(entry)
@@ -260,9 +250,7 @@ class AcquirePanel(QWidget):
             actions.mark,
         )
         self._make_writing(actions)
-        self.warning = remark()
-        self.warning.setObjectName("recordWarning")
-        self.warning.setAccessibleName("Warning")
+        self.warning = described(remark(), "recordWarning", accessible="Warning")
         self.warning.hide()
         label = QLabel("Before (s)")
         label.setBuddy(self.before)
@@ -368,7 +356,7 @@ class AcquirePanel(QWidget):
         if self._controller.worker.title == WRITING or recording.writing.under_way:
             words = recording.writing.words or f"{WRITING} …"
         elif recording.recording and status is not None:
-            words = f"{status.recorded:,} samples".replace(",", "\u202f")
+            words = f"{grouped(status.recorded)} samples"
         elif session is not None:
             words = f"{session.runs} run{'s' * (session.runs != 1)}, not yet written"
         else:

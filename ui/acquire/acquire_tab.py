@@ -8,18 +8,9 @@ from threading import Event
 from typing import Any
 
 from PySide6.QtCore import QTimer
-from PySide6.QtWidgets import QHBoxLayout, QMessageBox, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QMessageBox, QStackedWidget, QWidget
 
-from fingerlab.acquisition.commands import (
-    Disable,
-    Enable,
-    Finish,
-    Release,
-    Reset,
-    SetUp,
-    Start,
-    Tare,
-)
+from fingerlab.acquisition.commands import Disable, Enable, Finish, Release, Reset, SetUp, Start, Tare
 from fingerlab.acquisition.initial import initial_of
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.protocol import countdown, prompt_of
@@ -30,7 +21,7 @@ from fingerlab.sessions.recording_files import recording_folder
 from ..app.context import ApplicationContext
 from ..app.tab_registry import Tab
 from ..app.worker import Failed
-from ..widgets.layout import SideRoom
+from ..widgets.layout import FLUSH, SideRoom, hbox, vbox
 from .acquire_bars import AcquireHeader, PlotToolbar, PromptBar, acquire_menu
 from .acquire_panel import AcquirePanel, PanelActions
 from .bench_controller import BenchController
@@ -102,17 +93,9 @@ class AcquireTab(Tab):
         self._refresh()
 
     def _build(self) -> None:
-        left = QVBoxLayout()
-        left.setSpacing(0)
-        left.addWidget(self.prompt)
-        left.addWidget(self.toolbar)
-        left.addWidget(self.plots, 1)
+        left = vbox(None, self.prompt, self.toolbar, (self.plots, 1), spacing=0)
         bench = QWidget()
-        across = QHBoxLayout(bench)
-        across.setContentsMargins(0, 0, 0, 0)
-        across.setSpacing(0)
-        across.addLayout(left, 1)
-        across.addWidget(SideRoom(self.panel))
+        hbox(bench, (left, 1), SideRoom(self.panel), margins=FLUSH, spacing=0)
         self.bench_page = bench
         self.pages = QStackedWidget()
         self.pages.addWidget(self.connect_page)

@@ -90,6 +90,7 @@ def open_bench(wanted: BenchRequest, make: MakeBench = in_processes) -> OpenBenc
     from fingerlab.calibration.applying import default_folder, rig_and_attributes
     from fingerlab.devices.choosing import CARD, OWN, REPLAY, choose_device
     from fingerlab.devices.faults import fault_after
+    from fingerlab.devices.protocol import SelfDescribing
     from fingerlab.devices.simulated import Simulation
     from fingerlab.rig.file import load_rig
     from fingerlab.twin.effects import parse_effects
@@ -113,7 +114,7 @@ def open_bench(wanted: BenchRequest, make: MakeBench = in_processes) -> OpenBenc
         device = choice.build()
         known = device.rig  # type: ignore[attr-defined]
         rate = device.rate_hz
-        attributes = dict(getattr(device, "session_attributes", {}))
+        attributes = dict(device.session_attributes) if isinstance(device, SelfDescribing) else {}
     folder = None
     if choice.kind != REPLAY:  # what was recorded has the calibration of its time
         folder = default_folder(wanted.rig_file, "default" if wired else "simulated")

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fingerlab.core.text import DEGREES, ScreenUnit, fixed
-
-DEGREE = ScreenUnit("°", DEGREES)
-DEGREE_A_SECOND = ScreenUnit("°/s", DEGREES)
-MILLI_NEWTON_METRE = ScreenUnit("mN m", 1e3)
-NEWTON = ScreenUnit("N", 1.0)
-AMPERE = ScreenUnit("A", 1.0)
+from fingerlab.core.text import (
+    AMPERE,
+    DEGREE,
+    DEGREE_A_SECOND,
+    MILLI_NEWTON_METRE,
+    NEWTON,
+    ScreenUnit,
+    fixed,
+)
 
 MODELLED_TORQUE = "modelled_torque"
 MODELLED_FORCE = "modelled_force"

@@ -16,7 +16,6 @@ from PySide6.QtWidgets import (
     QMenu,
     QSizePolicy,
     QToolButton,
-    QVBoxLayout,
     QWidget,
     QWidgetAction,
 )
@@ -24,6 +23,7 @@ from PySide6.QtWidgets import (
 from fingerlab.sessions.model import Array
 
 from ..widgets.labels import heading, remark
+from ..widgets.layout import FLUSH, hbox, vbox
 from ..widgets.theme import colours_of, large_font, line
 from .live_canvas import Canvas
 from .live_channels import MODELLED, QUANTITIES, LivePlotSpec, LiveQuantity, LiveTrace
@@ -154,9 +154,7 @@ class LargeReading(QWidget):
         # Nothing moves as digits come and go, and a label of fixed size does not lay out the window.
         self.value.setFixedSize(widest.sizeHint().width() * 5 // 4, self.value.sizeHint().height())
         self.setToolTip(quantity.help)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
+        layout = hbox(self, margins=FLUSH, spacing=4)
         if trace is not None:
             layout.addWidget(Swatch(trace))
         layout.addWidget(remark(quantity.title, wrap=False))
@@ -199,9 +197,7 @@ class LivePane(QWidget):
     def _build(self) -> None:
         spec = self.spec
         self.readings: dict[str, LargeReading] = {}
-        self._row = row = QHBoxLayout()
-        row.setContentsMargins(8, 0, 8, 0)
-        row.setSpacing(16)
+        self._row = row = hbox(None, margins=(8, 0, 8, 0), spacing=16)
         drawn = {trace.column: trace for trace in spec.traces}
         for column in spec.readings:
             self.readings[column] = LargeReading(QUANTITIES[column], drawn.get(column))
@@ -223,11 +219,7 @@ class LivePane(QWidget):
         row.addStretch(1)
         self.scale_button = ScaleButton(spec, self.scale)
         row.addWidget(self.scale_button)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(0)
-        layout.addLayout(row)
-        layout.addWidget(self.canvas, 1)
+        vbox(self, row, (self.canvas, 1), margins=FLUSH, spacing=0)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
 
     # room

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeyEvent
-from PySide6.QtWidgets import QScrollBar, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QScrollBar, QWidget
 
 from fingerlab.acquisition.trigger import crossings
 from fingerlab.core.text import with_minus
 
+from ..widgets.layout import FLUSH, vbox
 from .live_channels import PLOTS, QUANTITIES
 from .live_history import LiveHistory
 from .live_pane import LivePane
@@ -56,9 +57,7 @@ class LivePlots(QWidget):
         self.scroll_bar.setAccessibleName("Scroll back through the last minutes")
         self.scroll_bar.setToolTip("Scroll back through the last four minutes; the end is now.")
         self.scroll_bar.valueChanged.connect(self._on_scrolled)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
+        layout = vbox(self, margins=FLUSH, spacing=4)
         for pane in self.panes.values():
             layout.addWidget(pane, pane.spec.share)
             pane.moved_by_hand.connect(self._on_hand)

@@ -25,6 +25,7 @@ from fingerlab.acquisition.trajectories import (
 )
 
 from ..widgets.fields import choice, number
+from ..widgets.layout import described
 
 LISTS = ("time_s", "angle_deg", "torque_n_m", "amplitude_n_m", "offset_n_m", "sha256")
 """What follows from a file; kept only where the points themselves were handed over."""
@@ -47,9 +48,7 @@ class MotionForm(QWidget):
             "duration", 0.0, 0.0, 36_000.0, 1, 5.0, "Duration: 0 goes on until it is brought to rest."
         )
         self.duration.setSpecialValueText("until stopped")
-        self.file = QPushButton("Choose…")
-        self.file.setObjectName("trajectoryFile")
-        self.file.setToolTip(FILE_HELP)
+        self.file = described(QPushButton("Choose…"), "trajectoryFile", tip=FILE_HELP)
         self._path: Path | None = None
         self._further: dict[str, Any] = {}
         self._form = QFormLayout(self)

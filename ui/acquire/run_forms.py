@@ -207,12 +207,7 @@ class ProtocolForm(QWidget):
 
     @property
     def _numbers(self) -> dict[str, QDoubleSpinBox]:
-        return {
-            "seconds": self.seconds,
-            "rest": self.rest,
-            "force": self.force,
-            "amplitude": self.amplitude,
-        }
+        return {"seconds": self.seconds, "rest": self.rest, "force": self.force, "amplitude": self.amplitude}
 
     def state(self) -> dict[str, Any]:
         """Every field, and the protocol that was handed over."""

@@ -18,7 +18,6 @@ from PySide6.QtWidgets import (
     QDialogButtonBox,
     QFileDialog,
     QFormLayout,
-    QHBoxLayout,
     QLabel,
     QLineEdit,
     QPlainTextEdit,
@@ -29,8 +28,9 @@ from PySide6.QtWidgets import (
 from fingerlab.acquisition.bench import Bench
 from fingerlab.core.errors import Cancelled
 
-from ..app.status_bar import time_left
+from ..app.bars import time_left
 from ..widgets.fields import PROGRESS_STEPS
+from ..widgets.layout import hbox
 
 
 @dataclass
@@ -59,9 +59,7 @@ class DetailsDialog(QDialog):
         self.folder.setObjectName("recordFolder")
         choose = QPushButton("Choose…")
         choose.clicked.connect(self._choose)
-        across = QHBoxLayout()
-        across.addWidget(self.folder, 1)
-        across.addWidget(choose)
+        across = hbox(None, (self.folder, 1), choose)
         self.title_field = QLineEdit(details.title)
         self.operator_field = QLineEdit(details.operator)
         self.notes = QPlainTextEdit(details.notes)

@@ -107,11 +107,7 @@ class ApplicationContext(QObject):
     logged = Signal(str)
 
     def __init__(
-        self,
-        settings: Settings,
-        tasks: Worker,
-        read: OpenCall = read_session,
-        parent: QObject | None = None,
+        self, settings: Settings, tasks: Worker, read: OpenCall = read_session, parent: QObject | None = None
     ) -> None:
         super().__init__(parent)
         self.settings = settings

@@ -8,15 +8,9 @@ from pathlib import Path
 
 from PySide6.QtCore import SignalInstance
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import (
-    QDialog,
-    QDialogButtonBox,
-    QMessageBox,
-    QPlainTextEdit,
-    QTextBrowser,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QMessageBox, QPlainTextEdit, QTextBrowser, QWidget
+
+from ..widgets.layout import described, vbox
 
 
 def ask_to_run(parent: QWidget, path: Path, content: bytes, changed: bool, what: str) -> bool:
@@ -42,10 +36,7 @@ def ask_to_run(parent: QWidget, path: Path, content: bytes, changed: bool, what:
 
 KeySheet = Sequence[tuple[str, Sequence[tuple[str, str]]]]
 
-GENERAL_KEYS = (
-    ("Cancel what is running", "Ctrl+."),
-    ("From field to field", "Tab, Shift+Tab"),
-)
+GENERAL_KEYS = (("Cancel what is running", "Ctrl+."), ("From field to field", "Tab, Shift+Tab"))
 PLOT_KEYS = (
     ("Zoom in and out", "+  −"),
     ("Move", "←  →"),
@@ -56,9 +47,7 @@ PLOT_KEYS = (
 
 def show_keys(sheet: KeySheet, stop_key: str, parent: QWidget) -> QDialog:
     """All keys on one sheet; stays open beside the window."""
-    text = QTextBrowser()
-    text.setAccessibleName("Keys")
-    text.setObjectName("keySheet")
+    text = described(QTextBrowser(), "keySheet", accessible="Keys")
     general = (("Stop the motor", "Esc"), ("The same, by a foot switch", stop_key), *GENERAL_KEYS)
     rows = []
     for title, entries in (("Everywhere", general), *sheet, ("In a plot", PLOT_KEYS)):
@@ -94,10 +83,7 @@ def _show(title: str, text: QWidget, parent: QWidget) -> QDialog:
     dialog.resize(520, 560)
     buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
     buttons.rejected.connect(dialog.close)
-    layout = QVBoxLayout(dialog)
-    layout.setSpacing(8)
-    layout.addWidget(text)
-    layout.addWidget(buttons)
+    vbox(dialog, text, buttons, spacing=8)
     dialog.finished.connect(dialog.deleteLater)
     dialog.show()
     return dialog

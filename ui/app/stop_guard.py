@@ -23,8 +23,9 @@ from PySide6.QtGui import (
     QPointerEvent,
     QWindow,
 )
-from PySide6.QtWidgets import QApplication, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QApplication, QPushButton, QWidget
 
+from ..widgets.layout import FLUSH, vbox
 from .context import ApplicationContext
 from .stop_key import STOP_KEYS, SystemKey
 
@@ -65,9 +66,7 @@ class StandIn(QWidget):
         self.button.setFont(button.font())
         self.button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.button.setMinimumSize(button.size())
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.button)
+        vbox(self, self.button, margins=FLUSH)
         self.winId()  # made now, to belong to the dialog before it is shown
         handle = self.windowHandle()
         assert handle is not None

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QFont, QFontMetrics, QKeySequence
-from PySide6.QtWidgets import QButtonGroup, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QButtonGroup, QPushButton, QWidget
 
+from ..widgets.layout import described, vbox
 from .context import ApplicationContext
 
 if TYPE_CHECKING:
@@ -201,15 +202,11 @@ class Rail(QWidget):
         self.setObjectName("rail")
         self.setAccessibleName("Tabs")
         self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 8, 0, 8)
-        layout.setSpacing(0)
+        layout = vbox(self, margins=(0, 8, 0, 8), spacing=0)
         self._group = QButtonGroup(self)
         self._buttons: dict[str, QPushButton] = {}
         for tab in tabs:
-            button = QPushButton(tab.title)
-            button.setObjectName(f"tab_{tab.key}")
-            button.setProperty("rail", "true")
+            button = described(QPushButton(tab.title), f"tab_{tab.key}", rail="true")
             button.setCheckable(True)
             button.setToolTip(f"{tab.help} (Ctrl+{tab.number})")
             button.setAccessibleName(tab.title)

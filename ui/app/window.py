@@ -10,28 +10,18 @@ from pathlib import Path
 
 from PySide6.QtCore import QEvent, QObject, QSize, QTimer
 from PySide6.QtGui import QCloseEvent, QContextMenuEvent, QDragEnterEvent, QDropEvent
-from PySide6.QtWidgets import (
-    QApplication,
-    QFileDialog,
-    QHBoxLayout,
-    QMainWindow,
-    QMessageBox,
-    QStackedWidget,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QApplication, QFileDialog, QMainWindow, QMessageBox, QStackedWidget, QWidget
 
 import fingerlab
 
-from ..widgets.layout import Room
+from ..widgets.layout import FLUSH, Room, hbox, vbox
 from ..widgets.theme import apply_appearance
 from . import dialogs, tab_registry
+from .bars import FrameHeader, MessageBar, StatusBar
 from .context import ApplicationContext, OpenCall, RigLine, read_session
-from .header import FrameHeader, MessageBar
 from .menus import MenuChoices, Menus, WindowCommands
 from .plot_menu import PlotMenu
 from .settings import Settings
-from .status_bar import StatusBar
 from .stop_guard import StopGuard
 from .tab_registry import Rail, Tab, TabEntry
 from .worker import Failed, Worker
@@ -114,21 +104,10 @@ class MainWindow(QMainWindow):
         self.work = QStackedWidget()
         self.status = StatusBar(self.tasks)
         self.task_bar = self.status.tasks
-        right = QVBoxLayout()
-        right.setSpacing(0)
-        right.addWidget(self.header)
-        right.addWidget(self.message)
-        right.addWidget(self.work, 1)
-        across = QHBoxLayout()
-        across.setSpacing(0)
-        across.addWidget(self.rail)
-        across.addLayout(right, 1)
+        right = vbox(None, self.header, self.message, (self.work, 1), spacing=0)
+        across = hbox(None, self.rail, (right, 1), spacing=0)
         body = QWidget()
-        layout = QVBoxLayout(body)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(0)
-        layout.addLayout(across, 1)
-        layout.addWidget(self.status)
+        vbox(body, (across, 1), self.status, margins=FLUSH, spacing=0)
         self.setCentralWidget(body)
 
     def _commands(self) -> WindowCommands:

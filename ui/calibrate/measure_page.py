@@ -7,7 +7,6 @@ from collections.abc import Callable
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QAbstractItemView,
-    QHBoxLayout,
     QHeaderView,
     QLabel,
     QProgressBar,
@@ -22,10 +21,10 @@ from fingerlab.calibration.wizard import Phase, Wizard
 
 from ..widgets.fields import ActionButton, row
 from ..widgets.labels import heading, remark
+from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
 from ..widgets.theme import large_font, small_font
-from .calibration_plots import LivePlot
+from .calibration_pictures import LivePlot, Picture, StabilityLight
 from .calibration_words import held_together
-from .step_picture import Picture, StabilityLight
 
 PANEL_WIDTH = 304
 NUMBERS = (0, 2)
@@ -61,10 +60,9 @@ class MeasurePage(QWidget):
         self.progress.setTextVisible(False)
         self.progress.setAccessibleName("Hold of this step")
         self.light = StabilityLight()
-        self.volts = QLabel("– V")
-        self.volts.setObjectName("calibrationVolts")
-        self.volts.setFont(large_font())
-        self.volts.setAccessibleName("Reading in volts")
+        self.volts = described(
+            QLabel("– V"), "calibrationVolts", accessible="Reading in volts", font=large_font()
+        )
         self.doubt = heading()
         self.doubt.setObjectName("calibrationDoubt")
         self.doubt.setWordWrap(True)
@@ -80,29 +78,13 @@ class MeasurePage(QWidget):
         self._build()
 
     def _build(self) -> None:
-        words = QVBoxLayout()
-        words.setSpacing(8)
-        words.addWidget(self.step)
-        words.addWidget(self.words)
-        words.addWidget(self.doubt)
-        words.addStretch(1)
-        reading = QHBoxLayout()
-        reading.setSpacing(16)
-        reading.addWidget(self.light)
-        reading.addWidget(self.volts)
-        reading.addStretch(1)
+        words = vbox(None, self.step, self.words, self.doubt, Spacer(1), spacing=8)
+        reading = hbox(None, self.light, self.volts, Spacer(1), spacing=16)
         words.addLayout(reading)
         words.addWidget(self.state)
         words.addWidget(self.progress)
-        top = QHBoxLayout()
-        top.setSpacing(16)
-        top.addWidget(self.picture)
-        top.addLayout(words, 1)
-        left = QVBoxLayout()
-        left.setContentsMargins(16, 16, 8, 8)
-        left.setSpacing(8)
-        left.addLayout(top)
-        left.addWidget(self.plot, 1)
+        top = hbox(None, self.picture, (words, 1), spacing=16)
+        left = vbox(None, top, (self.plot, 1), margins=(16, 16, 8, 8), spacing=8)
         panel = QWidget()
         panel.setObjectName("acquirePanel")
         panel.setFixedWidth(PANEL_WIDTH)
@@ -114,11 +96,7 @@ class MeasurePage(QWidget):
         side.addLayout(row(self.undo, self.redo))
         side.addWidget(self.take)
         side.addWidget(self.leave)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(0)
-        layout.addLayout(left, 1)
-        layout.addWidget(panel)
+        hbox(self, (left, 1), panel, margins=FLUSH, spacing=0)
 
     def show_steps(self, wizard: Wizard) -> None:
         """What changes only when a step is captured or taken back."""
@@ -193,9 +171,7 @@ def _fill(table: QTableWidget, rows: list[tuple[str, str, str, str]]) -> None:
 
 
 def _steps_table() -> QTableWidget:
-    table = QTableWidget(0, 4)
-    table.setObjectName("calibrationSteps")
-    table.setAccessibleName("Steps and their readings")
+    table = described(QTableWidget(0, 4), "calibrationSteps", accessible="Steps and their readings")
     table.setHorizontalHeaderLabels(["mark", "pass", "read (V)", ""])
     for column in range(4):
         title = table.horizontalHeaderItem(column)

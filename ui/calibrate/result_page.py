@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QLineEdit, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QLabel, QLineEdit, QVBoxLayout, QWidget
 
 from fingerlab.calibration.outcome import CalibrationOutcome, amount_text
 from fingerlab.calibration.store import CalibrationRecord
 
 from ..widgets.fields import ActionButton
 from ..widgets.labels import WholeLabel, heading, remark
-from ..widgets.layout import SideRoom
-from .calibration_plots import FitPlot, ResidualPlot
+from ..widgets.layout import FLUSH, SideRoom, hbox
+from .calibration_pictures import FitPlot, ResidualPlot
 from .calibration_words import listed, number_rows, verdict_words
 
 PANEL_WIDTH = 400
@@ -100,11 +100,7 @@ class ResultPage(QWidget):
         side.setSpacing(0)
         side.addWidget(SideRoom(told), 1)  # many words scroll; the buttons stay in sight
         side.addLayout(decision)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(0)
-        layout.addLayout(left, 1)
-        layout.addWidget(panel)
+        hbox(self, (left, 1), panel, margins=FLUSH, spacing=0)
 
     def show_outcome(
         self, outcome: CalibrationOutcome, previous: CalibrationRecord | None, notes: list[str], back: str

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 from PySide6.QtCore import QObject, QTimer, Signal
-from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QWidget
 
 from fingerlab.acquisition.columns import COLUMN
 from fingerlab.acquisition.ring import RingReader
@@ -17,6 +17,7 @@ from fingerlab.calibration.store import CalibrationRecord
 from ..app.context import ApplicationContext
 from ..widgets.fields import ActionButton, centred_column
 from ..widgets.labels import heading, remark
+from ..widgets.layout import hbox, vbox
 from .calibration_words import SENSOR_NAMES, record_words
 
 TICK_MS = 50
@@ -122,10 +123,7 @@ class StartPage(QWidget):
                 "stands still. The result is compared with the data sheet and the calibration before."
             )
         )
-        across = QHBoxLayout()
-        across.setSpacing(16)
-        across.addWidget(self.rig, 1)
-        across.addWidget(self.connect_rig)
+        across = hbox(None, (self.rig, 1), self.connect_rig, spacing=16)
         inner.addLayout(across)
         inner.addLayout(self._sensors())
         inner.addWidget(self.folder)
@@ -141,9 +139,7 @@ class StartPage(QWidget):
         grid.setVerticalSpacing(16)
         grid.setColumnStretch(0, 1)
         for row, name in enumerate(SENSORS):
-            words = QVBoxLayout()
-            words.setSpacing(0)
-            words.addWidget(heading(SENSOR_NAMES[name]))
+            words = vbox(None, heading(SENSOR_NAMES[name]), spacing=0)
             self.current[name] = remark()
             self.current[name].setObjectName(f"current-{name}")
             words.addWidget(self.current[name])

@@ -7,7 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pyqtgraph as pg
 
-from fingerlab.core.text import DEGREES, ScreenUnit, r2_text
+from fingerlab.core.text import (
+    DEGREE_A_SECOND,
+    DEGREES,
+    MILLI_NEWTON_METRE,
+    ScreenUnit,
+    r2_text,
+)
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.inspection import FitView, Plane
 from fingerlab.thesis.traces import JOINT_TITLES, Joint
@@ -35,7 +41,7 @@ class SpeedPlot(QuietPlot):
         )
         self.joint = joint
         self.view: FitView | None = None
-        self.name_axes(f"{JOINT_TITLES[joint]} speed", ScreenUnit("°/s", DEGREES), "Time in the period (s)")
+        self.name_axes(f"{JOINT_TITLES[joint]} speed", DEGREE_A_SECOND, "Time in the period (s)")
         self.setToolTip(
             f"dθ/dt of the {JOINT_TITLES[joint]} joint, °/s, flexion positive: mean over the run's periods.\n"
             "Dashed: the thresholds, ± a share of its range. Above is flexion, below extension, between them "
@@ -105,7 +111,7 @@ class PlanePlot(QuietPlot):
     def redraw(self) -> None:
         plot, shown = self.getPlotItem(), self.plane
         plot.clear()
-        self.name_axes(f"{JOINT_TITLES[self.joint]} torque", ScreenUnit("mN m", 1e3), "Cable tension (N)")
+        self.name_axes(f"{JOINT_TITLES[self.joint]} torque", MILLI_NEWTON_METRE, "Cable tension (N)")
         if shown is None:
             plot.setRange(xRange=(-1, 1), yRange=(-1, 1), padding=0)
             if self.region:

@@ -7,16 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import (
-    QComboBox,
-    QFileDialog,
-    QHBoxLayout,
-    QLabel,
-    QPushButton,
-    QStackedWidget,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QStackedWidget, QWidget
 
 from fingerlab.models.file import save_model
 from fingerlab.signals.periods import THRESHOLDS_PERCENT
@@ -28,7 +19,7 @@ from ..app.context import ApplicationContext
 from ..app.tab_registry import Command, Tab
 from ..app.worker import IsCancelled, Progress
 from ..widgets.labels import header_name, heading, remark
-from ..widgets.layout import lay_out_invitation
+from ..widgets.layout import described, hbox, lay_out_invitation, vbox
 from .fit_view import FitResultView
 
 if TYPE_CHECKING:
@@ -61,28 +52,21 @@ class FitPanel(QWidget):
         self.method = _choice("method", "Regions", [(METHOD_WORDS[m], m) for m in get_args(Method)])
         self.delay = _choice("delay", "Delay", [(DELAY_WORDS[d], d) for d in get_args(Delay)])
         self.threshold = _choice(
-            "threshold",
-            "Threshold",
-            [(f"{t} % of the speed range", float(t)) for t in THRESHOLDS_PERCENT],
+            "threshold", "Threshold", [(f"{t} % of the speed range", float(t)) for t in THRESHOLDS_PERCENT]
         )
         self.method.setToolTip("Into which parts of the period the runs are cut; each has a line of its own.")
         self.threshold.setToolTip(
             "Joint speed that parts motion from standstill, thesis sections 4.1 and 4.2."
         )
         self.delay.setToolTip("The tension is shifted by the delay before the line is fitted.")
-        self.analyse = QPushButton("&Analyse the runs on air")
-        self.analyse.setObjectName("analyse")
-        self.analyse.setProperty("primary", "true")
+        self.analyse = described(QPushButton("&Analyse the runs on air"), "analyse", primary="true")
         self.save = QPushButton("&Save model file…")
         self.save.setObjectName("saveModel")
         self.run = _choice("fitRun", "Run shown", [])
         self.run.setToolTip("Run that the plots show (Alt+Up, Alt+Down for the next); the table is of all.")
         self.remarks = remark()
         self.remarks.setObjectName("fitRemarks")
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(8, 0, 0, 0)
-        layout.setSpacing(4)
-        layout.addWidget(heading("How to fit"))
+        layout = vbox(self, heading("How to fit"), margins=(8, 0, 0, 0), spacing=4)
         for title, box in (("Re&gions", self.method), ("&Delay", self.delay), ("&Threshold", self.threshold)):
             layout.addWidget(_label(title, box))
             layout.addWidget(box)
@@ -121,9 +105,7 @@ class FitPanel(QWidget):
 
 
 def _choice(name: str, words: str, entries: Sequence[tuple[str, object]]) -> QComboBox:
-    box = QComboBox()
-    box.setObjectName(name)
-    box.setAccessibleName(words)
+    box = described(QComboBox(), name, accessible=words)
     for text, data in entries:
         box.addItem(text, data)
     return box
@@ -183,10 +165,7 @@ class FitTab(Tab):
         self.empty_open.setProperty("primary", "true")
         self.empty_open.clicked.connect(self.context.open_asked)
         lay_out_invitation(self.empty, self.empty_title, self.empty_text, self.empty_open)
-        across = QHBoxLayout(self.widget)
-        across.setContentsMargins(8, 8, 8, 8)
-        across.addWidget(self.pages, 1)
-        across.addWidget(self.panel)
+        hbox(self.widget, (self.pages, 1), self.panel, margins=(8, 8, 8, 8))
 
     def window_title(self) -> str:
         return self.sessions[0].path.name if self.sessions else ""

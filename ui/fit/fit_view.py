@@ -10,11 +10,16 @@ from PySide6.QtWidgets import (
     QHeaderView,
     QLabel,
     QTableWidgetItem,
-    QVBoxLayout,
     QWidget,
 )
 
-from fingerlab.core.text import ScreenUnit, in_words, r2_text, with_minus
+from fingerlab.core.text import (
+    MILLISECOND,
+    UNITLESS,
+    in_words,
+    r2_text,
+    with_minus,
+)
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.fitting import delay_estimate
 from fingerlab.thesis.inspection import Inspection
@@ -22,7 +27,7 @@ from fingerlab.thesis.onair import RegionResult
 from fingerlab.thesis.traces import JOINT_TITLES, JOINTS, Joint
 
 from ..widgets.labels import WholeLabel
-from ..widgets.layout import Panes
+from ..widgets.layout import FLUSH, Panes, vbox
 from ..widgets.tables import NumberTable
 from ..widgets.theme import colours_of, small_font
 from .fit_plots import REGION_COLOURS, PlanePlot, RunBars, SpeedPlot
@@ -137,12 +142,12 @@ class FitResultView(QWidget):
         self.run = ""
         self.speeds = {joint: SpeedPlot(joint) for joint in JOINTS}
         self.plane = PlanePlot()
-        self.r2 = RunBars("r2Bars", "R²", ScreenUnit("", 1.0), top=1.06)
+        self.r2 = RunBars("r2Bars", "R²", UNITLESS, top=1.06)
         self.r2.setToolTip(
             "R² = 1 − Σ(LHS − line)² / Σ(LHS − mean)²: share of the joint torque's variance that the line of "
             "the region explains, by run."
         )
-        self.delays = RunBars("delayBars", "Delay of torque after tension", ScreenUnit("ms", 1e3))
+        self.delays = RunBars("delayBars", "Delay of torque after tension", MILLISECOND)
         self.delays.setToolTip(
             "Δt, ms: by how much the joint torque LHS comes after the cable tension T, by run and region; "
             "positive where the tension is first."
@@ -172,9 +177,7 @@ class FitResultView(QWidget):
             grid.addWidget(plot, 1, column)
             grid.setColumnStretch(column, share)
         self.panes = Panes("fit", ((above, 5), (middle, 6), (self.table, 5)), (200, 260, 220))
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.panes)
+        vbox(self, self.panes, margins=FLUSH)
 
     def show_inspection(self, found: Inspection) -> None:
         """Another fit."""

@@ -17,13 +17,11 @@ from PySide6.QtCore import (
 )
 from PySide6.QtGui import QColor, QFont, QFontMetrics, QKeyEvent, QPainter
 from PySide6.QtWidgets import (
-    QHBoxLayout,
     QListView,
     QPushButton,
     QStyle,
     QStyledItemDelegate,
     QStyleOptionViewItem,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -33,6 +31,7 @@ from fingerlab.report.diagnosis_words import suspects
 
 from ..widgets.fields import set_usable
 from ..widgets.labels import WholeLabel
+from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
 from ..widgets.theme import Colours, colours_of, large_font, small_font, tint
 from .result_words import NOTHING, OUTCOME_TITLES, UNKNOWN, best_choice, set_help, set_words, verdict_headline
 
@@ -211,18 +210,10 @@ class CandidatesPanel(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.verdict = WholeLabel()
-        self.verdict.setProperty("role", "heading")
-        self.verdict.setFont(large_font())
-        self.verdict.setObjectName("verdict")
-        self.set_text = WholeLabel()
-        self.set_text.setProperty("role", "muted")
-        self.set_text.setFont(small_font())
-        self.set_text.setObjectName("setText")
+        self.verdict = described(WholeLabel(), "verdict", font=large_font(), role="heading")
+        self.set_text = described(WholeLabel(), "setText", font=small_font(), role="muted")
         self.list = CandidateList(self)
-        self.view = CandidateView()
-        self.view.setObjectName("candidates")
-        self.view.setAccessibleName("Candidates, best first")
+        self.view = described(CandidateView(), "candidates", accessible="Candidates, best first")
         self.view.setModel(self.list)
         self.view.setItemDelegate(CandidateDelegate(self.view))
         self.view.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
@@ -230,9 +221,7 @@ class CandidatesPanel(QWidget):
         self.view.setUniformItemSizes(True)
         # Where room is short the list gives way and scrolls, not the words above it.
         self.view.setMinimumHeight(LEAST_ROWS * 2 * self.fontMetrics().height())
-        self.add_button = QPushButton("Add &to model")
-        self.add_button.setObjectName("addToModel")
-        self.add_button.setProperty("primary", "true")
+        self.add_button = described(QPushButton("Add &to model"), "addToModel", primary="true")
         self._layout()
         self._busy = False
         self.view.selectionModel().currentChanged.connect(self._on_current)
@@ -242,15 +231,8 @@ class CandidatesPanel(QWidget):
         self._update_button()
 
     def _layout(self) -> None:
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
-        layout.addWidget(self.verdict)
-        layout.addWidget(self.set_text)
-        layout.addWidget(self.view, 1)
-        row = QHBoxLayout()
-        row.addWidget(self.add_button)
-        row.addStretch(1)
+        layout = vbox(self, self.verdict, self.set_text, (self.view, 1), margins=FLUSH, spacing=4)
+        row = hbox(None, self.add_button, Spacer(1))
         layout.addLayout(row)
 
     def show_diagnosis(self, diagnosis: Diagnosis | None) -> None:

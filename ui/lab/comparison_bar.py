@@ -15,6 +15,7 @@ from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Comparison, Equa
 from fingerlab.sessions.model import Session
 
 from ..widgets.labels import ElidedLabel
+from ..widgets.layout import FLUSH, described, hbox
 from ..widgets.theme import Colours, colours_of, line, small_font, tint
 from .comparison_curves import joined
 from .result_words import FLOOR_HELP, equation_text, error_texts, run_text
@@ -187,17 +188,14 @@ class ComparisonBar(QWidget):
         self._comparisons: dict[tuple[str, str], Comparison] = {}
         self._sessions: dict[str, Session] = {}
         self._error = ("", "")
-        self._layout = QHBoxLayout(self)
-        self._layout.setContentsMargins(0, 0, 0, 0)
-        self._layout.setSpacing(4)
+        self._layout = hbox(self, margins=FLUSH, spacing=4)
         self._group = QButtonGroup(self)
         self._buttons: dict[str, QPushButton] = {}
         for equation in EQUATION_TITLES:
             self._add_button(equation)
-        self.runs = QComboBox()
-        self.runs.setObjectName("runs")
-        self.runs.setAccessibleName("Run shown")
-        self.runs.setToolTip("Run shown (Alt+Up, Alt+Down for the next).")
+        self.runs = described(
+            QComboBox(), "runs", accessible="Run shown", tip="Run shown (Alt+Up, Alt+Down for the next)."
+        )
         self.runs.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self.runs.setMinimumContentsLength(4)
         self.runs.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)

@@ -112,10 +112,7 @@ class LabController(QObject):
     activity_changed = Signal()
 
     def __init__(
-        self,
-        tasks: Worker,
-        diagnose: DiagnoseCall | None = None,
-        parent: QObject | None = None,
+        self, tasks: Worker, diagnose: DiagnoseCall | None = None, parent: QObject | None = None
     ) -> None:
         super().__init__(parent)
         self.tasks = tasks

@@ -8,21 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from PySide6.QtCore import QEvent, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter, QPaintEvent, QPen
-from PySide6.QtWidgets import (
-    QGridLayout,
-    QHBoxLayout,
-    QLabel,
-    QPushButton,
-    QSizePolicy,
-    QToolTip,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QSizePolicy, QToolTip, QWidget
 
 from fingerlab.core.text import r2_text, score_text
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence
 
 from ..widgets.fields import set_usable
+from ..widgets.layout import FLUSH, Spacer, hbox, vbox
 from ..widgets.series import Series
 from ..widgets.theme import Colours, colours_of, small_font, tint
 from .controller import ModelHistory
@@ -47,9 +39,7 @@ def bars_of(history: ModelHistory) -> list[ErrorBar]:
     done = history.done
     bars = [
         ErrorBar(
-            f"+ {effect_title(step.last_added)}" if step.last_added else "Nominal",
-            step.diagnosis.score,
-            True,
+            f"+ {effect_title(step.last_added)}" if step.last_added else "Nominal", step.diagnosis.score, True
         )
         for step in done
     ]
@@ -248,18 +238,8 @@ class PathPanel(QWidget):
         self.redo.setObjectName("redo")
         self.undo.clicked.connect(self.undo_asked)
         self.redo.clicked.connect(self.redo_asked)
-        buttons = QVBoxLayout()
-        buttons.setSpacing(8)
-        buttons.addStretch(1)
-        buttons.addWidget(self.undo)
-        buttons.addWidget(self.redo)
-        buttons.addStretch(1)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(16)
-        layout.addWidget(self.path, 1)
-        layout.addLayout(buttons)
-        layout.addWidget(self.table)
+        buttons = vbox(None, Spacer(1), self.undo, self.redo, Spacer(1), spacing=8)
+        hbox(self, (self.path, 1), buttons, self.table, margins=FLUSH, spacing=16)
 
     def show_history(self, history: ModelHistory | None) -> None:
         """Show the path, the errors, and what undo and redo would do."""

@@ -8,7 +8,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QPen
-from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QWidget
 
 from fingerlab.core.text import ScreenUnit, estimate_text, printed, screen_unit
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Candidate, Diagnosis, Fingerprint
@@ -16,6 +16,7 @@ from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed,
 from fingerlab.sessions.model import Array
 
 from ..widgets.labels import ElidedLabel, WholeLabel
+from ..widgets.layout import FLUSH, described, vbox
 from ..widgets.plots import bottom_axis_height, colour_plot, label_left, prepare_plot, span_of
 from ..widgets.series import Series
 from ..widgets.theme import colours_of, line, small_font, tint
@@ -204,16 +205,10 @@ class EvidencePanel(QWidget):
         font.setBold(True)
         self.title.setFont(font)
         self.title.setObjectName("evidenceTitle")
-        self.explanation = WholeLabel()
-        self.explanation.setFont(small_font())
-        self.explanation.setObjectName("explanation")
+        self.explanation = described(WholeLabel(), "explanation", font=small_font())
         self.plot = FingerprintPlot()
         self.plot.setMinimumHeight(LEAST_PLOT)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
-        layout.addWidget(self.title)
-        layout.addWidget(self.explanation)
+        layout = vbox(self, self.title, self.explanation, margins=FLUSH, spacing=4)
         keys = QHBoxLayout()
         keys.setContentsMargins(72, 0, 0, 0)
         self.keys = LegendKeys(FINGERPRINT, wraps=True)

@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QButtonGroup, QHBoxLayout, QPushButton, QVBoxLayou
 
 from ..widgets.fields import set_usable
 from ..widgets.labels import header_name, heading, remark
+from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
 from ..widgets.theme import large_font
 
 
@@ -33,10 +34,7 @@ class LabHeader(QWidget):
         self.open = QPushButton("Open…")
         self.open.setObjectName("open")
         self.open.setToolTip("Open a session file (Ctrl+O), or drop one here.")
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(16, 4, 8, 4)
-        layout.setSpacing(8)
-        layout.addWidget(self.name, 1)
+        layout = hbox(self, (self.name, 1), margins=(16, 4, 8, 4), spacing=8)
         for button, signal in (
             (self.reveal, self.reveal_asked),
             (self.report, self.report_asked),
@@ -72,9 +70,7 @@ class LabStartPage(QWidget):
             "Open a session file, or drop one here. Measured and modelled will then stand side by side, with "
             "where the model fails and which physical effect is missing."
         )
-        self.open = QPushButton("&Open a session…")
-        self.open.setProperty("primary", "true")
-        self.open.setObjectName("emptyOpen")
+        self.open = described(QPushButton("&Open a session…"), "emptyOpen", primary="true")
         self.practise = QPushButton("&Practise on a hidden effect")
         self.practise.setObjectName("practise")
         self.practise.setToolTip(
@@ -82,11 +78,7 @@ class LabStartPage(QWidget):
         )
         self.open.clicked.connect(self.open_asked)
         self.practise.clicked.connect(self.practise_asked)
-        buttons = QHBoxLayout()
-        buttons.setSpacing(8)
-        buttons.addWidget(self.open)
-        buttons.addWidget(self.practise)
-        buttons.addStretch(1)
+        buttons = hbox(None, self.open, self.practise, Spacer(1), spacing=8)
         self.doing = remark()
         self.doing.setObjectName("emptyDoing")
         self.doing.hide()
@@ -95,22 +87,12 @@ class LabStartPage(QWidget):
         self._recent.setSpacing(0)
         column = QWidget()
         column.setMaximumWidth(START_WIDTH)
-        inner = QVBoxLayout(column)
-        inner.setSpacing(16)
-        inner.addWidget(title)
-        inner.addWidget(text)
-        inner.addLayout(buttons)
-        inner.addWidget(self.doing)
-        inner.addWidget(self._recent_title)
-        inner.addLayout(self._recent)
+        vbox(column, title, text, buttons, self.doing, self._recent_title, self._recent, spacing=16)
         across = QHBoxLayout()
         across.addStretch(1)
         across.addWidget(column, 100)  # takes all up to its widest, so that its text gets the height it needs
         across.addStretch(1)
-        layout = QVBoxLayout(self)
-        layout.addStretch(2)
-        layout.addLayout(across)
-        layout.addStretch(3)
+        vbox(self, Spacer(2), across, Spacer(3))
 
     def show_practice(self, on: bool) -> None:
         """While a practice session is recorded say so where it was asked for, too."""
@@ -188,9 +170,7 @@ class StepsColumn(QWidget):
         super().__init__(parent)
         self.setObjectName("steps")
         self.setAccessibleName("Steps of the Model lab")
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(0)
+        layout = vbox(self, margins=FLUSH, spacing=0)
         self._group = QButtonGroup(self)
         self._buttons: dict[str, QPushButton] = {}
         self._results = {}

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QHBoxLayout, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QStackedWidget, QWidget
 
 from fingerlab.diagnosis.answer.where import Profile, stretches_in, worst_run
 from fingerlab.report.diagnosis_words import bin_words, not_shown
 
-from ..widgets.layout import Panes
+from ..widgets.layout import FLUSH, Panes, Spacer, hbox, vbox
 from .candidates import CandidatesPanel
 from .comparison_bar import ComparisonBar, LegendRow
 from .comparison_plot import ComparisonPlot
@@ -52,30 +52,17 @@ class LabView(QWidget):
 
     def _build(self) -> None:
         upper = QWidget()
-        plots = QVBoxLayout(upper)
-        plots.setContentsMargins(0, 0, 0, 0)
-        plots.setSpacing(4)
-        plots.addWidget(self.bar)
-        plots.addWidget(self.legend)
-        plots.addWidget(self.plot, 1)
+        vbox(upper, self.bar, self.legend, (self.plot, 1), margins=FLUSH, spacing=4)
         self.right = QStackedWidget()
         for panel in (self.evidence, self.where, self.truth):
             self.right.addWidget(panel)
         middle = QWidget()
-        row = QHBoxLayout(middle)
-        row.setContentsMargins(0, 4, 0, 4)
-        row.setSpacing(16)
-        row.addWidget(self.candidates, 4)
-        row.addWidget(self.right, 5)
+        hbox(middle, (self.candidates, 4), (self.right, 5), margins=(0, 4, 0, 4), spacing=16)
         parts = ((upper, 11), (middle, 9), (self.path, 4))
         self.panes = Panes("model_lab", parts, (360, 272, 100))
         self.steps.setFixedWidth(STEPS_WIDTH)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(8, 8, 8, 8)
-        layout.setSpacing(8)
-        left = QVBoxLayout()
-        left.addWidget(self.steps)
-        left.addStretch(1)
+        layout = hbox(self, margins=(8, 8, 8, 8), spacing=8)
+        left = vbox(None, self.steps, Spacer(1))
         layout.addLayout(left)
         layout.addWidget(self.panes, 1)
 

@@ -11,7 +11,6 @@ from PySide6.QtWidgets import (
     QDialog,
     QDialogButtonBox,
     QFileDialog,
-    QHBoxLayout,
     QLabel,
     QLayout,
     QListWidget,
@@ -25,6 +24,7 @@ from fingerlab.core.errors import UserError
 
 from ..app.dialogs import ask_to_run
 from ..widgets.labels import remark
+from ..widgets.layout import Spacer, described, hbox
 
 if TYPE_CHECKING:
     from fingerlab.effects.own import OwnFile
@@ -49,9 +49,7 @@ class OwnEffects(QDialog):
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.place = remark("")
         self.place.setObjectName("ownFolder")
-        self.files = QListWidget()
-        self.files.setObjectName("ownFiles")
-        self.files.setAccessibleName("Files of own effects")
+        self.files = described(QListWidget(), "ownFiles", accessible="Files of own effects")
         self.files.setWordWrap(True)
         self.files.currentRowChanged.connect(lambda _row: self._refresh_buttons())
         self.problem = QLabel()
@@ -75,14 +73,8 @@ class OwnEffects(QDialog):
     def _build(self) -> None:
         layout = QVBoxLayout(self)
         layout.setSizeConstraint(QLayout.SizeConstraint.SetNoConstraint)  # words may grow, the window stays
-        top = QHBoxLayout()
-        top.addWidget(self.place, 1)
-        top.addWidget(self.choose)
-        beside = QHBoxLayout()
-        beside.addWidget(self.trust)
-        beside.addWidget(self.untrust)
-        beside.addStretch(1)
-        beside.addWidget(self.forget)
+        top = hbox(None, (self.place, 1), self.choose)
+        beside = hbox(None, self.trust, self.untrust, Spacer(1), self.forget)
         close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
         close.rejected.connect(self.reject)
         layout.addWidget(remark(ABOUT))

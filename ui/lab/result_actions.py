@@ -23,11 +23,7 @@ if TYPE_CHECKING:
 
 
 def write_page(
-    sessions: Sequence[Session],
-    path: Path,
-    diagnosis: Diagnosis,
-    progress: Progress,
-    cancelled: IsCancelled,
+    sessions: Sequence[Session], path: Path, diagnosis: Diagnosis, progress: Progress, cancelled: IsCancelled
 ) -> Path:
     """Write the report of what the window shows; returns the path.
 

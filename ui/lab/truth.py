@@ -13,7 +13,7 @@ from fingerlab.diagnosis.answer.results import HeldOutRuns
 from fingerlab.report.diagnosis_words import PHASE_WORDS, effect_title, in_sentence, listed
 
 from ..widgets.labels import WholeLabel
-from ..widgets.layout import ButtonRows
+from ..widgets.layout import ButtonRows, described
 from ..widgets.tables import NumberTable
 from ..widgets.theme import large_font, small_font
 from .controller import ModelHistory
@@ -102,13 +102,9 @@ class TruthPanel(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.title = WholeLabel()
-        self.title.setProperty("role", "heading")
-        self.title.setFont(large_font())
+        self.title = described(WholeLabel(), font=large_font(), role="heading")
         self.held_out = WholeLabel()
-        self.next = WholeLabel()
-        self.next.setProperty("role", "muted")
-        self.next.setFont(small_font())
+        self.next = described(WholeLabel(), font=small_font(), role="muted")
         self.runs = HeldOutTable()
         self.hand = _button("&Hand it to Acquire", "handExperiment", "The proposed recording as a protocol.")
         self.predict = _button(
@@ -184,7 +180,5 @@ def _force_words(history: ModelHistory) -> str:
 
 
 def _button(text: str, name: str, words: str) -> QPushButton:
-    button = QPushButton(text)
-    button.setObjectName(name)
-    button.setToolTip(words)
+    button = described(QPushButton(text), name, tip=words)
     return button

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeyEvent, QMouseEvent
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QWidget
 
 from fingerlab.diagnosis.answer.results import Comparison
 from fingerlab.diagnosis.answer.where import COORDINATES, Profile, most_orderly, profile
@@ -23,6 +23,7 @@ from fingerlab.report.diagnosis_words import (
 )
 
 from ..widgets.labels import ElidedLabel, remark
+from ..widgets.layout import FLUSH, hbox, vbox
 from ..widgets.plots import QuietPlot
 from ..widgets.series import Series
 from ..widgets.theme import colours_of, line, tint
@@ -169,11 +170,6 @@ class WherePlot(QuietPlot):
         row = int(np.clip(np.searchsorted(known, self.bin) + step, 0, len(known) - 1))
         self.choose(int(known[row]))
 
-    def event(self, event: QEvent) -> bool:
-        if event.type() == QEvent.Type.DevicePixelRatioChange:
-            self.redraw()  # pens are in device pixels
-        return bool(super().event(event))
-
 
 WHERE_HELP = (
     "Bars: root mean square of measured less modelled in each bin, over all runs. Points: its mean with the "
@@ -210,21 +206,9 @@ class WherePanel(QWidget):
         self.words.setObjectName("whereWords")
         self.plot = WherePlot()
         self.plot.setToolTip(WHERE_HELP)
-        top = QHBoxLayout()
-        top.setSpacing(8)
-        top.addWidget(self.title, 1)
-        top.addWidget(label)
-        top.addWidget(self.coordinate)
-        keys = QHBoxLayout()
-        keys.setContentsMargins(72, 0, 0, 0)
-        keys.addWidget(LegendKeys(WHERE, wraps=True))
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
-        layout.addLayout(top)
-        layout.addWidget(self.words)
-        layout.addLayout(keys)
-        layout.addWidget(self.plot, 1)
+        top = hbox(None, (self.title, 1), label, self.coordinate, spacing=8)
+        keys = hbox(None, LegendKeys(WHERE, wraps=True), margins=(72, 0, 0, 0))
+        vbox(self, top, self.words, keys, (self.plot, 1), margins=FLUSH, spacing=4)
         self.coordinate.activated.connect(self._on_coordinate)
         self.plot.chosen.connect(self._on_bin)
 

@@ -23,6 +23,7 @@ from fingerlab.prediction.beside import RunForce
 from fingerlab.thesis.prediction import FORCE_PHASES
 
 from ..widgets.labels import heading, remark
+from ..widgets.layout import described
 from ..widgets.tables import FramedTicks, NumberTable
 from ..widgets.theme import colours_of, small_font
 from .force_plots import ModelLine, ShownForces, model_line, sample
@@ -45,10 +46,9 @@ class PredictPanel(QWidget):
         self.add.setToolTip(
             "Model files that Fit, the Model lab or the command line saved; or drop them here."
         )
-        self.list = QListWidget()
-        self.list.setObjectName("models")
-        self.list.setAccessibleName("Models; the ticked ones are shown")
-        self.list.setFont(small_font())
+        self.list = described(
+            QListWidget(), "models", accessible="Models; the ticked ones are shown", font=small_font()
+        )
         self.list.setWordWrap(True)
         self.list.setSpacing(1)
         self.list.setItemDelegate(FramedTicks(self.list))

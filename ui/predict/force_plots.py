@@ -11,13 +11,12 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QIcon, QPainter, QPen, QPixmap
 from PySide6.QtWidgets import QWidget
 
-from fingerlab.core.text import ScreenUnit, fixed, r2_text
+from fingerlab.core.text import NEWTON, UNITLESS, fixed, r2_text
 from fingerlab.prediction.beside import RunForce
 
 from ..widgets.plots import QuietPlot, plain_curve, span_of
 from ..widgets.theme import Colours, colours_of, tint
 
-NEWTON = ScreenUnit("N", 1.0)
 PATTERNS = (
     ("modelled", Qt.PenStyle.DashLine, "dashed"),
     ("candidate", Qt.PenStyle.DashDotLine, "dash-dotted"),
@@ -120,7 +119,7 @@ class PeriodPlot(ShownPlot):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("periodPlot", "Normalised force over the average period", parent)
-        self.name_axes("Normalised force", ScreenUnit("", 1.0), "Share of the period")
+        self.name_axes("Normalised force", UNITLESS, "Share of the period")
         self.setToolTip(
             "(F − least F) / (greatest F − least F) of the average period, each force by itself: 0 to 1.\n"
             "What differs here is shape and delay; the size is in the plot above."

@@ -8,25 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QEvent, QObject
-from PySide6.QtWidgets import (
-    QFileDialog,
-    QHBoxLayout,
-    QPushButton,
-    QStackedWidget,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QFileDialog, QPushButton, QStackedWidget, QWidget
 
 from fingerlab.core.errors import UserError
 from fingerlab.models.file import Model, load_model
 
 from ..app.context import ApplicationContext
 from ..app.tab_registry import Command, Tab
-from ..app.undo_steps import UndoSteps
+from ..app.undo import UndoSteps
 from ..app.worker import IsCancelled, Progress
 from ..widgets.fields import ViewChoice
 from ..widgets.labels import header_name, heading, remark
-from ..widgets.layout import Panes, lay_out_invitation
+from ..widgets.layout import FLUSH, Panes, hbox, lay_out_invitation, vbox
 from .force_panel import PANEL_WIDTH, ForceTable, PredictPanel
 from .force_plots import ForcePlot, PeriodPlot, SweepPlot
 from .wanted_force import WantedView
@@ -94,10 +87,7 @@ class PredictTab(Tab):
         self.empty_open.clicked.connect(self.context.open_asked)
         lay_out_invitation(self.empty, self.empty_title, self.empty_text, self.empty_open)
         middle = QWidget()
-        row = QHBoxLayout(middle)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.addWidget(self.period)
-        row.addWidget(self.sweep)
+        hbox(middle, self.period, self.sweep, margins=FLUSH)
         parts = ((self.force, 6), (middle, 5), (self.numbers, 3))
         self.panes = Panes("predict", parts, (270, 230, 190))
         for panes in (self.panes, self.wanted.widget):
@@ -111,15 +101,8 @@ class PredictTab(Tab):
         self.sides.addWidget(self.wanted.panel)
         side = QWidget()
         side.setFixedWidth(PANEL_WIDTH)
-        column = QVBoxLayout(side)
-        column.setContentsMargins(8, 0, 0, 0)
-        column.setSpacing(8)
-        column.addWidget(self.views)
-        column.addWidget(self.sides, 1)
-        across = QHBoxLayout(self.widget)
-        across.setContentsMargins(8, 8, 8, 8)
-        across.addWidget(self.pages, 1)
-        across.addWidget(side)
+        vbox(side, self.views, (self.sides, 1), margins=(8, 0, 0, 0), spacing=8)
+        hbox(self.widget, (self.pages, 1), side, margins=(8, 8, 8, 8))
 
     # what the frame asks
 

@@ -13,7 +13,7 @@ from PySide6.QtCore import QObject, QTimer
 from PySide6.QtWidgets import QFileDialog, QWidget
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.text import ScreenUnit, decimals_for, fixed
+from fingerlab.core.text import MILLI_NEWTON_METRE, NEWTON, decimals_for, fixed
 from fingerlab.models.file import Model
 from fingerlab.prediction.inverse import TorquePlan
 
@@ -22,14 +22,12 @@ from ..app.worker import IsCancelled, Progress
 from ..widgets.layout import Panes
 from ..widgets.plots import QuietPlot, plain_curve, span_of
 from ..widgets.theme import colours_of, tint
-from .force_plots import NEWTON
 from .wanted_panel import WantedPanel
 
 if TYPE_CHECKING:
     from fingerlab.prediction.inverse import Predictor
     from fingerlab.sessions.model import Session
 
-TORQUE = ScreenUnit("mN m", 1e3)
 NEAR_LIMIT = 0.7
 """The limit is drawn, and the axis reaches to it, where the torque comes to this share of it."""
 
@@ -70,7 +68,7 @@ class TorquePlot(PlanPlot):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("torquePlot", "Motor torque that the wanted force needs", parent)
-        self.name_axes("Motor torque", TORQUE, "Time in the profile (s)")
+        self.name_axes("Motor torque", MILLI_NEWTON_METRE, "Time in the profile (s)")
         self.setToolTip(
             "τ, N m at the gearbox output: what the model needs for F.\n"
             "By the PIP equation τ = r·(F·lever + LHS2 − L2) / (s·b), thesis (3.18) for the tension; a "

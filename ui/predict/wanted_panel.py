@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
 )
 
 from ..widgets.labels import heading, remark
+from ..widgets.layout import described
 
 KINDS = {"sine": "Sine", "ramp_hold": "Ramp and hold", "steps": "Steps", "file": "From a file"}
 TABLES = "Text tables of time and force (*.csv *.txt *.tsv);;All files (*)"
@@ -65,9 +66,7 @@ class WantedPanel(QWidget):
             label.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Minimum)
         self.save = QPushButton("&Save trajectory…")
         self.save.setObjectName("saveTorque")
-        self.hand = QPushButton("&Hand to Acquire")
-        self.hand.setObjectName("handTorque")
-        self.hand.setProperty("primary", "true")
+        self.hand = described(QPushButton("&Hand to Acquire"), "handTorque", primary="true")
         self._lay_out()
         self._connect()
         self._show_kind()
@@ -177,10 +176,7 @@ class WantedPanel(QWidget):
 
 
 def _choice(name: str, accessible: str) -> QComboBox:
-    box = QComboBox()
-    box.setObjectName(name)
-    box.setAccessibleName(accessible)
-    box.setToolTip(accessible)
+    box = described(QComboBox(), name, accessible=accessible, tip=accessible)
     return box
 
 
@@ -188,10 +184,7 @@ def _number(
     name: str, label: str, kinds: Sequence[str], spec: tuple[float, float, float, int, float], words: str
 ) -> QDoubleSpinBox:
     value, least, most, decimals, step = spec
-    field = QDoubleSpinBox()
-    field.setObjectName(f"wanted_{name}")
-    field.setAccessibleName(label.replace("&", ""))
-    field.setToolTip(words)
+    field = described(QDoubleSpinBox(), f"wanted_{name}", accessible=label.replace("&", ""), tip=words)
     field.setRange(least, most)
     field.setDecimals(decimals)
     field.setSingleStep(step)

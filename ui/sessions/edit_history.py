@@ -15,7 +15,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.library.index import SessionFacts
 from fingerlab.library.notes import Note
 
-from ..app.undo_steps import UndoSteps
+from ..app.undo import UndoSteps
 
 
 class Gone(UserError):

@@ -1,4 +1,4 @@
-"""The folder's sessions as a table with a search box, and the chosen one beside it."""
+"""The folder's sessions as a table with a search box; beside it the chosen one with its tags and notes."""
 
 from __future__ import annotations
 
@@ -9,22 +9,24 @@ from PySide6.QtCore import QEvent, QItemSelectionModel, QModelIndex, QObject, Qt
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
-    QHBoxLayout,
     QHeaderView,
+    QLabel,
     QLineEdit,
+    QMenu,
+    QPlainTextEdit,
     QPushButton,
     QTableView,
-    QVBoxLayout,
     QWidget,
 )
 
 from fingerlab.core.errors import UserError
-from fingerlab.library.notes import HELP, Note, matches
+from fingerlab.library.index import SessionFacts, text_list
+from fingerlab.library.notes import FILE_NAME, HELP, Note, Verdict, matches
 from fingerlab.library.pyramid import Thumbnail
 
-from ..widgets.labels import ElidedLabel, remark
+from ..widgets.labels import ElidedLabel, heading, remark
+from ..widgets.layout import FLUSH, described, hbox, vbox
 from ..widgets.tables import ColumnKeeper
-from .details_panel import DetailsPanel
 from .session_table import (
     LENGTH,
     MOTOR,
@@ -39,9 +41,159 @@ from .session_table import (
     ThumbnailDelegate,
     Thumbnails,
 )
+from .session_words import clock_time, duration, verdict_text
 
 if TYPE_CHECKING:
     from ..app.settings import Settings
+
+DETAILS_WIDTH = 272
+
+
+class DetailsPanel(QWidget):
+    """Signals: review_asked, lab_asked, merge_asked; noted(facts, Note): tags or notes are to be kept.
+
+    What was typed is also kept when another session is chosen: nothing that was written is lost.
+    """
+
+    review_asked = Signal()
+    lab_asked = Signal()
+    merge_asked = Signal()
+    noted = Signal(object, object)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setFixedWidth(DETAILS_WIDTH)
+        self.title = heading("No session chosen")
+        self.title.setWordWrap(True)
+        self.file = ElidedLabel()
+        self.about = remark()
+        self.about.setObjectName("aboutSession")
+        self.review = QPushButton("&Review runs")
+        self.review.setObjectName("review")
+        self.review.setProperty("primary", "true")
+        self.review.setToolTip(
+            "The runs against time: zoom, cursors (Return). Of several sessions, runs can be laid over one "
+            "another."
+        )
+        self.lab = QPushButton("Open in &Model lab")
+        self.lab.setObjectName("openInLab")
+        self.lab.setToolTip("Open the chosen sessions together in the Model lab (double click).")
+        self.export = QPushButton("E&xport")
+        self.export.setObjectName("export")
+        self.export.setToolTip("For other tools, or as a copy that has tags and notes in it.")
+        self.exports = QMenu(self.export)
+        self.export.setMenu(self.exports)
+        self.merge = QPushButton("Mer&ge…")
+        self.merge.setObjectName("merge")
+        self.merge.setToolTip("The runs of the chosen sessions as one session; mark two or more rows.")
+        self.tags = QLineEdit()
+        self.tags.setObjectName("tags")
+        self.tags.setPlaceholderText("good, new cable")
+        self.tags.setAccessibleName("Tags, separated by commas")
+        self.notes = described(QPlainTextEdit(), "notes", accessible="Notes")
+        self.notes.setTabChangesFocus(True)
+        self.notes.setPlaceholderText("What to know of this session")
+        for field in (self.tags, self.notes):
+            field.setToolTip(f"Kept in {FILE_NAME} in the folder; the recording stays as it is.")
+        self.keep = QPushButton("&Keep tags and notes")
+        self.keep.setObjectName("keepNotes")
+        self._kept = Note()
+        self._facts: SessionFacts | None = None
+        self._build()
+        self.review.clicked.connect(self.review_asked)
+        self.lab.clicked.connect(self.lab_asked)
+        self.merge.clicked.connect(self.merge_asked)
+        self.keep.clicked.connect(self.flush)
+        self.tags.returnPressed.connect(self.flush)
+        self.tags.textChanged.connect(self._refresh)
+        self.notes.textChanged.connect(self._refresh)
+        self.show_session(None, Note(), None, 0)
+
+    def _build(self) -> None:
+        layout = vbox(
+            self, self.title, self.file, self.about, self.review, self.lab, margins=(16, 8, 16, 8), spacing=8
+        )
+        row = hbox(None, self.export, self.merge, spacing=8)
+        layout.addLayout(row)
+        layout.addSpacing(8)
+        for text, field in (("&Tags", self.tags), ("&Notes", self.notes)):
+            label = QLabel(text)
+            label.setBuddy(field)
+            layout.addWidget(label)
+            layout.addWidget(field)
+        layout.addWidget(self.keep)
+        layout.addStretch(1)
+        self.notes.setMinimumHeight(80)
+
+    @property
+    def note(self) -> Note:
+        """Tags and notes as they stand in the fields."""
+        return Note(
+            text_list(self.tags.text()) if self.tags.text().strip() else (), self.notes.toPlainText().strip()
+        )
+
+    @property
+    def changed(self) -> bool:
+        """Whether something stands in the fields that was not kept."""
+        return self.note != self._kept
+
+    def show_session(
+        self, facts: SessionFacts | None, note: Note, verdict: Verdict | None, chosen: int
+    ) -> None:
+        """Show one session; ``chosen`` counts the rows that are marked."""
+        self.flush()
+        self._facts = facts if chosen == 1 else None
+        good = facts is not None and not facts.problem
+        if chosen > 1:
+            self.title.setText(f"{chosen} sessions chosen")
+        else:
+            self.title.setText((facts.title or facts.path.name) if facts is not None else "No session chosen")
+        self.file.setText(facts.name if facts is not None and chosen <= 1 else "")
+        self.about.setText(about(facts, verdict) if facts is not None and chosen <= 1 else "")
+        self._kept = note
+        self.tags.setText(", ".join(note.tags))
+        self.notes.setPlainText(note.notes)
+        one = facts is not None and chosen == 1
+        for field in (self.tags, self.notes):
+            field.setEnabled(one and good)
+        self.review.setEnabled(chosen > 0)
+        self.lab.setEnabled(chosen > 0)
+        self.export.setEnabled(one and good)
+        self.merge.setEnabled(chosen > 1)
+        self._refresh()
+
+    def kept(self, note: Note) -> None:
+        """The note is in the side file."""
+        self._kept = note
+        self._refresh()
+
+    def _refresh(self) -> None:
+        self.keep.setEnabled(self.changed and self.tags.isEnabled())
+
+    def flush(self) -> None:
+        """Have kept what was typed."""
+        if self.changed and self._facts is not None:
+            self.noted.emit(self._facts, self.note)
+
+
+def about(facts: SessionFacts, verdict: Verdict | None) -> str:
+    """A session in a few lines."""
+    if facts.problem:
+        return facts.problem
+    date, time = clock_time(facts.when, facts.created)
+    runs = "1 run" if facts.runs == 1 else f"{facts.runs} runs"
+    lines = [f"Recorded {date} {time}".rstrip(), f"{runs}, {duration(facts.seconds)}", f"Rig: {facts.rig}"]
+    if facts.operator:
+        lines.append(f"Operator: {facts.operator}")
+    lines.append("Quality: " + (", ".join(facts.flags) or "clean"))
+    if verdict is not None:
+        lines.append("Verdict: " + ", ".join(verdict_text(verdict).split("\n")).rstrip(", "))
+    if facts.tags:
+        lines.append(f"Tags in the file: {', '.join(facts.tags)}")
+    if facts.notes:
+        lines.append(f"Notes in the file: {facts.notes}")
+    return "\n".join(lines)
+
 
 WIDTHS = {MOTOR: 12, RECORDED: 13, LENGTH: 13, PHASES: 13, RIG: 10, QUALITY: 14, VERDICT: 20, TAGS: 10}
 """Widths in characters; the name takes the rest, and gives the verdict a share of what it does not need."""
@@ -81,9 +233,7 @@ class LibraryPage(QWidget):
         self.texts.setToolTip(
             "Text files of the bench's earlier program become a session; or drop them here."
         )
-        self.again = QPushButton("Read a&gain")
-        self.again.setObjectName("readAgain")
-        self.again.setToolTip(AGAIN_HELP)
+        self.again = described(QPushButton("Read a&gain"), "readAgain", tip=AGAIN_HELP)
         self.search = QLineEdit()
         self.search.setObjectName("search")
         self.search.setPlaceholderText("Search: words, phase:contact, tag:good, is:clean, after:2026-05 …")
@@ -99,28 +249,10 @@ class LibraryPage(QWidget):
         self._connect()
 
     def _build(self) -> None:
-        top = QHBoxLayout()
-        top.setSpacing(8)
-        top.addWidget(self.folder, 1)
-        top.addWidget(self.choose)
-        top.addWidget(self.texts)
-        top.addWidget(self.again)
-        find = QHBoxLayout()
-        find.setSpacing(8)
-        find.addWidget(self.search, 1)
-        find.addWidget(self.count)
-        left = QVBoxLayout()
-        left.setContentsMargins(16, 8, 0, 8)
-        left.setSpacing(8)
-        left.addLayout(top)
-        left.addLayout(find)
-        left.addWidget(self.empty)
-        left.addWidget(self.table, 1)
-        across = QHBoxLayout(self)
-        across.setContentsMargins(0, 0, 0, 0)
-        across.setSpacing(0)
-        across.addLayout(left, 1)
-        across.addWidget(self.details)
+        top = hbox(None, (self.folder, 1), self.choose, self.texts, self.again, spacing=8)
+        find = hbox(None, (self.search, 1), self.count, spacing=8)
+        left = vbox(None, top, find, self.empty, (self.table, 1), margins=(16, 8, 0, 8), spacing=8)
+        hbox(self, (left, 1), self.details, margins=FLUSH, spacing=0)
 
     def _set_up_table(self) -> None:
         table, metrics = self.table, self.fontMetrics()

@@ -7,18 +7,11 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import QEvent, QObject, QSize, Qt, Signal
 from PySide6.QtGui import QIcon, QKeyEvent, QPainter, QPaintEvent, QPen, QPixmap, QWheelEvent
-from PySide6.QtWidgets import (
-    QComboBox,
-    QHBoxLayout,
-    QPushButton,
-    QStyle,
-    QStyleOptionComboBox,
-    QStylePainter,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QPushButton, QStyle, QStyleOptionComboBox, QStylePainter, QWidget
 
 from fingerlab.sessions.model import Run, Session
 
+from ..widgets.layout import FLUSH, Spacer, described, hbox
 from ..widgets.theme import Colours, colours_of, line, small_font
 from .session_words import run_words
 
@@ -26,12 +19,7 @@ MOST = 4
 """Runs over the one under review: more could not be told apart."""
 BESIDE = "beside"
 SWATCH = QSize(28, 10)
-STYLES = (
-    Qt.PenStyle.DashLine,
-    Qt.PenStyle.DotLine,
-    Qt.PenStyle.DashDotLine,
-    Qt.PenStyle.DashDotDotLine,
-)
+STYLES = (Qt.PenStyle.DashLine, Qt.PenStyle.DotLine, Qt.PenStyle.DashDotLine, Qt.PenStyle.DashDotDotLine)
 GLYPHS = ("– –", "· · ·", "– ·", "– · ·")
 """The same lines in text."""
 
@@ -99,10 +87,7 @@ class LaidOverRow(QWidget):
         super().__init__(parent)
         self._shown: tuple[LaidOver, ...] = ()
         self.buttons: dict[int, QPushButton] = {}
-        self._row = QHBoxLayout(self)
-        self._row.setContentsMargins(0, 0, 0, 0)
-        self._row.setSpacing(8)
-        self._row.addStretch(1)
+        self._row = hbox(self, Spacer(1), margins=FLUSH, spacing=8)
         self.hide()
 
     def show_overs(self, overs: Sequence[LaidOver]) -> None:
@@ -118,9 +103,7 @@ class LaidOverRow(QWidget):
         self._recolour()
 
     def _button(self, over: LaidOver) -> QPushButton:
-        button = QPushButton(f" {over.name}  ✕")
-        button.setObjectName(f"over-{over.number}")
-        button.setFont(small_font())
+        button = described(QPushButton(f" {over.name}  ✕"), f"over-{over.number}", font=small_font())
         button.setIconSize(SWATCH)
         words = f"Take {over.name} away: {run_words(over.run)}"
         button.setToolTip(words)

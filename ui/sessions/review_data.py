@@ -11,16 +11,12 @@ from typing import Any
 import numpy as np
 from PySide6.QtCore import QObject, Signal
 
-from fingerlab.core.text import DEGREES, ScreenUnit, fixed
+from fingerlab.core.text import DEGREE, MILLI_NEWTON_METRE, NEWTON, ScreenUnit, fixed
 from fingerlab.library.pyramid import BASE, MOST_SAMPLES, Pyramid, fill
 from fingerlab.library.reviewing import broken_at_gaps, fold, load_between, values_at
 from fingerlab.sessions.model import Array, Run, Session
 
 from ..app.worker import IsCancelled, Progress, Worker
-
-DEGREE = ScreenUnit("°", DEGREES)
-MILLI_NEWTON_METRE = ScreenUnit("mN m", 1e3)
-NEWTON = ScreenUnit("N", 1.0)
 
 
 @dataclass(frozen=True)

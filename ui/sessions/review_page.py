@@ -6,15 +6,7 @@ from collections.abc import Sequence
 from datetime import datetime
 
 from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtWidgets import (
-    QComboBox,
-    QGridLayout,
-    QHBoxLayout,
-    QPushButton,
-    QSizePolicy,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QGridLayout, QHBoxLayout, QPushButton, QSizePolicy, QWidget
 
 from fingerlab.core.text import with_minus
 from fingerlab.library.index import started_at
@@ -22,6 +14,7 @@ from fingerlab.library.reviewing import Cycles, markers_of, period_of
 from fingerlab.sessions.model import Run, Session
 
 from ..widgets.labels import ElidedLabel, remark
+from ..widgets.layout import FLUSH, described, vbox
 from .overlays import Overlays
 from .review_data import CHANNELS, Layer, ReviewData
 from .review_pane import clock_text
@@ -70,9 +63,7 @@ class ReviewPage(QWidget):
             "heights", "Fit &heights", "Scale each plot to what is seen of it, not to the run."
         )
         self.cut = _button("cut", "Cu&t…", "What lies between the cursors as a session of its own.")
-        self.values = ElidedLabel()
-        self.values.setObjectName("reviewValues")
-        self.values.setAccessibleName("At the cursors")
+        self.values = described(ElidedLabel(), "reviewValues", accessible="At the cursors")
         self.state = remark(wrap=False)
         self.state.setObjectName("reviewState")
         self._timer = QTimer(self)
@@ -101,11 +92,7 @@ class ReviewPage(QWidget):
         top.addWidget(self.state, 1, 1, Qt.AlignmentFlag.AlignRight)
         top.addWidget(self.overlays.row, 2, 0, 1, 2)
         top.setColumnStretch(0, 1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
-        layout.addLayout(top)
-        layout.addWidget(self.plots, 1)
+        vbox(self, top, (self.plots, 1), margins=FLUSH, spacing=4)
 
     def _connect(self) -> None:
         self.back.clicked.connect(self.back_asked)
@@ -302,9 +289,7 @@ def cursor_texts(
 
 
 def _button(name: str, text: str, help_text: str) -> QPushButton:
-    button = QPushButton(text)
-    button.setObjectName(name)
-    button.setToolTip(help_text)
+    button = described(QPushButton(text), name, tip=help_text)
     return button
 
 

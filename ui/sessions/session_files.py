@@ -14,7 +14,6 @@ from PySide6.QtWidgets import (
     QFileDialog,
     QFormLayout,
     QGridLayout,
-    QHBoxLayout,
     QLabel,
     QLineEdit,
     QPlainTextEdit,
@@ -37,6 +36,7 @@ from ..app.context import ApplicationContext, read_session
 from ..app.worker import IsCancelled, Progress
 from ..widgets.fields import choice
 from ..widgets.labels import remark
+from ..widgets.layout import hbox
 
 if TYPE_CHECKING:
     from fingerlab.sessions.importing import ImportPlan
@@ -113,9 +113,7 @@ class ImportDialog(QDialog):
         room.setWidgetResizable(True)
         room.setWidget(inner)
         room.setMaximumHeight(min(inner.sizeHint().height() + 8, 200))
-        across = QHBoxLayout()
-        across.addWidget(self.rig)
-        across.addWidget(self.rig_words, 1)
+        across = hbox(None, self.rig, (self.rig_words, 1))
         form = QFormLayout()
         form.setSpacing(8)
         form.addRow("&Columns", self.mapping)

@@ -11,12 +11,7 @@ from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 from fingerlab.sessions.model import Run
 from fingerlab.sessions.trajectory import trajectory_words
 
-PHASE_WORDS = {
-    "on_air": "on air",
-    "contact": "contact",
-    "motor_bench": "motor bench",
-    "free": "free",
-}
+PHASE_WORDS = {"on_air": "on air", "contact": "contact", "motor_bench": "motor bench", "free": "free"}
 
 
 def run_words(run: Run) -> str:

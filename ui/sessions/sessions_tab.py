@@ -16,8 +16,8 @@ from fingerlab.library.index import SessionFacts, scan
 from fingerlab.library.notes import Note, Notebook, Verdict, find_verdicts
 from fingerlab.sessions.model import Session
 
+from ..app.bars import time_left
 from ..app.context import ApplicationContext, read_session
-from ..app.status_bar import time_left
 from ..app.tab_registry import SEPARATOR, Command, Tab
 from ..app.worker import Failed, IsCancelled, Progress, Worker
 from ..widgets.labels import header_name

@@ -24,6 +24,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from .layout import FLUSH, Spacer, described, hbox, vbox
+
 WAITS_FOR_FOCUS = "waitsForFocus"
 
 
@@ -102,19 +104,14 @@ def number(
 
 def progress_bar(name: str, title: str) -> QProgressBar:
     """A bar in thousandths."""
-    bar = QProgressBar()
-    bar.setObjectName(name)
-    bar.setAccessibleName(title)
+    bar = described(QProgressBar(), name, accessible=title)
     bar.setRange(0, PROGRESS_STEPS)
     return bar
 
 
 def choice(name: str, entries: dict[str, str], help_text: str) -> QComboBox:
     """A list of words, each with its key."""
-    field = QComboBox()
-    field.setObjectName(name)
-    field.setAccessibleName(help_text.split(":")[0].split(".")[0])
-    field.setToolTip(help_text)
+    field = described(QComboBox(), name, accessible=help_text.split(":")[0].split(".")[0], tip=help_text)
     field.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
     field.setMinimumContentsLength(8)
     for key, words in entries.items():
@@ -124,9 +121,7 @@ def choice(name: str, entries: dict[str, str], help_text: str) -> QComboBox:
 
 def row(*widgets: QWidget | QLayout) -> QHBoxLayout:
     """Side by side, equal in width."""
-    layout = QHBoxLayout()
-    layout.setContentsMargins(0, 0, 0, 0)
-    layout.setSpacing(8)
+    layout = hbox(None, margins=FLUSH, spacing=8)
     for widget in widgets:
         if isinstance(widget, QLayout):
             layout.addLayout(widget, 1)
@@ -145,10 +140,7 @@ def centred_column(page: QWidget, width: int) -> QVBoxLayout:
     across.addStretch(1)
     across.addWidget(column, 100)  # takes all up to its widest, so that its text gets the height it needs
     across.addStretch(1)
-    layout = QVBoxLayout(page)
-    layout.addStretch(2)
-    layout.addLayout(across)
-    layout.addStretch(3)
+    vbox(page, Spacer(2), across, Spacer(3))
     return inner
 
 
@@ -174,15 +166,11 @@ class ViewChoice(QWidget):
     def __init__(self, views: Sequence[tuple[str, str, str]], parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setAccessibleName("View")
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.setSpacing(4)
+        row = hbox(self, margins=FLUSH, spacing=4)
         self._group = QButtonGroup(self)
         self._buttons: dict[str, QPushButton] = {}
         for key, words, explained in views:
-            button = QPushButton(words)
-            button.setToolTip(explained)
-            button.setObjectName(f"view_{key}")
+            button = described(QPushButton(words), f"view_{key}", tip=explained)
             button.setCheckable(True)
             button.setProperty("view", "true")
             button.clicked.connect(lambda _checked=False, k=key: self.chosen.emit(k))

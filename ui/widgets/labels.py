@@ -8,6 +8,7 @@ from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
+from .layout import described
 from .theme import large_font, small_font
 
 
@@ -34,10 +35,22 @@ class ElidedLabel(QLabel):
     @property
     def seen(self) -> str:
         """What is drawn."""
-        room, metrics = self.contentsRect().width(), self.fontMetrics()
-        wordings = (self.text(), *self._shorter)
-        fitting = (text for text in wordings if metrics.horizontalAdvance(text) <= room)
-        return metrics.elidedText(next(fitting, wordings[-1]), Qt.TextElideMode.ElideRight, room)
+        mode = Qt.TextElideMode.ElideRight
+        return self.fontMetrics().elidedText(self.fitting, mode, self.contentsRect().width())
+
+    @property
+    def fitting(self) -> str:
+        """The longest wording that has room, else the shortest."""
+        room = self.contentsRect().width()
+        return next((text for text in self.wordings if self._width(text) <= room), self.wordings[-1])
+
+    @property
+    def wordings(self) -> tuple[str, ...]:
+        """The longest first."""
+        return self.text(), *self._shorter
+
+    def _width(self, text: str) -> int:
+        return self.fontMetrics().horizontalAdvance(text)
 
     def minimumSizeHint(self) -> QSize:
         return QSize(0, super().minimumSizeHint().height())
@@ -48,39 +61,23 @@ class ElidedLabel(QLabel):
         painter.drawText(self.contentsRect(), self.alignment() | Qt.TextFlag.TextSingleLine, self.seen)
 
 
-class FittingLabel(QLabel):
+class FittingLabel(ElidedLabel):
     """One line in the longest of several wordings that has room: never a half of one.
 
     Its text is the longest, for whoever reads it aloud.
     """
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setTextFormat(Qt.TextFormat.PlainText)
-        self._texts: tuple[str, ...] = ("",)
-
-    def set_texts(self, texts: Sequence[str]) -> None:
-        """The wordings, the longest first."""
-        self._texts = tuple(texts)
-        self.setText(self._texts[0])
+        super().__init__(parent=parent)
+        self.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Preferred)
 
     @property
     def seen(self) -> str:
         """The wording that is drawn."""
-        room = self.contentsRect().width()
-        fitting = (text for text in self._texts if self._width(text) <= room)
-        return next(fitting, self._texts[-1])
+        return self.fitting
 
     def minimumSizeHint(self) -> QSize:
-        return QSize(min(map(self._width, self._texts)), super().minimumSizeHint().height())
-
-    def paintEvent(self, event: QPaintEvent) -> None:
-        painter = QPainter(self)
-        painter.setPen(self.palette().color(self.foregroundRole()))
-        painter.drawText(self.contentsRect(), self.alignment() | Qt.TextFlag.TextSingleLine, self.seen)
-
-    def _width(self, text: str) -> int:
-        return self.fontMetrics().horizontalAdvance(text)
+        return QSize(min(map(self._width, self.wordings)), super().minimumSizeHint().height())
 
 
 class WholeLabel(QLabel):
@@ -105,9 +102,7 @@ def header_name(name: str, accessible: str, alone: bool = True) -> ElidedLabel:
     Args:
         alone: nothing stands beside it, so that it keeps its own distance from the edges.
     """
-    label = ElidedLabel()
-    label.setObjectName(name)
-    label.setAccessibleName(accessible)
+    label = described(ElidedLabel(), name, accessible=accessible)
     font = label.font()
     font.setBold(True)
     label.setFont(font)
@@ -127,8 +122,6 @@ def heading(text: str = "", large: bool = False) -> QLabel:
 
 def remark(text: str = "", wrap: bool = True) -> QLabel:
     """A quiet label for side remarks."""
-    label = QLabel(text)
-    label.setProperty("role", "muted")
-    label.setFont(small_font())
+    label = described(QLabel(text), font=small_font(), role="muted")
     label.setWordWrap(wrap)
     return label

@@ -1,15 +1,19 @@
-"""Where widgets stand: rows of buttons, rooms that scroll, panes with grips, the page of an empty tab."""
+"""Where widgets stand: in columns and rows, rooms that scroll, panes with grips, the page of an empty tab."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from PySide6.QtCore import QEvent, QObject, QPoint, QSize, Qt
-from PySide6.QtGui import QResizeEvent
+from PySide6.QtGui import QFont, QResizeEvent
 from PySide6.QtWidgets import (
+    QBoxLayout,
     QFrame,
+    QHBoxLayout,
     QLabel,
+    QLayout,
     QPushButton,
     QScrollArea,
     QSizePolicy,
@@ -22,6 +26,82 @@ if TYPE_CHECKING:
     from ..app.settings import Settings
 
 GAP = 8
+FLUSH = (0, 0, 0, 0)
+"""Margins of a layout that has none of its own."""
+
+SomeWidget = TypeVar("SomeWidget", bound=QWidget)
+
+
+def described(
+    widget: SomeWidget,
+    name: str = "",
+    accessible: str = "",
+    tip: str = "",
+    font: QFont | None = None,
+    **properties: str,
+) -> SomeWidget:
+    """The widget with its object name, its accessible name, its tooltip, and properties of the style."""
+    if name:
+        widget.setObjectName(name)
+    if accessible:
+        widget.setAccessibleName(accessible)
+    if tip:
+        widget.setToolTip(tip)
+    if font is not None:
+        widget.setFont(font)
+    for key, value in properties.items():
+        widget.setProperty(key, value)
+    return widget
+
+
+@dataclass(frozen=True)
+class Spacer:
+    """Room of a layout that takes a share of what is left."""
+
+    share: int = 0
+
+
+Item = QWidget | QLayout | Spacer | int | tuple[Any, ...]
+"""Of a layout: what stands there, px that stay free, or what stands there with its share and alignment."""
+SomeLayout = TypeVar("SomeLayout", bound=QBoxLayout)
+
+
+def vbox(
+    owner: QWidget | None,
+    *items: Item,
+    margins: tuple[int, int, int, int] | None = None,
+    spacing: int | None = None,
+) -> QVBoxLayout:
+    """Items above one another; the style's own margins and spacing where none are given."""
+    return _filled(QVBoxLayout() if owner is None else QVBoxLayout(owner), items, margins, spacing)
+
+
+def hbox(
+    owner: QWidget | None,
+    *items: Item,
+    margins: tuple[int, int, int, int] | None = None,
+    spacing: int | None = None,
+) -> QHBoxLayout:
+    """Items beside one another."""
+    return _filled(QHBoxLayout() if owner is None else QHBoxLayout(owner), items, margins, spacing)
+
+
+def _filled(
+    layout: SomeLayout, items: Sequence[Item], margins: tuple[int, int, int, int] | None, spacing: int | None
+) -> SomeLayout:
+    if margins is not None:
+        layout.setContentsMargins(*margins)
+    if spacing is not None:
+        layout.setSpacing(spacing)
+    for item in items:
+        if isinstance(item, Spacer):
+            layout.addStretch(item.share)
+        elif isinstance(item, int):
+            layout.addSpacing(item)
+        else:
+            what, *how = item if isinstance(item, tuple) else (item,)
+            (layout.addLayout if isinstance(what, QLayout) else layout.addWidget)(what, *how)
+    return layout
 
 
 class ButtonRows(QWidget):

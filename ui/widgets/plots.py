@@ -213,6 +213,11 @@ class QuietPlot(pg.PlotWidget):
         if self._left is not None:
             label_left(self.getPlotItem(), *self._left)
 
+    def event(self, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.DevicePixelRatioChange and hasattr(self, "_left"):
+            self.redraw()  # pens are in device pixels
+        return bool(super().event(event))
+
     def changeEvent(self, event: QEvent) -> None:
         super().changeEvent(event)
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_left"):

@@ -11,10 +11,12 @@ from fingerlab.acquisition.check_rig.looking import TEST_CURRENT, Driven, Look, 
 from fingerlab.acquisition.check_rig.outcomes import CONFIRMED, FAILED, SKIPPED, YES, Outcome
 from fingerlab.acquisition.commands import Release, Reset
 from fingerlab.acquisition.machine import Mode
+from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import BENCH_LIMITS, LIMIT_UNITS
 
 RISE_SECONDS = 0.1
-TEST_SECONDS = 1.0
+MOST_SECONDS = 1.0
+STEADY = ((0.0, TEST_CURRENT), (MOST_SECONDS, TEST_CURRENT))
 TEST_TRAVEL = math.radians(45.0)
 """Where the test ends; a motor at 13 rad/s turns some 20 degrees further until it is told."""
 LEAST_TRAVEL = math.radians(1.0)
@@ -57,7 +59,7 @@ def drive(look: Look) -> Iterator[Outcome]:
         return
     question = (
         "Switch the amplifier's power on, take the cable off the pulley and keep hands away: the motor will "
-        f"turn with at most {TEST_CURRENT:g} A for at most {TEST_SECONDS:g} s. May it?"
+        f"turn with at most {TEST_CURRENT:g} A for at most {MOST_SECONDS:g} s. May it?"
     )
     answer = look.operator.ask("drive", question)
     if answer != YES:
@@ -89,9 +91,13 @@ def stop(look: Look) -> Iterator[Outcome]:
     look.ask(Release())
 
 
+def test_travel(rig: Rig) -> float:
+    """Angle (rad) after which the current is switched off: well within what the loop lets pass."""
+    return min(TEST_TRAVEL, 0.9 * rig.limits.position_high)
+
+
 def _turn(look: Look, line: bool) -> Driven:
-    travel = min(TEST_TRAVEL, 0.9 * look.rig.limits.position_high)
-    driven = look.drive(TEST_SECONDS, RISE_SECONDS, travel, line)
+    driven = look.drive(STEADY, RISE_SECONDS, test_travel(look.rig), line)
     if look.bench.status().mode is Mode.FAULT:
         look.ask(Reset())
     return driven

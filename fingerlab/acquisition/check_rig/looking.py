@@ -7,7 +7,7 @@ its guardian. No step has a device of its own.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.acquisition.bench import Bench
+from fingerlab.acquisition.board import Input, Slot
 from fingerlab.acquisition.check_rig.outcomes import (
     CONFIRMED,
     FAILED,
@@ -26,13 +27,22 @@ from fingerlab.acquisition.check_rig.outcomes import (
     Outcome,
 )
 from fingerlab.acquisition.columns import COLUMN
-from fingerlab.acquisition.commands import Command, Disable, Enable, Initialise, MoveByHand, SetUp, Start
+from fingerlab.acquisition.commands import (
+    Command,
+    Disable,
+    Enable,
+    HoldDeadMan,
+    Initialise,
+    MoveByHand,
+    SetUp,
+    Start,
+)
 from fingerlab.acquisition.control import Gains
 from fingerlab.acquisition.machine import Mode
 from fingerlab.acquisition.requests import LoopSettings
 from fingerlab.acquisition.units import BenchUnits
 from fingerlab.core.errors import UserError
-from fingerlab.devices.protocol import RAW_CHANNELS
+from fingerlab.devices.protocol import LINES, RAW_CHANNELS
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array
 
@@ -44,6 +54,8 @@ FARTHEST = math.radians(90.0)
 """Beyond it the loop stops a motor that is under check, unless the rig file does earlier (assumed)."""
 
 RAW = slice(COLUMN[f"raw/{RAW_CHANNELS[0]}"], COLUMN[f"raw/{RAW_CHANNELS[0]}"] + len(RAW_CHANNELS))
+
+LINE_SLOTS = dict(zip(LINES, (Slot.EMERGENCY_STOP, Slot.AMPLIFIER_READY), strict=True))
 
 
 def check_settings(rig: Rig) -> LoopSettings:
@@ -74,10 +86,12 @@ class Driven:
 
     Attributes:
         rows: of the ring, shape (n, columns). fault: why the loop stopped it; empty where it did not.
+        held_at: first sample at whose command the dead-man's line was inverted no more; infinite for none.
     """
 
     rows: Array
     fault: str
+    held_at: float = math.inf
 
     def column(self, name: str) -> Array:
         """One of the ring's columns, shape (n,)."""
@@ -126,6 +140,24 @@ class Look:
         """Raw values (V, counts) of :meth:`rows`, shape (n, 5). Raises BenchFailed."""
         return self.rows(seconds, hand)[:, RAW]
 
+    def line(self, name: str, on: bool, seconds: float) -> bool:
+        """What the input ``name`` of ``LINES`` tells once a hand has set it ``on``, or after so many seconds.
+
+        That a pressed emergency stop is a fault of the bench is no reason to look away. Raises BenchFailed.
+        """
+        bench = self.bench
+        with told():
+            bench.ask(MoveByHand(name, float(on)))
+            end = bench.status().index + seconds * bench.rate_hz
+            while bench.board[LINE_SLOTS[name]] != (Input.YES if on else Input.NO):
+                status = bench.status()
+                if status.loop_ended or status.latched:
+                    raise BenchFailed(status.fault or "The bench was stopped.")
+                if status.index >= end:
+                    break
+                bench.idle()
+        return bench.board[LINE_SLOTS[name]] == Input.YES
+
     def ask(self, command: Command) -> None:
         """Ask the loop. Raises BenchFailed where it refuses."""
         with told():
@@ -136,24 +168,33 @@ class Look:
         with told():
             self.bench.wait_until(condition, seconds, what)
 
-    def drive(self, seconds: float, rise: float, travel: float, line: bool) -> Driven:
-        """Let the test current flow, at most so long and until the motor has turned so far; off afterwards.
+    def drive(
+        self,
+        course: Sequence[tuple[float, float]],
+        rise: float,
+        travel: float,
+        line: bool = True,
+        held_after: float = math.inf,
+    ) -> Driven:
+        """Let a current flow until its course is over or the motor has turned so far; off afterwards.
 
         Args:
-            seconds: how long. rise: s until the current is reached. travel: rad.
-            line: whether the enable line is raised; without it nothing should happen.
+            course: the current, A, at moments, s, with straight lines between. rise: s of its soft start.
+            travel: rad. line: whether the enable line is raised; without it nothing should happen.
+            held_after: s after which the dead-man's line is inverted no more.
 
         Raises:
             BenchFailed: the bench refused, or was lost or stopped by the operator.
         """
-        bench, torque = self.bench, TEST_CURRENT * BenchUnits.from_rig(self.rig).torque_per_amp
+        bench, seconds = self.bench, course[-1][0]
+        torque_per_amp = BenchUnits.from_rig(self.rig).torque_per_amp
         for command in (SetUp("motor_bench", "none"), Initialise(position=0.0), Enable(line)):
             self.ask(command)
-        reader, fault = bench.ring.reader(), ""
+        reader, fault, held_at = bench.ring.reader(), "", math.inf
         push: dict[str, Any] = {
             "kind": "torque",
-            "time_s": [0.0, seconds],
-            "torque_n_m": [torque, torque],
+            "time_s": [moment for moment, _ in course],
+            "torque_n_m": [torque_per_amp * amps for _, amps in course],
             "ramp_s": rise,
         }
 
@@ -164,6 +205,10 @@ class Look:
 
         try:
             bench.ask(Start(push))
+            if held_after < seconds:
+                bench.wait(held_after)
+                bench.ask(HoldDeadMan())
+                held_at = bench.board[Slot.INDEX]
             bench.wait_until(over, 2.0 * seconds, "The test current")
             bench.ask(Disable())
         except UserError as error:
@@ -173,7 +218,7 @@ class Look:
                     self.ask(Disable())
                 raise BenchFailed(str(error)) from error
             fault = status.fault or str(error)
-        return Driven(reader.read().rows, fault)
+        return Driven(reader.read().rows, fault, held_at)
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from fingerlab.acquisition.bench import Bench
 from fingerlab.acquisition.check_rig.card import OUTPUT_TITLES, PACING_TITLES, output, pacing
 from fingerlab.acquisition.check_rig.channels import channels_at_rest, channels_moved, encoder_turned, scaling
 from fingerlab.acquisition.check_rig.driving import DRIVE_TITLES, drive, limits, stop
+from fingerlab.acquisition.check_rig.lines import DEAD_MAN_TITLES, dead_man, inputs
 from fingerlab.acquisition.check_rig.looking import BenchFailed, Look
 from fingerlab.acquisition.check_rig.outcomes import (
     FAILED,
@@ -53,10 +54,12 @@ STEPS = (
     Step("moved", channels_moved),
     Step("scale", scaling),
     Step("encoder", encoder_turned),
+    Step("lines", inputs),
     Step("limits", limits),
     Step("pacing", pacing, card=True, titles=PACING_TITLES),
     Step("output", output, drives=True, card=True, titles=OUTPUT_TITLES),
     Step("drive", drive, drives=True, titles=DRIVE_TITLES),
+    Step("dead_man", dead_man, drives=True, titles=DEAD_MAN_TITLES),
     Step("stop", stop),
 )
 """All steps in their order."""
@@ -114,7 +117,7 @@ def _failed(step: Step, look: Look, sentence: str) -> Outcome:
         return Outcome(LOST, "The device was lost", FAILED, status.fault or sentence)
     if status.latched:
         return Outcome(STOPPED, "The bench was stopped", FAILED, sentence)
-    if status.mode is Mode.FAULT:
+    if status.mode is Mode.FAULT and not status.pressed:  # an emergency stop has a step of its own
         try:
             look.ask(Reset())
         except BenchFailed as failure:

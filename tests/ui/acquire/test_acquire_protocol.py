@@ -1,0 +1,155 @@
+"""Protocols in Acquire: the cable is asked for, STOP ends them, other tabs hand them over."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QLabel, QLineEdit
+from pytestqt.qtbot import QtBot
+
+from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.protocol import Change, Record
+from fingerlab.sessions import open_session
+from fingerlab.ui.app.settings import Settings
+
+from ..bench_hands import PATIENCE, Rig, opener, tabs_with
+from ..hands import LEFT, child, drop
+
+CONTROL = Qt.KeyboardModifier.ControlModifier
+
+
+def test_protocol_asks_for_the_cable_and_writes_the_file(rig: Rig, qtbot: QtBot) -> None:
+    form = rig.tab.panel.protocol
+    rig.click("byProtocol")
+    form.which.setCurrentIndex(2)
+    form.runs.setValue(1)
+    form.seconds.setValue(2.0)
+    form.rest.setValue(0.5)
+    assert "2 runs" in rig.label("protocolTotal")
+    rig.click("runProtocol")
+    prompt = rig.tab.prompt
+    asked = []
+    for _ in range(2):
+        qtbot.waitUntil(prompt.isVisible, timeout=PATIENCE)
+        asked.append(rig.label("prompt"))
+        rig.tab.panel.refresh()
+        assert "protocol is under way" in rig.button("start").toolTip()
+        QTest.keyClick(prompt.button, Qt.Key.Key_Space)
+        qtbot.waitUntil(lambda: not prompt.isVisible(), timeout=PATIENCE)
+    assert asked[0].startswith("Fix the extension cable to the pulley")
+    assert asked[1].startswith("Fix the flexion cable to the pulley")
+    qtbot.waitUntil(lambda: bool(rig.files()) and not rig.recording.in_protocol, timeout=PATIENCE)
+    runs = open_session(rig.files()[0]).runs
+    assert [(run.phase, run.cable) for run in runs] == [("on_air", "extension"), ("contact", "flexion")]
+    assert [run.length for run in runs] == [2000, 2000]
+    assert rig.tab.panel.progress.isVisible()
+    assert rig.tab.panel.progress.value() == 1000
+
+
+def test_a_marker_while_a_protocol_records_and_a_countdown(rig: Rig, qtbot: QtBot) -> None:
+    rig.click("byProtocol")
+    rig.choose("protocol", "own_on_air")
+    form = rig.tab.panel.protocol
+    form.runs.setValue(1)
+    form.seconds.setValue(20.0)
+    rig.click("runProtocol")
+    qtbot.waitUntil(rig.tab.prompt.isVisible, timeout=PATIENCE)
+    rig.tab.panel.refresh()
+    assert not rig.button("mark").isEnabled()
+    assert "between two runs" in rig.button("mark").toolTip()
+    QTest.mouseClick(rig.tab.prompt.button, LEFT)
+    said: list[str] = []
+
+    def recording() -> bool:
+        rig.controller.tick()
+        said.append(rig.label("protocolLeft"))
+        return rig.bench.status().recorded > 1000
+
+    qtbot.waitUntil(recording, timeout=PATIENCE)
+    rig.tab.panel.refresh()
+    child(rig.window, QLineEdit, "note").setText("a knock")
+    rig.click("mark")
+    moment = rig.tab.plots._marks[-1][0]
+    qtbot.waitUntil(lambda: recording() and not rig.recording.in_protocol, timeout=PATIENCE)
+    (run,) = open_session(rig.files()[0]).runs
+    (marker,) = json.loads(markers) if isinstance(markers := run.attributes["markers"], str) else markers
+    assert marker["note"] == "a knock"
+    assert 0.0 < marker["time"] < 20.0
+    assert marker["time"] < moment  # seconds of the run, not of the bench
+    steps = [text.split(" · ")[0] for text in said if text.startswith("Run 1 of 1: ")]
+    left = [float(text.removeprefix("Run 1 of 1: 0:")) for text in steps]
+    assert left == sorted(left, reverse=True)
+    assert left[0] <= 20.0
+
+
+def test_stop_ends_a_protocol_that_waits_for_the_operator(rig: Rig, qtbot: QtBot) -> None:
+    rig.click("byProtocol")
+    rig.click("runProtocol")
+    qtbot.waitUntil(rig.tab.prompt.isVisible, timeout=PATIENCE)
+    rig.key(Qt.Key.Key_Escape)
+    qtbot.waitUntil(lambda: not rig.recording.in_protocol, timeout=PATIENCE)
+    assert not rig.tab.prompt.isVisible()
+    assert "given up before a run was recorded" in rig.label("message")
+    assert not rig.bench.status().enabled
+    assert rig.files() == []
+
+
+def test_a_protocol_handed_over_is_chosen(rig: Rig) -> None:
+    from fingerlab.acquisition.commands import SetUp
+
+    rig.window.show_tab("model_lab")
+    sine = {"kind": "sine", "amplitude_deg": 5.0, "frequency_hz": 1.0, "duration_s": 3.0}
+    steps = (Change(SetUp(), "Fix it."), Record(1, 1, "on_air", "extension", sine))
+    rig.window.context.hand_protocol(steps, "Tell friction from hysteresis")
+    assert rig.window.current == "acquire"
+    assert rig.tab.panel.protocol.which.currentText() == "Tell friction from hysteresis"
+    assert rig.tab.panel.protocol.steps({}) == steps
+    assert rig.button("runProtocol").isVisible()
+    assert rig.label("protocolTotal").startswith("1 run, about 6 s, and the changes of cable.")
+    assert rig.label("protocolTotal").endswith("On air, extension cable: sine, 5°, 1 Hz.")
+
+
+def test_what_comes_before_a_rig_is_there_waits_for_it(
+    make_window,  # type: ignore[no-untyped-def]
+    qtbot: QtBot,
+    settings: Settings,
+    tmp_path: Path,
+) -> None:
+    settings.set_recordings(tmp_path / "recordings")
+    table = tmp_path / "profile.csv"
+    table.write_text("time_s,angle_deg\n0,0\n1,20\n2,0\n", encoding="utf-8")
+    rig = Rig(make_window(tab="acquire", tabs=tabs_with(opener(tmp_path / "rescue"))), qtbot, connect=False)
+    waits = child(rig.window, QLabel, "waitsForRig")
+    assert not waits.isVisible()
+    drop(rig.window, table)
+    assert waits.isVisible()
+    assert waits.text().startswith("profile.csv waits for a rig")
+    assert rig.tab.panel.by_hand.isChecked()
+    sine = {"kind": "sine", "amplitude_deg": 5.0, "frequency_hz": 1.0, "duration_s": 3.0}
+    rig.window.context.hand_protocol((Record(1, 1, "on_air", "extension", sine),), "Wanted force, 1 N")
+    assert waits.text().startswith("Wanted force, 1 N waits for a rig")
+    rig.connect("connectSimulated")
+    assert waits.isHidden()
+    assert rig.tab.panel.protocol.which.currentText() == "Wanted force, 1 N"
+    assert rig.tab.panel.motion.settings()["file"] == str(table)
+
+
+def test_a_trajectory_handed_over_fills_the_fields(rig: Rig) -> None:
+    given = {"kind": "chirp", "amplitude_deg": 9.0, "frequency_hz": 0.5, "end_frequency_hz": 4.0}
+    rig.window.context.hand_trajectory({**given, "offset_deg": 20.0, "duration_s": 25.0})
+    settings = rig.tab.panel.motion.settings()
+    assert settings == {**given, "offset_deg": 20.0, "duration_s": 25.0}
+
+
+def test_a_dropped_table_is_the_trajectory(rig: Rig, tmp_path: Path) -> None:
+    table = tmp_path / "profile.csv"
+    table.write_text("time_s,angle_deg\n0,0\n1,20\n2,0\n", encoding="utf-8")
+    drop(rig.window, table)
+    assert rig.tab.panel.motion.settings()["file"] == str(table)
+    rig.enable()
+    rig.click("start")
+    rig.run(1.2)
+    assert rig.mode is Mode.RUNNING

@@ -1,0 +1,143 @@
+"""From the Model lab onwards, by clicks: the proposed recording, the force in Predict, a saved model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication, QFileDialog, QLabel, QPushButton
+from pytestqt.qtbot import QtBot
+
+from fingerlab.diagnosis.answer.results import EquationError, HeldOutRuns
+from fingerlab.models.file import load_model
+from fingerlab.twin.effects import parse_effects
+from fingerlab.twin.preset import load_preset
+from fingerlab.twin.protocols import single_run
+from fingerlab.twin.session import write_session
+from fingerlab.ui.app.window import MainWindow
+from fingerlab.ui.lab.controller import ModelHistory, ModelStep
+from fingerlab.ui.lab.truth import TruthPanel
+from fingerlab.ui.predict.predict_tab import PredictTab
+
+from .. import invented
+from ..hands import PATIENCE, child, click, invented_diagnosis, lab_of, lab_with, wait_for_result
+from ..looking import cut_off, overlapping
+
+
+@pytest.fixture(scope="module")
+def pressed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short simulated session on air and in contact."""
+    path = tmp_path_factory.mktemp("lab") / "pressed.h5"
+    sine = {"kind": "sine", "frequency_hz": 0.8, "duration_s": 8.0}
+    plans = [single_run({**sine, "amplitude_deg": 10.0, "offset_deg": 20.0}, "on_air", "flexion")]
+    plans += [single_run({**sine, "amplitude_deg": a}, "contact") for a in (1.2, 1.6)]
+    write_session(path, load_preset("practice"), "short", plans, parse_effects(("coulomb_friction",)), 5)
+    return path
+
+
+@pytest.fixture
+def window(qtbot: QtBot, make_window: Any, pressed: Path) -> MainWindow:
+    tabs = tuple(e for e in lab_with(invented_diagnosis) if e.key in ("predict", "model_lab"))
+    made: MainWindow = make_window(tab="model_lab", tabs=tabs)
+    made.context.open_paths([pressed])
+    wait_for_result(qtbot, made)
+    QTest.keyClick(made, Qt.Key.Key_F6)
+    assert child(made, QPushButton, "handExperiment").isVisible()
+    return made
+
+
+def test_what_became_of_the_force_is_said_where_the_model_is_judged(qtbot: QtBot) -> None:
+    with_force, added = (
+        replace(one, errors={**one.errors, "endpoint_force": EquationError("N", rmse, 0.99, 0.05)})
+        for one, rmse in ((invented.nominal_diagnosis("a"), 0.91), (invented.friction_diagnosis("a"), 0.06))
+    )
+    panel, history = TruthPanel(), ModelHistory(with_force)
+    qtbot.addWidget(panel)
+    panel.show_history(history)
+    assert "The error of the endpoint force on them is 0.910 N (floor 0.050 N)." in panel.held_out.text()
+    history.push(ModelStep(("coulomb_friction",), added))
+    panel.show_history(history)
+    assert "goes from 0.910 to 0.060 N (floor 0.050 N)." in panel.held_out.text()
+
+
+@pytest.mark.qt_log_ignore("This plugin does not support")
+def test_where_the_panel_is_narrow_buttons_go_on_below_and_a_row_stays_one_line(qtbot: QtBot) -> None:
+    sine = {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0}
+    told = HeldOutRuns(("007", "008", "009"), "contact", "flexion", sine, 1.0)
+    now = replace(invented.nominal_diagnosis("a"), held_out=(told, replace(told, runs=("010",), score=2.0)))
+    panel = TruthPanel()
+    qtbot.addWidget(panel)
+    panel.show_history(ModelHistory(now))
+    panel.show()
+    buttons = (panel.hand, panel.predict, panel.save, panel.report)
+    heights = []
+    for width, rows in ((900, 1), (330, 2)):
+        panel.resize(width, 500)
+        QApplication.processEvents()
+        assert len({button.y() for button in buttons}) == rows
+        assert [*cut_off(panel), *overlapping(panel)] == []
+        heights += [panel.runs.rowHeight(row) for row in range(2)]
+    assert len(set(heights)) == 1
+    cell = panel.runs.item(0, 0)
+    assert cell.text() == "007 and 2 more · in contact, flexion, sine, 15°, 1 Hz"
+    assert cell.toolTip() == "Runs 007, 008 and 009 · in contact, flexion, sine, 15°, 1 Hz"
+    panel.show_history(None)
+    assert not panel.runs.isVisible()
+
+
+def test_the_proposed_recording_goes_to_acquire(window: MainWindow) -> None:
+    handed: list[Any] = []
+    window.context.protocol_handed.connect(lambda steps, title: handed.append((steps, title)))
+    click(window, "handExperiment")
+    ((steps, title),) = handed
+    assert title == "Proposed by the Model lab"
+    proposal = lab_of(window).controller.diagnosis.next_experiment  # type: ignore[union-attr]
+    assert steps[-1].trajectory == proposal["trajectory"]
+    assert (steps[-1].phase, steps[-1].cable) == ("on_air", "extension")
+
+
+def test_where_nothing_is_proposed_the_button_says_so(qtbot: QtBot, window: MainWindow) -> None:
+    QTest.keyClick(window, Qt.Key.Key_Return, Qt.KeyboardModifier.ControlModifier)
+    wait_for_result(qtbot, window)
+    qtbot.waitUntil(lambda: not child(window, QPushButton, "handExperiment").isEnabled(), timeout=PATIENCE)
+    assert "No further recording" in child(window, QPushButton, "handExperiment").toolTip()
+
+
+def test_the_force_of_the_model_is_predicted_in_its_tab(qtbot: QtBot, window: MainWindow) -> None:
+    click(window, "predictForce")
+    tab = window.tab("predict")
+    assert isinstance(tab, PredictTab)
+    qtbot.waitUntil(lambda: tab.found is not None and not window.tasks.busy, timeout=6 * PATIENCE)
+    assert window.current == "predict"
+    assert list(tab.models) == ["Model lab"]
+    ((_, force),) = tab.force.shown.values()
+    # The sweep is there for a diagnosis' model, too, and begins with the force that is predicted anyway.
+    assert force.sweep[0].peak == pytest.approx(force.numbers.prediction.peak_modelled, rel=1e-6)
+
+
+def test_the_model_is_saved(
+    qtbot: QtBot, window: MainWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "model.json"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", staticmethod(lambda *_: (str(path), "")))
+    click(window, "saveModel")
+    qtbot.waitUntil(path.exists, timeout=6 * PATIENCE)
+    qtbot.waitUntil(lambda: not window.tasks.busy, timeout=PATIENCE)
+    assert load_model(path).method == "diagnosis"
+    assert str(path) in child(window, QLabel, "message").text()
+
+
+def test_revealing_shows_the_fingerprint_that_gave_it_away(qtbot: QtBot, window: MainWindow) -> None:
+    QTest.keyClick(window, Qt.Key.Key_Return, Qt.KeyboardModifier.ControlModifier)
+    wait_for_result(qtbot, window)
+    qtbot.waitUntil(lambda: lab_of(window).can_undo, timeout=PATIENCE)
+    view = lab_of(window).view
+    view.show_what_gave_it_away(["coulomb_friction"])
+    # The model has it by now; what is shown is the residual of the model that did not.
+    assert "What gave it away: Coulomb joint friction" in view.evidence.title.text()
+    assert view.evidence.plot.fingerprint is not None
+    assert view.evidence.isVisible()

@@ -1,0 +1,86 @@
+"""Nothing is missing that the data could show: what the Model lab and the browser make of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PySide6.QtWidgets import QLabel
+from pytestqt.qtbot import QtBot
+
+from fingerlab.library.notes import Verdict
+from fingerlab.report.diagnosis_words import set_sentence
+from fingerlab.ui.app.window import MainWindow
+from fingerlab.ui.lab.result_words import set_help, set_words
+from fingerlab.ui.sessions.session_words import verdict_help, verdict_text
+
+from .. import invented
+from ..hands import child, click, lab_of, wait_for_result
+
+
+@pytest.fixture
+def window(qtbot: QtBot, make_window: Any, session_file: Path) -> MainWindow:
+    made: MainWindow = make_window(
+        diagnose=lambda sessions, *_: invented.unseen_diagnosis(str(sessions[0].path))
+    )
+    made.context.open_paths([session_file])
+    wait_for_result(qtbot, made)
+    return made
+
+
+def test_the_verdict_says_what_it_could_not_see_and_offers_the_run(window: MainWindow) -> None:
+    assert child(window, QLabel, "verdict").text() == "Nothing is missing that these data could show"
+    assert child(window, QLabel, "setText").text() == (
+        "They could not have shown: Stribeck joint friction, tilted base and cable stretch. "
+        "The proposed run would show Stribeck joint friction and tilted base."
+    )
+    view = lab_of(window).view
+    assert view.right.currentWidget() is view.truth
+    assert view.truth.title.text() == "True, as far as these recordings can show"
+    assert "It would show Stribeck joint friction and tilted base, if there" in view.truth.next.text()
+    assert view.steps.result("missing") == "nothing that they could show"
+    handed: list[Any] = []
+    window.context.protocol_handed.connect(lambda steps, title: handed.append(steps))
+    click(window, "handExperiment")
+    assert handed[0][-1].trajectory["frequency_hz"] == 0.2
+
+
+def test_what_was_not_visible_is_no_suspect(window: MainWindow) -> None:
+    view = lab_of(window).view
+    rows = view.candidates.list.rows
+    assert [row.key for row in rows[:3]] == ["nothing_missing", "not_in_catalogue", "coulomb_friction"]
+    assert not any(row.in_set for row in rows)
+    assert [row.detectable for row in rows] == [True, True, True, False, False, False]
+    assert sum(row.probability for row in rows) == pytest.approx(1.0)
+    view.candidates.choose("stribeck_friction")
+    assert "could not show it" in view.evidence.explanation.text()
+
+
+def test_many_effects_are_counted_and_named_in_the_tooltip() -> None:
+    few = invented.unseen_diagnosis("s.h5")
+    many = replace(few, set=(*few.set, "added_mass", "motor_inertia", "sensor_drift"), next_experiment=None)
+    assert set_words(many).endswith("cable stretch, mass that the budget left out and 2 more.")
+    assert "drift of an angle sensor" in set_help(many).lower()
+    assert set_help(few) == ""
+
+
+def test_the_browser_does_not_show_them_as_found() -> None:
+    verdict = Verdict("nothing_missing", ("gravity_tilt",), 0.82, 1.03, Path("v.parquet"), outdated=False)
+    assert verdict_text(verdict) == "nothing missing\n82 %"
+    assert "leaves open, at a plausible strength: tilted base" in verdict_help(verdict)
+    found = Verdict("missing_effect", ("gravity_tilt",), 0.9, 1.03, Path("v.parquet"), outdated=False)
+    assert verdict_text(found) == "Tilted base\n90 %"
+    assert "leaves open" not in verdict_help(found)
+
+
+def test_what_shows_too_weakly_is_told_apart_from_what_could_not_show() -> None:
+    known = invented.unseen_diagnosis("s.h5")
+    weak = replace(known, set=("coulomb_friction", *known.set), next_experiment=None)
+    assert set_words(weak) == (
+        "They could not have shown: Stribeck joint friction, tilted base and cable stretch. "
+        "Too weak to tell: Coulomb joint friction."
+    )
+    assert set_words(replace(weak, set=("coulomb_friction",))) == "Too weak to tell: Coulomb joint friction."
+    assert "too weak to tell: Coulomb joint friction." in set_sentence(weak)

@@ -1,0 +1,294 @@
+"""The window's lines: above every tab its name, the rig's state, STOP and news; below, device and work."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from PySide6.QtCore import QSize, Qt
+from PySide6.QtGui import QColor, QGuiApplication, QPainter, QPaintEvent
+from PySide6.QtWidgets import QFrame, QLabel, QProgressBar, QPushButton, QSizePolicy, QStackedWidget, QWidget
+
+from fingerlab.core.text import grouped
+
+from ..widgets.fields import PROGRESS_STEPS
+from ..widgets.labels import ElidedLabel, FittingLabel
+from ..widgets.layout import FLUSH, described, hbox
+from ..widgets.theme import colours_of, large_font
+from .context import RigLine
+from .worker import Worker
+
+STOP_SIZE = QSize(136, 36)
+RECORDING_WIDTH = 152
+LAMP_PX = 12
+
+
+class Lamp(QWidget):
+    """A round light. Its colour never stands alone: a word is beside it, and its form tells it, too.
+
+    ``off`` is a ring, ``ready`` and ``live`` a disc, ``fault`` a disc in the fault's colour,
+    ``recording`` in red.
+    """
+
+    def __init__(self, name: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._light = "off"
+        self.setAccessibleName(name)
+        self.setFixedSize(LAMP_PX + 4, LAMP_PX + 4)
+
+    @property
+    def light(self) -> str:
+        """What it shows."""
+        return self._light
+
+    def show_light(self, light: str) -> None:
+        """Change colour and form."""
+        if light != self._light:
+            self._light = light
+            self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        colours = colours_of(self)
+        colour = QColor(
+            {
+                "off": colours.muted,
+                "ready": colours.accent,
+                "live": colours.candidate,
+                "paused": colours.muted,
+                "recording": colours.stop,
+            }.get(self._light, colours.fault)
+        )
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(colour)
+        if self._light not in ("off", "paused"):
+            painter.setBrush(colour)
+        painter.drawEllipse(2, 2, LAMP_PX, LAMP_PX)
+        painter.end()
+
+
+class FrameHeader(QWidget):
+    """What it says is told it; what the STOP button does is in ``stop_guard.py``."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("frameHeader")
+        self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
+        self.own = QStackedWidget()
+        self.own.addWidget(QWidget())
+        self.doing = described(ElidedLabel(), "doing", accessible="What is running")
+        self.doing.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self.lamp = Lamp("State light")
+        self.state = described(QLabel(), "rigState", accessible="State of the rig")
+        self.dot = Lamp("Recording light")
+        self.count = described(QLabel(), "sampleCount", accessible="Recorded samples")
+        self.stop = described(QPushButton("STOP"), "stop", accessible="Stop the motor", font=large_font())
+        self.stop.setMinimumSize(STOP_SIZE)
+        self.stop.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Escape reaches it; space must not by accident
+        self._lay_out()
+        self.show_rig(RigLine())
+
+    def _lay_out(self) -> None:
+        layout = hbox(
+            self, (self.own, 5), (self.doing, 2), self.lamp, self.state, 8, margins=(0, 2, 8, 2), spacing=8
+        )
+        # Its room is kept, so that nothing jumps when recording begins or the count gets longer.
+        recording = QWidget()
+        recording.setFixedWidth(RECORDING_WIDTH)
+        recording.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Preferred)
+        hbox(recording, self.dot, (self.count, 1), margins=FLUSH, spacing=8)
+        layout.addWidget(recording)
+        layout.addWidget(self.stop)
+
+    def show_own(self, widget: QWidget | None) -> None:
+        """Show the tab's own part of the header."""
+        if widget is None:
+            self.own.setCurrentIndex(0)
+            return
+        if self.own.indexOf(widget) < 0:
+            self.own.addWidget(widget)
+        self.own.setCurrentWidget(widget)
+
+    def show_rig(self, line: RigLine) -> None:
+        """State, what is running, and what is recorded."""
+        self.lamp.show_light(line.light)
+        self.state.setText(line.state.capitalize())
+        self.doing.setText(line.doing)
+        self.doing.setVisible(bool(line.doing))  # its room is the name's while nothing runs
+        recording = line.recording is not None
+        self.dot.setVisible(recording)
+        self.dot.show_light("paused" if line.paused else "recording")
+        words = "paused" if line.paused else "samples"
+        self.count.setText("" if line.recording is None else f"{grouped(line.recording)} {words}")
+
+
+class MessageBar(QFrame):
+    """Hidden until there is something to say; stays until it is dismissed or replaced."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("messageBar")
+        self.setAccessibleName("Message")
+        self.sentence = QLabel()
+        self.sentence.setObjectName("message")
+        self.sentence.setWordWrap(True)
+        self.sentence.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
+        self.copy = QPushButton("&Copy details")
+        self.copy.setObjectName("copyDetails")
+        self.copy.clicked.connect(self._copy)
+        self.dismiss = QPushButton("&Dismiss")
+        self.dismiss.clicked.connect(self.hide)
+        hbox(self, self.sentence, self.copy, self.dismiss, margins=(16, 8, 8, 8), spacing=8)
+        self._details = ""
+        self.hide()
+
+    def tell(self, sentence: str, details: str = "") -> None:
+        """Show a sentence; with details it can be copied whole for a report. An empty one hides the bar."""
+        if not sentence:
+            self.hide()
+            return
+        self._details = details
+        self.sentence.setText(sentence)
+        self.setAccessibleDescription(sentence)
+        self.copy.setVisible(bool(details))
+        self.show()
+
+    def _copy(self) -> None:
+        QGuiApplication.clipboard().setText(f"{self.sentence.text()}\n\n{self._details}")
+
+
+TELLS_FROM_S = 2.0
+TELLS_FROM_SHARE = 0.05
+"""Time left is told after so long and so much: before, it would be a guess."""
+
+
+class TaskBar(QWidget):
+    """Follows a task runner. Ctrl+. cancels."""
+
+    def __init__(
+        self, tasks: Worker, parent: QWidget | None = None, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        super().__init__(parent)
+        self._clock, self._began = clock, 0.0
+        self.text = described(ElidedLabel(), "status", accessible="Status")
+        self.progress = described(QProgressBar(), "progress", accessible="Progress")
+        self.progress.setRange(0, PROGRESS_STEPS)
+        self.progress.setFixedWidth(200)
+        self.cancel = QPushButton("Cancel")
+        self.cancel.setObjectName("cancel")
+        self.cancel.setShortcut("Ctrl+.")
+        self.cancel.setToolTip("Stop what is running (Ctrl+.).")
+        hbox(self, (self.text, 1), self.progress, self.cancel, margins=(0, 4, 8, 4), spacing=8)
+        self.cancel.clicked.connect(self._on_cancel)
+        tasks.started.connect(self._on_started)
+        tasks.progressed.connect(self._on_progress)
+        tasks.ended.connect(self._on_ended)
+        self._tasks = tasks
+        self._title = ""
+        self._show_work(False)
+
+    def say(self, text: str) -> None:
+        """The last thing that happened."""
+        self.text.setText(text)
+
+    def _show_work(self, running: bool) -> None:
+        if not running:
+            self.cancel.clearFocus()  # Qt would hand it to the next widget, whatever that is
+        # Space is kept, so that nothing jumps when work starts or ends.
+        for widget in (self.progress, self.cancel):
+            policy = widget.sizePolicy()
+            policy.setRetainSizeWhenHidden(True)
+            widget.setSizePolicy(policy)
+            widget.setVisible(running)
+
+    def _on_started(self, title: str) -> None:
+        self._title, self._began = title, self._clock()
+        self.say(title)
+        self.progress.setValue(0)
+        self.cancel.setEnabled(True)
+        self._show_work(True)
+
+    def _on_progress(self, share: float, what: str) -> None:
+        self.progress.setValue(round(share * PROGRESS_STEPS))
+        words = f"{self._title}: {what}" if what else self._title
+        left = time_left(share, self._clock() - self._began)
+        self.say(f"{words}, {left}" if left else words)
+
+    def _on_cancel(self) -> None:
+        self.cancel.clearFocus()
+        self.cancel.setEnabled(False)
+        self.say(f"{self._title}: stopping")
+        self._tasks.cancel()
+
+    def _on_ended(self, how: str) -> None:
+        self._show_work(False)
+        words = {"done": "done", "stopped": "stopped", "failed": "failed"}
+        self.say(f"{self._title}: {words.get(how, how)}")
+
+
+def time_left(share: float, seconds: float) -> str:
+    """How long it will still take, in words; empty as long as that is a guess.
+
+    Args:
+        share: done, 0 to 1. seconds: since the start.
+    """
+    if not TELLS_FROM_SHARE <= share < 1.0 or seconds < TELLS_FROM_S:
+        return ""
+    left = seconds * (1.0 - share) / share
+    return f"about {max(round(left), 1)} s left" if left < 90 else f"about {round(left / 60)} min left"
+
+
+LOW_DISK_BYTES = 1 << 30
+"""With less room than this the status bar warns (assumed): about two hours of recording at 1 kHz."""
+
+CYCLE_HELP = (
+    "Late: cycles of the control loop that came too late or were lost, since the device was connected.\n"
+    "Cycle: measured over the last ten seconds, mean and longest."
+)
+
+
+class StatusBar(QWidget):
+    """Follows the rig and a task runner."""
+
+    def __init__(self, tasks: Worker, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.device = described(FittingLabel(), "statusDevice", accessible="Device")
+        self.tasks = TaskBar(tasks)
+        hbox(self, self.device, (self.tasks, 1), margins=(16, 0, 0, 0), spacing=8)
+        self.show_rig(RigLine())
+
+    def show_rig(self, line: RigLine) -> None:
+        """How the rig does."""
+        texts = device_texts(line)
+        self.device.set_texts(texts)
+        self.device.setVisible(bool(line.device))
+        self.device.setToolTip("\n".join(filter(None, (texts[0], CYCLE_HELP if line.cycle_s else ""))))
+
+
+def device_texts(line: RigLine) -> tuple[str, ...]:
+    """Device, samples, late cycles, cycle time, disk, in words: all of it, then less and less.
+
+    What endangers the recording is in each.
+    """
+    if not line.device:
+        return ("",)
+    samples, late = f"{grouped(line.samples)} samples", f"{line.late} late"
+    mean, longest = f"cycle {1e3 * line.cycle_s:.2f} ms", f"longest {1e3 * line.longest_cycle_s:.2f} ms"
+    cycle = f"{mean}, {longest}" if line.cycle_s else ""
+    warning = f"⚠ {line.warning}" if line.warning else ""
+    room, low = _room(line.free_bytes), 0 < line.free_bytes < LOW_DISK_BYTES
+    choices = (
+        (line.device, samples, late, cycle, room, warning),
+        (line.device, samples, late, longest if line.cycle_s else "", room, warning),
+        (line.device, late, room, warning),
+        (line.device, room if low else "", warning),
+    )
+    return tuple(dict.fromkeys(" · ".join(filter(None, parts)) for parts in choices))
+
+
+def _room(free_bytes: int) -> str:
+    """Empty before it is known."""
+    if not free_bytes:
+        return ""
+    room = f"{free_bytes / 1e9:.{0 if free_bytes >= 1e10 else 1}f} GB free"
+    return f"⚠ only {room}" if free_bytes < LOW_DISK_BYTES else room
