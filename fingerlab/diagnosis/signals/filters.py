@@ -107,7 +107,7 @@ _BLOCK_KERNEL = _block_kernel(_NARROW, NARROW_STEP)
 
 
 def padded_length(length: int) -> int:
-    """Samples of a wide signal of ``length`` samples with the zeros that make it whole blocks and one more."""
+    """Samples of a wide signal of ``length`` samples, with zeros that make it whole blocks and one more."""
     return (-(-decimated_count(length) // BLOCK) + 1) * BLOCK_LENGTH
 
 
