@@ -8,9 +8,11 @@ friction; formed at 40 Hz it does not.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from fingerlab.diagnosis.settings import (
     NARROW_CUTOFF_HZ,
@@ -111,7 +113,7 @@ def padded_length(length: int) -> int:
     return (-(-decimated_count(length) // BLOCK) + 1) * BLOCK_LENGTH
 
 
-def decimate(columns: Array, length: int | None = None) -> Array:
+def decimate(columns: NDArray[np.floating[Any]], length: int | None = None) -> Array:
     """Low-pass at 8 Hz and decimate to 25 Hz; shape (..., n) -> (..., decimated_count(n)).
 
     Each column has a product of matrices of its own, of one shape for all: in a product of all columns at
