@@ -12,10 +12,10 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from fingerlab.acquisition.inline import InlineBench
-from fingerlab.acquisition.process_bench import ProcessBench
-from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.units import BenchUnits
+from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.process_bench import ProcessBench
+from fingerlab.acquisition.bench.steering import LoopSettings
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.devices.choosing import DeviceChoice
 from fingerlab.devices.simulated import SimulatedRig
 from fingerlab.rig.constants import Rig

@@ -30,14 +30,13 @@ import psutil
 from benchmarks.benches import in_processes, keep_option, kept, shown_window
 from benchmarks.machine import load_average, used
 from benchmarks.real_time_page import Timed, page
-from fingerlab.acquisition.board import Board, Slot
-from fingerlab.acquisition.columns import COLUMN, COLUMNS, RowFlag
-from fingerlab.acquisition.commands import Enable, Initialise, Reset, SetUp, Start
-from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.process_bench import ProcessBench
-from fingerlab.acquisition.recorder import Recorder
-from fingerlab.acquisition.recording import RunInfo, SessionInfo
-from fingerlab.acquisition.ring import Ring
+from fingerlab.acquisition.bench.process_bench import ProcessBench
+from fingerlab.acquisition.control.commands import Enable, Initialise, Reset, SetUp, Start
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.record.recorder import Recorder
+from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring, RowFlag
+from fingerlab.acquisition.status import SharedStatus, Slot
 from fingerlab.core.errors import UserError
 from fingerlab.devices.simulated import SimulatedRig
 from fingerlab.sessions import open_session
@@ -282,8 +281,8 @@ def sustained(folder: Path) -> dict[int, float]:
 
 
 @contextmanager
-def _recorder(path: Path) -> Iterator[tuple[Ring, Recorder, Board]]:
-    ring, board = Ring.make(1 << 14, len(COLUMNS), shared=False), Board.make(shared=False)
+def _recorder(path: Path) -> Iterator[tuple[Ring, Recorder, SharedStatus]]:
+    ring, board = Ring.make(1 << 14, len(COLUMNS), shared=False), SharedStatus.make(shared=False)
     recorder = Recorder(ring, board, path.parent / "rescued")
     recorder.open(SessionInfo(path, SimulatedRig().rig.to_json(), "speed", CREATED))
     recorder.begin(RunInfo("contact", "flexion", RATE_HZ, SINE, 0))

@@ -31,14 +31,13 @@ import psutil
 
 from benchmarks.benches import in_processes, keep_option, kept, turned_by_hand
 from benchmarks.machine import code_words, load_average, machine_words
-from fingerlab.acquisition.bench import Bench
-from fingerlab.acquisition.board import Slot
-from fingerlab.acquisition.columns import COLUMN
-from fingerlab.acquisition.process_bench import ProcessBench
-from fingerlab.acquisition.protocol import plan_steps
-from fingerlab.acquisition.protocol_driver import ProtocolDriver
-from fingerlab.acquisition.recording import SessionInfo
-from fingerlab.acquisition.ring import Array, RingReader
+from fingerlab.acquisition.bench.bench import Bench
+from fingerlab.acquisition.bench.process_bench import ProcessBench
+from fingerlab.acquisition.protocols.driver import ProtocolDriver
+from fingerlab.acquisition.protocols.steps import plan_steps
+from fingerlab.acquisition.record.recording import SessionInfo
+from fingerlab.acquisition.ring import COLUMN, Array, RingReader
+from fingerlab.acquisition.status import Slot
 from fingerlab.sessions import open_session
 from fingerlab.twin.protocols import RunPlan
 

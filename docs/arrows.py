@@ -40,11 +40,8 @@ ROWS = (
 )
 """Parts from the top down: place across the drawing, and what they are. Imports lead to rows further down."""
 GROUND = ("core", "rig", "sessions")
-TOLD = (
-    *("trajectories", "trajectory_points", "reference", "torque"),
-    *("control", "units", "safety", "checks"),
-)
-"""Modules of ``acquisition`` that say what the motor is told, and know no device."""
+TOLD = ("control",)
+"""Rooms of ``acquisition`` that say what the motor is told, and know no device."""
 WIDTH, ROW, BOX_WIDTH, BOX_HEIGHT = 880.0, 92.0, 182.0, 46.0
 Edge = tuple[str, str]
 

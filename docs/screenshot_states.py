@@ -11,9 +11,9 @@ from click.testing import CliRunner
 from PySide6.QtCore import QEventLoop, QTimer
 from PySide6.QtWidgets import QLabel, QTableView, QWidget
 
-from fingerlab.acquisition.inline import InlineBench
-from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.units import BenchUnits
+from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.steering import LoopSettings
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.calibration import StepTiming
 from fingerlab.cli.main import cli
 from fingerlab.core.text import estimate_text, score_text

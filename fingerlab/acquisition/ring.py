@@ -1,20 +1,74 @@
-"""The ring between the control loop and all who read it: one writer, many readers, nobody waits.
-
-Each row is framed by its sequence number, before and after. The writer publishes a row by raising the
-count of written rows afterwards. A reader copies and then looks how far the writer is, and whether what it
-copied carries the numbers that it should: a row that was overwritten meanwhile (overrun) or is not wholly
-there yet (torn) is never handed out.
-"""
+"""One row a cycle of the control loop, in a ring of shared memory: its columns, its writer, its readers."""
 
 from __future__ import annotations
 
+import math
 import struct
+from collections import deque
 from dataclasses import dataclass
+from enum import IntFlag
 from typing import Any
 
 import numpy as np
 
-from fingerlab.acquisition.memory import Block
+from fingerlab.acquisition.control.machine import Machine
+from fingerlab.acquisition.control.safety import Reading
+from fingerlab.acquisition.status import Block, Input, SharedStatus, Slot
+from fingerlab.devices.protocol import LINES, NO_LINES, RAW_CHANNELS
+
+COLUMNS = (
+    "index",
+    "motor_command",
+    "motor_position",
+    "motor_speed",
+    "current_command",
+    "motor_current",
+    "motor_torque",
+    "mcp_angle",
+    "pip_angle",
+    "endpoint_force",
+    "lateness",
+    "cycle_time",
+    "mode",
+    "flags",
+    "run",
+    *(f"raw/{name}" for name in (*RAW_CHANNELS, *LINES)),
+)
+"""Columns in their order."""
+
+UNITS = {
+    "index": "",
+    "motor_command": "rad",
+    "motor_position": "rad",
+    "motor_speed": "rad/s",
+    "current_command": "A",
+    "motor_current": "A",
+    "motor_torque": "N m",
+    "mcp_angle": "rad",
+    "pip_angle": "rad",
+    "endpoint_force": "N",
+    "lateness": "s",
+    "cycle_time": "s",
+    "mode": "",
+    "flags": "",
+    "run": "",
+    **{f"raw/{name}": "count" if name.endswith("counts") else "V" for name in RAW_CHANNELS},
+    **{f"raw/{name}": "" for name in LINES},
+}
+"""Unit of each column; the empty unit is a plain number."""
+
+COLUMN = {name: number for number, name in enumerate(COLUMNS)}
+"""Column name -> number."""
+
+
+class RowFlag(IntFlag):
+    """Bits of the column ``flags``."""
+
+    ENABLED = 1
+    LATCHED = 2
+    LATE = 4
+    LOST_BEFORE = 8
+
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -144,3 +198,118 @@ class RingReader:
             return RingPiece(wanted, rows, 0)
         self.position = first + len(rows)
         return RingPiece(first, rows, first - wanted)
+
+
+LATE_SHARE = 0.5
+"""A cycle is counted as late from this share of a period on (assumed)."""
+
+
+class Publisher:
+    """Writes rows and counts late and lost cycles."""
+
+    def __init__(self, ring: Ring, board: SharedStatus, period: float) -> None:
+        self._write, self._board, self._counters = ring.write, board, board.counters
+        self._late_from = LATE_SHARE * period
+        self._late = self._lost = self._cycles = 0
+        self._lines = [Input.NONE, Input.NONE]
+
+    def publish_lines(self, reading: Reading) -> None:
+        """Publish the digital inputs where one has changed."""
+        if reading.lines is NO_LINES:
+            return
+        lines = [Input.NONE if v != v else Input.YES if v else Input.NO for v in reading.lines]
+        if lines != self._lines:
+            self._lines = lines
+            self._board[Slot.EMERGENCY_STOP], self._board[Slot.AMPLIFIER_READY] = lines
+            self._board[Slot.LINES_AT] = reading.index
+
+    def publish(self, r: Reading, machine: Machine, reference: float, amps: float, run: int) -> None:
+        """Publish a cycle: ``reference`` in rad, ``amps`` the current command, ``run`` 0 without motion."""
+        flags = 0
+        if machine.enable_allowed:
+            flags |= _ENABLED
+        if machine.latched:
+            flags |= _LATCHED
+        if r.lateness > self._late_from:
+            flags |= _LATE
+            self._late += 1
+            self._board[Slot.LATE] = self._late
+        if r.lost:
+            flags |= _LOST
+            self._lost += r.lost
+            self._board[Slot.LOST] = self._lost
+        self._write(
+            (
+                r.index,
+                reference,
+                r.position,
+                r.speed,
+                amps,
+                r.current,
+                r.torque,
+                r.mcp,
+                r.pip,
+                r.force,
+                r.lateness,
+                r.cycle_time,
+                machine.mode,
+                flags,
+                run,
+                *r.raw,
+                *r.lines,
+            )
+        )
+        self._cycles += 1
+        self._counters[_INDEX] = r.index
+        self._counters[_CYCLES] = self._cycles
+
+
+# Plain numbers: arithmetic on an enum costs more than the rest of the cycle.
+_ENABLED, _LATCHED = int(RowFlag.ENABLED), int(RowFlag.LATCHED)
+_INDEX, _CYCLES = int(Slot.INDEX), int(Slot.CYCLES)
+_LATE, _LOST = int(RowFlag.LATE), int(RowFlag.LOST_BEFORE)
+
+
+WINDOW_S = 10.0
+"""Long enough to read a single long cycle, short enough to be about the present (assumed)."""
+
+
+class CycleTimes:
+    """Follows the measured cycle times in the rows of the ring.
+
+    The first cycle, and the first after the device was started anew, last as long as the start takes: they
+    are no cycles of the loop and are left out. Cycles that were lost make the one after them longer.
+    """
+
+    def __init__(self, rate_hz: float, seconds: float = WINDOW_S) -> None:
+        self._samples = round(seconds * rate_hz)
+        self._pieces: deque[tuple[int, float, int, float]] = (
+            deque()
+        )  # last index, sum (s), count, longest (s)
+        self._before = -2
+
+    def take(self, rows: Array) -> None:
+        """Rows of the ring in their order, shape (n, columns)."""
+        if not len(rows):
+            return
+        index = rows[:, COLUMN["index"]]
+        follows = np.diff(index, prepend=self._before) == 1
+        lost = (rows[:, COLUMN["flags"]].astype(np.int64) & RowFlag.LOST_BEFORE) != 0
+        cycle = rows[:, COLUMN["cycle_time"]]
+        good = cycle[(follows | lost) & np.isfinite(cycle)]
+        self._before = int(index[-1])
+        if len(good):
+            self._pieces.append((self._before, float(good.sum()), len(good), float(good.max())))
+        while self._pieces and self._pieces[0][0] <= self._before - self._samples:
+            self._pieces.popleft()
+
+    @property
+    def mean(self) -> float:
+        """Mean, s; NaN before the first cycle."""
+        count = sum(piece[2] for piece in self._pieces)
+        return sum(piece[1] for piece in self._pieces) / count if count else math.nan
+
+    @property
+    def longest(self) -> float:
+        """Longest, s; NaN before the first cycle."""
+        return max((piece[3] for piece in self._pieces), default=math.nan)

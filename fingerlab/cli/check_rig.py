@@ -14,8 +14,8 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
 
 if TYPE_CHECKING:
-    from fingerlab.acquisition.bench import Bench
-    from fingerlab.acquisition.check_rig.outcomes import CheckProtocol, Operator
+    from fingerlab.acquisition.bench.bench import Bench
+    from fingerlab.acquisition.check_rig.look import CheckProtocol, Operator
     from fingerlab.acquisition.check_rig.walk import Step
     from fingerlab.devices.choosing import DeviceChoice
     from fingerlab.rig.constants import Rig
@@ -56,7 +56,7 @@ def check_rig(
     Exits with 0 where everything was confirmed. A step that failed or was left out is bad input: the bench is
     not known to be what its rig file says; the exit code is 2 then. The protocol is written either way.
     """
-    from fingerlab.acquisition.check_rig.outcomes import write_protocol
+    from fingerlab.acquisition.check_rig.look import write_protocol
     from fingerlab.acquisition.check_rig.walk import check_answers
     from fingerlab.devices.choosing import REPLAY, choose_device
     from fingerlab.rig.file import default_rig, load_rig
@@ -108,7 +108,7 @@ def checked(
 
 def _asked_device(rig: Rig) -> str:
     """Which bench, said by the person at the terminal: a card that is there is not taken unasked."""
-    from fingerlab.devices.detect import detect, opening_sentence
+    from fingerlab.devices.choosing import detect, opening_sentence
 
     found = detect(rig)
     names = [one.name for one in found if one.available]
@@ -122,15 +122,15 @@ def _asked_device(rig: Rig) -> str:
 
 def _open(choice: DeviceChoice, rig: Rig) -> Bench:
     """The bench with its loop, limits and guardian; a rehearsal without questions waits for no clock."""
-    from fingerlab.acquisition.check_rig.looking import check_settings
-    from fingerlab.acquisition.recording import rescue_folder
+    from fingerlab.acquisition.check_rig.look import check_settings
+    from fingerlab.acquisition.record.recording import rescue_folder
 
     settings = check_settings(rig)
     if choice.simulated and not choice.real_time:
-        from fingerlab.acquisition.inline import InlineBench
+        from fingerlab.acquisition.bench.inline import InlineBench
 
         return InlineBench(choice.build(), settings, rescue_folder())
-    from fingerlab.acquisition.process_bench import ProcessBench
+    from fingerlab.acquisition.bench.process_bench import ProcessBench
 
     return ProcessBench(choice, settings, rescue_folder(), rig.daq.rate_hz)
 
@@ -141,7 +141,7 @@ def _somebody_there() -> bool:
 
 def _complaint(protocol: Any, out: Path) -> str:
     """Which steps failed or were left out, and what to do."""
-    from fingerlab.acquisition.check_rig.outcomes import FAILED, SKIPPED
+    from fingerlab.acquisition.check_rig.look import FAILED, SKIPPED
 
     said = []
     for state, words in ((FAILED, "failed"), (SKIPPED, "were left out")):
@@ -186,7 +186,7 @@ def _answers(given: tuple[str, ...]) -> dict[str, str]:
 
 
 def _json(protocol: Any) -> dict[str, Any]:
-    from fingerlab.acquisition.check_rig.outcomes import finite
+    from fingerlab.acquisition.check_rig.look import finite
 
     result: dict[str, Any] = finite(protocol.to_json())
     return result

@@ -10,8 +10,8 @@ import click
 from fingerlab.cli.common import PATH, json_option, write_json
 from fingerlab.core.errors import UserError
 from fingerlab.devices import own
-from fingerlab.devices.detect import detect
-from fingerlab.devices.protocol import Found
+from fingerlab.devices.choosing import detect
+from fingerlab.devices.protocol import FoundDevice
 from fingerlab.rig.file import load_rig
 
 STATES = {
@@ -56,7 +56,7 @@ def devices(rig_file: Path | None, untrust: Path | None, forget: bool, json_targ
         write_json(_to_json(found, known), json_target)
 
 
-def _print(found: tuple[Found, ...], known: tuple[tuple[Path, str], ...]) -> None:
+def _print(found: tuple[FoundDevice, ...], known: tuple[tuple[Path, str], ...]) -> None:
     for one in found:
         click.echo(f"{one.name}  {'can be used' if one.available else 'cannot be used'}: {one.sentence}")
     for path, state in known:
@@ -65,7 +65,7 @@ def _print(found: tuple[Found, ...], known: tuple[tuple[Path, str], ...]) -> Non
         click.echo("No device of your own was confirmed.")
 
 
-def _to_json(found: tuple[Found, ...], known: tuple[tuple[Path, str], ...]) -> dict[str, Any]:
+def _to_json(found: tuple[FoundDevice, ...], known: tuple[tuple[Path, str], ...]) -> dict[str, Any]:
     return {
         "schema": 1,
         "devices": [{"name": f.name, "available": f.available, "sentence": f.sentence} for f in found],

@@ -18,10 +18,10 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
 
 if TYPE_CHECKING:
-    from fingerlab.acquisition.bench import Bench
-    from fingerlab.acquisition.commands import Initialise
-    from fingerlab.acquisition.protocol_driver import Beginning
-    from fingerlab.acquisition.script import Order
+    from fingerlab.acquisition.bench.bench import Bench
+    from fingerlab.acquisition.control.commands import Initialise
+    from fingerlab.acquisition.protocols.driver import Beginning
+    from fingerlab.acquisition.protocols.script import Order
     from fingerlab.devices.choosing import DeviceChoice
     from fingerlab.models.file import Model
     from fingerlab.rig.constants import Rig
@@ -98,7 +98,7 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
     What has been recorded is safe at every moment: a recording that was cut is repaired when it is opened.
     The simulated rig runs as fast as it can, unless it is asked for real time.
     """
-    from fingerlab.acquisition.protocol import plan_steps
+    from fingerlab.acquisition.protocols.steps import plan_steps
     from fingerlab.cli.record_session import Told, take
     from fingerlab.devices.choosing import REPLAY
 
@@ -159,14 +159,14 @@ def _angles(options: Mapping[str, Any]) -> dict[str, float]:
 
 def _initial(rig: Rig, angles: Mapping[str, float]) -> Initialise:
     """What the sensors are set to after each change of the bench: as given, else as the rig predefines it."""
-    from fingerlab.acquisition.initial import initial_of
+    from fingerlab.acquisition.control.commands import initial_of
 
     return replace(initial_of(rig), **angles)
 
 
 def _beginning(options: Mapping[str, Any]) -> Beginning:
-    from fingerlab.acquisition.protocol_driver import Beginning
-    from fingerlab.acquisition.trigger import read_level
+    from fingerlab.acquisition.protocols.driver import Beginning
+    from fingerlab.acquisition.record.trigger import read_level
 
     level = options["trigger"]
     return Beginning(options["pre_trigger"], None if level is None else read_level(level))
@@ -174,7 +174,7 @@ def _beginning(options: Mapping[str, Any]) -> Beginning:
 
 def _orders(source: str | None) -> list[Order]:
     """What a file asks for; standard input is read while it is recorded."""
-    from fingerlab.acquisition.script import read_orders
+    from fingerlab.acquisition.protocols.script import read_orders
 
     if source is None or source == "-":
         return []
@@ -200,9 +200,9 @@ def _open(
 
     A simulated rig is taken as it is: what it records must depend on its seed alone.
     """
-    from fingerlab.acquisition.recording import rescue_folder
-    from fingerlab.acquisition.requests import LoopSettings
-    from fingerlab.acquisition.units import BenchUnits
+    from fingerlab.acquisition.bench.steering import LoopSettings
+    from fingerlab.acquisition.control.units import BenchUnits
+    from fingerlab.acquisition.record.recording import rescue_folder
     from fingerlab.calibration.applying import default_folder, rig_and_attributes
     from fingerlab.devices.protocol import SelfDescribing
 
@@ -214,17 +214,16 @@ def _open(
         attributes |= told
     settings = LoopSettings(BenchUnits.from_rig(rig), rig.limits)
     if device is not None and not options["real_time"]:
-        from fingerlab.acquisition.inline import InlineBench
+        from fingerlab.acquisition.bench.inline import InlineBench
 
         return InlineBench(device, settings, rescue_folder()), rig, attributes
-    from fingerlab.acquisition.process_bench import ProcessBench
+    from fingerlab.acquisition.bench.process_bench import ProcessBench
 
     return ProcessBench(choice, settings, rescue_folder(), rig.daq.rate_hz), rig, attributes
 
 
 def _choice(options: Mapping[str, Any]) -> DeviceChoice:
-    from fingerlab.devices.choosing import choose_device
-    from fingerlab.devices.detect import detect, opening_sentence
+    from fingerlab.devices.choosing import choose_device, detect, opening_sentence
     from fingerlab.devices.protocol import first_available
     from fingerlab.devices.simulated import Simulation
     from fingerlab.rig.file import load_rig
@@ -246,7 +245,7 @@ def _choice(options: Mapping[str, Any]) -> DeviceChoice:
 
 
 def _plans(options: Mapping[str, Any]) -> tuple[str, list[Any]]:
-    from fingerlab.acquisition.own_runs import in_contact
+    from fingerlab.acquisition.protocols.steps import in_contact
     from fingerlab.twin.preset import load_preset
     from fingerlab.twin.protocols import PROTOCOLS
 

@@ -18,8 +18,8 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
 
 if TYPE_CHECKING:
-    from fingerlab.acquisition.bench import Bench, Status
-    from fingerlab.acquisition.protocol_driver import ProtocolDriver
+    from fingerlab.acquisition.bench.bench import Bench, Status
+    from fingerlab.acquisition.protocols.driver import ProtocolDriver
     from fingerlab.models.file import Model
     from fingerlab.models.live import LiveModel
     from fingerlab.rig.constants import Rig
@@ -82,7 +82,7 @@ class Observer:
     def __init__(
         self, bench: Bench, rig: Rig, events: Events, say: Callable[[str], None], model: Model | str | None
     ) -> None:
-        from fingerlab.acquisition.cycle_times import CycleTimes
+        from fingerlab.acquisition.ring import CycleTimes
 
         self._bench, self._rig, self._events, self._say, self._model = bench, rig, events, say, model
         self._cycles = CycleTimes(bench.rate_hz)
@@ -98,7 +98,7 @@ class Observer:
 
     def look(self, driver: ProtocolDriver) -> None:
         """To be called many times a second."""
-        from fingerlab.acquisition.watching import notices
+        from fingerlab.acquisition.bench.bench import notices
 
         before, self._status = self._status, self._bench.status()
         for notice in notices(before, self._status, self._bench.rate_hz):
@@ -134,9 +134,9 @@ class Observer:
             self._events.tell("progress", {**told, "step_left_s": now[1], "left_s": now[2]})
 
     def _readings(self) -> dict[str, Any]:
-        from fingerlab.acquisition.columns import COLUMN
-        from fingerlab.acquisition.machine import MODE_WORDS
-        from fingerlab.acquisition.watching import line_words
+        from fingerlab.acquisition.bench.bench import line_words
+        from fingerlab.acquisition.control.machine import MODE_WORDS
+        from fingerlab.acquisition.ring import COLUMN
 
         status = self._status
         told: dict[str, Any] = {"time_s": status.index / self._bench.rate_hz, "mode": MODE_WORDS[status.mode]}
@@ -152,7 +152,7 @@ class Observer:
     def _follow(self, driver: ProtocolDriver) -> None:
         import numpy as np
 
-        from fingerlab.acquisition.columns import COLUMN
+        from fingerlab.acquisition.ring import COLUMN
 
         rows = self._rows.read().rows
         if not len(rows):

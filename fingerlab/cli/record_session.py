@@ -15,11 +15,11 @@ from fingerlab.cli.record_events import Events, Lines, Observer, live_model
 from fingerlab.core.errors import Cancelled, UserError
 
 if TYPE_CHECKING:
-    from fingerlab.acquisition.bench import Bench
-    from fingerlab.acquisition.commands import Initialise
-    from fingerlab.acquisition.protocol import Step
-    from fingerlab.acquisition.protocol_driver import Beginning, ProtocolDriver
-    from fingerlab.acquisition.script import Order
+    from fingerlab.acquisition.bench.bench import Bench
+    from fingerlab.acquisition.control.commands import Initialise
+    from fingerlab.acquisition.protocols.driver import Beginning, ProtocolDriver
+    from fingerlab.acquisition.protocols.script import Order
+    from fingerlab.acquisition.protocols.steps import Step
     from fingerlab.models.file import Model
     from fingerlab.rig.constants import Rig
 
@@ -51,8 +51,8 @@ class _Attendant:
     """Between the driver and everybody else."""
 
     def __init__(self, bench: Bench, rig: Rig, told: Told, events: Events, bar: Any, report: Report) -> None:
-        from fingerlab.acquisition.protocol_driver import ProtocolDriver
-        from fingerlab.acquisition.script import Script
+        from fingerlab.acquisition.protocols.driver import ProtocolDriver
+        from fingerlab.acquisition.protocols.script import Script
 
         self._bench, self._told, self._events, self._bar, self._report = bench, told, events, bar, report
         self.script = Script(self._tell, told.orders)
@@ -84,7 +84,7 @@ class _Attendant:
             self.say(what["sentence"])
 
     def _show(self, share: float, words: str) -> None:
-        from fingerlab.acquisition.protocol import countdown
+        from fingerlab.acquisition.protocols.steps import countdown
 
         step, left = self.driver.step_left_s, self.driver.left_s
         own = f" {countdown(step)}," if step > 0 else ","
@@ -132,8 +132,8 @@ def take(
         UserError: the bench or the recorder failed. KeyboardInterrupt: it was stopped. What was recorded is
             kept in either case.
     """
-    from fingerlab.acquisition.commands import SetUp
-    from fingerlab.acquisition.protocol import Record, plan_seconds
+    from fingerlab.acquisition.control.commands import SetUp
+    from fingerlab.acquisition.protocols.steps import Record, plan_seconds
 
     if told.model is not None:
         live_model(rig, bench.rate_hz, told.model, SetUp())  # what is lacking is told before anything moves
@@ -204,7 +204,7 @@ def _write(bench: Bench, out: Path, writing: _Writing) -> Path:
 
 
 def _info(rig: Rig, told: Told, device: str) -> Any:
-    from fingerlab.acquisition.recording import SessionInfo
+    from fingerlab.acquisition.record.recording import SessionInfo
 
     title = told.title or f"{told.name} protocol on {device}"
     now = datetime.now().astimezone().isoformat(timespec="seconds")

@@ -1,4 +1,4 @@
-"""Which device to use, as plain values: another process can be handed the choice and build the device."""
+"""What there is to drive, and which device to use, as plain values that another process can build."""
 
 from __future__ import annotations
 
@@ -8,15 +8,111 @@ from typing import TYPE_CHECKING, Any
 
 from fingerlab.core.errors import UserError
 from fingerlab.devices.clock import Clock, RealClock
-from fingerlab.devices.detect import SIMULATED, detect
 from fingerlab.devices.faults import Faults
-from fingerlab.devices.protocol import Device
+from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost, FoundDevice
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import plain_section
 from fingerlab.rig.file import default_rig
 
 if TYPE_CHECKING:
     from fingerlab.devices.simulated import Simulation
+
+SIMULATED = "simulated"
+INSTEAD = "using the simulated rig"
+
+
+def detect(rig: Rig | None = None, channel: Any = None) -> tuple[FoundDevice, ...]:
+    """The card that the rig file names, then the simulated rig; whether each can be used, and why not.
+
+    Takes a quarter of a second where ``nidaqmx`` has to be loaded, and up to a few seconds where a device
+    server is named that does not answer. Never raises.
+
+    Args:
+        rig: names card and server; the default rig where it is None.
+        channel: a gRPC channel instead of the rig's server, for tests.
+    """
+    return _card(rig, channel), _simulated()
+
+
+def opening_sentence(found: tuple[FoundDevice, ...]) -> str:
+    """The line that the window and the command line show at the start."""
+    card = found[0]
+    if card.available or any(one.available for one in found):
+        return card.sentence
+    return " ".join(one.sentence for one in found)
+
+
+def _card(rig: Rig | None, channel: Any) -> FoundDevice:
+    name = "card"
+    try:
+        daq = (rig or default_rig()).daq
+        name = daq.device
+        import nidaqmx.errors
+
+        from fingerlab.devices.ni.connection import Connection
+
+        connection = Connection(daq, channel)
+        try:
+            return _ask(connection, name)
+        except nidaqmx.errors.DaqNotFoundError as error:
+            return FoundDevice(name, False, f"no NI-DAQmx driver: {INSTEAD} ({_short(error)})")
+        except nidaqmx.errors.DaqNotSupportedError as error:
+            return FoundDevice(name, False, f"no NI-DAQmx driver: {INSTEAD} ({_short(error)})")
+        except (nidaqmx.errors.RpcError, DeviceLost) as error:
+            return FoundDevice(name, False, _not_there(daq.server, error))
+        finally:
+            connection.close()
+    except UserError as error:
+        return FoundDevice(name, False, f"{_short(error)}: {INSTEAD}")
+    except ImportError as error:
+        return FoundDevice(
+            name, False, f"no NI-DAQmx driver: {INSTEAD} (nidaqmx cannot be loaded: {_short(error)})"
+        )
+    except Exception as error:  # a driver may fail in any way; the window has to open all the same
+        return FoundDevice(name, False, f"the NI-DAQmx driver failed: {INSTEAD} ({_short(error)})")
+
+
+def _ask(connection: Any, name: str) -> FoundDevice:
+    """Ask the driver for something real: with a dead server, ``System.remote`` itself succeeds."""
+    try:
+        system = connection.system()
+    except (DeviceLost, DeviceFault) as failure:
+        if failure.__cause__ is not None:
+            raise failure.__cause__ from None
+        raise
+    names = list(system.devices.device_names)
+    where = connection.where
+    if name not in names:
+        known = f"it knows {', '.join(names)}" if names else "it knows none"
+        return FoundDevice(name, False, f"the NI-DAQmx driver knows no card {where} ({known}): {INSTEAD}")
+    device = system.devices[name]
+    product = str(device.product_type)
+    if device.is_simulated:
+        return FoundDevice(
+            name,
+            False,
+            f"{where} ({product}) is a simulated device of NI MAX, whose encoder stands still: {INSTEAD}",
+        )
+    return FoundDevice(name, True, f"{where}: {product}, serial number {int(device.serial_num):X}")
+
+
+def _not_there(server: str, error: Exception) -> str:
+    place = f"the device server {server}" if server else "the device server"
+    return f"{place} does not answer: {INSTEAD} ({_short(error)})"
+
+
+def _simulated() -> FoundDevice:
+    try:
+        import fingerlab.twin.streaming  # noqa: F401 - whether the compiler is there
+    except Exception as error:  # numba on a processor or a Python that it does not know
+        return FoundDevice(SIMULATED, False, f"the simulated rig cannot be used ({_short(error)})")
+    return FoundDevice(SIMULATED, True, "the simulated rig, as fast as the clock of this machine")
+
+
+def _short(error: BaseException) -> str:
+    lines = str(error).strip().splitlines()
+    return lines[0].strip().rstrip(".") if lines else type(error).__name__
+
 
 REPLAY = "replay"
 CARD = "card"

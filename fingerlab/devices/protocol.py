@@ -171,7 +171,7 @@ def safety_lines(device: Device) -> SafetyLines:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundDevice:
     """One device that was found, or why it was not: ``sentence`` is shown as it is."""
 
     name: str
@@ -179,6 +179,6 @@ class Found:
     sentence: str
 
 
-def first_available(found: Sequence[Found]) -> Found | None:
+def first_available(found: Sequence[FoundDevice]) -> FoundDevice | None:
     """The first device that can be used."""
     return next((one for one in found if one.available), None)

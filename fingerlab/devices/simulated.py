@@ -15,9 +15,8 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.devices.charge_pump import ChargePump
-from fingerlab.devices.clock import Clock, VirtualClock
+from fingerlab.devices.clock import STEP, Clock, VirtualClock
 from fingerlab.devices.faults import Faults, FaultySensors, LineFault
-from fingerlab.devices.lateness import STEP
 from fingerlab.devices.protocol import LINES, NO_LINES, DeviceFault, DeviceLost, Sample
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import AnalogInput, Daq, SafetyLines

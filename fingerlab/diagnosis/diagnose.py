@@ -141,7 +141,7 @@ def _candidates(
     prints: Mapping[str, Fingerprint],
     closer: FittedModel | None,
 ) -> tuple[Candidate, ...]:
-    """What is told of every effect; of the first that was added, as a second look finds it."""
+    """What is told of every effect; of the first that was added, at its refined shape."""
     result = []
     posterior = evidence.posterior
     order = sorted(

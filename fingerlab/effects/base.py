@@ -138,7 +138,7 @@ class Effect:
         shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
         shape_units: unit of each nonlinear unknown; what ``shapes`` holds beyond these are switches, 0 or 1.
         closer: shapes around one that was found, finer than the grid, and of other laws of the same physics
-            (what these name beyond the grid's shapes is 0 where it is missing); tried in a second look.
+            (what these name beyond the grid's shapes is 0 where it is missing); tried by grid refinement.
         phases: phases of a run in which it can act; empty means all.
         cables: cables that the recording must hold, each, for it to be judged.
         bench: whether it can be told from runs of the motor alone, which it then has columns for; "beside a

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.acquisition.torque import most_torque
+from fingerlab.acquisition.control.motion import most_torque
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.settings import WIDE_RATE_HZ
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model

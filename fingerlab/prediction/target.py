@@ -1,7 +1,8 @@
 """A wanted endpoint force over time, and how finger and motor stand while the fingertip presses.
 
 The force is a sine, ramp and hold, steps, or from a file; its shapes are those of the motor's trajectories
-(:mod:`fingerlab.acquisition.trajectories`), in newtons. The pose is that of a contact run, or given by hand.
+(:mod:`fingerlab.acquisition.control.trajectories`), in newtons. The pose is that of a contact run, or
+given by hand.
 
 =================  ==========================================================================
 key                meaning (default)
@@ -28,8 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.acquisition.trajectories import WAVES
-from fingerlab.acquisition.trajectory_points import FORCE, with_points
+from fingerlab.acquisition.control.trajectories import FORCE, WAVES, with_points
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.settings import SETTLING_S, WIDE_RATE_HZ
 from fingerlab.physics.motion import Motion

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
 from fingerlab.sessions.format import CABLES
 

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.acquisition.control import Gains
-from fingerlab.acquisition.torque import braked
-from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.control.motion import Gains, braked
+from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Array
 from fingerlab.twin.bench import build_bench, draw_truth, place_bench

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.acquisition.board import Board, Slot, Text
-from fingerlab.acquisition.columns import COLUMN, COLUMNS
-from fingerlab.acquisition.commands import Command, Enable, Initialise, Start
-from fingerlab.acquisition.loop import ControlLoop
-from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.ring import Ring
-from fingerlab.acquisition.units import BenchUnits
+from fingerlab.acquisition.bench.loop import ControlLoop
+from fingerlab.acquisition.bench.steering import LoopSettings
+from fingerlab.acquisition.control.commands import Command, Enable, Initialise, Start
+from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring
+from fingerlab.acquisition.status import SharedStatus, Slot, Text
 from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
 
@@ -27,8 +26,8 @@ class Driven:
     def __init__(self, device: Any, limits: Limits | None = None, rows: int = 1 << 15) -> None:
         self.device = device
         self.ring = Ring.make(rows, len(COLUMNS), shared=False)
-        self.board = Board.make(shared=False)
-        self.board[Slot.GUARDIAN] = 1
+        self.board = SharedStatus.make(shared=False)
+        self.board[Slot.GUARDIAN_READY] = 1
         settings = LoopSettings(BenchUnits.from_rig(default_rig()), limits or Limits())
         self.loop = ControlLoop(device, replace(settings), self.ring, self.board)
         self.window = self.recorder = True

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from fingerlab.acquisition.board import Slot
-from fingerlab.acquisition.commands import Disable, Enable, Initialise, Release
-from fingerlab.acquisition.process_bench import ProcessBench
-from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.units import BenchUnits
-from fingerlab.acquisition.watching import Kind, notices
+from fingerlab.acquisition.bench.bench import Kind, notices
+from fingerlab.acquisition.bench.process_bench import ProcessBench
+from fingerlab.acquisition.bench.steering import LoopSettings
+from fingerlab.acquisition.control.commands import Disable, Enable, Initialise, Release
+from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.status import Slot
 from fingerlab.rig.file import default_rig
 from tests.faults.shared_device import SharedChoice, make_output
 from tests.faults.window import PATIENT

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from fingerlab.acquisition.beginning import run_to_record
-from fingerlab.acquisition.commands import Enable, Initialise, SetUp, Start, Tare
-from fingerlab.acquisition.inline import InlineBench
-from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.units import BenchUnits
+from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.steering import LoopSettings
+from fingerlab.acquisition.control.commands import Enable, Initialise, SetUp, Start, Tare
+from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.protocols.driver import run_to_record
 from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
 from tests.acquisition.driving import SINE

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from fingerlab.acquisition import process
+from fingerlab.acquisition.bench import processes as process
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux has this class of programs")
 

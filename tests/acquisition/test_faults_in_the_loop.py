@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fingerlab.acquisition.board import Slot
-from fingerlab.acquisition.commands import (
+from fingerlab.acquisition.bench.loop import STOOD_STILL
+from fingerlab.acquisition.control.commands import (
     Disable,
     Enable,
     Finish,
@@ -23,9 +23,9 @@ from fingerlab.acquisition.commands import (
     Start,
     Tare,
 )
-from fingerlab.acquisition.loop import STOOD_STILL
-from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.safety import safety_checks
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.safety import safety_checks
+from fingerlab.acquisition.status import Slot
 from fingerlab.devices.protocol import DeviceFault
 from fingerlab.rig.daq import Limits
 from tests.acquisition.driving import SINE, Driven
@@ -208,7 +208,7 @@ def test_a_device_that_fails_in_every_cycle_does_not_keep_the_loop(
     if why == "told to end":
         bench.loop.submit(99, Quit())
     else:
-        bench.board[Slot.KEEPER] = 1
+        bench.board[Slot.GUARDIAN_ACTED] = 1
     bench.cycles(2)
     assert bench.loop.ended
     assert bench.fault == ("The fake bench fails for good." if why == "told to end" else STOOD_STILL)

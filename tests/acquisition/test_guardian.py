@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from fingerlab.acquisition.board import Board, Slot, Text
-from fingerlab.acquisition.commands import Disable, Enable, Initialise, Start
-from fingerlab.acquisition.guardian import try_stop
-from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.process_bench import ProcessBench
-from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.units import BenchUnits
+from fingerlab.acquisition.bench.guardian import try_stop
+from fingerlab.acquisition.bench.process_bench import ProcessBench
+from fingerlab.acquisition.bench.steering import LoopSettings
+from fingerlab.acquisition.control.commands import Disable, Enable, Initialise, Start
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.status import SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.protocol import DeviceLost
@@ -46,23 +46,23 @@ class Raising(FakeDevice):
     ids=["in the loop", "confirms", "does not confirm", "breaks its word"],
 )
 def test_the_trial_and_what_is_said_of_it(device: FakeDevice | None, ready: int, words: str) -> None:
-    board = Board.make(shared=False)
+    board = SharedStatus.make(shared=False)
     try_stop(device, board)
-    assert board[Slot.GUARDIAN] == ready
+    assert board[Slot.GUARDIAN_READY] == ready
     assert words in board.text(Text.GUARDIAN)
 
 
 def test_without_a_guardian_the_bench_is_seen_and_not_driven() -> None:
     bench = Driven(FakeDevice())
-    bench.board[Slot.GUARDIAN] = 0
+    bench.board[Slot.GUARDIAN_READY] = 0
     assert bench.ask(Initialise()) == ""
     assert "is not ready; open the bench again" in bench.ask(Enable())
-    bench.board[Slot.GUARDIAN] = -1
+    bench.board[Slot.GUARDIAN_READY] = -1
     bench.board.set_text(Text.GUARDIAN, "It could not.")
     assert bench.ask(Enable()) == "It could not."
     assert bench.loop.machine.mode is Mode.INITIALISED
     assert not bench.device.enabled
-    bench.board[Slot.GUARDIAN] = 1
+    bench.board[Slot.GUARDIAN_READY] = 1
     assert bench.ask(Enable()) == ""
 
 
@@ -84,9 +84,9 @@ def test_a_card_is_tried_without_taking_it_from_who_has_it() -> None:
     assert made["WriteAnalogScalarF64"] == 1
     taken, other, _ = card_bench()
     taken.hooks["WriteDigitalLines"] = failing(-200587)
-    board = Board.make(shared=False)
+    board = SharedStatus.make(shared=False)
     try_stop(other, board)
-    assert board[Slot.GUARDIAN] == -1
+    assert board[Slot.GUARDIAN_READY] == -1
     assert "in use by another program" in board.text(Text.GUARDIAN)
     assert taken.resets == 0
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from fingerlab.acquisition.bench import Bench, Status
-from fingerlab.acquisition.board import Input, Slot
-from fingerlab.acquisition.commands import Enable, Initialise, Release, Reset, Start
-from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.watching import Kind, line_words, notices
+from fingerlab.acquisition.bench.bench import Bench, Kind, Status, line_words, notices
+from fingerlab.acquisition.control.commands import Enable, Initialise, Release, Reset, Start
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.status import Input, Slot
 from fingerlab.devices.protocol import Sample
 from fingerlab.rig.daq import AmplifierReadyLine, DeadManLine, EmergencyStopLine, SafetyLines
 from tests.acquisition.driving import SINE, Driven

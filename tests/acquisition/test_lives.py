@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from fingerlab.acquisition.board import Board, Slot
-from fingerlab.acquisition.lives import LOOK_CYCLES, Lives, Pulse
+from fingerlab.acquisition.bench.guardian import LOOK_CYCLES, PeerWatch, ProcessWatch
+from fingerlab.acquisition.status import SharedStatus, Slot
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="only Linux tells it this way")
 
@@ -30,7 +30,7 @@ def child() -> subprocess.Popen[str]:
 
 
 def test_a_kill_is_seen_although_nobody_has_taken_leave_of_the_process(child: subprocess.Popen[str]) -> None:
-    pulse = Pulse(child.pid)
+    pulse = ProcessWatch(child.pid)
     assert not pulse.dying()
     child.kill()
     assert pulse.dying()  # at once: the signal waits, or the process is ending, or it has ended
@@ -41,7 +41,7 @@ def test_a_kill_is_seen_although_nobody_has_taken_leave_of_the_process(child: su
 
 
 def test_a_process_with_a_bracket_in_its_name_and_one_that_never_was() -> None:
-    own = Pulse(os.getpid())
+    own = ProcessWatch(os.getpid())
     name = Path("/proc/self/comm")
     before = name.read_text()
     name.write_text("a) Z 0 (b")
@@ -49,13 +49,13 @@ def test_a_process_with_a_bracket_in_its_name_and_one_that_never_was() -> None:
         assert not own.dying()
     finally:
         name.write_text(before)
-    assert not Pulse(2**22 + 1).dying()  # beyond the largest number that Linux gives: nothing can be told
+    assert not ProcessWatch(2**22 + 1).dying()  # beyond the largest number that Linux gives
 
 
 def test_each_loss_is_told_once_whoever_noticed_it(child: subprocess.Popen[str]) -> None:
     told: list[str] = []
-    board = Board.make(shared=False)
-    lives = Lives(os.getpid(), board, told.append, ("window", "recorder"))
+    board = SharedStatus.make(shared=False)
+    lives = PeerWatch(os.getpid(), board, told.append, ("window", "recorder"))
     for _ in range(3 * LOOK_CYCLES):
         lives.look()
     board[Slot.RECORDER_PID] = child.pid

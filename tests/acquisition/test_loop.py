@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.board import Number, Slot
-from fingerlab.acquisition.commands import (
+from fingerlab.acquisition.control.commands import (
     Approach,
     Disable,
     Enable,
@@ -20,8 +19,9 @@ from fingerlab.acquisition.commands import (
     Start,
     Tare,
 )
-from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.trajectories import read_trajectory
+from fingerlab.acquisition.status import Number, Slot
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
 

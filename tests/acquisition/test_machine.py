@@ -8,7 +8,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from fingerlab.acquisition.machine import MODE_WORDS, TRANSITIONS, Event, Machine, Mode
+from fingerlab.acquisition.control.machine import MODE_WORDS, TRANSITIONS, Event, Machine, Mode
 
 
 class AnyOrder(RuleBasedStateMachine):

@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.inline import InlineBench
-from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.protocol import (
+from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.steering import LoopSettings
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.protocols.driver import Beginning, ProtocolDriver
+from fingerlab.acquisition.protocols.steps import (
     SETTLE_S,
     Change,
     Find,
@@ -20,10 +23,7 @@ from fingerlab.acquisition.protocol import (
     plan_seconds,
     plan_steps,
 )
-from fingerlab.acquisition.protocol_driver import Beginning, ProtocolDriver
-from fingerlab.acquisition.recording import SessionInfo
-from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.units import BenchUnits
+from fingerlab.acquisition.record.recording import SessionInfo
 from fingerlab.core.errors import UserError
 from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig

@@ -11,10 +11,10 @@ from types import SimpleNamespace
 import h5py
 import pytest
 
-from fingerlab.acquisition.board import Number, Slot
-from fingerlab.acquisition.columns import COLUMN
-from fingerlab.acquisition.process import _serve
-from fingerlab.acquisition.process_bench import _Far
+from fingerlab.acquisition.bench.process_bench import RemoteRecorder
+from fingerlab.acquisition.bench.processes import _serve
+from fingerlab.acquisition.ring import COLUMN
+from fingerlab.acquisition.status import Number, Slot
 from fingerlab.core.errors import Cancelled
 from fingerlab.sessions import open_session
 from fingerlab.sessions.recording_files import recording_folder
@@ -32,7 +32,7 @@ def bench(tmp_path: Path) -> Bench:
     return made
 
 
-def far_from(bench: Bench) -> tuple[_Far, threading.Thread]:
+def far_from(bench: Bench) -> tuple[RemoteRecorder, threading.Thread]:
     """The caller's side of the recorder, which answers one request from a thread."""
     near, there = multiprocessing.Pipe()
 
@@ -42,7 +42,7 @@ def far_from(bench: Bench) -> tuple[_Far, threading.Thread]:
 
     thread = threading.Thread(target=answer)
     thread.start()
-    return _Far(SimpleNamespace(board=bench.board, beat=lambda: None), near), thread  # type: ignore[arg-type]
+    return RemoteRecorder(SimpleNamespace(board=bench.board, beat=lambda: None), near), thread  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("until", ["writing", "verifying"])

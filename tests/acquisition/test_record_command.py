@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from fingerlab.acquisition.commands import Start
-from fingerlab.acquisition.inline import InlineBench
-from fingerlab.acquisition.protocol import Record, plan_steps
-from fingerlab.acquisition.requests import LoopSettings, ReadyStart, prepare
-from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.acquisition.units import BenchUnits
+from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.steering import LoopSettings, ReadyStart, prepare
+from fingerlab.acquisition.control.commands import Start
+from fingerlab.acquisition.control.trajectories import read_trajectory
+from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.protocols.steps import Record, plan_steps
 from fingerlab.cli.record import record
 from fingerlab.cli.simulate import single_plan
 from fingerlab.core.errors import UserError

@@ -15,15 +15,15 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from fingerlab.acquisition.commands import Initialise
-from fingerlab.acquisition.inline import InlineBench
-from fingerlab.acquisition.protocol import plan_steps
-from fingerlab.acquisition.protocol_driver import Beginning
-from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.script import Order, read_order
-from fingerlab.acquisition.trajectories import read_trajectory
-from fingerlab.acquisition.trigger import Level, crossings, read_level
-from fingerlab.acquisition.units import BenchUnits
+from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.steering import LoopSettings
+from fingerlab.acquisition.control.commands import Initialise
+from fingerlab.acquisition.control.trajectories import read_trajectory
+from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.protocols.driver import Beginning
+from fingerlab.acquisition.protocols.script import Order, read_order
+from fingerlab.acquisition.protocols.steps import plan_steps
+from fingerlab.acquisition.record.trigger import Level, crossings, read_level
 from fingerlab.cli.common import progress_bar
 from fingerlab.cli.record import record
 from fingerlab.cli.record_events import Events

@@ -15,12 +15,11 @@ import h5py
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.board import Board, Slot, Text
-from fingerlab.acquisition.columns import COLUMN, COLUMNS, RowFlag
-from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.recorder import Recorder
-from fingerlab.acquisition.recording import RunInfo, SessionInfo
-from fingerlab.acquisition.ring import Ring
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.record.recorder import Recorder
+from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring, RowFlag
+from fingerlab.acquisition.status import SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
@@ -34,7 +33,7 @@ class Bench:
     """A ring that is filled row by row, and its recorder."""
 
     def __init__(self, folder: Path, rows: int = 4096) -> None:
-        self.ring, self.board = Ring.make(rows, len(COLUMNS), False), Board.make(False)
+        self.ring, self.board = Ring.make(rows, len(COLUMNS), False), SharedStatus.make(False)
         self.now = 0.0
         self.recorder = Recorder(self.ring, self.board, folder / "rescued", lambda: self.now)
         self.path = folder / "place" / "session.h5"
@@ -313,7 +312,7 @@ def test_a_disk_that_is_really_full(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     if shutil.which("mount") is None or subprocess.run(mount, capture_output=True).returncode:
         pytest.skip("mounting a small file system is not allowed here")
     try:
-        monkeypatch.setattr("fingerlab.acquisition.recorder.LEAST_FREE_BYTES", 0)
+        monkeypatch.setattr("fingerlab.acquisition.record.recorder.LEAST_FREE_BYTES", 0)
         bench = Bench(small)
         bench.open()
         bench.begin(0)

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.reference import Reference
-from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.control.motion import Reference
+from fingerlab.acquisition.control.trajectories import read_trajectory
 
 PERIOD = 1e-3
 

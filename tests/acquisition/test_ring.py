@@ -8,8 +8,8 @@ import struct
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.board import Board, Slot, Text
 from fingerlab.acquisition.ring import Ring
+from fingerlab.acquisition.status import SharedStatus, Slot, Text
 from tests.acquisition.children import row, write_fast
 
 
@@ -112,15 +112,15 @@ def test_the_newest_rows_for_a_window() -> None:
 
 
 def test_foreign_memory_is_refused() -> None:
-    board = Board.make()
+    board = SharedStatus.make()
     with pytest.raises(ValueError, match="no ring"):
         Ring.attach(str(board.name))
     board.close()
 
 
 def test_board_keeps_counters_and_sentences_apart() -> None:
-    board = Board.make()
-    other = Board.attach(str(board.name))
+    board = SharedStatus.make()
+    other = SharedStatus.attach(str(board.name))
     other[Slot.LATE] = 7
     other.set_text(Text.FAULT, "Größe überschritten; " * 100)
     other.set_text(Text.ANSWER, "ja")

@@ -7,17 +7,18 @@ from dataclasses import fields
 
 import pytest
 
-from fingerlab.acquisition.checks import (
+from fingerlab.acquisition.control.safety import (
     EncoderJump,
     EncoderStuck,
     FollowingError,
     Late,
     Reading,
     Rise,
+    Safety,
     Stuck,
     Watchdog,
+    safety_checks,
 )
-from fingerlab.acquisition.safety import Safety, safety_checks
 from fingerlab.core.errors import UserError
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import Limits, limits_table

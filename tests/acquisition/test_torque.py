@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.board import Slot
-from fingerlab.acquisition.commands import Approach, Enable, Finish, Initialise, Start
-from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.protocol import Change, Record, plan_steps
-from fingerlab.acquisition.torque import FREE_SPEED
-from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.control.commands import Approach, Enable, Finish, Initialise, Start
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.motion import FREE_SPEED
+from fingerlab.acquisition.control.trajectories import read_trajectory
+from fingerlab.acquisition.protocols.steps import Change, Record, plan_steps
+from fingerlab.acquisition.status import Slot
 from fingerlab.core.errors import UserError
 from fingerlab.rig.daq import Limits
 from fingerlab.sessions.trajectory import trajectory_words

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.trajectories import WAVES, read_trajectory
+from fingerlab.acquisition.control.trajectories import WAVES, read_trajectory
 from fingerlab.core.errors import UserError
 
 TIME = np.arange(0.0, 20.0, 1e-3)

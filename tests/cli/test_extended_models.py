@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.plain_data import json_ready
 from fingerlab.models.file import load_model, save_model
 from fingerlab.prediction import extended_model, fit_extended, model_of_extended, predict_extended

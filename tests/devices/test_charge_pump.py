@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from fingerlab.acquisition.board import Slot
-from fingerlab.acquisition.commands import Enable, Initialise, Reset
-from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.control.commands import Enable, Initialise, Reset
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.status import Slot
 from fingerlab.devices.charge_pump import ChargePump
 from fingerlab.devices.faults import Faults, fault_after
 from fingerlab.devices.simulated import SimulatedRig, Simulation, simulated_rig_file

@@ -11,10 +11,9 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from fingerlab.acquisition.check_rig.looking import check_settings
-from fingerlab.acquisition.check_rig.outcomes import CheckProtocol, Outcome, write_protocol
+from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.check_rig.look import CheckProtocol, Outcome, check_settings, write_protocol
 from fingerlab.acquisition.check_rig.walk import STEPS, Step, check_rig
-from fingerlab.acquisition.inline import InlineBench
 from fingerlab.cli.check_rig import check_rig as command
 from fingerlab.core.errors import UserError
 from fingerlab.devices.charge_pump import ChargePump

@@ -11,9 +11,8 @@ import grpc
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.devices.choosing import DeviceChoice, choose_device
+from fingerlab.devices.choosing import DeviceChoice, choose_device, detect, opening_sentence
 from fingerlab.devices.clock import VirtualClock
-from fingerlab.devices.detect import detect, opening_sentence
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.replay import Replay
@@ -100,7 +99,7 @@ def test_detection_never_raises(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_nidaqmx_is_not_loaded_before_a_card_is_asked_for() -> None:
     code = (
-        "import sys, fingerlab.devices, fingerlab.devices.detect, fingerlab.devices.choosing, "
+        "import sys, fingerlab.devices, fingerlab.devices.choosing, fingerlab.devices.choosing, "
         "fingerlab.devices.simulated, fingerlab.devices.replay, fingerlab.devices.ni.card\n"
         "assert not {'nidaqmx', 'grpc'} & set(sys.modules)"
     )

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.protocol import Device, DeviceFault, Sample, cycles_per_command
 from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation
@@ -135,7 +135,7 @@ def test_a_single_point_output_takes_no_value_before_it_is_started() -> None:
 def test_codes_are_what_the_package_calls_them() -> None:
     from nidaqmx.error_codes import DAQmxErrors
 
-    from fingerlab.devices.ni.errors import FAULTS, LOSSES, UNSUPPORTED
+    from fingerlab.devices.ni.connection import FAULTS, LOSSES, UNSUPPORTED
 
     for code in (*FAULTS, *LOSSES, *UNSUPPORTED):
         assert DAQmxErrors(code), code

@@ -162,7 +162,7 @@ def test_every_code_of_reading_has_a_sentence_and_leaves_a_stop_that_works(code:
 
 
 def test_every_code_has_a_sentence_of_its_own() -> None:
-    from fingerlab.devices.ni.errors import FAULTS
+    from fingerlab.devices.ni.connection import FAULTS
 
     listed = (
         -200279,

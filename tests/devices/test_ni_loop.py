@@ -8,9 +8,9 @@ import grpc
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.board import Slot
-from fingerlab.acquisition.commands import Enable, Initialise, Release, Reset, Start
-from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.control.commands import Enable, Initialise, Release, Reset, Start
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.status import Slot
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedBench, Simulation
 from tests.acquisition.driving import SINE, Driven

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-import fingerlab.acquisition.process_bench
-from fingerlab.acquisition.inline import InlineBench
-from fingerlab.acquisition.process_bench import ProcessBench
-from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.units import BenchUnits
+import fingerlab.acquisition.bench.process_bench
+from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.process_bench import ProcessBench
+from fingerlab.acquisition.bench.steering import LoopSettings
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import UserError
 from fingerlab.devices.choosing import OWN, choose_device
@@ -45,7 +45,7 @@ def test_a_session_is_recorded_and_holds_the_rotor_s_equation(
         assert (choice.kind, rate_hz) == (OWN, 1000.0)
         return InlineBench(choice.build(), settings, rescue)
 
-    monkeypatch.setattr(fingerlab.acquisition.process_bench, "ProcessBench", inline)
+    monkeypatch.setattr(fingerlab.acquisition.bench.process_bench, "ProcessBench", inline)
     out = tmp_path / "rotor.h5"
     wave = '{"kind": "sine", "amplitude_deg": 30, "frequency_hz": 1, "offset_deg": 40, "duration_s": 5}'
     words = ["--trajectory", wave, "--phase", "motor_bench", "--yes", "--out", str(out)]

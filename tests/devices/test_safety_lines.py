@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.board import Input, Slot
-from fingerlab.acquisition.commands import Disable, Enable, Initialise, Reset, Start
-from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.control.commands import Disable, Enable, Initialise, Reset, Start
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.status import Input, Slot
 from fingerlab.core.errors import UserError
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.protocol import DeviceFault

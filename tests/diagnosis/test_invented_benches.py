@@ -238,7 +238,7 @@ def test_answer_is_whole() -> None:
 
 
 def test_a_proposed_experiment_is_one_the_rig_can_run() -> None:
-    from fingerlab.acquisition.trajectories import read_trajectory
+    from fingerlab.acquisition.control.trajectories import read_trajectory
 
     proposals = [r.next_experiment for r in map(diagnosed, CASES) if r.next_experiment is not None]
     for proposal in proposals:

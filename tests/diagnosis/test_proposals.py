@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.progress import Watch
 from fingerlab.diagnosis.equations.model import build
-from fingerlab.diagnosis.experiment import proposal as next_experiment
 from fingerlab.diagnosis.experiment.predicted_runs import (
+    Proposal,
     bench_motion,
     commanded,
     finger_motion,
@@ -20,10 +20,12 @@ from fingerlab.diagnosis.experiment.predicted_runs import (
     seen_press,
 )
 from fingerlab.diagnosis.experiment.proposal import (
-    Imagined,
+    Judged,
+    PredictedRun,
+    best_run,
     held_by,
-    imagine,
     known_of,
+    predict_run,
     propose,
     separation,
     values_in,
@@ -185,7 +187,9 @@ HEAT = 3.0
 
 
 @pytest.fixture(scope="module")
-def imagined(judged: tuple[Session, Scorer, Evidence]) -> tuple[Imagined, Scorer, FittedModel, FittedModel]:
+def imagined(
+    judged: tuple[Session, Scorer, Evidence],
+) -> tuple[PredictedRun, Scorer, FittedModel, FittedModel]:
     """A run that was not taken, and two models to tell apart there."""
     session, scorer, evidence = judged
     pair = [evidence.candidates[index(evidence, n)] for n in ("viscous_friction", "coulomb_friction")]
@@ -193,11 +197,11 @@ def imagined(judged: tuple[Session, Scorer, Evidence]) -> tuple[Imagined, Scorer
     motion = finger_motion(made.RIG, -1, {**SINE, "amplitude_deg": 8.0}, values)
     assert motion is not None
     effects = [t.model.choices[-1].effect for t in pair]
-    return imagine(session, motion, effects), scorer, pair[0], pair[1]
+    return predict_run(session, motion, effects), scorer, pair[0], pair[1]
 
 
 def test_a_separation_is_what_the_rival_leaves_of_every_sample(
-    imagined: tuple[Imagined, Scorer, FittedModel, FittedModel],
+    imagined: tuple[PredictedRun, Scorer, FittedModel, FittedModel],
 ) -> None:
     """The same number from whitened residuals, sample by sample, and a least-squares solver."""
     run, scorer, truth, rival = imagined
@@ -239,7 +243,7 @@ def test_a_separation_is_what_the_rival_leaves_of_every_sample(
 
 
 def test_nothing_separates_a_model_from_itself(
-    imagined: tuple[Imagined, Scorer, FittedModel, FittedModel],
+    imagined: tuple[PredictedRun, Scorer, FittedModel, FittedModel],
 ) -> None:
     run, scorer, truth, rival = imagined
     assert separation(scorer.reduced, run, truth, truth, HEAT) == pytest.approx(0.0, abs=1e-6)
@@ -254,33 +258,37 @@ def test_the_motor_alone_tells_what_the_motor_does_from_what_the_joints_do(
     names = ("motor_viscous_friction", "viscous_friction")
     motor, joint = (evidence.candidates[index(evidence, n)] for n in names)
     motion = bench_motion(made.RIG, {**SINE, "amplitude_deg": 30.0}, 0.0)
-    run = imagine(session, motion, held_by([motor, joint], motion), beside_finger=True)
+    run = predict_run(session, motion, held_by([motor, joint], motion), beside_finger=True)
     assert [e.id for e in run.layout.effects] == ["motor_viscous_friction"]
     assert separation(scorer.reduced, run, motor, joint, HEAT) > 1.0
     assert separation(scorer.reduced, run, joint, joint, HEAT) == pytest.approx(0.0, abs=1e-6)
 
 
-@pytest.mark.parametrize(("nats_a_second", "seconds"), [(0.3, 60.0), (0.6, 20.0), (1e-4, None)])
+@pytest.mark.parametrize(("nats_a_second", "seconds"), [(0.3, 60.0), (0.6, 20.0)])
 def test_a_run_that_would_not_decide_in_twenty_seconds_lasts_a_minute(
-    judged: tuple[Session, Scorer, Evidence],
-    nats_a_second: float,
-    seconds: float | None,
-    monkeypatch: pytest.MonkeyPatch,
+    judged: tuple[Session, Scorer, Evidence], nats_a_second: float, seconds: float
 ) -> None:
-    """A separation of 10 nats decides; one below 0.2 is not worth a run."""
+    """A separation of 10 nats decides."""
+    session = judged[0]
+    motion = bench_motion(made.RIG, SINE, 0.0)
+    runs = [(Proposal("motor_bench", "none", SINE, motion), predict_run(session, motion, []))]
+
+    def worth(run: PredictedRun) -> Judged:
+        gain = nats_a_second * run.sums.samples / NARROW_RATE_HZ
+        return Judged((gain,), gain, "viscous_friction", gain)
+
+    best = best_run(runs, worth)
+    assert best is not None
+    assert best[0].to_json(["a", "b"], 1.0)["trajectory"]["duration_s"] == seconds
+    # Behind a start of 2 s, and without what the filters take at its ends.
+    assert best[1].expected == pytest.approx(nats_a_second * (seconds - 2.0), rel=0.05)
+
+
+def test_a_run_that_separates_nothing_is_not_proposed(judged: tuple[Session, Scorer, Evidence]) -> None:
+    """One that is expected to bring less than 0.2 nats is not worth a run: an effect against itself."""
     session, scorer, evidence = judged
-
-    def expected(_: Scorer, run: Imagined, *__: object) -> float:
-        return nats_a_second * run.sums.samples / NARROW_RATE_HZ
-
-    monkeypatch.setattr(next_experiment, "_expected", expected)
-    pair = [index(evidence, name) for name in ("viscous_friction", "motor_viscous_friction")]
-    proposal = propose([session], scorer, evidence, pair)
-    if seconds is None:
-        assert proposal is None
-    else:
-        assert proposal is not None
-        assert proposal["trajectory"]["duration_s"] == seconds
+    first = index(evidence, "viscous_friction")
+    assert propose([session], scorer, evidence, [first, first]) is None
 
 
 def test_three_times_the_time_separates_three_times_as_well(judged: tuple[Session, Scorer, Evidence]) -> None:
@@ -291,7 +299,7 @@ def test_three_times_the_time_separates_three_times_as_well(judged: tuple[Sessio
     )
     motion = finger_motion(made.RIG, -1, SINE, VALUES)
     assert motion is not None
-    run = imagine(session, motion, held_by([first, second], motion))
+    run = predict_run(session, motion, held_by([first, second], motion))
     once, thrice = (separation(scorer.reduced, r, first, second, 1.0) for r in (run, run.lasting(3.0)))
     assert 1.0 < thrice / once <= 3.0 + 1e-9
     assert run.lasting(3.0).sums.samples == pytest.approx(3 * run.sums.samples, abs=1)

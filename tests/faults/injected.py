@@ -21,10 +21,10 @@ from unittest import mock
 
 import numpy as np
 
-from fingerlab.acquisition.board import Slot, Text
-from fingerlab.acquisition.commands import SetUp
-from fingerlab.acquisition.recorder import Recorder
-from fingerlab.acquisition.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.control.commands import SetUp
+from fingerlab.acquisition.record.recorder import Recorder
+from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.status import Slot, Text
 from fingerlab.core.errors import UserError
 from fingerlab.devices.charge_pump import ChargePump
 from fingerlab.devices.clock import VirtualClock

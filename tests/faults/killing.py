@@ -16,9 +16,8 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from fingerlab.acquisition.board import Board, Slot
-from fingerlab.acquisition.columns import COLUMN
-from fingerlab.acquisition.ring import Ring
+from fingerlab.acquisition.ring import COLUMN, Ring
+from fingerlab.acquisition.status import SharedStatus, Slot
 from fingerlab.core.errors import UserError
 from fingerlab.sessions import check_session, open_session
 from tests.faults.live_card import Served
@@ -90,7 +89,7 @@ def kill_once(
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, cwd=ROOT, text=True) as window:
         assert window.stdout is not None
         told = json.loads(window.stdout.readline())
-        ring, board = Ring.attach(told["ring"]), Board.attach(told["board"])
+        ring, board = Ring.attach(told["ring"]), SharedStatus.attach(told["board"])
         for name in (told["ring"], told["board"]):  # they are the window's, not ours, to remove
             with suppress(AttributeError, KeyError):
                 resource_tracker.unregister(f"/{name.lstrip('/')}", "shared_memory")
@@ -146,7 +145,7 @@ def _look_at(session: Path, rows: np.ndarray, start: int) -> tuple[int, int, int
     return len(index), int((~same).sum()), int(index[-1]), str(found.attributes["ended"])
 
 
-def _wait_for_samples(board: Board, index: float) -> None:
+def _wait_for_samples(board: SharedStatus, index: float) -> None:
     end = time.monotonic() + PATIENCE_S
     while board[Slot.INDEX] < index and time.monotonic() < end:
         time.sleep(2e-3)

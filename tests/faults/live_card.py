@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from fingerlab.acquisition.process import come_first
+from fingerlab.acquisition.bench.processes import come_first
 from fingerlab.devices.choosing import DeviceChoice, choose_device
 from fingerlab.devices.simulated import SimulatedBench, Simulation
 from fingerlab.rig.file import default_rig

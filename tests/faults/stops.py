@@ -98,11 +98,6 @@ def with_section(page: str, text: str) -> str:
     return page[:begin] + text.rstrip("\n") + page[end:]
 
 
-def section_of(page: str) -> str:
-    """The section that a page has, for whoever writes the rest of it anew."""
-    return page[page.index(BEGIN) : page.index(END) + len(END)]
-
-
 TEXT = (
     BEGIN
     + """

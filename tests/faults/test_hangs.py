@@ -15,13 +15,13 @@ from pathlib import Path
 import psutil
 import pytest
 
-from fingerlab.acquisition.board import Board, Slot
-from fingerlab.acquisition.commands import Enable, Initialise
-from fingerlab.acquisition.lives import Standstill
-from fingerlab.acquisition.loop import STOOD_STILL
-from fingerlab.acquisition.process_bench import ProcessBench
-from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.units import BenchUnits
+from fingerlab.acquisition.bench.guardian import StallWatch
+from fingerlab.acquisition.bench.loop import STOOD_STILL
+from fingerlab.acquisition.bench.process_bench import ProcessBench
+from fingerlab.acquisition.bench.steering import LoopSettings
+from fingerlab.acquisition.control.commands import Enable, Initialise
+from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.status import SharedStatus, Slot
 from fingerlab.core.errors import UserError
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
@@ -72,7 +72,7 @@ def test_who_drives_is_told_that_the_loop_stood_still(tmp_path: Path) -> None:
     try:
         bench.ask(Initialise())
         bench.ask(Enable())
-        bench.board[Slot.KEEPER] = 1  # as the guardian says it
+        bench.board[Slot.GUARDIAN_ACTED] = 1  # as the guardian says it
         assert wait_for(lambda: bench.status().loop_ended)
         assert bench.status().fault == STOOD_STILL
         with pytest.raises(UserError, match="stood still"):
@@ -84,9 +84,9 @@ def test_who_drives_is_told_that_the_loop_stood_still(tmp_path: Path) -> None:
         bench.close()
 
 
-def attach(name: str) -> Board:
+def attach(name: str) -> SharedStatus:
     """The board of the other process, which is its own to remove."""
-    board = Board.attach(name)
+    board = SharedStatus.attach(name)
     with suppress(AttributeError, KeyError):
         resource_tracker.unregister(f"/{name.lstrip('/')}", "shared_memory")
     return board
@@ -100,9 +100,9 @@ def wait_for(condition) -> bool:  # type: ignore[no-untyped-def]
 
 
 def test_standing_still_counts_only_with_the_amplifier_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    board, now = Board.make(shared=False), [0.0]
+    board, now = SharedStatus.make(shared=False), [0.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    standstill = Standstill(board, 0.02)
+    standstill = StallWatch(board, 0.02)
 
     def look(seconds: float, cycles: int) -> bool:
         now[0] += seconds

@@ -13,11 +13,11 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from fingerlab.acquisition.commands import Enable, Initialise, SetUp, Start
-from fingerlab.acquisition.process_bench import ProcessBench
-from fingerlab.acquisition.recording import RunInfo, SessionInfo
-from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.units import BenchUnits
+from fingerlab.acquisition.bench.process_bench import ProcessBench
+from fingerlab.acquisition.bench.steering import LoopSettings
+from fingerlab.acquisition.control.commands import Enable, Initialise, SetUp, Start
+from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
 from fingerlab.core.errors import UserError
 from fingerlab.devices.choosing import choose_device
 from fingerlab.rig.daq import Limits

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
 from fingerlab.twin.bench import build_bench, draw_truth
 from fingerlab.twin.effects import apply_effects, parse_effects

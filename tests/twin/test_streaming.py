@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.integrate import position_loop

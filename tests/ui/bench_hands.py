@@ -10,10 +10,10 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QComboBox, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
-from fingerlab.acquisition.inline import InlineBench
-from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.requests import LoopSettings
-from fingerlab.acquisition.units import BenchUnits
+from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.steering import LoopSettings
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.ui.acquire.acquire_tab import AcquireTab

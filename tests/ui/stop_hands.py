@@ -19,10 +19,10 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QComboBox, QWidget
 from shiboken6 import isValid
 
-from fingerlab.acquisition.bench import Bench
-from fingerlab.acquisition.columns import COLUMN, RowFlag
-from fingerlab.acquisition.commands import Enable, Initialise, Release, Reset, SetUp, Start
-from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.bench.bench import Bench
+from fingerlab.acquisition.control.commands import Enable, Initialise, Release, Reset, SetUp, Start
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.ring import COLUMN, RowFlag
 from fingerlab.core.errors import UserError
 from fingerlab.ui.acquire.acquire_tab import AcquireTab
 from fingerlab.ui.acquire.bench_controller import has_virtual_clock

@@ -18,8 +18,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.acquisition.beginning import LONGEST_BEFORE_S
-from fingerlab.acquisition.machine import Event, Mode
+from fingerlab.acquisition.control.machine import Event, Mode
+from fingerlab.acquisition.protocols.driver import LONGEST_BEFORE_S
 from fingerlab.core.text import grouped
 from fingerlab.rig.daq import Limits
 

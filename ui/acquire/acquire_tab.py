@@ -10,11 +10,20 @@ from typing import Any
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QMessageBox, QStackedWidget, QWidget
 
-from fingerlab.acquisition.commands import Disable, Enable, Finish, Release, Reset, SetUp, Start, Tare
-from fingerlab.acquisition.initial import initial_of
-from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.protocol import countdown, prompt_of
-from fingerlab.acquisition.watching import line_words
+from fingerlab.acquisition.bench.bench import line_words
+from fingerlab.acquisition.control.commands import (
+    Disable,
+    Enable,
+    Finish,
+    Release,
+    Reset,
+    SetUp,
+    Start,
+    Tare,
+    initial_of,
+)
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.protocols.steps import countdown, prompt_of
 from fingerlab.core.errors import UserError
 from fingerlab.sessions.recording_files import recording_folder
 

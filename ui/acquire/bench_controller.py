@@ -10,13 +10,10 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 import numpy as np
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
 
-from fingerlab.acquisition.bench import Bench, Status
-from fingerlab.acquisition.columns import COLUMN
-from fingerlab.acquisition.commands import Command, SetUp
-from fingerlab.acquisition.cycle_times import CycleTimes
-from fingerlab.acquisition.machine import MODE_WORDS, Event, Machine, Mode
-from fingerlab.acquisition.ring import RingReader
-from fingerlab.acquisition.watching import Kind, endangered, notices
+from fingerlab.acquisition.bench.bench import Bench, Kind, Status, endangered, notices
+from fingerlab.acquisition.control.commands import Command, SetUp
+from fingerlab.acquisition.control.machine import MODE_WORDS, Event, Machine, Mode
+from fingerlab.acquisition.ring import COLUMN, CycleTimes, RingReader
 
 from ..app.context import ApplicationContext, Light, RigLine
 from ..app.worker import Failed, Worker, attempt
@@ -25,7 +22,7 @@ from .live_channels import FORCE_RESIDUAL, MODELLED, MODELLED_FORCE, MODELLED_TO
 from .live_history import LiveHistory
 
 if TYPE_CHECKING:
-    from fingerlab.acquisition.inline import InlineBench
+    from fingerlab.acquisition.bench.inline import InlineBench
     from fingerlab.models.live import Balance, LiveModel
 
 TICK_MS = 33
@@ -350,7 +347,7 @@ class BenchController(QObject):
 
 def has_virtual_clock(bench: Bench) -> TypeGuard[InlineBench]:
     """Whether its time only passes when it is told to; such a bench has its own, late import."""
-    module = sys.modules.get("fingerlab.acquisition.inline")
+    module = sys.modules.get("fingerlab.acquisition.bench.inline")
     return module is not None and isinstance(bench, module.InlineBench)
 
 

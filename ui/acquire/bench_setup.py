@@ -11,16 +11,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fingerlab.acquisition.bench import Bench
-from fingerlab.acquisition.commands import Finish, SetUp, Start
-from fingerlab.acquisition.protocol import LIFT_S, Lift, lifting, plan_steps
+from fingerlab.acquisition.bench.bench import Bench
+from fingerlab.acquisition.control.commands import Finish, SetUp, Start
+from fingerlab.acquisition.protocols.steps import LIFT_S, Lift, lifting, plan_steps
 from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
-    from fingerlab.acquisition.requests import LoopSettings
+    from fingerlab.acquisition.bench.steering import LoopSettings
     from fingerlab.core.trust import OwnSource
     from fingerlab.devices.choosing import DeviceChoice
-    from fingerlab.devices.protocol import Found
+    from fingerlab.devices.protocol import FoundDevice
     from fingerlab.rig.constants import Rig
 
 
@@ -65,15 +65,15 @@ class OpenBench:
 
 
 OpenCall = Callable[[BenchRequest], OpenBench]
-FindCall = Callable[[Path | None], "tuple[Found, ...]"]
+FindCall = Callable[[Path | None], "tuple[FoundDevice, ...]"]
 MakeBench = Callable[["DeviceChoice", "LoopSettings", float], "Bench"]
 """Makes a device, its loop and its recorder, at a sampling rate in Hz."""
 
 
 def in_processes(choice: DeviceChoice, settings: LoopSettings, rate_hz: float) -> Bench:
     """Loop and recorder in processes of their own."""
-    from fingerlab.acquisition.process_bench import ProcessBench
-    from fingerlab.acquisition.recording import rescue_folder
+    from fingerlab.acquisition.bench.process_bench import ProcessBench
+    from fingerlab.acquisition.record.recording import rescue_folder
 
     return ProcessBench(choice, settings, rescue_folder(), rate_hz)
 
@@ -85,8 +85,8 @@ def open_bench(wanted: BenchRequest, make: MakeBench = in_processes) -> OpenBenc
         UserError: there is no such device, it does not answer, its user has not let its file be run, or a
             stored calibration is damaged.
     """
-    from fingerlab.acquisition.requests import LoopSettings
-    from fingerlab.acquisition.units import BenchUnits
+    from fingerlab.acquisition.bench.steering import LoopSettings
+    from fingerlab.acquisition.control.units import BenchUnits
     from fingerlab.calibration.applying import default_folder, rig_and_attributes
     from fingerlab.devices.choosing import CARD, OWN, REPLAY, choose_device
     from fingerlab.devices.faults import fault_after
@@ -167,13 +167,13 @@ def forget_own_device(path: Path) -> None:
     forget(path)
 
 
-def find_devices(rig_file: Path | None) -> tuple[Found, ...]:
+def find_devices(rig_file: Path | None) -> tuple[FoundDevice, ...]:
     """What can be used, with the sentence to show.
 
     Raises:
         UserError: the rig file cannot be read.
     """
-    from fingerlab.devices.detect import detect
+    from fingerlab.devices.choosing import detect
     from fingerlab.rig.file import load_rig
 
     return detect(load_rig(rig_file) if rig_file is not None else None)

@@ -21,7 +21,7 @@ from .bench_setup import BenchRequest, forget_own_device, own_device_file, own_d
 
 if TYPE_CHECKING:
     from fingerlab.core.trust import OwnSource
-    from fingerlab.devices.protocol import Found
+    from fingerlab.devices.protocol import FoundDevice
 
 COLUMN_WIDTH = 640
 BUTTON_WIDTH = 168
@@ -203,7 +203,7 @@ class ConnectPage(QWidget):
         self.card.setEnabled(False)
         self.found.setText("No card was looked for; look again, or choose another rig file.")
 
-    def show_found(self, found: Sequence[Found]) -> None:
+    def show_found(self, found: Sequence[FoundDevice]) -> None:
         """The card, and whether it can be used."""
         card = found[0]
         self._card = card.name

@@ -15,7 +15,7 @@ from typing import Any
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QFileDialog, QFormLayout, QPushButton, QWidget
 
-from fingerlab.acquisition.trajectories import (
+from fingerlab.acquisition.control.trajectories import (
     BY_POINTS,
     KIND_TITLES,
     MULTISINE_RATIOS,

@@ -12,11 +12,11 @@ from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 
-from fingerlab.acquisition.bench import Bench, Status
-from fingerlab.acquisition.commands import Initialise, SetUp
-from fingerlab.acquisition.protocol import Change, Step, countdown
-from fingerlab.acquisition.protocol_driver import ProtocolDriver
-from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.bench.bench import Bench, Status
+from fingerlab.acquisition.control.commands import Initialise, SetUp
+from fingerlab.acquisition.control.trajectories import read_trajectory
+from fingerlab.acquisition.protocols.driver import ProtocolDriver
+from fingerlab.acquisition.protocols.steps import Change, Step, countdown
 from fingerlab.core.errors import UserError
 
 from ..app.context import ApplicationContext

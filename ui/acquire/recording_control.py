@@ -12,10 +12,10 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from fingerlab.acquisition.beginning import run_to_record
-from fingerlab.acquisition.bench import Bench
-from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.recording import SessionInfo
+from fingerlab.acquisition.bench.bench import Bench
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.protocols.driver import run_to_record
+from fingerlab.acquisition.record.recording import SessionInfo
 from fingerlab.core.errors import UserError
 
 from ..app.worker import Failed

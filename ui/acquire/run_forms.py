@@ -21,10 +21,8 @@ from PySide6.QtWidgets import (
     QWidgetAction,
 )
 
-from fingerlab.acquisition.commands import Initialise
-from fingerlab.acquisition.initial import LARGEST_DEG
-from fingerlab.acquisition.own_runs import own_runs
-from fingerlab.acquisition.protocol import Record, RunPlan, Step, plan_seconds, plan_steps
+from fingerlab.acquisition.control.commands import LARGEST_DEG, Initialise
+from fingerlab.acquisition.protocols.steps import PlannedRun, Record, Step, own_runs, plan_seconds, plan_steps
 from fingerlab.report.diagnosis_words import PHASE_WORDS
 from fingerlab.sessions.trajectory import trajectory_words
 
@@ -241,7 +239,7 @@ class ProtocolForm(QWidget):
         """
         from fingerlab.twin.protocols import PROTOCOLS
 
-        plans: Sequence[RunPlan]
+        plans: Sequence[PlannedRun]
         key = str(self.which.currentData())
         if key == HANDED:
             return self._handed

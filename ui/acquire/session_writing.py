@@ -25,7 +25,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.acquisition.bench import Bench
+from fingerlab.acquisition.bench.bench import Bench
 from fingerlab.core.errors import Cancelled
 
 from ..app.bars import time_left

@@ -79,7 +79,7 @@ class ApplicationContext(QObject):
     Signals:
         sessions_changed(tuple): other sessions are open, or none.
         session_recorded(Path): a session file has been recorded and verified.
-        protocol_handed(steps): for Acquire: sequence of ``fingerlab.acquisition.protocol.Step``.
+        protocol_handed(steps): for Acquire: sequence of ``fingerlab.acquisition.protocols.steps.Step``.
         trajectory_handed(dict): for Acquire: one run's trajectory, as in the session format.
         model_handed(Model, name): for Predict: a fitted model, as in a model file.
         rig_changed(RigLine): the state of the rig, as shown in header and status bar.

@@ -9,8 +9,7 @@ import numpy as np
 from PySide6.QtCore import QObject, QTimer, Signal
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QWidget
 
-from fingerlab.acquisition.columns import COLUMN
-from fingerlab.acquisition.ring import RingReader
+from fingerlab.acquisition.ring import COLUMN, RingReader
 from fingerlab.calibration import SENSORS
 from fingerlab.calibration.store import CalibrationRecord
 

@@ -66,7 +66,7 @@ class ResultActions(QObject):
         proposal = self._proposal()
         if proposal is None:
             return
-        from fingerlab.acquisition.protocol import plan_steps
+        from fingerlab.acquisition.protocols.steps import plan_steps
         from fingerlab.twin.protocols import single_run
 
         try:

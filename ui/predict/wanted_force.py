@@ -215,7 +215,7 @@ class WantedView(QObject):
         plan = self.plan
         if plan is None or plan.beyond:
             return
-        from fingerlab.acquisition.protocol import plan_steps
+        from fingerlab.acquisition.protocols.steps import plan_steps
         from fingerlab.twin.protocols import RunPlan
 
         run = RunPlan("contact", plan.pose.cable, plan.trajectory())

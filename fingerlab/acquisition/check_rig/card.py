@@ -1,23 +1,51 @@
-"""The three assumptions about the card, measured on the card, through the loop that drives it."""
+"""What is assumed about the card, measured on the card, through the loop that drives it.
+
+``fingerlab.devices.ni`` names an assumption by its id where it relies on it.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from fingerlab.acquisition.board import Number, Slot
-from fingerlab.acquisition.check_rig.looking import Look
-from fingerlab.acquisition.check_rig.outcomes import CONFIRMED, FAILED, NOTED, SKIPPED, YES, Outcome
-from fingerlab.acquisition.columns import COLUMN
-from fingerlab.acquisition.commands import TryOutput
-from fingerlab.devices.ni.assumptions import (
-    FRESH_TASK_REACHES_THE_OUTPUT,
-    LATE_WRITE_IS_LOST,
-    PACED_BY_THE_CARD,
+from fingerlab.acquisition.check_rig.look import CONFIRMED, FAILED, NOTED, SKIPPED, YES, Look, Outcome
+from fingerlab.acquisition.control.commands import TryOutput
+from fingerlab.acquisition.ring import COLUMN
+from fingerlab.acquisition.status import Number, Slot
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """One statement about the card, and what happens to the bench where it is wrong."""
+
+    id: str
+    text: str
+    otherwise: str
+
+
+PACED_BY_THE_CARD = Assumption(
+    "paced-by-the-card",
+    "A blocking read in hardware-timed single-point mode returns once a cycle, at the card's sample clock.",
+    "Set timing = 'buffered' in the rig file's [daq]; the position loop then runs at 100 to 200 Hz.",
 )
+LATE_WRITE_IS_LOST = Assumption(
+    "late-write-is-lost",
+    "A write to a clock-timed output never reaches the terminal once its clock has stopped, and the output "
+    "may hold its last value when its task ends.",
+    "The stop does not rely on it; the finding is only noted.",
+)
+FRESH_TASK_REACHES_THE_OUTPUT = Assumption(
+    "fresh-task-reaches-the-output",
+    "A fresh on-demand task brings the output to 0 V and the enable line low in whatever state the timed "
+    "tasks were left.",
+    "Do not drive the motor from this card; the stop would not stop it.",
+)
+ASSUMPTIONS = (PACED_BY_THE_CARD, LATE_WRITE_IS_LOST, FRESH_TASK_REACHES_THE_OUTPUT)
+
 
 PACE_SECONDS = 2.0
 PACE_TOLERANCE = 0.01

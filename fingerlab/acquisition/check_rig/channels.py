@@ -9,8 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.acquisition.check_rig.looking import Look, asked
-from fingerlab.acquisition.check_rig.outcomes import CONFIRMED, FAILED, NOT_HERE, SKIPPED, YES, Outcome
+from fingerlab.acquisition.check_rig.look import (
+    CONFIRMED,
+    FAILED,
+    NOT_HERE,
+    SKIPPED,
+    YES,
+    Look,
+    Outcome,
+    asked,
+)
 from fingerlab.rig.daq import AnalogInput
 
 REST_SECONDS = 1.0

@@ -7,10 +7,19 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fingerlab.acquisition.check_rig.looking import TEST_CURRENT, Driven, Look, asked
-from fingerlab.acquisition.check_rig.outcomes import CONFIRMED, FAILED, SKIPPED, YES, Outcome
-from fingerlab.acquisition.commands import Release, Reset
-from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.check_rig.look import (
+    CONFIRMED,
+    FAILED,
+    SKIPPED,
+    TEST_CURRENT,
+    YES,
+    Driven,
+    Look,
+    Outcome,
+    asked,
+)
+from fingerlab.acquisition.control.commands import Release, Reset
+from fingerlab.acquisition.control.machine import Mode
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import BENCH_LIMITS, LIMIT_UNITS
 

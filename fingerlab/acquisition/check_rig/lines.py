@@ -8,14 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.acquisition.board import Input, Slot
 from fingerlab.acquisition.check_rig.channels import HAND_SECONDS
 from fingerlab.acquisition.check_rig.driving import test_travel
-from fingerlab.acquisition.check_rig.looking import TEST_CURRENT, Driven, Look
-from fingerlab.acquisition.check_rig.outcomes import CONFIRMED, FAILED, NOT_HERE, SKIPPED, YES, Outcome
-from fingerlab.acquisition.columns import RowFlag
-from fingerlab.acquisition.commands import Reset
-from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.check_rig.look import (
+    CONFIRMED,
+    FAILED,
+    NOT_HERE,
+    SKIPPED,
+    TEST_CURRENT,
+    YES,
+    Driven,
+    Look,
+    Outcome,
+)
+from fingerlab.acquisition.control.commands import Reset
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.ring import RowFlag
+from fingerlab.acquisition.status import Input, Slot
 
 EMERGENCY_STOP, READY, DEAD_MAN = "lines/emergency_stop", "lines/amplifier_ready", "drive/dead_man"
 DEAD_MAN_TITLES = {DEAD_MAN: "No current without the dead-man's beat"}

@@ -11,22 +11,23 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 
-from fingerlab.acquisition.bench import Bench
+from fingerlab.acquisition.bench.bench import Bench
 from fingerlab.acquisition.check_rig.card import OUTPUT_TITLES, PACING_TITLES, output, pacing
 from fingerlab.acquisition.check_rig.channels import channels_at_rest, channels_moved, encoder_turned, scaling
 from fingerlab.acquisition.check_rig.driving import DRIVE_TITLES, drive, limits, stop
 from fingerlab.acquisition.check_rig.lines import DEAD_MAN_TITLES, dead_man, inputs
-from fingerlab.acquisition.check_rig.looking import BenchFailed, Look
-from fingerlab.acquisition.check_rig.outcomes import (
+from fingerlab.acquisition.check_rig.look import (
     FAILED,
     NOT_HERE,
     SKIPPED,
+    BenchFailed,
     CheckProtocol,
+    Look,
     Operator,
     Outcome,
 )
-from fingerlab.acquisition.commands import Reset
-from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.control.commands import Reset
+from fingerlab.acquisition.control.machine import Mode
 from fingerlab.core.errors import UserError
 from fingerlab.rig.constants import Rig
 

@@ -9,10 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.devices.clock import Clock, RealClock
-from fingerlab.devices.lateness import LatenessMeter
-from fingerlab.devices.ni.connection import Connection
-from fingerlab.devices.ni.errors import SAMPLES_NOT_YET_AVAILABLE, UNSUPPORTED, answering, code_of, translated
+from fingerlab.devices.clock import Clock, LatenessMeter, RealClock
+from fingerlab.devices.ni.connection import (
+    SAMPLES_NOT_YET_AVAILABLE,
+    UNSUPPORTED,
+    Connection,
+    answering,
+    code_of,
+    translated,
+)
 from fingerlab.devices.ni.stopping import ReadyStop, write_safe
 from fingerlab.devices.ni.tasks import Tasks, packed, signed_counts
 from fingerlab.devices.protocol import DeviceFault, DeviceLost, Sample

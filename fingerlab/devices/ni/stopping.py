@@ -6,8 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from fingerlab.devices.ni.connection import Connection
-from fingerlab.devices.ni.errors import answering, translated
+from fingerlab.devices.ni.connection import Connection, answering, translated
 from fingerlab.devices.ni.tasks import add_enable, add_output
 from fingerlab.devices.protocol import DeviceFault
 from fingerlab.rig.daq import Daq

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.devices.ni.connection import Connection
-from fingerlab.devices.ni.errors import UNSUPPORTED, code_of
+from fingerlab.devices.ni.connection import UNSUPPORTED, Connection, code_of
 from fingerlab.devices.protocol import NO_LINES
 from fingerlab.rig.daq import AmplifierReadyLine, Daq, EmergencyStopLine
 

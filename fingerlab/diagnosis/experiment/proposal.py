@@ -1,7 +1,7 @@
 """The run, of those that the rig can do, that would best separate the effects that these data leave closest.
 
-What a run is expected to bring is told in the log odds that the diagnosis itself would give after it: for the
-effects of a set among each other, or for an effect that could not be seen against nothing.
+What a run is expected to bring is counted in the log odds that the diagnosis itself would give after it: for
+the effects of a set among each other, or for an effect that could not be seen against nothing.
 
 Predicted separation: if one effect were true, what would the other leave unexplained in the new run, wherever
 its unknowns go, given what the old runs say of them? What the two predictions differ by, less what the other
@@ -11,7 +11,7 @@ between two rival models", 1965).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -65,52 +65,78 @@ def propose(
     if len(chosen) < 2:
         return None
     first, *rivals = [evidence.candidates[i] for i in chosen[: 1 + RIVALS]]
-    runs = list(_runs(sessions, scorer, first, [first, *rivals]))
-    best: tuple[tuple[float, float], Proposal, FittedModel, float] | None = None
-    for seconds in LENGTHS_S:
-        for proposal, run in _lasting(runs, seconds):
-            gains = [_expected(scorer, run, evidence, chosen[0], i) for i in chosen[1 : 1 + RIVALS]]
-            worth = (sum(min(g, DECISIVE) for g in gains), min(gains))
-            if best is None or worth > best[0]:
-                worst = int(np.argmin(gains))
-                best = (worth, proposal, rivals[worst], gains[worst])
-        if best is not None and best[3] >= DECISIVE:
-            break
-    if best is None or best[3] < LEAST_SEPARATION:
+
+    def judged(run: PredictedRun) -> Judged:
+        gains = [_expected(scorer, run, evidence, chosen[0], i) for i in chosen[1 : 1 + RIVALS]]
+        worst = int(np.argmin(gains))
+        worth = (sum(min(g, DECISIVE) for g in gains), gains[worst])
+        return Judged(worth, gains[worst], rivals[worst].last_effect.id, gains[worst])
+
+    best = best_run(list(_runs(sessions, scorer, first, [first, *rivals])), judged)
+    if best is None or best[1].expected < LEAST_SEPARATION:
         return None
-    _, proposal, rival, gain = best
-    return proposal.to_json([t.last_effect.id for t in (first, rival)], gain)
+    proposal, found = best
+    return proposal.to_json([first.last_effect.id, found.other], found.expected)
 
 
 def reveal(
-    sessions: Sequence[Session], scorer: Scorer, evidence: Evidence, unseen: Sequence[int]
+    sessions: Sequence[Session], scorer: Scorer, evidence: Evidence, hidden: Sequence[int]
 ) -> dict[str, Any] | None:
     """The run that would show most of the effects that these data could not; None where none would.
 
-    What is expected is told for the likeliest effect that the run would show at its typical strength.
+    What is expected is said for the likeliest effect that the run would show at its typical strength.
     """
     base = evidence.base
-    unseen = [i for i in unseen if evidence.candidates[i].sensitivity.strengths][:RIVALS]
-    shares = [evidence.undetected[i] for i in unseen]
-    pairs = [_present_and_absent(scorer, base, evidence.candidates[i]) for i in unseen]
-    runs = list(_runs(sessions, scorer, base, [p for p, _ in pairs]))
-    best: tuple[float, Proposal, list[Shown]] | None = None
+    hidden = [i for i in hidden if evidence.candidates[i].sensitivity.strengths][:RIVALS]
+    if not hidden:
+        return None
+    shares = [evidence.undetected[i] for i in hidden]
+    pairs = [_present_and_absent(scorer, base, evidence.candidates[i]) for i in hidden]
+
+    def judged(run: PredictedRun) -> Judged:
+        gains = [_detection(scorer, run, evidence, i, *pair) for i, pair in zip(hidden, pairs, strict=True)]
+        worth = sum(s * min(g.decides, DECISIVE) for s, g in zip(shares, gains, strict=True))
+        least = min(g.decides for g in gains)
+        shown = next((k for k, gain in enumerate(gains) if gain.decides >= DECIDING_LOG_ODDS), None)
+        if shown is None:
+            return Judged((worth,), least, "", 0.0)
+        return Judged((worth,), least, pairs[shown][0].last_effect.id, gains[shown].expected)
+
+    best = best_run(list(_runs(sessions, scorer, base, [p for p, _ in pairs])), judged)
+    if best is None or not best[1].other:
+        return None
+    proposal, found = best
+    return proposal.to_json([found.other, "nothing_missing"], found.expected)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What a run would bring.
+
+    Attributes:
+        worth: by which runs are compared. least: nats for the effect that it tells least of.
+        other: id of the effect for which it is said, with the gain ``expected`` in log odds.
+    """
+
+    worth: tuple[float, ...]
+    least: float
+    other: str
+    expected: float
+
+
+def best_run(
+    runs: Sequence[tuple[Proposal, PredictedRun]], judge: Callable[[PredictedRun], Judged]
+) -> tuple[Proposal, Judged] | None:
+    """The run of the most worth; a longer one only where no shorter one decides everything."""
+    best: tuple[Proposal, Judged] | None = None
     for seconds in LENGTHS_S:
         for proposal, run in _lasting(runs, seconds):
-            gains = [_shown(scorer, run, evidence, i, *pair) for i, pair in zip(unseen, pairs, strict=True)]
-            worth = sum(s * min(g.decides, DECISIVE) for s, g in zip(shares, gains, strict=True))
-            if gains and (best is None or worth > best[0]):
-                best = worth, proposal, gains
-        if best is not None and min(g.decides for g in best[2]) >= DECISIVE:
+            found = judge(run)
+            if best is None or found.worth > best[1].worth:
+                best = proposal, found
+        if best is not None and best[1].least >= DECISIVE:
             break
-    if best is None:
-        return None
-    _, proposal, gains = best
-    told = next((k for k, gain in enumerate(gains) if gain.decides >= DECIDING_LOG_ODDS), None)
-    if told is None:
-        return None
-    shown = pairs[told][0].last_effect.id
-    return proposal.to_json([shown, "nothing_missing"], gains[told].expected)
+    return best
 
 
 def _present_and_absent(
@@ -125,7 +151,7 @@ def _present_and_absent(
 
 
 @dataclass(frozen=True)
-class Shown:
+class Detection:
     """What a run would say of an effect that could not be seen, if it were there.
 
     Attributes:
@@ -137,9 +163,9 @@ class Shown:
     expected: float
 
 
-def _shown(
-    scorer: Scorer, run: Imagined, evidence: Evidence, i: int, truth: FittedModel, without: FittedModel
-) -> Shown:
+def _detection(
+    scorer: Scorer, run: PredictedRun, evidence: Evidence, i: int, truth: FittedModel, without: FittedModel
+) -> Detection:
     """What the run would bring for candidate ``i``; LEAST_FALL in the run's own condition decides."""
     base = evidence.base
     gain = separation(scorer.reduced, run, truth, without, 1.0)
@@ -154,15 +180,15 @@ def _shown(
     before = np.log(
         max(float(evidence.undetected[i]), LEAST_PROBABILITY) / max(evidence.nothing, LEAST_PROBABILITY)
     )
-    return Shown(decides, float(after - before))
+    return Detection(decides, float(after - before))
 
 
-def _values(run: Imagined) -> float:
+def _values(run: PredictedRun) -> float:
     """Independent values that a run would have."""
     return EFFECTIVE_SHARE * run.group.equations * run.sums.samples
 
 
-def _after(like: FittedModel, run: Imagined, left: float, misfit: float) -> float:
+def _after(like: FittedModel, run: PredictedRun, left: float, misfit: float) -> float:
     """What a model leaves of each value with one more run, of which it leaves ``misfit``.
 
     Now it leaves ``left`` of each, in conditions as ``like`` has them.
@@ -172,14 +198,14 @@ def _after(like: FittedModel, run: Imagined, left: float, misfit: float) -> floa
     return float(misfits @ condition_weights(counts) / counts.sum())
 
 
-def _expected(scorer: Scorer, run: Imagined, evidence: Evidence, first: int, second: int) -> float:
+def _expected(scorer: Scorer, run: PredictedRun, evidence: Evidence, first: int, second: int) -> float:
     """Expected gain in the log odds of the one of two effects that is true, as likely as they are now."""
     shares = evidence.probabilities[[first, second]]
     gains = [_gain(scorer, run, evidence, *ways) for ways in ((first, second), (second, first))]
     return float(shares @ gains / max(float(shares.sum()), LEAST_PROBABILITY))
 
 
-def _gain(scorer: Scorer, run: Imagined, evidence: Evidence, true: int, other: int) -> float:
+def _gain(scorer: Scorer, run: PredictedRun, evidence: Evidence, true: int, other: int) -> float:
     """Gain in the log odds of the true effect: by what its rival leaves, and by the constants it needs."""
     truth, rival = evidence.candidates[true], evidence.candidates[other]
     alone = run.group.on_bench and not any(g.on_bench for g in scorer.reduced.groups)
@@ -204,7 +230,7 @@ def _constants(scorer: Scorer, truth: FittedModel, rival: FittedModel) -> float:
 
 
 def _with_offsets(fitted: FittedModel) -> FittedModel:
-    """The model with the constants of its last effect, which no run has told, as large as they may well be.
+    """The model with the constants of its last effect, which no run tells, as large as they may well be.
 
     If the effect is there, they are at least what one would speak of.
     """
@@ -220,27 +246,27 @@ def _with_offsets(fitted: FittedModel) -> FittedModel:
 
 def _runs(
     sessions: Sequence[Session], scorer: Scorer, like: FittedModel, candidates: Sequence[FittedModel]
-) -> Iterator[tuple[Proposal, Imagined]]:
+) -> Iterator[tuple[Proposal, PredictedRun]]:
     """Every run of the menu, as the model ``like`` would move, with the columns of all ``candidates``."""
     values = like.values
     for proposal in menu(sessions, scorer.reduced, values):
         motion = proposal.motion
         yield (
             proposal,
-            imagine(sessions[0], motion, held_by(candidates, motion), not scorer.reduced.on_bench),
+            predict_run(sessions[0], motion, held_by(candidates, motion), not scorer.reduced.on_bench),
         )
 
 
 def _lasting(
-    runs: Sequence[tuple[Proposal, Imagined]], seconds: float
-) -> Iterator[tuple[Proposal, Imagined]]:
+    runs: Sequence[tuple[Proposal, PredictedRun]], seconds: float
+) -> Iterator[tuple[Proposal, PredictedRun]]:
     times = (seconds - SETTLING_S) / (DURATION_S - SETTLING_S)
     for proposal, run in runs:
         yield replace(proposal, seconds=seconds), run.lasting(times)
 
 
 @dataclass(frozen=True)
-class Imagined:
+class PredictedRun:
     """A run that was not taken: its motion, and the sums over the signals that it would give."""
 
     motion: Motion
@@ -257,21 +283,21 @@ class Imagined:
             self.models[key] = build(self.layout, [self.group], choices, fitted.model.tip_law)
         return self.models[key]
 
-    def lasting(self, times: float) -> Imagined:
+    def lasting(self, times: float) -> PredictedRun:
         """The same motion so many times as long, again and again: it tells so many times as much."""
         longer = Sums(self.sums.products * times, taut_samples=round(self.sums.taut_samples * times))
         return replace(self, sums=longer)
 
 
-def imagine(
+def predict_run(
     session: Session, motion: Motion, effects: Sequence[Effect], beside_finger: bool = False
-) -> Imagined:
+) -> PredictedRun:
     """A run with this motion; ``beside_finger``: if it is of the motor alone, beside a finger's runs."""
     layout = layout_of(motion, session, effects, beside_finger)
     low = decimated_columns(motion, effects, layout.signals)
     # A trace of friction may hold a standing finger anywhere: what is seen at rest decides little.
     columns = low.columns[~low.rest]
-    return Imagined(motion, layout, Sums(columns.T @ columns, taut_samples=len(columns)), _group(motion))
+    return PredictedRun(motion, layout, Sums(columns.T @ columns, taut_samples=len(columns)), _group(motion))
 
 
 @dataclass(frozen=True)
@@ -286,13 +312,15 @@ class Apart:
     zero: float
 
 
-def separation(reduced: Reduced, run: Imagined, truth: FittedModel, rival: FittedModel, heat: float) -> float:
+def separation(
+    reduced: Reduced, run: PredictedRun, truth: FittedModel, rival: FittedModel, heat: float
+) -> float:
     """Expected gain in log evidence of ``truth`` over ``rival`` from one more run, at a temperature."""
     found = apart(reduced, run, truth, rival, heat)
     return 0.5 * (found.left + found.zero)
 
 
-def apart(reduced: Reduced, run: Imagined, truth: FittedModel, rival: FittedModel, heat: float) -> Apart:
+def apart(reduced: Reduced, run: PredictedRun, truth: FittedModel, rival: FittedModel, heat: float) -> Apart:
     """What ``rival`` would leave of one more run if ``truth`` were true, over the temperature.
 
     Both are seen under the weights of ``truth``.
@@ -336,7 +364,7 @@ def _group(motion: Motion) -> Group:
     )
 
 
-def _weights(reduced: Reduced, weights: Weights, run: Imagined) -> Array:
+def _weights(reduced: Reduced, weights: Weights, run: PredictedRun) -> Array:
     """Weights of the group that the run would belong to, or of the most similar one there is."""
     key = run.group.key
     if run.group.on_bench and key not in weights:

@@ -25,7 +25,13 @@ from fingerlab.diagnosis.settings import (
     SLACK_TENSION_N,
     TREND_DEGREE,
 )
-from fingerlab.diagnosis.signals.filters import NARROW_HALF, NARROW_STEP, decimate, decimated_count
+from fingerlab.diagnosis.signals.filters import (
+    NARROW_HALF,
+    NARROW_STEP,
+    decimate,
+    decimated_count,
+    padded_length,
+)
 from fingerlab.effects.base import Effect
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run
@@ -99,7 +105,8 @@ def fill(
     """Filter the signals that are not ``known`` (signals,) into ``low``; gives those that are not zero."""
     inner = counted(motion)
     # Single precision is a hundred times finer than the sensors, and twice as fast.
-    wide = np.empty((AT_ONCE, max(inner.stop - inner.start, 0)), np.float32)
+    length = max(inner.stop - inner.start, 0)
+    wide = np.zeros((AT_ONCE, padded_length(length)), np.float32)
     live: list[int] = []
     waiting = 0
     done = known.tolist()
@@ -109,14 +116,14 @@ def fill(
         done[place] = True
         column = _shifted(values, shift, motion.sample_rate_hz, inner)
         if not _is_zero(column):  # a force where nothing is touched, a stop that no joint reaches
-            wide[waiting] = column
+            wide[waiting, :length] = column
             live.append(place)
             waiting += 1
         if waiting == AT_ONCE:
-            low[live[-waiting:]] = decimate(wide)
+            low[live[-waiting:]] = decimate(wide, length)
             waiting = 0
     if waiting:
-        low[live[-waiting:]] = decimate(wide[:waiting])
+        low[live[-waiting:]] = decimate(wide[:waiting], length)
     return live
 
 

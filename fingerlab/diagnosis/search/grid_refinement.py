@@ -1,7 +1,7 @@
 """The recordings read again for the effects that were found alone, between the points of their grids.
 
 The catalogue is searched on coarse grids, for every point costs columns in every pass over the data. What is
-found is then looked at once more, with few columns of other effects in the way: finer shapes around the best
+found is then read once more, with few columns of other effects in the way: finer shapes around the best
 one, and other laws of the same physics. A law that is only nearly right leaves a remainder that passes for
 more physics, so every step of the path is judged again. Effects that a search could not tell apart are each
 looked at again, too: on its grid a true law may leave as much as a wrong one that happens to lie on a better

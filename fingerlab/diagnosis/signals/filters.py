@@ -8,9 +8,11 @@ friction; formed at 40 Hz it does not.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from fingerlab.diagnosis.settings import (
     NARROW_CUTOFF_HZ,
@@ -89,38 +91,49 @@ def decimated_count(length: int) -> int:
     return max(0, (length - NARROW_TAPS) // NARROW_STEP + 1)
 
 
-def decimate(columns: Array) -> Array:
-    """Low-pass at 8 Hz and decimate to 25 Hz; shape (..., n) -> (..., decimated_count(n))."""
-    length = columns.shape[-1]
-    count = decimated_count(length)
-    if count == 0:
-        return np.zeros((*columns.shape[:-1], 0))
-    flat = columns.reshape(-1, length)
-    low = _filtered(flat, _BLOCK_KERNEL.astype(columns.dtype), NARROW_STEP, count)
-    return np.asarray(low.reshape(*columns.shape[:-1], count), dtype=np.float64)
-
-
 BLOCK = 16
+"""Decimated samples that one product of matrices gives."""
+BLOCK_LENGTH = BLOCK * NARROW_STEP
+"""Wide samples from one block to the next."""
 
 
 def _block_kernel(kernel: Array, step: int) -> Array:
-    """The kernel at BLOCK successive outputs, shape (window, BLOCK)."""
+    """The kernel at ``BLOCK`` successive outputs, shape (window, BLOCK)."""
     result = np.zeros(((BLOCK - 1) * step + len(kernel), BLOCK))
     for k in range(BLOCK):
         result[k * step : k * step + len(kernel), k] = kernel
     return result
 
 
-def _filtered(columns: Array, kernel: Array, step: int, count: int) -> Array:
-    """Columns (m, n) through a block kernel and decimated, shape (m, count); sums as products of matrices."""
-    window = len(kernel)
-    whole = -(-count // BLOCK)
-    low = np.empty((len(columns), whole * BLOCK), columns.dtype)
-    for block in range(whole):
-        first = block * BLOCK * step
-        part = columns[:, first : first + window]
-        low[:, block * BLOCK : (block + 1) * BLOCK] = part @ kernel[: part.shape[1]]
-    return low[:, :count]
-
-
 _BLOCK_KERNEL = _block_kernel(_NARROW, NARROW_STEP)
+
+
+def padded_length(length: int) -> int:
+    """Samples of a wide signal of ``length`` samples, with zeros that make it whole blocks and one more."""
+    return (-(-decimated_count(length) // BLOCK) + 1) * BLOCK_LENGTH
+
+
+def decimate(columns: NDArray[np.floating[Any]], length: int | None = None) -> Array:
+    """Low-pass at 8 Hz and decimate to 25 Hz; shape (..., n) -> (..., decimated_count(n)).
+
+    Each column has a product of matrices of its own, of one shape for all: in a product of all columns at
+    once, the last bits of a column depend on how many stand before it on many processors.
+
+    Args:
+        length: n, where the columns are padded with zeros to ``padded_length(n)`` already; else None.
+    """
+    n = columns.shape[-1] if length is None else length
+    count = decimated_count(n)
+    if count == 0:
+        return np.zeros((*columns.shape[:-1], 0))
+    flat = columns.reshape(-1, columns.shape[-1])
+    if length is None:
+        flat = np.zeros((len(flat), padded_length(n)), columns.dtype)
+        flat[:, :n] = columns.reshape(-1, n)
+    blocks = flat.reshape(len(flat), -1, BLOCK_LENGTH)
+    kernel = _BLOCK_KERNEL.astype(columns.dtype)
+    behind = len(kernel) - BLOCK_LENGTH  # a window reaches so far into the next block
+    low = blocks[:, :-1] @ kernel[:BLOCK_LENGTH]
+    low += blocks[:, 1:, :behind] @ kernel[BLOCK_LENGTH:]
+    low = low.reshape(len(flat), -1)[:, :count]
+    return np.asarray(low.reshape(*columns.shape[:-1], count), dtype=np.float64)

@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.control.machine import Mode
 from fingerlab.sessions import open_session
 from fingerlab.ui.acquire import acquire_tab
 from fingerlab.ui.acquire.live_channels import QUANTITIES
@@ -66,7 +66,7 @@ def test_readings_are_what_the_bench_measures(rig: Rig) -> None:
     while not rig.controller.numbers_due:  # ten times a second; plots are drawn more often
         rig.run(0.033)
     row = rig.bench.ring.last(1)[0]
-    from fingerlab.acquisition.columns import COLUMN
+    from fingerlab.acquisition.ring import COLUMN
 
     shown = rig.label("reading_motor_position").removesuffix("°").replace("−", "-")
     assert float(shown) == pytest.approx(math.degrees(row[COLUMN["motor_position"]]), abs=0.051)

@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QAbstractSpinBox, QDoubleSpinBox, QWidget
 
-from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.control.machine import Mode
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Array
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from PySide6.QtWidgets import QLabel
 
-from fingerlab.acquisition.columns import COLUMN, RowFlag
-from fingerlab.acquisition.cycle_times import CycleTimes
+from fingerlab.acquisition.ring import COLUMN, CycleTimes, RowFlag
 from fingerlab.devices.faults import Faults
 
 from ..hands import child

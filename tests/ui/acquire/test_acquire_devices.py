@@ -20,12 +20,12 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog, QLabel
 from pytestqt.qtbot import QtBot
 
-from fingerlab.acquisition.inline import InlineBench
-from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.control.machine import Mode
 from fingerlab.core.errors import UserError
 from fingerlab.core.trust import OwnSource
+from fingerlab.devices.choosing import detect
 from fingerlab.devices.clock import VirtualClock
-from fingerlab.devices.detect import detect
 from fingerlab.devices.faults import FAULT_KINDS
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedBench, Simulation

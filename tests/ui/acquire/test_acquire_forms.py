@@ -12,9 +12,9 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QLabel, QScrollArea
 from pytestqt.qtbot import QtBot
 
-from fingerlab.acquisition.columns import COLUMN
-from fingerlab.acquisition.initial import initial_of
-from fingerlab.acquisition.recording import LEAST_FREE_BYTES, seconds_of_room
+from fingerlab.acquisition.control.commands import initial_of
+from fingerlab.acquisition.record.recording import LEAST_FREE_BYTES, seconds_of_room
+from fingerlab.acquisition.ring import COLUMN
 from fingerlab.core.errors import UserError
 from fingerlab.rig.file import parse_rig
 from fingerlab.ui.widgets.layout import SideRoom

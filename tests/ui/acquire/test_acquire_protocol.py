@@ -10,8 +10,8 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel, QLineEdit
 from pytestqt.qtbot import QtBot
 
-from fingerlab.acquisition.machine import Mode
-from fingerlab.acquisition.protocol import Change, Record
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.protocols.steps import Change, Record
 from fingerlab.sessions import open_session
 from fingerlab.ui.app.settings import Settings
 
@@ -98,7 +98,7 @@ def test_stop_ends_a_protocol_that_waits_for_the_operator(rig: Rig, qtbot: QtBot
 
 
 def test_a_protocol_handed_over_is_chosen(rig: Rig) -> None:
-    from fingerlab.acquisition.commands import SetUp
+    from fingerlab.acquisition.control.commands import SetUp
 
     rig.window.show_tab("model_lab")
     sine = {"kind": "sine", "amplitude_deg": 5.0, "frequency_hz": 1.0, "duration_s": 3.0}

@@ -39,7 +39,7 @@ def test_pre_trigger_records_what_was_before_the_key(rig: Rig, qtbot: QtBot) -> 
     stop = rig.bench.status().index
     assert 2400 < run.length <= stop - (at - 2000) + 1
     ring = rig.bench.ring.copy(0, rig.bench.ring.written)[1]
-    from fingerlab.acquisition.columns import COLUMN
+    from fingerlab.acquisition.ring import COLUMN
 
     first = run.load(["motor_current"])["motor_current"][:100]
     start = at + 1 - 2000

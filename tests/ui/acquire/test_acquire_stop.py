@@ -11,7 +11,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel, QLineEdit
 from pytestqt.qtbot import QtBot
 
-from fingerlab.acquisition.machine import Mode
+from fingerlab.acquisition.control.machine import Mode
 from fingerlab.devices.faults import Faults, LineFault
 from fingerlab.sessions import open_session
 from fingerlab.ui.acquire.session_writing import DetailsDialog

@@ -18,8 +18,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QFileDialog, QLabel, QLineEdit, QProgressBar, QPushButton, QTableWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.acquisition.columns import COLUMN, COLUMNS
-from fingerlab.acquisition.ring import Ring
+from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring
 from fingerlab.calibration import StepTiming
 from fingerlab.calibration.wizard import Phase
 from fingerlab.rig.daq import plain_section
@@ -359,7 +358,8 @@ def test_what_was_accepted_counts_at_the_next_connection(
     made: list[Any] = []
     monkeypatch.setattr("fingerlab.calibration.applying.default_folder", lambda *_: tmp_path / "rig")
     monkeypatch.setattr(
-        "fingerlab.acquisition.process_bench.ProcessBench", lambda *given: made.append(given) or object()
+        "fingerlab.acquisition.bench.process_bench.ProcessBench",
+        lambda *given: made.append(given) or object(),
     )
     opened = open_bench(BenchRequest("simulated"))
     (record,) = (json.loads(path.read_text(encoding="utf-8")) for path in bench.files())

@@ -14,7 +14,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFileDialog, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
-from fingerlab.acquisition.trajectories import read_trajectory
+from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.models.file import Model, ParameterEstimate, load_model, save_model
 from fingerlab.prediction.beside import predict_beside
 from fingerlab.rig.constants import Finger, Motor, Rig

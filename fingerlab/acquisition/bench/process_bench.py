@@ -1,0 +1,219 @@
+"""The parent's side of a bench whose loop and recorder are processes of their own."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from fingerlab.acquisition.bench.bench import Bench, RecorderClient, Status
+from fingerlab.acquisition.bench.loop import STOOD_STILL
+from fingerlab.acquisition.bench.processes import DeviceSource, Plan, loop_main, recorder_main
+from fingerlab.acquisition.bench.steering import LoopSettings
+from fingerlab.acquisition.control.commands import Command, Quit
+from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.ring import COLUMNS, Ring
+from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
+from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.progress import Progress
+from fingerlab.sessions.recording_files import VERIFYING, WRITING
+
+RING_S = 240.0
+"""Length of the ring: the last four minutes can be scrolled back, 43 MB at 1 kHz."""
+
+START_S = 60.0
+"""A process that is not ready after this will not be (importing and compiling take seconds)."""
+
+LOOP_DIED = "The control loop has ended unexpectedly; the motor was stopped, connect the device again."
+ANSWER_S = 5.0
+IDLE_S = 0.005
+
+
+class ProcessBench(Bench):
+    """A bench in processes of its own; see :class:`Bench`. Safe to make in a program with a window.
+
+    The caller has to call ``beat`` (or ``idle``, which does) at least every ``limits.window_time`` while the
+    amplifier is enabled; otherwise the motor is stopped.
+    """
+
+    def __init__(
+        self, device: DeviceSource, settings: LoopSettings, rescue: Path, rate_hz: float = 1000.0
+    ) -> None:
+        """Start both processes and wait until the device is ready.
+
+        Raises:
+            UserError: the device cannot be opened.
+        """
+        self.rate_hz = rate_hz
+        self.ring = Ring.make(round(RING_S * rate_hz), len(COLUMNS))
+        self.board = SharedStatus.make()
+        self._number = 0
+        self._closed = False
+        plan = Plan(device, settings, str(self.ring.name), str(self.board.name), rescue)
+        context = multiprocessing.get_context("spawn")
+        commands_in, self._commands = context.Pipe(duplex=False)
+        requests_in, requests = context.Pipe()
+        recorder_lives, recorder_holds = context.Pipe(duplex=False)
+        loop_lives, loop_holds = context.Pipe(duplex=False)
+        self.loop_process = context.Process(
+            target=loop_main, args=(plan, commands_in, recorder_lives, loop_holds), name="fingerlab-loop"
+        )
+        self.recorder_process = context.Process(
+            target=recorder_main,
+            args=(plan, requests_in, loop_lives, recorder_holds),
+            name="fingerlab-recorder",
+        )
+        self.loop_process.start()
+        self.recorder_process.start()
+        for end in (commands_in, requests_in, recorder_lives, recorder_holds, loop_lives, loop_holds):
+            end.close()
+        self._far = RemoteRecorder(self, requests)
+        self.recorder = self._far
+        self._wait_for_start()
+
+    def ask(self, command: Command) -> None:
+        self._number += 1
+        try:
+            self._commands.send((self._number, command))
+        except OSError:
+            why = self._loss or self.board.text(Text.FAULT)
+            raise UserError(why or "The control loop has ended; open the bench again.") from None
+        end = time.monotonic() + ANSWER_S
+        while self.board[Slot.ACK] != self._number:
+            if self.board[Slot.LOOP_ENDED] or self._loss:
+                raise UserError(self._loss or self.board.text(Text.FAULT) or "The control loop has ended.")
+            if time.monotonic() > end:
+                raise UserError("The control loop does not answer; stop the motor by its own switch.")
+            self.beat()
+            time.sleep(1e-3)
+        # What a loop that stood still answers in its last cycle is not why.
+        refusal = STOOD_STILL if self.board[Slot.GUARDIAN_ACTED] else self.board.text(Text.ANSWER)
+        if refusal:
+            raise UserError(refusal)
+
+    def status(self) -> Status:
+        status = super().status()
+        loss = "" if self._closed else self._loss
+        if loss:
+            return replace(status, loop_ended=True, fault=loss)
+        return super().status() if not self._closed and self.board[Slot.LOOP_ENDED] else status
+
+    @property
+    def _loss(self) -> str:
+        """How the loop was lost without having ended; empty where it was not."""
+        alive = self.loop_process.is_alive()
+        if self.board[Slot.LOOP_ENDED]:  # looked at last: it may have ended meanwhile, and properly
+            return ""
+        if not alive:
+            return LOOP_DIED
+        return STOOD_STILL if self.board[Slot.GUARDIAN_ACTED] else ""
+
+    def idle(self) -> None:
+        self.beat()
+        loss = self._loss
+        if loss:
+            raise UserError(loss)
+        if not self.recorder_process.is_alive():
+            raise UserError("The recorder has ended unexpectedly; the motor was stopped.")
+        time.sleep(IDLE_S)
+
+    def close(self) -> None:
+        if self._closed:
+            return
+        self._closed = True
+        self.stop()
+        with suppress(OSError):
+            self._commands.send((self._number + 1, Quit()))
+        self._join(self.loop_process)
+        self._far.quit()
+        self._join(self.recorder_process)
+        self._commands.close()
+        self.ring.close()
+        self.board.close()
+
+    def _wait_for_start(self) -> None:
+        end = time.monotonic() + START_S
+        while not self.board[Slot.LOOP_READY] or not self.board[Slot.RECORDER_PID]:
+            failed = self.board.text(Text.FAULT) if self.board[Slot.LOOP_ENDED] else ""
+            dead = self.loop_process.exitcode is not None or self.recorder_process.exitcode is not None
+            if failed or dead or time.monotonic() > end:
+                failed = failed or self.board.text(Text.RECORDER)
+                self.close()
+                raise UserError(failed or "The control loop did not start; look at the terminal for why.")
+            time.sleep(0.01)
+
+    def _join(self, process: Any) -> None:
+        process.join(10.0)
+        if process.is_alive():
+            process.terminate()
+            process.join(5.0)
+        if process.is_alive():  # one that is held still does not hear it
+            process.kill()
+            process.join(5.0)
+
+
+class RemoteRecorder(RecorderClient):
+    """The recorder in its own process."""
+
+    def __init__(self, bench: ProcessBench, requests: Connection) -> None:
+        self._bench, self._requests = bench, requests
+
+    def open(self, info: SessionInfo) -> None:
+        self._call("open", info)
+
+    def begin(self, run: RunInfo) -> None:
+        self._call("begin", run)
+
+    def pause(self, on: bool) -> None:
+        self._call("pause", on)
+
+    def mark(self, note: str, index: int | None = None) -> None:
+        self._call("mark", note, index)
+
+    def end(self, stop: int | None = None) -> None:
+        self._call("end", stop)
+
+    def cut(self, note: str) -> None:
+        self._call("cut", note)
+
+    def close(self, progress: Progress | None = None) -> Path:
+        board = self._bench.board
+        board.set_number(Number.WRITTEN, 0.0)
+        board[Slot.VERIFYING] = board[Slot.PUT_OFF] = 0
+
+        def tell() -> None:
+            if progress is None or board[Slot.PUT_OFF]:
+                return
+            try:
+                progress(board.number(Number.WRITTEN), VERIFYING if board[Slot.VERIFYING] else WRITING)
+            except Cancelled:
+                board[Slot.PUT_OFF] = 1
+
+        try:
+            path: Path = self._call("close", waiting=tell)
+        finally:
+            board[Slot.PUT_OFF] = 0  # the next session is another question
+        return path
+
+    def quit(self) -> None:
+        """End the recorder's process."""
+        with suppress(OSError):
+            self._requests.send(("quit", ()))
+
+    def _call(self, name: str, *arguments: Any, waiting: Callable[[], None] = lambda: None) -> Any:
+        try:
+            self._requests.send((name, arguments))
+            while not self._requests.poll(0.01):
+                self._bench.beat()
+                waiting()
+            good, answer = self._requests.recv()
+        except (EOFError, OSError):
+            raise UserError("The recorder has ended unexpectedly; open the bench again.") from None
+        if not good:
+            raise answer
+        return answer

@@ -1,0 +1,230 @@
+"""What the loop is told at its start, and what it tells the motor, cycle by cycle.
+
+Whether the motor may be driven at all is not decided here but by the state machine, which the loop keeps.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fingerlab.acquisition.control.commands import Approach, Command, Start
+from fingerlab.acquisition.control.motion import (
+    Gains,
+    PositionLoop,
+    Reference,
+    Settling,
+    TorqueDrive,
+    check_torque,
+    slowed,
+)
+from fingerlab.acquisition.control.safety import Reading, Watchdog
+from fingerlab.acquisition.control.trajectories import Trajectory, read_trajectory
+from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
+from fingerlab.core.errors import UserError
+from fingerlab.rig.daq import Limits
+
+CURRENT_MARGIN = 0.95
+"""The position loop stays below the current limit, so that only a fault can reach it (assumed)."""
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """What the loop has to know of the bench; plain values, so that they travel to its process.
+
+    ``watch_...``: whose silence stops the motor. ``watch_guardian``: none is driven before the guardian has
+    tried that it can stop it.
+    """
+
+    units: BenchUnits
+    limits: Limits
+    gains: Gains = field(default_factory=Gains)
+    watch_window: bool = True
+    watch_recorder: bool = True
+    watch_guardian: bool = True
+
+
+@dataclass(frozen=True)
+class ReadyStart:
+    """A trajectory that has been read and found within the limits."""
+
+    trajectory: Trajectory
+    endless: bool
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A command that is impossible whatever the state."""
+
+    sentence: str
+
+
+def prepare(command: Command, settings: LoopSettings, cable: bool = True) -> Command | ReadyStart | Refused:
+    """The part of a command that takes time, done outside of the control loop's cycle.
+
+    Args:
+        cable: whether a cable is on the pulley, whose tension may not rise too fast.
+    """
+    if not isinstance(command, Start):
+        return command
+    try:
+        trajectory = read_trajectory(command.trajectory)
+        if trajectory.is_torque:
+            check_torque(trajectory, settings.limits, settings.units, cable)
+        else:
+            _check_range(trajectory, settings.limits)
+    except UserError as error:
+        return Refused(str(error))
+    return ReadyStart(trajectory, command.endless)
+
+
+def _check_range(trajectory: Trajectory, limits: Limits) -> None:
+    time = np.arange(0.0, min(trajectory.duration, 600.0), 2e-3)
+    command = trajectory.command(time)
+    low, high = float(command.min()), float(command.max())
+    if low < limits.position_low or high > limits.position_high:
+        raise UserError(
+            f"The trajectory goes from {math.degrees(low):.4g}° to {math.degrees(high):.4g}°; the limits are "
+            f"{math.degrees(limits.position_low):.4g}° to {math.degrees(limits.position_high):.4g}°."
+        )
+    speed = float(np.abs(np.diff(command)).max(initial=0.0)) / 2e-3
+    if speed > limits.speed:
+        raise UserError(
+            f"The trajectory moves at up to {math.degrees(speed):.4g} °/s; the limit is "
+            f"{math.degrees(limits.speed):.4g} °/s."
+        )
+
+
+def gains_within(settings: LoopSettings, hold: int) -> Gains:
+    """The position loop's gains for a command every ``hold`` samples, its current below the rig's limit."""
+    gains = settings.gains if hold == 1 else slowed(settings.gains, hold)
+    most = min(gains.current_limit, CURRENT_MARGIN * settings.limits.current)
+    return replace(gains, current_limit=most)
+
+
+def unguarded(settings: LoopSettings, board: SharedStatus) -> str:
+    """Why no motor may be enabled: nobody could stop it in the loop's place. Empty where somebody can."""
+    if not settings.watch_guardian or board[Slot.GUARDIAN_READY] == 1:
+        return ""
+    return board.text(Text.GUARDIAN) or (
+        "The process that stops the motor when the control loop dies is not ready; open the bench again."
+    )
+
+
+def watchdogs(settings: LoopSettings, period: float) -> list[tuple[Slot, Watchdog]]:
+    """Which counters of the board have to move, and the watchdog of each."""
+    limits, dogs = settings.limits, []
+    if settings.watch_window:
+        dogs.append((Slot.WINDOW_BEAT, Watchdog("window", round(limits.window_time / period))))
+    if settings.watch_recorder:
+        dogs.append((Slot.RECORDER_BEAT, Watchdog("recorder", round(limits.recorder_time / period))))
+    return dogs
+
+
+class Steering:
+    """The wanted motion and the current that makes it.
+
+    Args:
+        period: of a sample, s. hold: samples for which the device holds a set value.
+
+    Attributes:
+        reference: the wanted angle, rad. amps, volts: the present current command and set value.
+    """
+
+    def __init__(self, settings: LoopSettings, period: float, hold: int, board: SharedStatus) -> None:
+        gains = gains_within(settings, hold)
+        self.reference = Reference(period)
+        self.amps = self.volts = 0.0
+        self._units, self._hold, self._board = settings.units, hold, board
+        board[Slot.HOLD] = hold
+        self._controller = PositionLoop(gains, period * hold)
+        self._pull = TorqueDrive(period, gains, settings.units, settings.limits)
+        self._pulling = False  # the trajectory is one of torque
+        self._settling = Settling(period)
+        self._approach: Approach | None = None
+
+    def off(self) -> None:
+        """No current."""
+        self.amps = self.volts = 0.0
+
+    def stand(self, position: float) -> None:
+        """No current, and no other angle wanted than where the motor is (rad)."""
+        self.off()
+        self.reference.value = position
+
+    def forget(self) -> None:
+        """The approach that was under way has ended."""
+        self._approach = None
+
+    def start(self, command: ReadyStart | Approach, position: float, moving: bool) -> str:
+        """Begin at ``position`` (rad), or go over from the motion of this moment; the refusal, or nothing."""
+        pulling = isinstance(command, ReadyStart) and command.trajectory.is_torque
+        if moving and pulling != self._pulling:
+            return "The motor follows a trajectory of another kind (angle or torque); bring it to rest first."
+        self._pulling = pulling
+        self._approach = command if isinstance(command, Approach) else None
+        self._board[Slot.APPROACHED] = 0
+        if not moving:
+            self._controller.reset()
+            self.reference.begin(position)
+        if isinstance(command, Approach):
+            self.reference.wind(command.speed, command.limit)
+        elif moving:
+            self._followed.change(command.trajectory, command.endless)
+        else:
+            self._followed.start(command.trajectory, 0.0 if pulling else position, command.endless)
+        return ""
+
+    def advance(self, reading: Reading) -> bool:
+        """One sample further in the wanted motion; whether it is over."""
+        followed = self._followed
+        for _ in range(1 + reading.lost):  # time is the sample index: lost cycles have passed
+            followed.next()
+        if self._pulling:
+            self.reference.value = reading.position  # no angle is asked for: the command is where it is
+        if self._approach is not None:
+            self._follow_approach(self._approach, reading)
+        return followed.over
+
+    def command(self, reading: Reading) -> None:
+        """Current command and set value for the next cycle."""
+        if self._hold != 1 and reading.index % self._hold != 0:
+            return
+        if self._pulling:
+            self.amps = self._pull.current(reading.speed)
+        else:
+            self.amps = self._controller.command(self.reference.value - reading.position)
+        units = self._units
+        self.volts = min(max(self.amps / units.amps_per_volt, units.low_volts), units.high_volts)
+
+    def rest(self, position: float) -> None:
+        """Begin a soft stop of a motor at ``position`` (rad)."""
+        self._approach = None
+        if self._pulling:  # the position loop takes over where the motor is, with the current that it has
+            self._pulling = False
+            self._controller.take_over(self.amps)
+            self.reference.begin(position)
+        self.reference.rest()
+        self._settling.begin()
+
+    def settled(self, position: float) -> bool:
+        """Whether a soft stop is over, the motor at ``position`` (rad). Asked once a cycle."""
+        return self._settling.over(self.reference.value - position)
+
+    @property
+    def _followed(self) -> Reference:
+        """What the trajectory commands: rad, or N m where it is one of torque."""
+        return self._pull.reference if self._pulling else self.reference
+
+    def _follow_approach(self, approach: Approach, reading: Reading) -> None:
+        if reading.force >= approach.force:
+            # Where the motor is, not where it was told to be: the loop's integral makes the two agree.
+            self.reference.hold(reading.position)
+            self._board.set_number(Number.APPROACH, reading.position)
+            self._board[Slot.APPROACHED] = 1
+            self._approach = None
+        elif self.reference.over:
+            self._board[Slot.APPROACHED] = -1

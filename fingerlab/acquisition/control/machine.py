@@ -1,0 +1,246 @@
+"""The one state machine that decides whether the motor may be driven. Pure: no input, no output, no clock.
+
+A machine is a mode and a latch. The control loop feeds it events and obeys its two outputs: whether a
+current command may leave (``command_allowed``), and whether the amplifier's enable line may be high
+(``enable_allowed``).
+
+=============  ==============  ==============================  =======================================
+mode           command, line   leaves by                       meaning
+=============  ==============  ==============================  =======================================
+idle           zero, low       initialise                      sensors have no reference yet
+initialised    zero, low       enable (only without latch)     sensors set, amplifier off
+enabled        zero, high      run, disable                    amplifier on, no current asked for
+running        loop, high      run, finish, disable            a trajectory; ``run`` changes it
+stopping       loop, high      rest, disable                   soft stop on the way to rest
+fault          zero, low       reset (to idle)                 a check, the device or a process failed
+=============  ==============  ==============================  =======================================
+
+From every mode ``fault`` leads to fault, and ``stop`` to idle (a fault stays a fault), with the latch set.
+The bench's digital inputs are part of it: ``press`` (the emergency stop) leads to fault from every mode,
+which is not left before ``let_go``; ``unready`` (the amplifier) leads to fault where the amplifier is
+enabled, and holds ``enable`` back where it is not, until ``ready``.
+A latched machine refuses ``enable`` until ``release``. After a fault the operator resets, initialises
+and enables by hand: no event leads from fault to a mode with current in fewer than four steps.
+An event that a mode does not know changes nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from fingerlab.acquisition.control.safety import Reading
+from fingerlab.rig.daq import SafetyLines
+
+
+class Mode(IntEnum):
+    """Modes, with the numbers under which they stand in shared memory and in recordings."""
+
+    IDLE = 0
+    INITIALISED = 1
+    ENABLED = 2
+    RUNNING = 3
+    STOPPING = 4
+    FAULT = 5
+
+
+class Event(IntEnum):
+    """What can happen to the machine."""
+
+    INITIALISE = 0
+    ENABLE = 1
+    DISABLE = 2
+    RUN = 3
+    FINISH = 4
+    REST = 5
+    STOP = 6
+    RELEASE = 7
+    FAULT = 8
+    RESET = 9
+    PRESS = 10
+    LET_GO = 11
+    READY = 12
+    UNREADY = 13
+
+
+_I, _S, _E, _R, _P, _F = (
+    Mode.IDLE,
+    Mode.INITIALISED,
+    Mode.ENABLED,
+    Mode.RUNNING,
+    Mode.STOPPING,
+    Mode.FAULT,
+)
+
+TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
+    (_I, Event.INITIALISE): _S,
+    (_S, Event.INITIALISE): _S,
+    (_S, Event.ENABLE): _E,
+    (_E, Event.DISABLE): _S,
+    (_E, Event.RUN): _R,
+    (_R, Event.RUN): _R,
+    (_R, Event.FINISH): _P,
+    (_R, Event.DISABLE): _S,
+    (_P, Event.REST): _E,
+    (_P, Event.DISABLE): _S,
+    (_F, Event.RESET): _I,
+    (_I, Event.RELEASE): _I,
+    (_S, Event.RELEASE): _S,
+    (_F, Event.RELEASE): _F,
+    # The device is stopped and started again, and its encoder counts from there: the reference is lost.
+    **{(mode, Event.STOP): _I for mode in Mode if mode is not _F},
+    (_F, Event.STOP): _F,
+    **{(mode, event): _F for mode in Mode for event in (Event.FAULT, Event.PRESS)},
+    **{(mode, event): mode for mode in Mode for event in (Event.LET_GO, Event.READY)},
+    **{(mode, Event.UNREADY): mode if mode in (_I, _S, _F) else _F for mode in Mode},
+}
+"""The whole table: (mode, event) -> mode. Pairs that are not in it change nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """Mode and latch; a stop sets the latch, only ``release`` opens it.
+
+    Attributes:
+        pressed: the emergency stop is. unready: the amplifier says that it is not ready.
+    """
+
+    mode: Mode = Mode.IDLE
+    latched: bool = False
+    pressed: bool = False
+    unready: bool = False
+
+    @property
+    def command_allowed(self) -> bool:
+        """Whether a current command other than zero may leave."""
+        return self.mode is _R or self.mode is _P  # asked several times a cycle: a set would hash names
+
+    @property
+    def enable_allowed(self) -> bool:
+        """Whether the amplifier's enable line may be high."""
+        return self.mode is _E or self.mode is _R or self.mode is _P
+
+    def allows(self, event: Event) -> bool:
+        """Whether the event is known in this mode and held back neither by the latch nor by an input."""
+        if event is Event.ENABLE and (self.latched or self.pressed or self.unready):
+            return False
+        if event is Event.RESET and self.pressed:
+            return False
+        return (self.mode, event) in TRANSITIONS
+
+    def after(self, event: Event) -> Machine:
+        """The machine after the event; itself where the event is not allowed."""
+        if not self.allows(event):
+            return self
+        latched, pressed, unready = self.latched, self.pressed, self.unready
+        if event is Event.STOP or event is Event.RELEASE:
+            latched = event is Event.STOP
+        elif event is Event.PRESS or event is Event.LET_GO:
+            pressed = event is Event.PRESS
+        elif event is Event.UNREADY or event is Event.READY:
+            unready = event is Event.UNREADY
+        return Machine(TRANSITIONS[self.mode, event], latched, pressed, unready)
+
+    def refusal(self, event: Event) -> str:
+        """Why the event is not allowed, and what to do, as one sentence; empty where it is allowed."""
+        if self.allows(event):
+            return ""
+        if event in (Event.ENABLE, Event.RESET) and self.pressed:
+            return "The emergency stop is pressed; release it at its button first, then reset."
+        if event is Event.ENABLE and self.latched:
+            return "The stop is latched; release it first, then enable."
+        if event is Event.ENABLE and self.unready and (self.mode, event) in TRANSITIONS:
+            return "The amplifier is not ready; look at its supply and its fault light, then enable."
+        return _REFUSALS[event].format(mode=MODE_WORDS[self.mode])
+
+
+MODE_WORDS = {
+    Mode.IDLE: "idle",
+    Mode.INITIALISED: "initialised",
+    Mode.ENABLED: "enabled",
+    Mode.RUNNING: "running",
+    Mode.STOPPING: "stopping",
+    Mode.FAULT: "in fault",
+}
+"""Modes as they are shown."""
+
+_REFUSALS = {
+    Event.INITIALISE: "The bench is {mode}; sensors are initialised with the amplifier off and no fault.",
+    Event.ENABLE: "The bench is {mode}; the amplifier is enabled after initialising, and after a reset where "
+    "there was a fault.",
+    Event.DISABLE: "The bench is {mode}; there is nothing to disable.",
+    Event.RUN: "The bench is {mode}; a trajectory runs when the amplifier is enabled and at rest.",
+    Event.FINISH: "The bench is {mode}; only a running trajectory can be brought to rest.",
+    Event.REST: "The bench is {mode}; only a soft stop ends at rest.",
+    Event.RELEASE: "The bench is {mode}; the stop is released with the amplifier off.",
+    Event.RESET: "The bench is {mode}; there is no fault to reset.",
+    **dict.fromkeys((Event.STOP, Event.FAULT, Event.PRESS, Event.LET_GO, Event.READY, Event.UNREADY), ""),
+}
+
+
+CHARGE_COMMANDS = 4
+"""Commands after enable until the charge pump of a dead-man is full: two edges that feed it (assumed)."""
+
+PRESSED = "The emergency stop was pressed; release it at its button, then reset, initialise and enable."
+NOT_READY = (
+    "The amplifier is no longer ready; look at its supply, its fault light and the emergency stop, then "
+    "reset."
+)
+NEVER_READY = (
+    "The amplifier was not ready {ms:.3g} ms after it was enabled; look at its supply, its fault light and "
+    "the dead-man, then reset."
+)
+
+
+class Interlock:
+    """Follows the digital inputs of a bench.
+
+    Args:
+        lines: which it has. period: of a sample, s. hold: samples for which the device holds a set value.
+
+    Attributes:
+        settling: the amplifier was enabled and need not be ready yet; no motion begins.
+    """
+
+    def __init__(self, lines: SafetyLines, period: float, hold: int) -> None:
+        self._ready_line = lines.amplifier_ready
+        self._charge = CHARGE_COMMANDS * hold if lines.dead_man.terminal else 0
+        self._patience = max(round(lines.amplifier_ready.settling_time / period), self._charge)
+        self._pressed = self._unready = self.settling = False
+        self._enabled_at = 0
+
+    def enabled(self, index: int) -> None:
+        """The enable line went up at sample ``index``."""
+        self._enabled_at = index
+        self.settling = bool(self._charge or self._ready_line.terminal)
+
+    def look(self, reading: Reading, enabled: bool) -> tuple[Event, str] | None:
+        """What has changed at the inputs, with why the motor may not go on, or an empty text.
+
+        Args:
+            enabled: whether the enable line is up.
+        """
+        stop, ready = reading.lines
+        if (stop == 1.0) is not self._pressed:
+            self._pressed = not self._pressed
+            return (Event.PRESS, PRESSED) if self._pressed else (Event.LET_GO, "")
+        if enabled:
+            return self._driving(ready == 0.0, reading.index - self._enabled_at)
+        self.settling = False
+        # Where only an enabled amplifier tells, "not ready" means nothing here.
+        return self._readiness(ready == 0.0 and not self._ready_line.needs_enable, "")
+
+    def _driving(self, unready: bool, since: int) -> tuple[Event, str] | None:
+        if not self.settling:
+            return self._readiness(unready, NOT_READY)
+        if unready and since >= self._patience:
+            return self._readiness(True, NEVER_READY.format(ms=1e3 * self._ready_line.settling_time))
+        if not unready and since >= self._charge:
+            self.settling = False
+        return None
+
+    def _readiness(self, unready: bool, sentence: str) -> tuple[Event, str] | None:
+        if unready is self._unready:
+            return None
+        self._unready = unready
+        return (Event.UNREADY, sentence) if unready else (Event.READY, "")

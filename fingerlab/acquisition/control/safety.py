@@ -1,0 +1,357 @@
+"""The checks that keep to the limits of the bench, independent of any window.
+
+Each is a small object with its quantity, limit, unit and sentence. It sees one cycle at a time, holds no
+clock but counts samples, and answers with None or with one sentence for the operator.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Protocol
+
+from fingerlab.rig.daq import Limits
+
+
+class Reading:
+    """One cycle in SI units, as the checks and the recorder see it. Filled anew each cycle by the loop.
+
+    Attributes:
+        index: sample clock. lost: cycles lost before this one. lateness: s. cycle_time: s, measured.
+        position, speed, reference: rad, rad/s, rad. torque, tension: N m, N. current: A.
+        mcp, pip: rad. force: N. raw, lines: as the device gave them.
+    """
+
+    __slots__ = (
+        "current",
+        "cycle_time",
+        "force",
+        "index",
+        "lateness",
+        "lines",
+        "lost",
+        "mcp",
+        "pip",
+        "position",
+        "raw",
+        "reference",
+        "speed",
+        "tension",
+        "torque",
+    )
+
+    def __init__(self) -> None:
+        self.index = -1
+        self.lost = 0
+        self.lateness = self.reference = self.cycle_time = math.nan
+        self.position = self.speed = self.current = self.torque = self.tension = math.nan
+        self.mcp = self.pip = self.force = math.nan
+        self.raw: tuple[float, ...] = ()
+        self.lines: tuple[float, float] = (math.nan, math.nan)
+
+
+class Check(Protocol):
+    """One check. ``fault`` is called once a cycle while the amplifier is enabled, ``reset`` before."""
+
+    def fault(self, reading: Reading) -> str | None: ...
+
+    def reset(self) -> None: ...
+
+
+class Range:
+    """A quantity has to stay within two bounds; NaN is outside."""
+
+    def __init__(self, attribute: str, low: float, high: float, words: str, unit: str) -> None:
+        self.attribute, self.low, self.high, self.words, self.unit = attribute, low, high, words, unit
+
+    def reset(self) -> None:
+        """Nothing is remembered."""
+
+    def fault(self, reading: Reading) -> str | None:
+        value = getattr(reading, self.attribute)
+        if self.low <= value <= self.high:
+            return None
+        if value != value:
+            return f"The {self.words} is not a number; check its sensor and cable."
+        limit = self.high if value > self.high else self.low
+        return (
+            f"The {self.words} of {_show(value, self.unit)} is beyond its limit of "
+            f"{_show(limit, self.unit)}; find the cause, or change [limits] in the rig file."
+        )
+
+
+class Ranges:
+    """Two or more ranges in one look, which takes a third of the time of as many looks."""
+
+    def __init__(self, ranges: Sequence[Range]) -> None:
+        self._ranges = ranges
+        self._get = attrgetter(*(one.attribute for one in ranges))
+        self._bounds = [(one.low, one.high) for one in ranges]
+
+    def reset(self) -> None:
+        """Nothing is remembered."""
+
+    def fault(self, reading: Reading) -> str | None:
+        for value, (low, high) in zip(self._get(reading), self._bounds):  # noqa: B905 (strict costs time)
+            if not low <= value <= high:
+                return next(filter(None, (one.fault(reading) for one in self._ranges)))
+        return None
+
+
+class Rise:
+    """A quantity may not rise faster than a limit over a short window of samples."""
+
+    WINDOW = 10
+
+    def __init__(self, attribute: str, limit: float, period: float, words: str, unit: str) -> None:
+        self.attribute, self.limit, self.words, self.unit = attribute, limit, words, unit
+        self._period = period
+        self.reset()
+
+    def reset(self) -> None:
+        self._past: list[float] = []
+        self._when: list[int] = []
+        self._next = self._cycle = 0
+
+    def fault(self, reading: Reading) -> str | None:
+        value = abs(getattr(reading, self.attribute))
+        self._cycle += 1 + reading.lost
+        if len(self._past) < self.WINDOW:
+            self._past.append(value)
+            self._when.append(self._cycle)
+            return None
+        slot = self._next
+        rise = (value - self._past[slot]) / ((self._cycle - self._when[slot]) * self._period)
+        self._past[slot], self._when[slot] = value, self._cycle
+        self._next = (slot + 1) % self.WINDOW
+        if rise <= self.limit:
+            return None
+        return (
+            f"The {self.words} rises by {rise:.4g} {self.unit}, more than {self.limit:.4g} {self.unit}; "
+            "look for a caught cable or a finger against a stop."
+        )
+
+
+class EncoderJump:
+    """The encoder may not jump between two samples by more than the motor could turn."""
+
+    def __init__(self, limit: float) -> None:
+        self.limit = limit
+        self._last = math.nan
+
+    def reset(self) -> None:
+        self._last = math.nan
+
+    def fault(self, reading: Reading) -> str | None:
+        step = abs(reading.position - self._last)
+        self._last = reading.position
+        if not step > self.limit * (1 + reading.lost):
+            return None
+        return (
+            f"The encoder jumped by {math.degrees(step):.4g}° between two samples, more than the motor can "
+            "turn; check its cable, then initialise again."
+        )
+
+
+class EncoderStuck:
+    """A motor that is neither blocked nor blind moves its encoder by a count when its current changes.
+
+    Under a steady current it may stand: against the load cell, or where friction holds it at a turning point.
+    """
+
+    def __init__(self, current: float, change: float, samples: int) -> None:
+        self.current, self.change, self.samples = current, change, samples
+        self.reset()
+
+    def reset(self) -> None:
+        self._last, self._count, self._from = math.nan, 0, math.nan
+
+    def fault(self, reading: Reading) -> str | None:
+        if reading.position != self._last:
+            self._last, self._count, self._from = reading.position, 0, reading.current
+            return None
+        self._count += 1 + reading.lost
+        still = self._count < self.samples or abs(reading.current) < self.current
+        if still or abs(reading.current - self._from) < self.change:
+            return None
+        return (
+            f"The encoder stands still under {reading.current:.3g} A; the encoder is unplugged or the motor "
+            "is blocked."
+        )
+
+
+class Stuck:
+    """A raw value that stays the same to the last bit while what moves it moves is no measurement."""
+
+    def __init__(self, raw: int, mover: str, travel: float, samples: int, words: str) -> None:
+        self.raw, self.mover, self.travel, self.samples, self.words = raw, mover, travel, samples, words
+        self.reset()
+
+    def reset(self) -> None:
+        self._value, self._count = math.nan, 0
+        self._low, self._high = math.inf, -math.inf
+
+    def fault(self, reading: Reading) -> str | None:
+        value, mover = reading.raw[self.raw], getattr(reading, self.mover)
+        if value != self._value:
+            self._value, self._count = value, 0
+            self._low = self._high = mover
+            return None
+        self._count += 1 + reading.lost
+        if mover < self._low:
+            self._low = mover
+        elif mover > self._high:
+            self._high = mover
+        if self._count < self.samples or self._high - self._low < self.travel:
+            return None
+        return f"The {self.words} has not changed at all while the motor moved; check its supply and cable."
+
+
+class FollowingError:
+    """The motor has to follow its reference within a band, but for a moment."""
+
+    def __init__(self, limit: float, samples: int) -> None:
+        self.limit, self.samples = limit, samples
+        self._count = 0
+
+    def reset(self) -> None:
+        self._count = 0
+
+    def fault(self, reading: Reading) -> str | None:
+        error = abs(reading.reference - reading.position)
+        if not error > self.limit:
+            self._count = 0
+            return None
+        self._count += 1 + reading.lost
+        if self._count < self.samples:
+            return None
+        return (
+            f"The motor is {math.degrees(error):.3g}° away from its command; look for a blocked finger, a "
+            "broken cable or a lost encoder."
+        )
+
+
+class Late:
+    """The loop may neither lose many cycles at once nor stay late."""
+
+    def __init__(self, limit: float, cycles: int, period: float) -> None:
+        self.limit, self.cycles, self.period = limit, cycles, period
+        self._count = 0
+
+    def reset(self) -> None:
+        self._count = 0
+
+    def fault(self, reading: Reading) -> str | None:
+        lost = reading.lost * self.period
+        late = max(lost, reading.lateness) if reading.lateness == reading.lateness else lost
+        if late > self.limit:
+            return (
+                f"The control loop was away for {1e3 * late:.3g} ms, more than {1e3 * self.limit:.3g} ms; "
+                "close other programs and start again."
+            )
+        self._count = self._count + 1 if late > self.period else 0
+        if self._count < self.cycles:
+            return None
+        return (
+            f"The control loop was late {self._count} times in a row; close other programs and start again."
+        )
+
+
+class Watchdog:
+    """Another process has to move its counter; judged by the loop's own count of samples."""
+
+    def __init__(self, words: str, samples: int) -> None:
+        self.words, self.samples = words, samples
+        self._counter, self._since = -1, 0
+
+    def reset(self) -> None:
+        self._counter = -1
+
+    def fault(self, counter: int, index: int) -> str | None:
+        """One sentence where the counter has stood still for too many samples."""
+        if counter != self._counter:
+            self._counter, self._since = counter, index
+            return None
+        if index - self._since <= self.samples:
+            return None
+        return f"The {self.words} has not answered for {index - self._since} samples; the motor was stopped."
+
+
+def _show(value: float, unit: str) -> str:
+    if unit.startswith("rad"):
+        return f"{math.degrees(value):.4g} °{unit[3:]}"
+    return f"{value:.4g} {unit}"
+
+
+@dataclass
+class Safety:
+    """The checks of one experiment, in the order in which they are asked."""
+
+    checks: Sequence[Check]
+
+    def reset(self) -> None:
+        """Forget the past; called when the amplifier is enabled."""
+        for check in self.checks:
+            check.reset()
+
+    def fault(self, reading: Reading) -> str | None:
+        """The first check's sentence, or None."""
+        for check in self.checks:
+            sentence = check.fault(reading)
+            if sentence is not None:
+                return sentence
+        return None
+
+
+def safety_checks(limits: Limits, rate_hz: float, *, cable: bool, finger: bool, force: bool) -> Safety:
+    """The checks for an experiment.
+
+    Args:
+        rate_hz: control loop's rate, Hz.
+        cable: whether a cable is on the pulley. Without one there is no tension: what the motor's torque
+            would make of it is then its own acceleration, which is limited by torque, current and speed.
+        finger: whether a finger is on the cable, so that its angle sensors are read.
+        force: whether the load cell is read.
+    """
+
+    def samples(seconds: float) -> int:
+        return max(1, round(seconds * rate_hz))
+
+    period = 1.0 / rate_hz
+    checks: list[Check] = [
+        EncoderJump(limits.encoder_jump),
+        Ranges(
+            (
+                Range("position", limits.position_low, limits.position_high, "motor position", "rad"),
+                Range("speed", -limits.speed, limits.speed, "motor speed", "rad/s"),
+                Range("current", -limits.current, limits.current, "motor current", "A"),
+                Range("torque", -limits.torque, limits.torque, "motor torque", "N m"),
+            )
+        ),
+        *([Rise("tension", limits.tension_rise, period, "cable tension", "N/s")] if cable else []),
+        EncoderStuck(
+            limits.encoder_stuck_current, limits.encoder_stuck_change, samples(limits.encoder_stuck_time)
+        ),
+        FollowingError(limits.following_error, samples(limits.following_time)),
+        Late(limits.late_time, round(limits.late_cycles), period),
+    ]
+    stuck = samples(limits.stuck_time)
+    if finger:
+        checks += [
+            Ranges(
+                (
+                    Range("mcp", limits.mcp_low, limits.mcp_high, "MCP angle", "rad"),
+                    Range("pip", limits.pip_low, limits.pip_high, "PIP angle", "rad"),
+                )
+            ),
+            Stuck(1, "position", limits.stuck_travel, stuck, "MCP sensor"),
+            Stuck(2, "position", limits.stuck_travel, stuck, "PIP sensor"),
+        ]
+    if force:
+        checks += [
+            Range("force", -limits.force, limits.force, "endpoint force", "N"),
+            Stuck(0, "torque", limits.stuck_torque, stuck, "load cell"),
+        ]
+    return Safety(tuple(checks))

@@ -1,0 +1,336 @@
+"""Takes the steps of a protocol one by one, on any bench."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fingerlab.acquisition.bench.bench import Bench
+from fingerlab.acquisition.control.commands import (
+    Approach,
+    Command,
+    Disable,
+    Enable,
+    Finish,
+    Initialise,
+    SetUp,
+    Start,
+    Tare,
+)
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.motion import STOP_S
+from fingerlab.acquisition.control.trajectories import read_trajectory
+from fingerlab.acquisition.protocols.steps import (
+    APPROACH_LIMIT,
+    APPROACH_SPEED,
+    LIFT_S,
+    SETTLE_S,
+    Change,
+    Find,
+    Lift,
+    Record,
+    Step,
+    goes_about_contact,
+    lifting,
+    plan_seconds,
+)
+from fingerlab.acquisition.record.recording import RunInfo
+from fingerlab.acquisition.record.trigger import Level, Lookout
+from fingerlab.acquisition.status import Slot
+from fingerlab.core.errors import UserError
+
+LONGEST_BEFORE_S = 25.0
+"""Pre-trigger: well within the shortest ring."""
+
+
+def run_to_record(
+    bench: Bench,
+    set_up: SetUp,
+    trajectory: Mapping[str, Any],
+    before_s: float = 0.0,
+    at: int | None = None,
+    stop: int | None = None,
+    attributes: Mapping[str, Any] | None = None,
+) -> RunInfo:
+    """A run that begins ``before_s`` seconds before sample ``at``, the next one where it is None.
+
+    It reaches back to where the sensors' references and the set-up of now began to hold, and with a known
+    load to where the load was carried. Its attributes tell of the seconds before (``pre_trigger_s``) and,
+    where its time is not the trajectory's own, when that began in it (``trajectory_start_s``).
+
+    Args:
+        stop: index after its last sample; None until it is ended. attributes: further ones.
+    """
+    status = bench.status()
+    at = status.index + 1 if at is None else at
+    start = max(at - round(before_s * bench.rate_hz), min(bench.board[Slot.SET_AT], at), 0)
+    if set_up.load_torque:
+        start = max(start, status.run_start)
+    further: dict[str, Any] = {}
+    if at > start:
+        further["pre_trigger_s"] = (at - start) / bench.rate_hz
+    if status.run_active and status.run_start != start:
+        further["trajectory_start_s"] = (status.run_start - start) / bench.rate_hz
+    return RunInfo(
+        set_up.phase,
+        set_up.cable,
+        bench.rate_hz,
+        trajectory,
+        start,
+        stop,
+        set_up.load_torque,
+        {**(attributes or {}), **further},
+    )
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """Where each run begins: ``before_s`` seconds before its motion, or before the trigger in its motion."""
+
+    before_s: float = 0.0
+    trigger: Level | None = None
+
+
+class ProtocolDriver:
+    """Takes the steps on a bench whose recorder has a session open.
+
+    Args:
+        ask_operator: shown a sentence, returns when the operator has done it.
+        report: called with the share done (0 to 1) and what is being done.
+        initial: to which values the sensors are set after each change of the bench.
+        between: called again and again while the driver waits, in its own thread: for what else is to be
+            asked of the bench meanwhile.
+        beginning: of each run.
+
+    Attributes:
+        samples: recorded so far. number, run: of the run that is being recorded or was last; 0, None before.
+        set_up: what is on the bench. share: of all runs. doing: what is under way.
+        step_left_s: of the run or rest that goes on, s.
+        left_s: of the whole protocol as planned, s, without the operator and without finding the contact.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        ask_operator: Callable[[str], None],
+        report: Callable[[float, str], None] | None = None,
+        initial: Initialise | None = None,
+        between: Callable[[], None] | None = None,
+        beginning: Beginning | None = None,
+    ) -> None:
+        self.bench, self._ask_operator = bench, ask_operator
+        self._report = report or (lambda share, what: None)
+        self._initial = initial or Initialise()
+        self._between = between or (lambda: None)
+        self._beginning = beginning or Beginning()
+        self._ending = False
+        self.number = 0
+        self.run: RunInfo | None = None
+        self.set_up = SetUp()
+        self._offset_deg: float | None = None
+        self._later_s = 0.0
+        self.share, self.doing = 0.0, ""
+        self.samples = 0
+        self.left_s = self.step_left_s = 0.0
+
+    @property
+    def recording(self) -> bool:
+        """Whether a run is being written (or pauses)."""
+        return self.bench.board[Slot.RECORDING] > 0
+
+    @property
+    def newest(self) -> int:
+        """Index of the newest sample."""
+        return self.bench.board[Slot.INDEX]
+
+    def report_to(self, report: Callable[[float, str], None]) -> None:
+        """Report to another function from now on."""
+        self._report = report
+
+    def end(self) -> None:
+        """End in order: no further step, the run with its newest sample, the motor softly at rest.
+
+        To be called in ``between``, or while the operator is asked.
+        """
+        self._ending = True
+        status = self.bench.status()
+        if status.recording:
+            self.bench.recorder.end()
+        if status.mode is Mode.RUNNING:
+            self.bench.ask(Finish())
+
+    def take(self, steps: Sequence[Step]) -> None:
+        """Take all steps, then switch the amplifier off.
+
+        Raises:
+            UserError: the bench refused or stopped, or the recorder failed; the motor has no current then.
+        """
+        try:
+            for number, step in enumerate(steps):
+                if self._ending:
+                    break
+                self._later_s = plan_seconds(steps[number + 1 :])
+                self._take(step)
+            if self.bench.status().mode in (Mode.RUNNING, Mode.STOPPING):  # ended early
+                self._wait_for_rest()
+            self._off()
+        except BaseException:
+            self.bench.stop()
+            raise
+
+    def _take(self, step: Step) -> None:
+        if isinstance(step, Change):
+            self._change(step)
+        elif isinstance(step, Find):
+            self._find(step)
+        elif isinstance(step, Lift):
+            self._lift(step)
+        elif isinstance(step, Record):
+            self._record(step)
+        else:
+            self._wait(step.seconds, "rest")
+
+    def _until(self, condition: Callable[[], bool], seconds: float, what: str) -> None:
+        def looked() -> bool:
+            self._between()
+            return condition()
+
+        self.bench.wait_until(looked, seconds, what)
+
+    def _wait(self, seconds: float, words: str) -> None:
+        start, rate = self.bench.board[Slot.INDEX], self.bench.rate_hz
+
+        def over() -> bool:
+            left = seconds - (self.bench.board[Slot.INDEX] - start) / rate
+            self._tell(self.share, words, left)
+            return left <= 0.0 or self._ending
+
+        self._until(over, math.inf, "")
+
+    def _tell(self, share: float, words: str, step_left_s: float, after_s: float = 0.0) -> None:
+        self.share, self.doing, self.step_left_s = share, words, max(step_left_s, 0.0)
+        self.left_s = self.step_left_s + after_s + self._later_s
+        self._report(share, words)
+
+    def _off(self) -> None:
+        if self.bench.status().enabled:
+            self.bench.ask(Disable())
+
+    def _change(self, step: Change) -> None:
+        bench = self.bench
+        self._off()
+        self._ask_operator(step.prompt)
+        if self._ending:
+            return
+        self._offset_deg = None
+        commands: list[Command] = [self._initial]
+        if step.set_up.phase == "contact":
+            commands.append(Tare())
+        bench.ask(step.set_up)
+        self.set_up = step.set_up
+        self._wait(SETTLE_S, "settling")
+        if self._ending:
+            return
+        for command in [*commands, Enable()]:
+            bench.ask(command)
+
+    def _find(self, step: Find) -> None:
+        bench = self.bench
+        bench.ask(Approach(step.force, APPROACH_SPEED, APPROACH_LIMIT))
+        seconds = APPROACH_LIMIT / APPROACH_SPEED + 5.0
+        self._tell(self.share, "finding the load cell", 0.0)
+        self._until(lambda: bench.approached() is not None or self._ending, seconds, "Finding the load cell")
+        if self._ending:
+            self._wait_for_rest()
+            return
+        reached = bench.approached()
+        if reached is None or math.isnan(reached):
+            raise UserError(
+                f"The fingertip does not press the load cell with {step.force:g} N before "
+                f"{math.degrees(APPROACH_LIMIT):g}° at the pulley; move the load cell nearer."
+            )
+        self._offset_deg = round(math.degrees(reached), 2)
+        bench.ask(Finish())
+        self._wait_for_rest()
+
+    def _lift(self, step: Lift) -> None:
+        self.bench.ask(lifting(step))
+        self._wait(LIFT_S, "lifting the load")
+
+    def _record(self, step: Record) -> None:
+        bench = self.bench
+        settings = dict(step.trajectory)
+        if self._offset_deg is not None and goes_about_contact(settings):
+            settings["offset_deg"] = self._offset_deg
+        trajectory = read_trajectory(settings)
+        if not step.load_torque:  # with one, nothing is recorded before the motion
+            self._wait_for_what_comes_before()
+        if self._ending:  # meanwhile: a motion that began now would not be ended any more
+            return
+        rows = bench.ring.reader()
+        bench.ask(Start(settings))
+        start = at = bench.status().run_start
+        stop = start + round(trajectory.duration * bench.rate_hz)
+        words = f"run {step.number} of {step.count}"
+        if self._beginning.trigger is not None:
+            at = self._crossed(
+                self._beginning.trigger, Lookout(rows, self._beginning.trigger, start), stop, words
+            )
+        if not self._ending:
+            set_up = SetUp(step.phase, step.cable, step.load_torque)
+            before, own = self._beginning.before_s, trajectory.settings
+            self.run = run_to_record(bench, set_up, own, before, at, stop, step.attributes)
+            self.number = step.number
+            self._watch(self.run, step, start, stop)
+        self._wait_for_rest()
+
+    def _wait_for_what_comes_before(self) -> None:
+        """The seconds before a run are there once the references have held for so long."""
+        board, rate = self.bench.board, self.bench.rate_hz
+        known = board[Slot.INDEX] + 1 - board[Slot.SET_AT]
+        if known < self._beginning.before_s * rate:
+            self._wait(self._beginning.before_s - known / rate, "before the motion")
+
+    def _watch(self, run: RunInfo, step: Record, start: int, stop: int) -> None:
+        """Record the run until it is over."""
+        bench, seconds = self.bench, (stop - start) / self.bench.rate_hz
+        words = f"run {step.number} of {step.count}"
+        done = bench.board[Slot.RECORDED_RUNS]
+        bench.recorder.begin(run)
+
+        def recorded() -> bool:
+            share = min(max(bench.board[Slot.INDEX] - start, 0) / (stop - start), 1.0)
+            self._tell((step.number - 1 + share) / step.count, words, (1.0 - share) * seconds, STOP_S)
+            return bench.board[Slot.RECORDED_RUNS] > done
+
+        self._until(recorded, seconds + 30.0, f"Recording {words}")
+        self.samples += bench.board[Slot.RECORDED]
+
+    def _crossed(self, level: Level, lookout: Lookout, stop: int, words: str) -> int:
+        """Index at which the trigger's level was crossed in the motion that goes on until ``stop``.
+
+        Raises:
+            UserError: it was not.
+        """
+        bench, found = self.bench, -1
+
+        def looked() -> bool:
+            nonlocal found
+            left = (stop - bench.board[Slot.INDEX]) / bench.rate_hz
+            self._tell(self.share, f"{words}, until {level.words}", left, STOP_S)
+            at = lookout.look()
+            found = -1 if at is None else at
+            return at is not None or left < 0.0 or self._ending
+
+        self._until(looked, math.inf, "")
+        if not self._ending and not 0 <= found < stop:
+            raise UserError(
+                f"The trigger did not come in {words}: {level.words} was never reached; choose another level."
+            )
+        return found
+
+    def _wait_for_rest(self) -> None:
+        bench = self.bench
+        self._until(lambda: bench.status().mode is Mode.ENABLED, STOP_S + 5.0, "Coming to rest")

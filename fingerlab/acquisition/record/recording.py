@@ -1,0 +1,167 @@
+"""What a recording is told, which channels its runs have, and the run that is being written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.ring import COLUMN, UNITS, Array, RingReader, RowFlag
+from fingerlab.acquisition.status import SharedStatus, Text
+from fingerlab.devices.protocol import LINES, RAW_CHANNELS
+from fingerlab.sessions.format import MAY_BE_NAN, REQUIRED_CHANNELS
+from fingerlab.sessions.recording_files import PartWriter
+
+FINGER = ("mcp_angle", "pip_angle", "endpoint_force")
+ALWAYS = ("motor_command", "motor_position", "motor_current", "motor_torque")
+BESIDE = ("motor_speed", "current_command", "lateness", "cycle_time")
+RAW = tuple(f"raw/{name}" for name in RAW_CHANNELS)
+
+LEAST_FREE_BYTES = 32 << 20
+"""With less room than this the recording ends by itself, while the end can still be written (assumed)."""
+
+
+@dataclass(frozen=True)
+class SessionInfo:
+    """A session to come: its place, the rig's JSON text, title, time, and further root attributes."""
+
+    path: Path
+    rig: str
+    title: str
+    created: str
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """A run to come.
+
+    Attributes:
+        phase, cable, sample_rate_hz, trajectory: as in the session format.
+        start: index of the first sample; one in the past is taken from the ring (pre-trigger).
+        stop: index after the last one; None until ``end``.
+        load_torque: N m. attributes: further ones of the run.
+    """
+
+    phase: str
+    cable: str
+    sample_rate_hz: float
+    trajectory: Mapping[str, Any]
+    start: int
+    stop: int | None = None
+    load_torque: float = 0.0
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+
+def rescue_folder() -> Path:
+    """Where a recording is saved whose own folder has vanished: among the user's data."""
+    from platformdirs import user_data_path
+
+    return user_data_path("FingerLab", appauthor=False) / "rescued"
+
+
+def wired_lines(rig: Mapping[str, Any]) -> tuple[str, ...]:
+    """Channels of the digital inputs that a rig (as a session holds it) has: 1 for yes, 0 for no."""
+    daq = rig.get("daq", {})
+    return tuple(f"raw/{name}" for name in LINES if daq.get(name, {}).get("terminal"))
+
+
+def channel_units(phase: str, lines: Sequence[str] = ()) -> dict[str, str]:
+    """All channels of a run of this phase, with their units; ``time`` is the first.
+
+    Args:
+        lines: channels of the digital inputs.
+    """
+    names = ["time", *ALWAYS]
+    if phase in ("on_air", "contact"):
+        names += FINGER
+    units = {"time": "s", **{name: UNITS[name] for name in names if name != "time"}}
+    if phase == "motor_bench":
+        units["load_torque"] = "N m"
+    return units | {name: UNITS[name] for name in (*BESIDE, *RAW, *lines)}
+
+
+def seconds_of_room(free_bytes: int, rate_hz: float) -> float:
+    """How long a recording with all channels may go on, s: doubles, and once more for the whole file."""
+    a_second = 2 * 8 * len(channel_units("contact")) * rate_hz
+    return max(free_bytes - LEAST_FREE_BYTES, 0) / a_second
+
+
+def certain_columns(phase: str) -> list[str]:
+    """Columns without which a sample is none."""
+    needed = {*ALWAYS, *REQUIRED_CHANNELS[phase]} - MAY_BE_NAN - {"time"}
+    return [name for name in COLUMN if name in needed]
+
+
+def channels_of(info: RunInfo, rows: Array, lines: Sequence[str] = ()) -> dict[str, Any]:
+    """Channels of a run from rows of the ring, shape (n, columns)."""
+    time_s = (rows[:, COLUMN["index"]] - info.start) / info.sample_rate_hz
+    channels: dict[str, Any] = {}
+    for name in channel_units(info.phase, lines):
+        if name == "load_torque":
+            channels[name] = np.full(len(rows), info.load_torque)
+        elif name != "time":
+            channels[name] = rows[:, COLUMN[name]]
+    channels["time"] = time_s  # last: a finite time says that all else is there
+    return channels
+
+
+@dataclass
+class OpenRun:
+    """One run, its file, and how far it is.
+
+    Attributes:
+        stop: index after the last sample; None until that is known. next: index of the next one.
+        late: cycles that were late. dropped: samples that are missing in between; not_numbers: those of them
+            that were left out because a channel was none. waiting: samples since the last flush.
+    """
+
+    info: RunInfo
+    writer: PartWriter
+    reader: RingReader
+    stop: int | None
+    next: int
+    paused: bool = False
+    late: int = 0
+    dropped: int = 0
+    waiting: int = 0
+    not_numbers: int = 0
+
+    def inside(self, index: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """Which samples belong to the run and are not yet written."""
+        inside = index >= self.next
+        return inside if self.stop is None else inside & (index < self.stop)
+
+    def end_with_motion(self, rows: Array, board: SharedStatus) -> str:
+        """End a run against a known load with its motion: afterwards the load hangs on its support again.
+
+        Args:
+            rows: of the ring, those of the run. board: says why the bench stopped.
+
+        Returns:
+            Why the run was cut, empty where its motion ended in order or goes on.
+        """
+        modes = rows[:, COLUMN["mode"]]
+        ended = np.flatnonzero(modes != Mode.RUNNING)
+        if not len(ended):
+            return ""
+        first, mode = ended[0], Mode(int(modes[ended[0]]))
+        # The row that begins a soft stop still holds the last sample of the motion.
+        stop = int(rows[first, COLUMN["index"]]) + (mode is Mode.STOPPING)
+        self.stop = stop if self.stop is None else min(self.stop, stop)
+        if mode is Mode.FAULT:
+            return board.text(Text.FAULT)
+        latched = int(rows[first, COLUMN["flags"]]) & RowFlag.LATCHED
+        return "The bench was stopped by the operator." if latched else ""
+
+    @property
+    def lossy_note(self) -> str:
+        """What is missing in between; empty where nothing is."""
+        if not self.dropped:
+            return ""
+        why = f", {self.not_numbers} of them were no numbers" if self.not_numbers else ""
+        return f"{self.dropped} samples were lost in gaps{why}."
