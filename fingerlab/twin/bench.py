@@ -10,7 +10,7 @@ from scipy.optimize import fsolve
 
 from fingerlab.twin.layout import CONTROL, FRICTION, MCP, MOTOR, PIP, PLANT
 from fingerlab.twin.mechanics import cable_path, finger_bias, fingertip, joint_elastic, pose
-from fingerlab.twin.plant import Bench, Sensors, Truth
+from fingerlab.twin.plant import Plant, Sensors, Truth
 from fingerlab.twin.preset import Preset
 
 TRUNCATION = 2.0
@@ -51,7 +51,7 @@ def draw_truth(preset: Preset, rng: np.random.Generator) -> Truth:
     )
 
 
-def build_bench(preset: Preset, truth: Truth, cable: str) -> Bench:
+def build_bench(preset: Preset, truth: Truth, cable: str) -> Plant:
     """The bench with one cable on (``extension``, ``flexion``) or none, before effects and placing."""
     plant = np.zeros(1, PLANT)[0]
     _fill_finger(plant, preset, truth)
@@ -62,10 +62,10 @@ def build_bench(preset: Preset, truth: Truth, cable: str) -> Bench:
     plant["tip_friction"] = contact["friction"]
     plant["tip_stiffness"] = contact["tip_stiffness"]
     plant["tip_damping"] = contact["tip_damping"]
-    return Bench(plant, _no_friction(), _control(preset), _sensors(preset), truth, cable)
+    return Plant(plant, _no_friction(), _control(preset), _sensors(preset), truth, cable)
 
 
-def place_bench(bench: Bench, in_contact: bool) -> tuple[float, float]:
+def place_bench(bench: Plant, in_contact: bool) -> tuple[float, float]:
     """Hang the finger at rest and put the load cell in its place; joint angles at rest, rad.
 
     In contact the load cell's button stands where the tip is in the contact posture; on air it is

@@ -56,7 +56,7 @@ class Sensors:
 
 
 @dataclass
-class Bench:
+class Plant:
     """The plant of one run, ready to be changed by effects and then simulated."""
 
     plant: Any  # record of PLANT
@@ -81,7 +81,7 @@ class PlantEffect:
     id: str
     parameters: tuple[Parameter, ...]
     phases: frozenset[str]
-    apply: Callable[[Bench, Values], None]
+    apply: Callable[[Plant, Values], None]
 
     def defaults(self) -> dict[str, float]:
         """Default value of every parameter, SI."""
@@ -104,13 +104,13 @@ WIND_UP = constant("travel", "rad", 1.5e-3, 5e-4, 5e-3, "assumed: elastic wind-u
 GEAR_WIND_UP = constant("travel", "rad", 4e-3, 1e-3, 1e-2, "assumed: gearbox wind-up before it slides")
 
 
-def per_joint(bench: Bench, field: str, value: float, ratio: float) -> None:
+def per_joint(bench: Plant, field: str, value: float, ratio: float) -> None:
     """Add a value to a constant of the MCP, and its share to that of the PIP."""
     bench.plant[field + "_1"] += value
     bench.plant[field + "_2"] += value * ratio
 
 
-def dry(bench: Bench, place: int, level: float, travel: float) -> None:
+def dry(bench: Plant, place: int, level: float, travel: float) -> None:
     """Friction that sticks: a level (N m) either way, over a travel (rad) before it slides."""
     law = bench.friction[place]
     law["forward"] += level
@@ -118,7 +118,7 @@ def dry(bench: Bench, place: int, level: float, travel: float) -> None:
     law["travel"] = travel
 
 
-def breaking_away(bench: Bench, places: dict[int, float], v: Values, level: float) -> None:
+def breaking_away(bench: Plant, places: dict[int, float], v: Values, level: float) -> None:
     """The same at each place by its share of the level (N m), higher by the excess where it breaks away."""
     for place, share in places.items():
         dry(bench, place, level * share, v["travel"])
@@ -126,7 +126,7 @@ def breaking_away(bench: Bench, places: dict[int, float], v: Values, level: floa
         bench.friction[place]["stribeck_speed"] = v["speed"]
 
 
-def spread(bench: Bench, place: int, level: float, travel: float) -> None:
+def spread(bench: Plant, place: int, level: float, travel: float) -> None:
     """Friction that builds up gradually to a level (N m) over a travel (rad)."""
     bench.friction[place]["spread"] += level
     bench.friction[place]["spread_travel"] = travel

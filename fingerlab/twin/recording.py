@@ -17,7 +17,7 @@ from fingerlab.twin.bench import build_bench, draw_truth, place_bench
 from fingerlab.twin.effects import Effects, apply_effects
 from fingerlab.twin.integrate import run_loop, run_sample
 from fingerlab.twin.layout import BRISTLES, OUTPUTS, STATE
-from fingerlab.twin.plant import Bench, Sensors, Truth
+from fingerlab.twin.plant import Plant, Sensors, Truth
 from fingerlab.twin.preset import Preset
 from fingerlab.twin.protocols import RATE_HZ, RunPlan
 
@@ -98,14 +98,14 @@ def simulate_run(
 
 def prepare_bench(
     preset: Preset, truth: Truth, plan: RunPlan, effects: Effects, rng: np.random.Generator
-) -> Bench:
+) -> Plant:
     """The bench of one run: its effects, and the friction and slack that it happens to have this time."""
     bench = _bench(preset, truth, plan, effects)
     _wander(bench, preset, rng)
     return bench
 
 
-def state_at_rest(bench: Bench, in_contact: bool) -> Any:
+def state_at_rest(bench: Plant, in_contact: bool) -> Any:
     """Hang the finger, place the load cell; an array of one record of ``layout.STATE``."""
     state = np.zeros(1, STATE)
     q1, q2 = place_bench(bench, in_contact)
@@ -115,7 +115,7 @@ def state_at_rest(bench: Bench, in_contact: bool) -> Any:
     return state
 
 
-def drive(bench: Bench, command: Array, in_contact: bool, steps: int = STEPS) -> dict[str, Array]:
+def drive(bench: Plant, command: Array, in_contact: bool, steps: int = STEPS) -> dict[str, Array]:
     """Let the position loop follow ``command`` (rad, shape (n,)) from rest; what really happened."""
     state = state_at_rest(bench, in_contact)[0]
     out = np.empty((len(command), len(OUTPUTS)))
@@ -125,7 +125,7 @@ def drive(bench: Bench, command: Array, in_contact: bool, steps: int = STEPS) ->
 
 
 def pull(
-    bench: Bench, torque: Array, preset: Preset, in_contact: bool, steps: int = STEPS
+    bench: Plant, torque: Array, preset: Preset, in_contact: bool, steps: int = STEPS
 ) -> dict[str, Array]:
     """Drive the motor by ``torque`` (N m at the gearbox output, shape (n,)) from rest, as the loop does.
 
@@ -174,7 +174,7 @@ def approach(preset: Preset, truth: Truth, effects: Effects, cable: str) -> floa
     return round(math.degrees(float(result["theta"][reached[0]])), 2)
 
 
-def _bench(preset: Preset, truth: Truth, plan: RunPlan, effects: Effects) -> Bench:
+def _bench(preset: Preset, truth: Truth, plan: RunPlan, effects: Effects) -> Plant:
     bench = build_bench(preset, truth, plan.cable)
     bench.plant["load_torque"] = plan.load_torque
     apply_effects(bench, preset.effects)
@@ -182,7 +182,7 @@ def _bench(preset: Preset, truth: Truth, plan: RunPlan, effects: Effects) -> Ben
     return bench
 
 
-def _wander(bench: Bench, preset: Preset, rng: np.random.Generator) -> None:
+def _wander(bench: Plant, preset: Preset, rng: np.random.Generator) -> None:
     """Friction is never quite the same twice, nor does the cable hang equally loose."""
 
     def chance() -> float:

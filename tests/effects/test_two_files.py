@@ -53,10 +53,10 @@ CHANGE = '''"""A seal on the output shaft."""
 
 from __future__ import annotations
 
-from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import DRIVE, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["motor_viscous"] += v["drag"]
 
 

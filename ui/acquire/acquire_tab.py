@@ -132,7 +132,7 @@ class AcquireTab(Tab):
 
     def _connect(self) -> None:
         controller, recording, context = self.controller, self.recording, self.context
-        controller.changed.connect(self._on_station)
+        controller.changed.connect(self._on_controller)
         controller.ticked.connect(self._on_tick)
         recording.changed.connect(self._refresh)
         recording.written.connect(self._on_written)
@@ -325,7 +325,7 @@ class AcquireTab(Tab):
             LOOKING, lambda: run_choices(session), lambda runs: self.connect_page.show_runs(session, runs)
         )
 
-    def _on_station(self) -> None:
+    def _on_controller(self) -> None:
         history = self.controller.history if self.connected() else None
         if self.plots.history is not history:
             self.plots.show_history(history)

@@ -208,6 +208,7 @@ class LivePlot(_Plot):
 
     def __init__(self) -> None:
         super().__init__("calibrationLive", "Reading in volts over the last minute")
+        self.setToolTip("U, V: the sensor's reading over the last minute. Tinted: the captured stretches.")
         plot = self.getPlotItem()
         plot.setLabel("left", "reading (V)")
         plot.setLabel("bottom", "time from now (s)")
@@ -282,6 +283,9 @@ class FitPlot(_OutcomePlot):
 
     def __init__(self) -> None:
         super().__init__("calibrationFit", "Known value against reading, with the fitted line")
+        self.setToolTip(
+            "Known value (N or °) = gain · U + offset, U the reading (V): the line of least squares."
+        )
 
     def _draw(self, outcome: CalibrationOutcome) -> None:
         plot, colours = self.getPlotItem(), colours_of(self)
@@ -303,6 +307,7 @@ class ResidualPlot(_OutcomePlot):
 
     def __init__(self) -> None:
         super().__init__("calibrationResiduals", "Known value less line, against the known value")
+        self.setToolTip("Known value less line (N or °). Grey: what the data sheet allows.")
 
     def _draw(self, outcome: CalibrationOutcome) -> None:
         plot, colours = self.getPlotItem(), colours_of(self)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from fingerlab.core.catalogue import found_in
 from fingerlab.core.errors import UserError
 from fingerlab.physics.parameter import Parameter
-from fingerlab.twin.plant import Bench, PlantEffect, Values
+from fingerlab.twin.plant import Plant, PlantEffect, Values
 
 ORDER = (
     *("viscous_friction", "coulomb_friction", "stribeck_friction", "presliding_hysteresis"),
@@ -74,7 +74,7 @@ def check_effects(effects: Mapping[str, Mapping[str, float]], where: str) -> dic
     return result
 
 
-def apply_effects(bench: Bench, effects: Effects) -> None:
+def apply_effects(bench: Plant, effects: Effects) -> None:
     """Put effects into the bench of one run, in the order of the catalogue."""
     for name, effect in EFFECTS.items():
         if name in effects:

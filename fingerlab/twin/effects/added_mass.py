@@ -1,9 +1,9 @@
 """Screws, magnets and covers on the distal body and at the PIP axis."""
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["distal_mass"] += v["distal"]
     bench.plant["knuckle_mass"] += v["distal"] * v["knuckle_ratio"]
 

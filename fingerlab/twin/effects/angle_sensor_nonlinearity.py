@@ -2,10 +2,10 @@
 
 import math
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     # Half the bridge angle is the shaft angle: an error e of the bridges turns into e / 2 of angle.
     bench.sensors.bridge_offset = 2.0 * v["angle"] * math.cos(bench.truth.phase)
     bench.sensors.bridge_mismatch = 4.0 * v["angle"] * bench.truth.sign

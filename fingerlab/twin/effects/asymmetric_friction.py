@@ -1,10 +1,10 @@
 """Motor and gearbox rub more in one direction than in the other."""
 
 from fingerlab.twin.layout import MOTOR
-from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     law = bench.friction[MOTOR]
     law["forward"] += v["torque"] * (1.0 + v["asymmetry"])
     law["backward"] += v["torque"] * (1.0 - v["asymmetry"])

@@ -4,10 +4,10 @@ Idealised: the cable's torque reaches the motor also while the gap is crossed. U
 a free pulley would rest against one flank for ever and play would never show.
 """
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["play"] += v["play"]
 
 

@@ -1,9 +1,9 @@
 """Dead travel: the cable hangs loose until this length is wound."""
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["slack"] += v["travel"]
 
 

@@ -1,9 +1,9 @@
 """A compliant cable."""
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     plant = bench.plant
     before = float(plant["cable_stiffness"])
     after = 1.0 / (1.0 / before + v["compliance"])

@@ -1,9 +1,9 @@
 """The cable rubs in its sheath and sticks there at reversal."""
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["wrap"] += v["wrap"]
 
 

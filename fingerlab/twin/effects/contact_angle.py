@@ -1,9 +1,9 @@
 """The fingertip presses on a face that leans from the load cell's axis."""
 
-from fingerlab.twin.plant import TOUCH, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import TOUCH, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["contact_angle"] += v["angle"]
 
 

@@ -1,9 +1,9 @@
 """A soft fingertip on the load cell."""
 
-from fingerlab.twin.plant import TOUCH, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import TOUCH, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     softer = 1.0 / (1.0 / float(bench.plant["contact_stiffness"]) + v["compliance"])
     bench.plant["tip_stiffness"] *= softer / float(bench.plant["contact_stiffness"])
     bench.plant["contact_stiffness"] = softer

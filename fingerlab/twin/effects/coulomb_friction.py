@@ -1,10 +1,10 @@
 """Both hinges rub: a spring-slider that truly sticks."""
 
 from fingerlab.twin.layout import MCP, PIP
-from fingerlab.twin.plant import FINGER, RATIO, WIND_UP, Bench, PlantEffect, Values, constant, dry
+from fingerlab.twin.plant import FINGER, RATIO, WIND_UP, Plant, PlantEffect, Values, constant, dry
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     dry(bench, MCP, v["mcp"], v["travel"])
     dry(bench, PIP, v["mcp"] * v["pip_ratio"], v["travel"])
 

@@ -1,9 +1,9 @@
 """The distal body's spin counts with its absolute speed, as it really does."""
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["distal_rotation"] = v["share"]
 
 

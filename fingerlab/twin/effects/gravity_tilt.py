@@ -1,9 +1,9 @@
 """The base stands at another angle than the wrist angle in the rig file."""
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["tilt"] += v["angle"] * bench.truth.sign
 
 

@@ -1,9 +1,9 @@
 """A spring that pulls the two joint angles together (glove, skin, tendon)."""
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["coupling"] += v["stiffness"]
 
 

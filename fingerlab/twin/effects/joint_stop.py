@@ -1,9 +1,9 @@
 """The PIP hinge meets a stop in extension."""
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["stop_stiffness"] = v["stiffness"]
     bench.plant["stop_angle"] = v["angle"]
     bench.plant["stop_damping"] = v["damping"]

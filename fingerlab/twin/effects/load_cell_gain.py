@@ -1,9 +1,9 @@
 """The load cell reads too much."""
 
-from fingerlab.twin.plant import TOUCH, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import TOUCH, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.sensors.force_gain *= 1.0 + v["relative"]
 
 

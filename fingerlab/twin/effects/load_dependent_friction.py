@@ -1,10 +1,10 @@
 """Tooth friction: a share of the torque transmitted is lost in either direction."""
 
 from fingerlab.twin.layout import MOTOR
-from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.friction[MOTOR]["load_share"] += v["share"]
     bench.friction[MOTOR]["travel"] = v["travel"]
 

@@ -1,10 +1,10 @@
 """Motor and gearbox rub."""
 
 from fingerlab.twin.layout import MOTOR
-from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Bench, PlantEffect, Values, constant, dry
+from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Plant, PlantEffect, Values, constant, dry
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     dry(bench, MOTOR, v["torque"], v["travel"])
 
 

@@ -1,9 +1,9 @@
 """A coupling and a larger pulley on the output shaft."""
 
-from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import DRIVE, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["inertia"] += v["inertia"]
 
 

@@ -1,10 +1,10 @@
 """Seals of motor and gearbox: friction that builds up over degrees."""
 
 from fingerlab.twin.layout import MOTOR
-from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant, spread
+from fingerlab.twin.plant import DRIVE, Plant, PlantEffect, Values, constant, spread
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     spread(bench, MOTOR, v["torque"], v["travel"])
 
 

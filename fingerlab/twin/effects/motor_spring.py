@@ -1,9 +1,9 @@
 """An elastic torque at the output shaft (cable loop, seals, return spring)."""
 
-from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import DRIVE, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["motor_spring"] += v["stiffness"]
 
 

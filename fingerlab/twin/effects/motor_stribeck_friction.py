@@ -1,10 +1,10 @@
 """Motor and gearbox rub, and break away harder than they slide."""
 
 from fingerlab.twin.layout import MOTOR
-from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Bench, PlantEffect, Values, breaking_away, constant
+from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Plant, PlantEffect, Values, breaking_away, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     breaking_away(bench, {MOTOR: 1.0}, v, v["torque"])
 
 

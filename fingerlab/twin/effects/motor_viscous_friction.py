@@ -1,9 +1,9 @@
 """Grease in motor and gearbox."""
 
-from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import DRIVE, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["motor_viscous"] += v["coefficient"]
 
 

@@ -1,10 +1,10 @@
 """Soft seals in both hinges: friction that builds up over degrees (spring-sliders in a row)."""
 
 from fingerlab.twin.layout import MCP, PIP
-from fingerlab.twin.plant import FINGER, RATIO, Bench, PlantEffect, Values, constant, spread
+from fingerlab.twin.plant import FINGER, RATIO, Plant, PlantEffect, Values, constant, spread
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     spread(bench, MCP, v["mcp"], v["travel"])
     spread(bench, PIP, v["mcp"] * v["pip_ratio"], v["travel"])
 

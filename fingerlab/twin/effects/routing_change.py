@@ -1,9 +1,9 @@
 """The flexion cable passes the MCP closer and the PIP farther than the bench expects."""
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     if bench.cable == "flexion":
         bench.plant["arm_1"] *= 1.0 - v["relative"]
         bench.plant["arm_2"] *= 1.0 + v["relative"]

@@ -1,9 +1,9 @@
 """The MCP angle sensor drifts as it warms up."""
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.sensors.drift = v["angle"] * bench.truth.sign
 
 

@@ -1,9 +1,9 @@
 """Joint springs stiffer than the rig file says."""
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["stiffness_1"] *= 1.0 + v["relative"]
     bench.plant["stiffness_2"] *= 1.0 + v["relative"] * v["pip_ratio"]
 

@@ -1,10 +1,10 @@
 """Both hinges rub, and break away harder than they slide."""
 
 from fingerlab.twin.layout import MCP, PIP
-from fingerlab.twin.plant import FINGER, RATIO, WIND_UP, Bench, PlantEffect, Values, breaking_away, constant
+from fingerlab.twin.plant import FINGER, RATIO, WIND_UP, Plant, PlantEffect, Values, breaking_away, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     breaking_away(bench, {MCP: 1.0, PIP: v["pip_ratio"]}, v, v["mcp"])
 
 

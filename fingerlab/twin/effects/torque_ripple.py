@@ -1,9 +1,9 @@
 """Torque that repeats with the motor angle (gear mesh, commutation)."""
 
-from fingerlab.twin.plant import DRIVE, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import DRIVE, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.plant["ripple"] = v["torque"]
     bench.plant["ripple_order"] = v["order"]
     bench.plant["ripple_phase"] = bench.truth.phase

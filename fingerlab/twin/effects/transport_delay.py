@@ -1,9 +1,9 @@
 """Joint angles and force reach the recorder later than the motor's own channels."""
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     bench.sensors.delay += v["delay"]
 
 

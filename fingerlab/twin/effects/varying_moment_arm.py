@@ -1,9 +1,9 @@
 """Cable guides whose lever changes as the joint turns."""
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     # An extension cable climbs over the knuckle as the joint extends, a flexion cable bows out.
     bench.plant["arm_slope_1"] += v["slope"] * bench.plant["cable_sign"]
     bench.plant["arm_slope_2"] += v["slope"] * v["pip_ratio"] * bench.plant["cable_sign"]

@@ -1,9 +1,9 @@
 """A relaxing spring beside each joint spring."""
 
-from fingerlab.twin.plant import FINGER, Bench, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     for joint in ("1", "2"):
         bench.plant["relaxing_" + joint] = bench.plant["stiffness_" + joint] * v["relative"]
     bench.plant["relaxation_time"] = v["time"]

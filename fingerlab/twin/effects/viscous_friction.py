@@ -1,9 +1,9 @@
 """Grease in both hinges."""
 
-from fingerlab.twin.plant import FINGER, RATIO, Bench, PlantEffect, Values, constant, per_joint
+from fingerlab.twin.plant import FINGER, RATIO, Plant, PlantEffect, Values, constant, per_joint
 
 
-def apply(bench: Bench, v: Values) -> None:
+def apply(bench: Plant, v: Values) -> None:
     per_joint(bench, "viscous", v["mcp"], v["pip_ratio"])
 
 
