@@ -19,14 +19,13 @@ from fingerlab.diagnosis.experiment.predicted_runs import (
     pressing_motion,
     seen_press,
 )
-from fingerlab.diagnosis.experiment.proposal import (
-    Judged,
+from fingerlab.diagnosis.experiment.proposal import Judged, best_run, propose
+from fingerlab.diagnosis.experiment.separation import (
     PredictedRun,
-    best_run,
     held_by,
     known_of,
     predict_run,
-    propose,
+    run_kind,
     separation,
     values_in,
 )
@@ -40,6 +39,7 @@ from fingerlab.diagnosis.settings import NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
+from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Session
 
 from . import closed_form as made
@@ -189,7 +189,7 @@ HEAT = 3.0
 @pytest.fixture(scope="module")
 def imagined(
     judged: tuple[Session, Scorer, Evidence],
-) -> tuple[PredictedRun, Scorer, FittedModel, FittedModel]:
+) -> tuple[Motion, PredictedRun, Scorer, FittedModel, FittedModel]:
     """A run that was not taken, and two models to tell apart there."""
     session, scorer, evidence = judged
     pair = [evidence.candidates[index(evidence, n)] for n in ("viscous_friction", "coulomb_friction")]
@@ -197,21 +197,21 @@ def imagined(
     motion = finger_motion(made.RIG, -1, {**SINE, "amplitude_deg": 8.0}, values)
     assert motion is not None
     effects = [t.model.choices[-1].effect for t in pair]
-    return predict_run(session, motion, effects), scorer, pair[0], pair[1]
+    return motion, predict_run(motion, run_kind(session, motion, effects)), scorer, pair[0], pair[1]
 
 
 def test_a_separation_is_what_the_rival_leaves_of_every_sample(
-    imagined: tuple[PredictedRun, Scorer, FittedModel, FittedModel],
+    imagined: tuple[Motion, PredictedRun, Scorer, FittedModel, FittedModel],
 ) -> None:
     """The same number from whitened residuals, sample by sample, and a least-squares solver."""
-    run, scorer, truth, rival = imagined
-    group = run.group
-    columns = decimated_columns(run.motion, run.layout.effects, run.layout.signals).columns
+    motion, run, scorer, truth, rival = imagined
+    group, layout = run.kind.group, run.kind.layout
+    columns = decimated_columns(motion, layout.effects, layout.signals).columns
     count = len(columns)
 
     def residuals(trial: FittedModel) -> tuple[np.ndarray, np.ndarray]:
         """Of the four equations, (4 n,), and their derivatives, (4 n, p)."""
-        model = build(run.layout, [group], trial.model.choices)
+        model = build(layout, [group], trial.model.choices)
         h, slopes = model.coefficients(values_in(model, trial), group)
         told, reach = np.zeros((5, count)), np.zeros((5, count, slopes.shape[1]))
         for i, row, signal in zip(range(len(h)), model.rows, model.pick.signals, strict=True):
@@ -225,11 +225,11 @@ def test_a_separation_is_what_the_rival_leaves_of_every_sample(
     gap = residuals(truth)[0] - residuals(rival)[0]
     reach = residuals(rival)[1]
     # One more unknown: Coulomb friction of this run alone, which is known to 5 % of the common value.
-    model = build(run.layout, [group], rival.model.choices)
+    model = build(layout, [group], rival.model.choices)
     common = values_in(model, rival)
     gains = [model.index[f"coulomb_friction.{name}"] for name in rival.model.choices[-1].effect.gains]
     reach = np.concatenate((reach, reach[:, gains] * common[gains]), axis=1)
-    known = known_of(build(run.layout, [group], rival.model.choices), rival, HEAT)
+    known = known_of(build(layout, [group], rival.model.choices), rival, HEAT)
     size, ways = np.linalg.eigh(known)
     prior = np.zeros((len(size) + len(gains), len(size) + len(gains)))
     prior[: len(size), : len(size)] = np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T
@@ -243,9 +243,9 @@ def test_a_separation_is_what_the_rival_leaves_of_every_sample(
 
 
 def test_nothing_separates_a_model_from_itself(
-    imagined: tuple[PredictedRun, Scorer, FittedModel, FittedModel],
+    imagined: tuple[Motion, PredictedRun, Scorer, FittedModel, FittedModel],
 ) -> None:
-    run, scorer, truth, rival = imagined
+    _, run, scorer, truth, rival = imagined
     assert separation(scorer.reduced, run, truth, truth, HEAT) == pytest.approx(0.0, abs=1e-6)
     assert separation(scorer.reduced, run, truth, rival, HEAT) > 1e-3
 
@@ -258,8 +258,8 @@ def test_the_motor_alone_tells_what_the_motor_does_from_what_the_joints_do(
     names = ("motor_viscous_friction", "viscous_friction")
     motor, joint = (evidence.candidates[index(evidence, n)] for n in names)
     motion = bench_motion(made.RIG, {**SINE, "amplitude_deg": 30.0}, 0.0)
-    run = predict_run(session, motion, held_by([motor, joint], motion), beside_finger=True)
-    assert [e.id for e in run.layout.effects] == ["motor_viscous_friction"]
+    run = predict_run(motion, run_kind(session, motion, held_by([motor, joint], motion), beside_finger=True))
+    assert [e.id for e in run.kind.layout.effects] == ["motor_viscous_friction"]
     assert separation(scorer.reduced, run, motor, joint, HEAT) > 1.0
     assert separation(scorer.reduced, run, joint, joint, HEAT) == pytest.approx(0.0, abs=1e-6)
 
@@ -271,7 +271,9 @@ def test_a_run_that_would_not_decide_in_twenty_seconds_lasts_a_minute(
     """A separation of 10 nats decides."""
     session = judged[0]
     motion = bench_motion(made.RIG, SINE, 0.0)
-    runs = [(Proposal("motor_bench", "none", SINE, motion), predict_run(session, motion, []))]
+    runs = [
+        (Proposal("motor_bench", "none", SINE, motion), predict_run(motion, run_kind(session, motion, [])))
+    ]
 
     def worth(run: PredictedRun) -> Judged:
         gain = nats_a_second * run.sums.samples / NARROW_RATE_HZ
@@ -299,7 +301,7 @@ def test_three_times_the_time_separates_three_times_as_well(judged: tuple[Sessio
     )
     motion = finger_motion(made.RIG, -1, SINE, VALUES)
     assert motion is not None
-    run = predict_run(session, motion, held_by([first, second], motion))
+    run = predict_run(motion, run_kind(session, motion, held_by([first, second], motion)))
     once, thrice = (separation(scorer.reduced, r, first, second, 1.0) for r in (run, run.lasting(3.0)))
     assert 1.0 < thrice / once <= 3.0 + 1e-9
     assert run.lasting(3.0).sums.samples == pytest.approx(3 * run.sums.samples, abs=1)

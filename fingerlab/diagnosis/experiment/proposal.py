@@ -2,32 +2,26 @@
 
 What a run is expected to bring is counted in the log odds that the diagnosis itself would give after it: for
 the effects of a set among each other, or for an effect that could not be seen against nothing.
-
-Predicted separation: if one effect were true, what would the other leave unexplained in the new run, wherever
-its unknowns go, given what the old runs say of them? What the two predictions differ by, less what the other
-can take up at a price that the old runs set, is whitened (Hunter and Reiner, "Designs for discriminating
-between two rival models", 1965).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
-from fingerlab.diagnosis.equations.columns import layout_of
-from fingerlab.diagnosis.equations.features import Layout
-from fingerlab.diagnosis.equations.model import Model, build
-from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
 from fingerlab.diagnosis.experiment.predicted_runs import Proposal, menu
-from fingerlab.diagnosis.fit.noise import torque_noise
-from fingerlab.diagnosis.fit.solver import scaled_inverse
-from fingerlab.diagnosis.fit.weights import Weights, feature_weights, own_to_a_run
-from fingerlab.diagnosis.gram.decimation import decimated_columns
-from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums
+from fingerlab.diagnosis.experiment.separation import (
+    PredictedRun,
+    RunKind,
+    apart,
+    held_by,
+    predict_run,
+    run_kind,
+    separation,
+)
 from fingerlab.diagnosis.score.evidence import Evidence, against_nothing
 from fingerlab.diagnosis.score.fitted_model import FittedModel, condition_weights, values_at_typical_strength
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -40,18 +34,13 @@ from fingerlab.diagnosis.settings import (
     LEAST_FALL,
     LEAST_PROBABILITY,
     LEAST_SEPARATION,
-    LEAST_TORQUE_SPREAD,
     LENGTHS_S,
     LOOKING_ITERATIONS,
     RIVALS,
     SETTLING_S,
-    WEAKEST_PRIOR,
 )
-from fingerlab.diagnosis.signals.conditions import kind_of
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.effects.base import Effect, Row
-from fingerlab.physics.motion import Motion
-from fingerlab.sessions.model import Array, Session
+from fingerlab.sessions.model import Session
 
 
 def propose(
@@ -185,7 +174,7 @@ def _detection(
 
 def _values(run: PredictedRun) -> float:
     """Independent values that a run would have."""
-    return EFFECTIVE_SHARE * run.group.equations * run.sums.samples
+    return EFFECTIVE_SHARE * run.kind.group.equations * run.sums.samples
 
 
 def _after(like: FittedModel, run: PredictedRun, left: float, misfit: float) -> float:
@@ -208,7 +197,7 @@ def _expected(scorer: Scorer, run: PredictedRun, evidence: Evidence, first: int,
 def _gain(scorer: Scorer, run: PredictedRun, evidence: Evidence, true: int, other: int) -> float:
     """Gain in the log odds of the true effect: by what its rival leaves, and by the constants it needs."""
     truth, rival = evidence.candidates[true], evidence.candidates[other]
-    alone = run.group.on_bench and not any(g.on_bench for g in scorer.reduced.groups)
+    alone = run.kind.group.on_bench and not any(g.on_bench for g in scorer.reduced.groups)
     found = apart(scorer.reduced, run, _with_offsets(truth) if alone else truth, rival, evidence.temperature)
     odds = evidence.log_odds[[true, other]]
     left = [left_for(float(one), evidence.least_left) for one in odds - odds.max()]
@@ -248,13 +237,13 @@ def _runs(
     sessions: Sequence[Session], scorer: Scorer, like: FittedModel, candidates: Sequence[FittedModel]
 ) -> Iterator[tuple[Proposal, PredictedRun]]:
     """Every run of the menu, as the model ``like`` would move, with the columns of all ``candidates``."""
-    values = like.values
-    for proposal in menu(sessions, scorer.reduced, values):
+    beside, kinds = not scorer.reduced.on_bench, dict[tuple[str, int], RunKind]()
+    for proposal in menu(sessions, scorer.reduced, like.values):
         motion = proposal.motion
-        yield (
-            proposal,
-            predict_run(sessions[0], motion, held_by(candidates, motion), not scorer.reduced.on_bench),
-        )
+        name = motion.phase, motion.cable_sign
+        if name not in kinds:
+            kinds[name] = run_kind(sessions[0], motion, held_by(candidates, motion), beside)
+        yield proposal, predict_run(motion, kinds[name])
 
 
 def _lasting(
@@ -263,141 +252,3 @@ def _lasting(
     times = (seconds - SETTLING_S) / (DURATION_S - SETTLING_S)
     for proposal, run in runs:
         yield replace(proposal, seconds=seconds), run.lasting(times)
-
-
-@dataclass(frozen=True)
-class PredictedRun:
-    """A run that was not taken: its motion, and the sums over the signals that it would give."""
-
-    motion: Motion
-    layout: Layout
-    sums: Sums
-    group: Group
-    models: dict[tuple[object, ...], Model] = field(default_factory=dict)
-
-    def model(self, fitted: FittedModel) -> Model:
-        """The model for this run alone, with those of its effects that act in it."""
-        choices = [c for c in fitted.choices if c.effect in self.layout.effects]
-        key = (fitted.model.tip_law, *((c.effect.id, c.shape) for c in choices))
-        if key not in self.models:
-            self.models[key] = build(self.layout, [self.group], choices, fitted.model.tip_law)
-        return self.models[key]
-
-    def lasting(self, times: float) -> PredictedRun:
-        """The same motion so many times as long, again and again: it tells so many times as much."""
-        longer = Sums(self.sums.products * times, taut_samples=round(self.sums.taut_samples * times))
-        return replace(self, sums=longer)
-
-
-def predict_run(
-    session: Session, motion: Motion, effects: Sequence[Effect], beside_finger: bool = False
-) -> PredictedRun:
-    """A run with this motion; ``beside_finger``: if it is of the motor alone, beside a finger's runs."""
-    layout = layout_of(motion, session, effects, beside_finger)
-    low = decimated_columns(motion, effects, layout.signals)
-    # A trace of friction may hold a standing finger anywhere: what is seen at rest decides little.
-    columns = low.columns[~low.rest]
-    return PredictedRun(motion, layout, Sums(columns.T @ columns, taut_samples=len(columns)), _group(motion))
-
-
-@dataclass(frozen=True)
-class Apart:
-    """How far apart two models are in a run, as the second would come to explain it; in twice log density.
-
-    ``left`` is what it would leave unexplained of the first's prediction or would have to pay for with the
-    unknowns of the old runs; ``zero`` what it would pay for another zero of the current.
-    """
-
-    left: float
-    zero: float
-
-
-def separation(
-    reduced: Reduced, run: PredictedRun, truth: FittedModel, rival: FittedModel, heat: float
-) -> float:
-    """Expected gain in log evidence of ``truth`` over ``rival`` from one more run, at a temperature."""
-    found = apart(reduced, run, truth, rival, heat)
-    return 0.5 * (found.left + found.zero)
-
-
-def apart(reduced: Reduced, run: PredictedRun, truth: FittedModel, rival: FittedModel, heat: float) -> Apart:
-    """What ``rival`` would leave of one more run if ``truth`` were true, over the temperature.
-
-    Both are seen under the weights of ``truth``.
-    """
-    right, wrong = run.model(truth), run.model(rival)
-    values = values_in(wrong, rival)
-    told, slopes = wrong.coefficients(values, run.group)
-    wander = own_to_a_run(wrong, values, told, run.group)
-    slopes = np.concatenate((slopes, wander), axis=1)
-    every = np.union1d(right.active, wrong.active)
-    gap, reach = np.zeros(len(every)), np.zeros((len(every), slopes.shape[1]))
-    gap[np.searchsorted(every, right.active)] = right.features(values_in(right, truth), run.group)
-    gap[np.searchsorted(every, wrong.active)] -= told
-    reach[np.searchsorted(every, wrong.active)] = slopes
-    pick = run.layout.every[every]
-    share = EFFECTIVE_SHARE / heat
-    products = run.sums.of(pick) * feature_weights(_weights(reduced, truth.weights, run), pick.rows) * share
-    pull = gap @ products @ reach
-    system = reach.T @ products @ reach
-    old = len(wrong.unknowns)
-    system[:old, :old] += known_of(wrong, rival, heat)
-    system[old:, old:] += np.eye(wander.shape[1])
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(system), 1e-300))
-    moved = scale * np.linalg.solve(system * np.outer(scale, scale) + 1e-9 * np.eye(len(scale)), pull * scale)
-    zero = 0.0
-    if TORQUE_ZERO in wrong.index and TORQUE_ZERO not in rival.model.index:
-        place = wrong.index[TORQUE_ZERO]
-        zero = float(moved[place] / wrong.spread[place]) ** 2
-    return Apart(max(float(gap @ products @ gap - pull @ moved) - zero, 0.0), zero)
-
-
-def held_by(candidates: Sequence[FittedModel], motion: Motion) -> list[Effect]:
-    """Effects of all the models, each once, that act in such a run."""
-    every = {c.effect.id: c.effect for t in candidates for c in t.choices}
-    return [e for e in every.values() if e.bench or motion.finger is not None]
-
-
-def _group(motion: Motion) -> Group:
-    return Group(
-        (CABLE_NAMES[motion.cable_sign], kind_of(motion.phase)), motion.cable_sign, [], np.zeros((0, 0))
-    )
-
-
-def _weights(reduced: Reduced, weights: Weights, run: PredictedRun) -> Array:
-    """Weights of the group that the run would belong to, or of the most similar one there is."""
-    key = run.group.key
-    if run.group.on_bench and key not in weights:
-        return _bench_weights(reduced)
-    same_kind = [w for k, w in weights.items() if k[1] == key[1]]
-    return weights.get(key, (same_kind or list(weights.values()))[0])
-
-
-def _bench_weights(reduced: Reduced) -> Array:
-    """Weights of a motor alone, of which a finger's runs tell how noisy its torque is, (5, 5)."""
-    weights = np.zeros((5, 5))
-    weights[Row.BENCH, Row.BENCH] = 1.0 / max(torque_noise(reduced), LEAST_TORQUE_SPREAD**2)
-    return weights
-
-
-def values_in(model: Model, fitted: FittedModel) -> Array:
-    """The model's values for a model of another run; what it does not know starts at nothing."""
-    known = fitted.values
-    return np.array([known.get(u.key, start) for u, start in zip(model.unknowns, model.start(), strict=True)])
-
-
-def known_of(model: Model, fitted: FittedModel, heat: float) -> Array:
-    """What the old runs say of the rival's unknowns, (p, p); of those that they do not have, their range."""
-    old = {u.key: i for i, u in enumerate(fitted.model.unknowns)}
-    size = len(model.unknowns)
-    result = np.zeros((size, size))
-    places = [(i, old[u.key]) for i, u in enumerate(model.unknowns) if u.key in old]
-    mine, theirs = [p[0] for p in places], [p[1] for p in places]
-    # Unknowns of the old runs that the new one lacks are integrated out, not held.
-    if mine:
-        covariance = fitted.fit.covariance[np.ix_(theirs, theirs)] * heat
-        result[np.ix_(mine, mine)] = scaled_inverse(covariance)
-    for i, unknown in enumerate(model.unknowns):
-        if unknown.key not in old:
-            result[i, i] = (WEAKEST_PRIOR if unknown.open else 1.0) / unknown.parameter.typical**2
-    return result

@@ -1,0 +1,230 @@
+"""How far apart two models are in a run that was not taken.
+
+Predicted separation: if one effect were true, what would the other leave unexplained in the new run, wherever
+its unknowns go, given what the old runs say of them? What the two predictions differ by, less what the other
+can take up at a price that the old runs set, is whitened (Hunter and Reiner, "Designs for discriminating
+between two rival models", 1965). What a run's phase and cable decide is found once for all runs of the kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
+from fingerlab.diagnosis.equations.columns import layout_of
+from fingerlab.diagnosis.equations.features import Layout, Pick
+from fingerlab.diagnosis.equations.model import Model, build
+from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
+from fingerlab.diagnosis.fit.noise import torque_noise
+from fingerlab.diagnosis.fit.solver import scaled_inverse
+from fingerlab.diagnosis.fit.weights import Weights, feature_weights, own_to_a_run
+from fingerlab.diagnosis.gram.decimation import decimated_columns
+from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.settings import (
+    LEAST_TORQUE_SPREAD,
+    WEAKEST_PRIOR,
+)
+from fingerlab.diagnosis.signals.conditions import kind_of
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
+from fingerlab.effects.base import Effect, Row
+from fingerlab.physics.motion import Motion
+from fingerlab.sessions.model import Array, Session
+
+
+@dataclass(frozen=True)
+class RunKind:
+    """What the predicted runs of one phase on one cable share: all that their sums do not tell."""
+
+    layout: Layout
+    group: Group
+    _models: dict[tuple[object, ...], Model] = field(default_factory=dict, repr=False)
+    _contrasts: dict[tuple[object, ...], Contrast] = field(default_factory=dict, repr=False)
+
+    def model(self, fitted: FittedModel) -> Model:
+        """The model for such a run alone, with those of its effects that act in it."""
+        choices = [c for c in fitted.choices if c.effect in self.layout.effects]
+        key = (fitted.model.tip_law, *((c.effect.id, c.shape) for c in choices))
+        if key not in self._models:
+            self._models[key] = build(self.layout, [self.group], choices, fitted.model.tip_law)
+        return self._models[key]
+
+    def contrast(self, truth: FittedModel, rival: FittedModel, heat: float) -> Contrast:
+        """What two models predict of such a run; each pair is asked for every run and length."""
+        key = (*_fit_key(truth), *_fit_key(rival), heat)
+        if key not in self._contrasts:
+            self._contrasts[key] = _contrast(self, truth, rival, heat)
+        return self._contrasts[key]
+
+
+def _fit_key(fitted: FittedModel) -> tuple[object, ...]:
+    """What tells fits to the same sessions apart."""
+    choices = tuple((c.effect.id, c.shape) for c in fitted.choices)
+    return fitted.model.tip_law, choices, fitted.fit.values.tobytes(), fitted.fit.information.tobytes()
+
+
+def run_kind(
+    session: Session, motion: Motion, effects: Sequence[Effect], beside_finger: bool = False
+) -> RunKind:
+    """The kind of a run with this motion; ``beside_finger``: of the motor alone, beside a finger's runs."""
+    return RunKind(layout_of(motion.glimpse(), session, effects, beside_finger), _group(motion))
+
+
+@dataclass(frozen=True)
+class PredictedRun:
+    """A run that was not taken: the sums over the signals that it would give."""
+
+    kind: RunKind
+    sums: Sums
+
+    def lasting(self, times: float) -> PredictedRun:
+        """The same motion so many times as long, again and again: it tells so many times as much."""
+        longer = Sums(self.sums.products * times, taut_samples=round(self.sums.taut_samples * times))
+        return replace(self, sums=longer)
+
+
+def predict_run(motion: Motion, kind: RunKind) -> PredictedRun:
+    """A run with this motion, which is of the ``kind``."""
+    low = decimated_columns(motion, kind.layout.effects, kind.layout.signals)
+    # A trace of friction may hold a standing finger anywhere: what is seen at rest decides little.
+    columns = low.columns[~low.rest]
+    return PredictedRun(kind, Sums(columns.T @ columns, taut_samples=len(columns)))
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """What two models predict of a run, as far as its kind tells, over k features.
+
+    Attributes:
+        pick: the features of either model.
+        gap: by how much their coefficients differ, (k,).
+        reach: how the rival's change with its p unknowns and with what is the run's own, (k, p + parts).
+        known: what the old runs say of those, as inverse covariance, (p + parts, p + parts).
+        zero: place and spread (N m) of a zero of the current that the old runs lack; None: no such.
+    """
+
+    pick: Pick
+    gap: Array
+    reach: Array
+    known: Array
+    zero: tuple[int, float] | None
+
+
+def _contrast(kind: RunKind, truth: FittedModel, rival: FittedModel, heat: float) -> Contrast:
+    right, wrong = kind.model(truth), kind.model(rival)
+    values = values_in(wrong, rival)
+    told, slopes = wrong.coefficients(values, kind.group)
+    wander = own_to_a_run(wrong, values, told, kind.group)
+    slopes = np.concatenate((slopes, wander), axis=1)
+    every = np.union1d(right.active, wrong.active)
+    gap, reach = np.zeros(len(every)), np.zeros((len(every), slopes.shape[1]))
+    gap[np.searchsorted(every, right.active)] = right.features(values_in(right, truth), kind.group)
+    gap[np.searchsorted(every, wrong.active)] -= told
+    reach[np.searchsorted(every, wrong.active)] = slopes
+    old, size = len(wrong.unknowns), slopes.shape[1]
+    known = np.zeros((size, size))
+    known[:old, :old] = known_of(wrong, rival, heat)
+    known[old:, old:] = np.eye(size - old)
+    zero = None
+    if TORQUE_ZERO in wrong.index and TORQUE_ZERO not in rival.model.index:
+        place = wrong.index[TORQUE_ZERO]
+        zero = place, float(wrong.spread[place])
+    return Contrast(kind.layout.every[every], gap, reach, known, zero)
+
+
+@dataclass(frozen=True)
+class Apart:
+    """How far apart two models are in a run, as the second would come to explain it; in twice log density.
+
+    ``left`` is what it would leave unexplained of the first's prediction or would have to pay for with the
+    unknowns of the old runs; ``zero`` what it would pay for another zero of the current.
+    """
+
+    left: float
+    zero: float
+
+
+def separation(
+    reduced: Reduced, run: PredictedRun, truth: FittedModel, rival: FittedModel, heat: float
+) -> float:
+    """Expected gain in log evidence of ``truth`` over ``rival`` from one more run, at a temperature."""
+    found = apart(reduced, run, truth, rival, heat)
+    return 0.5 * (found.left + found.zero)
+
+
+def apart(reduced: Reduced, run: PredictedRun, truth: FittedModel, rival: FittedModel, heat: float) -> Apart:
+    """What ``rival`` would leave of one more run if ``truth`` were true, over the temperature.
+
+    Both are seen under the weights of ``truth``.
+    """
+    two = run.kind.contrast(truth, rival, heat)
+    gap, reach = two.gap, two.reach
+    share = EFFECTIVE_SHARE / heat
+    products = (
+        run.sums.of(two.pick)
+        * feature_weights(_weights(reduced, truth.weights, run.kind.group), two.pick.rows)
+        * share
+    )
+    pull = gap @ products @ reach
+    system = reach.T @ products @ reach + two.known
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(system), 1e-300))
+    moved = scale * np.linalg.solve(system * np.outer(scale, scale) + 1e-9 * np.eye(len(scale)), pull * scale)
+    zero = 0.0
+    if two.zero is not None:
+        place, spread = two.zero
+        zero = float(moved[place] / spread) ** 2
+    return Apart(max(float(gap @ products @ gap - pull @ moved) - zero, 0.0), zero)
+
+
+def held_by(candidates: Sequence[FittedModel], motion: Motion) -> list[Effect]:
+    """Effects of all the models, each once, that act in such a run."""
+    every = {c.effect.id: c.effect for t in candidates for c in t.choices}
+    return [e for e in every.values() if e.bench or motion.finger is not None]
+
+
+def _group(motion: Motion) -> Group:
+    return Group(
+        (CABLE_NAMES[motion.cable_sign], kind_of(motion.phase)), motion.cable_sign, [], np.zeros((0, 0))
+    )
+
+
+def _weights(reduced: Reduced, weights: Weights, group: Group) -> Array:
+    """Weights of the ``group`` that a run would belong to, or of the most similar one there is."""
+    key = group.key
+    if group.on_bench and key not in weights:
+        return _bench_weights(reduced)
+    same_kind = [w for k, w in weights.items() if k[1] == key[1]]
+    return weights.get(key, (same_kind or list(weights.values()))[0])
+
+
+def _bench_weights(reduced: Reduced) -> Array:
+    """Weights of a motor alone, of which a finger's runs tell how noisy its torque is, (5, 5)."""
+    weights = np.zeros((5, 5))
+    weights[Row.BENCH, Row.BENCH] = 1.0 / max(torque_noise(reduced), LEAST_TORQUE_SPREAD**2)
+    return weights
+
+
+def values_in(model: Model, fitted: FittedModel) -> Array:
+    """The model's values for a model of another run; what it does not know starts at nothing."""
+    known = fitted.values
+    return np.array([known.get(u.key, start) for u, start in zip(model.unknowns, model.start(), strict=True)])
+
+
+def known_of(model: Model, fitted: FittedModel, heat: float) -> Array:
+    """What the old runs say of the rival's unknowns, (p, p); of those that they do not have, their range."""
+    old = {u.key: i for i, u in enumerate(fitted.model.unknowns)}
+    size = len(model.unknowns)
+    result = np.zeros((size, size))
+    places = [(i, old[u.key]) for i, u in enumerate(model.unknowns) if u.key in old]
+    mine, theirs = [p[0] for p in places], [p[1] for p in places]
+    # Unknowns of the old runs that the new one lacks are integrated out, not held.
+    if mine:
+        covariance = fitted.fit.covariance[np.ix_(theirs, theirs)] * heat
+        result[np.ix_(mine, mine)] = scaled_inverse(covariance)
+    for i, unknown in enumerate(model.unknowns):
+        if unknown.key not in old:
+            result[i, i] = (WEAKEST_PRIOR if unknown.open else 1.0) / unknown.parameter.typical**2
+    return result
