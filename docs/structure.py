@@ -150,7 +150,7 @@ def rooms(root: Path = ROOT) -> list[Room]:
 def table(root: Path = ROOT) -> str:
     """The rooms as Markdown, with their sum and the circles."""
     found = rooms(root)
-    rows = [f"| `{r.name}/` | {r.files} | {r.lines:,} | {r.levels} | {r.inside} | {r.out} |" for r in found]
+    rows = [f"| {r.name}/ | {r.files} | {r.lines:,} | {r.levels} | {r.inside} | {r.out} |" for r in found]
     total = f"| together | {sum(r.files for r in found)} | {sum(r.lines for r in found):,} | | | |"
     loops = circles(graph_of(root)[0])
     said = "No circle of imports." if not loops else f"Circles of imports: {len(loops)}."
