@@ -1,7 +1,7 @@
 """Files, lines, levels and arrows of the program by room, counted from its imports::
 
-    python docs/structure.py                    # of this checkout
-    python docs/structure.py --before REVISION  # beside an earlier revision, as docs/architecture.md has it
+    python docs/structure.py                            # of this checkout
+    python docs/structure.py --before REVISION --write  # beside an earlier one, into docs/architecture.md
 
 A room is a folder. An arrow is one file that imports another one, wherever in the file; what is imported
 for type checking alone counts too, so that a circle cannot hide there. A room has as many levels as the
@@ -22,6 +22,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "architecture.md"
+MARK, END = "<!-- docs/structure.py counts from here -->", "<!-- to here -->"
 TOPS = ("fingerlab", "ui")
 Module = tuple[str, ...]
 Graph = Mapping[Module, frozenset[Module]]
@@ -111,49 +113,44 @@ def circles(graph: Graph) -> list[list[Module]]:
 
 def levels(graph: Graph, members: set[Module]) -> int:
     """Length of the longest chain of imports among ``members``; files in one circle stand on one level."""
+    own = {module: graph[module] & members for module in members}
+    one_of = {module: loop[0] for loop in circles(own) for module in loop}
     height: dict[Module, int] = {}
 
-    def of(one: Module, above: frozenset[Module]) -> int:
+    def of(one: Module) -> int:
         if one not in height:
-            below = [of(other, above | {one}) for other in graph[one] & members if other not in above | {one}]
-            height[one] = 1 + max(below, default=0)
+            together = [m for m in members if one_of.get(m, m) == one]
+            below = {one_of.get(other, other) for m in together for other in own[m]} - {one}
+            height[one] = 1 + max((of(other) for other in below), default=0)
         return height[one]
 
-    return max((of(one, frozenset()) for one in members), default=0)
-
-
-def room_of(module: Module) -> str:
-    """``fingerlab/diagnosis`` of ``fingerlab.diagnosis.score.evidence``; files at the top are a room."""
-    return "/".join(module[:2]) if len(module) > 2 else module[0]
+    return max((of(one_of.get(module, module)) for module in members), default=0)
 
 
 def rooms(root: Path = ROOT) -> list[Room]:
-    """Every room, the instrument's first."""
+    """Every folder that holds modules."""
     graph, lines = graph_of(root)
-    packages = {module[:2] for module in graph if len(module) > 2}
+    packages = {module[:-1] for module in graph} | {module for module in graph if len(module) == 1}
     members: dict[str, set[Module]] = defaultdict(set)
     for module in graph:
-        members["/".join(module) if module in packages else room_of(module)].add(module)
-    found = []
-    for name in sorted(members):
-        own = members[name]
-        found.append(
-            Room(
-                name,
-                len(own),
-                sum(lines[m] for m in own),
-                levels(graph, own),
-                sum(len(graph[m] & own) for m in own),
-                sum(len(graph[m] - own) for m in own),
-            )
+        members["/".join(module if module in packages else module[:-1])].add(module)
+    return [
+        Room(
+            name,
+            len(own),
+            sum(lines[m] for m in own),
+            levels(graph, own),
+            sum(len(graph[m] & own) for m in own),
+            sum(len(graph[m] - own) for m in own),
         )
-    return found
+        for name, own in sorted(members.items())
+    ]
 
 
 def table(root: Path = ROOT) -> str:
     """The rooms as Markdown, with their sum and the circles."""
     found = rooms(root)
-    rows = [f"| `{r.name}/` | {r.files} | {r.lines:,} | {r.levels} | {r.inside} | {r.out} |" for r in found]
+    rows = [f"| {r.name}/ | {r.files} | {r.lines:,} | {r.levels} | {r.inside} | {r.out} |" for r in found]
     total = f"| together | {sum(r.files for r in found)} | {sum(r.lines for r in found):,} | | | |"
     loops = circles(graph_of(root)[0])
     said = "No circle of imports." if not loops else f"Circles of imports: {len(loops)}."
@@ -172,18 +169,29 @@ def before(revision: str) -> str:
         return table(Path(folder))
 
 
+def with_tables(page: str, tables: str) -> str:
+    """The page with these tables between its two marks."""
+    begin, end = page.index(MARK) + len(MARK), page.index(END)
+    return f"{page[:begin]}\n\n{tables}\n\n{page[end:]}"
+
+
 def main() -> None:
-    """Print the tables."""
+    """Print the tables, or write them into the page on architecture."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
         "--before", metavar="REVISION", help="an earlier revision to count beside this checkout"
     )
-    revision = parser.parse_args().before
-    if revision:
-        print(f"Before (`{revision}`):\n\n{before(revision)}\n\nNow:\n")
-    print(table())
+    parser.add_argument("--write", action="store_true", help="into docs/architecture.md, not to the screen")
+    asked = parser.parse_args()
+    tables = table()
+    if asked.before:
+        tables = f"Before (`{asked.before}`):\n\n{before(asked.before)}\n\nNow:\n\n{tables}"
+    if asked.write:
+        PAGE.write_text(with_tables(PAGE.read_text(encoding="utf-8"), tables), encoding="utf-8")
+    else:
+        print(tables)
 
 
 if __name__ == "__main__":

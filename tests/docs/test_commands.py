@@ -38,6 +38,7 @@ RUN_ELSEWHERE = {
     "pip install": (".ci/run", "start.py"),  # the starter installs what these lines name
     "python docs/hidden_effect_story.py": ("tests/notebook/test_story.py", "hidden_effect_story.py"),
     "python -m tests.goldens": ("tests/goldens/test_goldens.py", "[command, str(folder), *words, *more]"),
+    "python docs/structure.py": ("tests/docs/test_structure.py", "structure.rooms()"),
     "python packaging/bundle.py": (".ci/run", "packaging/bundle.py"),
     "python packaging/distribution.py": ("tests/packaging/test_packages.py", "distribution.build_both"),
     "python packaging/licences.py": ("tests/docs/test_documents.py", "licences.locked()"),
@@ -46,7 +47,8 @@ RUN_ELSEWHERE = {
 }
 """Commands of other programs: the file that runs the same, and the words by which it does."""
 TAKES_HOURS = (
-    *("benchmarks", "docs/screenshots.py", "packaging/lock.py", "tests.faults.sweep", "tests.hidden.sweep"),
+    *("benchmarks", "docs/screenshots.py", "packaging/lock.py"),
+    *("tests.faults.stops", "tests.faults.sweep", "tests.hidden.sweep"),
 )
 """Programs that measure for hours, draw all pictures, or ask the network: they exist, with their options."""
 

@@ -17,17 +17,22 @@ from tests.docs.shelf import ROOT
 DOCS = ROOT / "docs"
 
 
-def block(page: str, language: str) -> str:
-    """The first fenced block of a page in that language."""
+def blocks(page: str, language: str) -> list[str]:
+    """The fenced blocks of a page in that language."""
     text = (DOCS / page).read_text(encoding="utf-8")
-    found = re.search(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    assert found is not None, page
-    return found[1]
+    found = re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    assert found, page
+    return found
 
 
-def test_the_piece_of_a_rig_file_goes_into_the_default_one(tmp_path: Path) -> None:
+def block(page: str, language: str) -> str:
+    """The first of them."""
+    return blocks(page, language)[0]
+
+
+def test_the_pieces_of_a_rig_file_go_into_the_default_one(tmp_path: Path) -> None:
     """Each line in the place of the one with its name; the values are then those of the page."""
-    shown = tomllib.loads(block("rig.md", "toml"))
+    shown = tomllib.loads("\n".join(blocks("rig.md", "toml")))
     lines = (ROOT / "resources" / "rigs" / "default.toml").read_text(encoding="utf-8").splitlines()
     section, kept = "", []
     for line in lines:
@@ -41,9 +46,15 @@ def test_the_piece_of_a_rig_file_goes_into_the_default_one(tmp_path: Path) -> No
             kept.append(line)
         if head is not None:
             kept += [f"{key} = {inline(value)}" for key, value in part.items() if not nested(value)]
+    for name, part in shown["daq"].items():
+        if f"[daq.{name}]" not in lines:  # the default rig has no such line
+            kept += [f"[daq.{name}]", *(f"{key} = {inline(value)}" for key, value in part.items())]
     path = tmp_path / "my-rig.toml"
     path.write_text("\n".join(kept) + "\n", encoding="utf-8")
     rig = load_rig(path)
+    assert rig.daq.emergency_stop.terminal == shown["daq"]["emergency_stop"]["terminal"]
+    assert rig.daq.amplifier_ready.needs_enable
+    assert rig.daq.dead_man.hold_time == pytest.approx(0.05)
     assert rig.finger is not None
     assert rig.finger.mcp_stiffness == shown["finger"]["mcp_stiffness"]["value"]
     assert rig.tolerance_of("mcp_stiffness") == shown["finger"]["mcp_stiffness"]["tolerance"]

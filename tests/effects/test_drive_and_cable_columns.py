@@ -12,9 +12,9 @@ from fingerlab.effects.base import Row, Term
 from fingerlab.effects.sensor_drift import STEADY_S
 from fingerlab.physics import nominal
 from fingerlab.physics.nominal import JointMotion
+from tests.physics.test_friction_states import looped_stop
 
 from .moving import FINGER, MOTOR, bench, column, moving
-from .test_hysteresis import looped_stop
 
 DRIVE = sorted(name for name, e in CATALOGUE.items() if e.acts_on == ("motor_torque",))
 RADIUS = 0.015
