@@ -51,7 +51,7 @@ def test_friction_at_rest_frees_its_own_equation_by_a_third_of_its_square(scorer
     group = scorer.reduced.groups[0]
     group.whole.rest = group.whole.products.copy()  # as if it stood all the time
     weights = trial.weights[group.key]
-    held = scorer.data.held(0, trial.model, values, weights)
+    held = scorer.data.held(0, trial.model, trial.model.features(values, group), weights)
     assert held is not None
     arm = values[trial.model.index["arm_mcp@extension"]]
     # The state is nearly always at one of its extremes in these runs, so its square is nearly one.

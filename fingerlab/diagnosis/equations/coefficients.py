@@ -56,6 +56,7 @@ class Coefficients:
     index: Mapping[str, int]
     delayed: bool
     _tables: dict[tuple[int, ...], _Table] = field(default_factory=dict, repr=False)
+    _routed: dict[int, _Routed] = field(default_factory=dict, repr=False)
     _scalings: dict[int, tuple[Array, Array, Array]] = field(default_factory=dict, repr=False)
 
     def of(self, values: Array, cable_signs: tuple[int, ...]) -> Array:
@@ -67,9 +68,7 @@ class Coefficients:
         """The same with their derivatives, (groups, k) and (groups, k, p)."""
         table = self._table(cable_signs)
         amount, scale, weight, slopes = self._parts(table, values)
-        turned = np.where(
-            table.inverse, -(scale**2) / np.where(table.sign == 0.0, 1.0, table.sign), table.sign
-        )
+        turned = np.where(table.inverse, -(scale**2) / table.divisor, table.sign)
         jacobian = np.zeros((*amount.shape, len(values) + 2))
         flat = jacobian.reshape(-1, len(values) + 2)
         flat[table.lines, table.parameter.reshape(-1)] = (-scale * weight).reshape(-1)
@@ -112,21 +111,29 @@ class Coefficients:
         return self._tables[cable_signs]
 
     def _made(self, cable_signs: tuple[int, ...]) -> _Table:
-        none = max(self.index.values(), default=-1) + 1  # the values' length
-        scales = [[self._scaling(f, sign) for f in self.features] for sign in cable_signs]
-        places = [
-            [self.index.get(key_of(f, CABLE_NAMES[sign]), none) for f in self.features]
-            for sign in cable_signs
-        ]
+        lines = [self._of_cable(sign) for sign in cable_signs]
         return _Table(
             constant=np.array([[f.constant for f in self.features]] * len(cable_signs)),
-            parameter=np.array(places),
-            scale_by=np.array([[none + 1 if s[0] < 0 else s[0] for s in line] for line in scales]),
-            inverse=np.array([[s[1] for s in line] for line in scales]),
-            sign=np.array([[s[2] for s in line] for line in scales]),
+            parameter=np.array([line.parameter for line in lines]),
+            scale_by=np.array([line.scale_by for line in lines]),
+            inverse=np.array([line.inverse for line in lines]),
+            sign=np.array([line.sign for line in lines]),
             shift=np.array([-1 if f.shift is None else f.shift for f in self.features]),
             delay=self.index.get(DELAY, -1),
         )
+
+    def _of_cable(self, cable_sign: int) -> _Routed:
+        """What a table says of one group; groups on the same cable have it in common."""
+        if cable_sign not in self._routed:
+            none, cable = max(self.index.values(), default=-1) + 1, CABLE_NAMES[cable_sign]
+            scales = [self._scaling(f, cable_sign) for f in self.features]
+            self._routed[cable_sign] = _Routed(
+                np.array([self.index.get(key_of(f, cable), none) for f in self.features]),
+                np.array([none + 1 if place < 0 else place for place, _, _ in scales]),
+                np.array([inverse for _, inverse, _ in scales]),
+                np.array([sign for _, _, sign in scales]),
+            )
+        return self._routed[cable_sign]
 
     def _scaling(self, feature: Feature, cable_sign: int) -> tuple[int, bool, float]:
         """Index of the unknown that scales a feature (-1: none), whether it divides, and sign and factor."""
@@ -144,6 +151,16 @@ def delay_weights(delay: float, delayed: bool) -> tuple[Array, Array]:
     ``delayed``: it may be late by more than a millisecond.
     """
     return shift_weights(delay) if delayed else slope_weights(delay)
+
+
+@dataclass(frozen=True)
+class _Routed:
+    """A line of a :class:`_Table`, (k,) each."""
+
+    parameter: IntArray
+    scale_by: IntArray
+    inverse: Array
+    sign: Array
 
 
 @dataclass(frozen=True)
@@ -165,6 +182,11 @@ class _Table:
     @cached_property
     def lines(self) -> IntArray:
         return np.arange(self.constant.size)
+
+    @cached_property
+    def divisor(self) -> Array:
+        """The sign where there is one."""
+        return np.where(self.sign == 0.0, 1.0, self.sign)
 
     @cached_property
     def divides(self) -> IntArray:

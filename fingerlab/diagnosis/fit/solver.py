@@ -211,8 +211,10 @@ class Fitter:
         """Weigh the moments at rest as the friction of ``values`` allows."""
         if not self.sticks:
             return
+        told = self.model.features_of(values, self._cables)
         found = [
-            self.data.held(i, self.model, values, self.weights[g.key]) for i, g in enumerate(self.data.groups)
+            self.data.held(i, self.model, told[i], self.weights[g.key])
+            for i, g in enumerate(self.data.groups)
         ]
         self._held = [None if one is None else one[0] for one in found]
         self.widening = sum(one[1] for one in found if one is not None)

@@ -159,21 +159,22 @@ class Data:
             self._at_rest[i] = known
         return known[1:]
 
-    def held(self, i: int, model: Model, values: Array, weights: Array) -> tuple[Array, float] | None:
+    def held(self, i: int, model: Model, told: Array, weights: Array) -> tuple[Array, float] | None:
         """What friction that sticks does to group ``i`` where the motor stands; None: nothing.
 
         The change of the weights, (5, 5), beside the encoder's, and by how much the logarithm of the density
-        falls at all those moments together because the residual may lie further out.
+        falls at all those moments together because the residual may lie further out. ``told`` are the
+        features' coefficients, (k,).
         """
         group = self.groups[i]
         if group.whole.rest is None or not model.sticking:
             return None
         products = self.gathered(i, None, model).raw
         spread = encoder_spread(group.encoder_variance)
-        h, own = model.features(values, group), np.zeros((5, 5))
+        own = np.zeros((5, 5))
         for mine in map(np.flatnonzero, model.sticking):
             share = np.zeros((len(mine), 5))
-            share[np.arange(len(mine)), model.rows[mine]] = h[mine]
+            share[np.arange(len(mine)), model.rows[mine]] = told[mine]
             own += share.T @ products[mine[:, None], mine] @ share
         own *= HELD_SHARE / max(group.samples, 1.0)
         usual, wide = self._standing(i, weights)

@@ -22,7 +22,7 @@ from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of, of
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.gram.decimation import Decimated
 from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, run_sums
-from fingerlab.diagnosis.gram.sums import Group, Reduced, RunSums, empty
+from fingerlab.diagnosis.gram.sums import Group, Reduced, RunSums, add_among, empty
 from fingerlab.diagnosis.settings import MOST_CLOSER, TASKS_AHEAD
 from fingerlab.diagnosis.signals.conditions import Fold, GroupKey, deal_runs, group_key, runs_to_analyse
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
@@ -203,7 +203,7 @@ def _add(group: Group, k: int, found: RunSums) -> None:
     for part in found.parts:
         fold.add(part.sums, part.live)
         if part.noise is not None:
-            group.noise[np.ix_(part.live, part.live)] += part.noise
+            add_among(group.noise, part.noise, part.live)
             group.noise_samples += part.noise_samples
     for number, (live, trend) in enumerate(found.trends):
         whole = np.zeros((len(group.noise), trend.shape[1]))

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -43,16 +42,15 @@ class Sums:
 
     def add(self, other: Sums, live: IntArray | None = None) -> None:
         """Count the samples of ``other`` too; it may hold the products of the signals ``live`` alone."""
-        among: Any = slice(None) if live is None else np.ix_(live, live)
-        self.products[among] += other.products
+        add_among(self.products, other.products, live)
         if other.loose is not None:
             if self.loose is None:
                 self.loose = np.zeros_like(self.products)
-            self.loose[among] += other.loose
+            add_among(self.loose, other.loose, live)
         if other.rest is not None:
             if self.rest is None:
                 self.rest = np.zeros_like(self.products)
-            self.rest[among] += other.rest
+            add_among(self.rest, other.rest, live)
         self.rest_samples += other.rest_samples
         self.taut_samples += other.taut_samples
         self.slack_samples += other.slack_samples
@@ -117,6 +115,19 @@ class Sums:
                 found += (left * at_rest[pick.rows, row]) @ self.rest[pick.signals]
             result[:, here] = found[:, other.signals[here]]
         return result
+
+
+def add_among(whole: Array, part: Array, live: IntArray | None) -> None:
+    """Add products of the signals ``live`` alone, or of all, to those of all, (signals, signals), in place.
+
+    By whole rows, of which most are zero then: numpy adds to scattered columns five times as slowly.
+    """
+    if live is None:
+        whole += part
+        return
+    rows = np.zeros((len(live), len(whole)))
+    rows[:, live] = part
+    whole[live] += rows
 
 
 def total(parts: Sequence[Sums]) -> Sums:

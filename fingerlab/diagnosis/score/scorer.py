@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -45,9 +46,10 @@ class Scorer:
 
     def __init__(self, reduced: Reduced) -> None:
         self.reduced = reduced
-        self._arms = starting_arms(reduced.layout, reduced.groups)
-        fill_missing_noise(reduced)
         with ThreadPoolExecutor() as threads:  # large matrices, for once: a core each
+            list(threads.map(attrgetter("whole"), reduced.groups))
+            self._arms = starting_arms(reduced.layout, reduced.groups)
+            fill_missing_noise(reduced)
             list(threads.map(limit_noise, reduced.groups))
         self.data = Data(reduced.groups)
         self._models: dict[tuple[object, ...], Model] = {}
