@@ -1,4 +1,4 @@
-"""Shapes around one that was found on a coarse grid: where a second look at the recordings tries."""
+"""Shapes around one that was found on a coarse grid: what grid refinement tries."""
 
 from __future__ import annotations
 

@@ -44,8 +44,6 @@ FRESH_TASK_REACHES_THE_OUTPUT = Assumption(
     "tasks were left.",
     "Do not drive the motor from this card; the stop would not stop it.",
 )
-ASSUMPTIONS = (PACED_BY_THE_CARD, LATE_WRITE_IS_LOST, FRESH_TASK_REACHES_THE_OUTPUT)
-
 
 PACE_SECONDS = 2.0
 PACE_TOLERANCE = 0.01

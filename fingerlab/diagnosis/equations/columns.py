@@ -69,7 +69,7 @@ def _feature(term: Term, owner: str, shape: int) -> Feature:
 
 
 def of_the_user(effect: Effect) -> bool:
-    """Whether it is none of the built-in effects; those may come with shapes for a second look."""
+    """Whether it is none of the built-in effects; those may come with refined shapes."""
     known = CATALOGUE.get(effect.id)
     return known is None or known.columns is not effect.columns
 
