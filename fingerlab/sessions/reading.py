@@ -25,8 +25,18 @@ from fingerlab.sessions.format import (
     REQUIRED_ROOT_ATTRIBUTES,
     REQUIRED_RUN_ATTRIBUTES,
 )
-from fingerlab.sessions.hdf5 import DatasetFacts, FileReader, attributes_of, datasets_of, open_hdf5
+from fingerlab.sessions.hdf5 import (
+    MOST_RUNS,
+    DatasetFacts,
+    FileReader,
+    attributes_of,
+    datasets_of,
+    open_hdf5,
+)
 from fingerlab.sessions.model import Run, Session
+
+MOST_SAMPLES_A_BYTE, FREE_SAMPLES = 8, 1 << 24
+"""Real recordings, packed as tightly as HDF5 can, have up to one; small sessions are not asked."""
 
 
 def open_session(path: str | Path) -> Session:
@@ -44,7 +54,10 @@ def open_session(path: str | Path) -> Session:
         root = attributes_of(file)
         _check_root(root, file, path)
         rig = read_rig(root["rig"], f"{path}, attribute 'rig'")
-        runs = tuple(_read_run(file["runs"][name], name, path) for name in sorted(file["runs"], key=_order))
+        names = sorted(file["runs"], key=_order)
+        if len(names) > MOST_RUNS:
+            raise UserError(f"{path} holds {len(names)} runs; a session has at most {MOST_RUNS}.")
+        runs = tuple(_read_run(file["runs"][name], name, path) for name in names)
     if not runs:
         raise UserError(f"{path} holds no runs; a session has at least one group such as /runs/001.")
     for run in runs:
@@ -53,6 +66,9 @@ def open_session(path: str | Path) -> Session:
                 f"{path}: run {run.name} is '{run.phase}' but the rig text has no 'finger'; "
                 "it should hold the finger's masses, lengths, inertias and stiffnesses."
             )
+    samples = sum(run.length * len(run.units) for run in runs)
+    if samples > max(FREE_SAMPLES, MOST_SAMPLES_A_BYTE * path.stat().st_size):
+        raise UserError(f"{path} is too small for the {samples} samples that it says it holds; record again.")
     title, created = str(root.pop("title")), str(root.pop("created"))
     return Session(path, title, created, rig, runs, root)
 

@@ -1,0 +1,2 @@
+def crafted_texts():
+    return {}
