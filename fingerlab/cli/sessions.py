@@ -25,6 +25,7 @@ from fingerlab.cli.common import (
 )
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
+from fingerlab.core.plain_data import read_object
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.rig.file import CONSTANT_UNITS, default_rig, load_rig, sources_of
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
@@ -228,13 +229,7 @@ def _each(given: tuple[str, ...], default: str, files: tuple[Path, ...], name: s
 def _trajectory(text: str | None) -> dict[str, Any] | None:
     if text is None:
         return None
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise UserError(f'--trajectory is not JSON ({error}); write it like {{"kind": "sine"}}.') from None
-    if not isinstance(data, dict):
-        raise UserError('--trajectory is not a JSON object; write it like {"kind": "sine"}.')
-    return data
+    return read_object(text, "--trajectory", 'write it like {"kind": "sine"}')
 
 
 def _tell_assumptions(rig_file: Path | None, phases: tuple[str, ...], cables: tuple[str, ...]) -> None:

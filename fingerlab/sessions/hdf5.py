@@ -25,7 +25,6 @@ from fingerlab.core.text import shown
 from fingerlab.sessions.format import CHANNEL_UNITS, MAY_BE_NAN, plain
 from fingerlab.sessions.model import Array
 
-
 MOST_LINKS = 100_000
 """Of a file: a session of a thousand runs has some ten thousand."""
 MOST_LEVELS = 32

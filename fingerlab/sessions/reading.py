@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import h5py
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.plain_data import read_object
 from fingerlab.core.units import same_unit
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.format import (
@@ -53,7 +53,7 @@ def open_session(path: str | Path) -> Session:
     with open_hdf5(path) as file:
         root = attributes_of(file)
         _check_root(root, file, path)
-        rig = read_rig(root["rig"], f"{path}, attribute 'rig'")
+        rig = Rig.from_json(root["rig"], f"{path}, attribute 'rig'")
         names = sorted(file["runs"], key=_order)
         if len(names) > MOST_RUNS:
             raise UserError(f"{path} holds {len(names)} runs; a session has at most {MOST_RUNS}.")
@@ -77,18 +77,6 @@ def _whole(path: Path) -> Path:
     from fingerlab.sessions.repair import repaired  # it writes sessions, which needs what is above
 
     return repaired(path)
-
-
-def read_rig(text: Any, where: str) -> Rig:
-    """The rig from its JSON text; ``where`` opens the sentence of an error.
-
-    Raises:
-        UserError: the text is not JSON or holds something else than finite numbers.
-    """
-    try:
-        return Rig.from_json(text, where)
-    except (TypeError, ValueError) as error:
-        raise UserError(f"{where} holds something else than a number ({error}); use numbers in SI.") from None
 
 
 def content_hash(session: Session) -> str:
@@ -175,18 +163,8 @@ def _rate(value: Any, where: str) -> float:
 
 
 def _trajectory(text: Any, where: str) -> dict[str, Any]:
-    try:
-        trajectory = json.loads(text)
-    except (TypeError, ValueError) as error:
-        raise UserError(
-            f"{where} has a trajectory that is not JSON ({error}); it should read like "
-            '{"kind": "sine", "amplitude_deg": 15, "frequency_hz": 1}.'
-        ) from None
-    if not isinstance(trajectory, dict):
-        raise UserError(
-            f"{where} has a trajectory that is not a JSON object; it should hold at least 'kind'."
-        )
-    return trajectory
+    advice = 'it should read like {"kind": "sine", "amplitude_deg": 15, "frequency_hz": 1}'
+    return read_object(text, f"{where} has a trajectory that", advice)
 
 
 def _channels(group: h5py.Group, phase: str, where: str) -> tuple[dict[str, str], int]:

@@ -26,7 +26,7 @@ _SAMPLE_LINES = 200
 _CANDIDATES = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (None, "."), (None, ","))
 """Separators (None is any white space) and decimal signs, in the order in which they are preferred."""
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*([eE][+-]?\d+)?|\.\d+([eE][+-]?\d+)?|nan|inf)", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf)", re.IGNORECASE | re.ASCII)
 SEPARATOR_WORDS = {"\t": "tab", ";": "semicolon", ",": "comma", None: "space"}
 
 

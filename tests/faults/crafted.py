@@ -57,11 +57,13 @@ class Outcome:
     faults: tuple[str, ...]
 
 
-def judged(
-    kind: str, command: Sequence[str], folder: Path, path: Path, name: str
-) -> Outcome:
+def judged(kind: str, command: Sequence[str], folder: Path, path: Path, name: str) -> Outcome:
     """Give a file to a command in a process of its own, and say what is wrong with what it did."""
-    wanted = {"{F}": str(path), "{D}": str(folder), "{W}": '{"kind": "sine", "mean_n": 1, "amplitude_n": 0.5}'}
+    wanted = {
+        "{F}": str(path),
+        "{D}": str(folder),
+        "{W}": '{"kind": "sine", "mean_n": 1, "amplitude_n": 0.5}',
+    }
     arguments = [wanted.get(word, word) for word in command]
     with tempfile.TemporaryDirectory() as place:
         before = _snapshot(folder)
@@ -89,7 +91,9 @@ def judged(
 
 def _faults(code: int, out: str, err: str) -> Iterator[str]:
     if code not in (0, 2):
-        yield {-11: "SIGSEGV", -9: "hangs", -6: "SIGABRT", -7: "SIGBUS", -8: "SIGFPE"}.get(code, f"exit {code}")
+        yield {-11: "SIGSEGV", -9: "hangs", -6: "SIGABRT", -7: "SIGBUS", -8: "SIGFPE"}.get(
+            code, f"exit {code}"
+        )
     if "Traceback" in err:
         yield err.strip().splitlines()[-1][:200]
     sentences = [line for line in err.splitlines() if line.startswith("fingerlab: ")]
@@ -238,15 +242,32 @@ def main() -> None:
 
     for module, _ in COMMANDS.values():
         importlib.import_module(module.split(":")[0])
-    for module in ("scipy.io", "fingerlab.diagnosis.diagnose", "fingerlab.report.page", "fingerlab.batch.run", "pandas"):
+    for module in (
+        "scipy.io",
+        "fingerlab.diagnosis.diagnose",
+        "fingerlab.report.page",
+        "fingerlab.batch.run",
+        "pandas",
+    ):
         importlib.import_module(module) if module != "pandas" else None
     count = 0
     for outcome in outcomes(options.only, options.flips, options.command):
         count += 1
         if outcome.faults:
-            print(f"{outcome.kind} | {outcome.command} | {'; '.join(outcome.faults)} | {outcome.said}", flush=True)
+            print(
+                f"{outcome.kind} | {outcome.command} | {'; '.join(outcome.faults)} | {outcome.said}",
+                flush=True,
+            )
         if options.verbose:
-            print("   ", outcome.kind, outcome.command, outcome.code, f"{outcome.megabytes:.0f} MB", f"{outcome.seconds:.1f} s", outcome.said)
+            print(
+                "   ",
+                outcome.kind,
+                outcome.command,
+                outcome.code,
+                f"{outcome.megabytes:.0f} MB",
+                f"{outcome.seconds:.1f} s",
+                outcome.said,
+            )
         if options.keep:
             with options.keep.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(asdict(outcome)) + "\n")

@@ -49,7 +49,17 @@ ODD_VALUES: dict[str, Any] = {
     "LaTeX": "%\n\\input{/etc/passwd}\\end{document}",
     "formula": "=cmd|'/c calc'!A1",
 }
-ROOT_ATTRIBUTES = ("format", "format_version", "created", "title", "rig", "operator", "notes", "tags", "ended")
+ROOT_ATTRIBUTES = (
+    "format",
+    "format_version",
+    "created",
+    "title",
+    "rig",
+    "operator",
+    "notes",
+    "tags",
+    "ended",
+)
 RUN_ATTRIBUTES = (
     "phase",
     "cable",
@@ -425,7 +435,15 @@ def _virtual_growing(path: Path) -> None:
     write_plain_session(path, change, samples=1500)
 
 
-PLACES = ("runs/001", "runs/001/mcp_angle", "runs/001/time", "runs/001/raw", "runs/001/extra", "extra", "runs")
+PLACES = (
+    "runs/001",
+    "runs/001/mcp_angle",
+    "runs/001/time",
+    "runs/001/raw",
+    "runs/001/extra",
+    "extra",
+    "runs",
+)
 CHANNELS = ("runs/001/mcp_angle", "runs/001/time", "runs/001/raw/load_cell", "runs/001/extra", "a/b/c")
 WAYS_OUT: dict[str, Callable[[Path], None]] = {
     **{f"link at {at}": _external(at, at if at in ("runs", "runs/001") else "runs/001/mcp_angle") for at in PLACES},
