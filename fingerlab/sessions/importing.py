@@ -13,7 +13,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.rig.constants import Rig
-from fingerlab.sessions.format import RATE_TOLERANCE, REQUIRED_CHANNELS
+from fingerlab.sessions.format import LEAST_RATE, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS
 from fingerlab.sessions.hdf5 import sample_fault
 from fingerlab.sessions.mapping import Column, map_columns
 from fingerlab.sessions.model import Array
@@ -189,6 +189,8 @@ def _rate(table: TextTable, time: Array, given: float | None) -> float:
     usual = float(np.median(steps))
     regular = steps[np.abs(steps / usual - 1.0) <= RATE_TOLERANCE]
     rate = 1.0 / float(regular.mean())
+    if not LEAST_RATE <= rate <= MOST_RATE:
+        raise UserError(f"{table.path} holds {rate:.4g} samples a second by its time column; is it in s?")
     whole = float(round(rate))
     if whole and math.isclose(rate, whole, rel_tol=WHOLE_RATE):
         rate = whole

@@ -20,6 +20,8 @@ from fingerlab.sessions.format import (
     FINGER_PHASES,
     FORMAT_MAJOR,
     FORMAT_NAME,
+    LEAST_RATE,
+    MOST_RATE,
     PHASES,
     REQUIRED_CHANNELS,
     REQUIRED_ROOT_ATTRIBUTES,
@@ -157,8 +159,9 @@ def _rate(value: Any, where: str) -> float:
         rate = float(value)
     except (TypeError, ValueError):
         rate = math.nan
-    if not (math.isfinite(rate) and rate > 0):
-        raise UserError(f"{where} has sample_rate_hz {value!r}; it should be a positive number.")
+    if not LEAST_RATE <= rate <= MOST_RATE:
+        said = "a positive number" if not rate > 0 else f"{LEAST_RATE:g} to {MOST_RATE:g}"
+        raise UserError(f"{where} has sample_rate_hz {value!r}; it should be {said}.")
     return rate
 
 

@@ -181,6 +181,8 @@ def _open(path: Path, encoding: str) -> TextIO:
 def _encoding(path: Path) -> str:
     """Encoding by the file's first bytes; older programs wrote the degree sign in the Windows code page."""
     try:
+        if not path.is_file():
+            raise OSError(0, "it is no file" if path.exists() else "it does not exist")
         with path.open("rb") as file:
             start = file.read(1 << 16)
     except OSError as error:

@@ -19,7 +19,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from tests.faults.crafted_sessions import SECRET, crafted_sessions, flipped
 from tests.faults.crafted_texts import crafted_texts
@@ -236,9 +235,9 @@ def main() -> None:
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--verbose", action="store_true")
     options = parser.parse_args()
-    from fingerlab.cli.main import COMMANDS
-
     import importlib
+
+    from fingerlab.cli.main import COMMANDS
 
     for module, _ in COMMANDS.values():
         importlib.import_module(module.split(":")[0])
