@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from rich.table import Table
-from rich.text import Text
 
 from fingerlab.cli.common import (
     PATH,
@@ -262,16 +261,16 @@ def _info_json(session: Session, report: CheckReport) -> dict[str, Any]:
 
 def _print_info(session: Session, report: CheckReport) -> None:
     console = table_console(width=110)
-    console.print(f"{session.path}: {session.title}", style="bold", markup=False)
+    console.print(f"{session.path}: {session.title}", style="bold")
     console.print(f"recorded {session.created}")
     for key in ("operator", "notes", "software", "tags"):
         if key in session.attributes:
-            console.print(f"{key}: {session.attributes[key]}", markup=False)
+            console.print(f"{key}: {session.attributes[key]}")
     console.print(_runs_table(session, report))
     console.print(_rig_table(session.rig, str(session.attributes["rig"])))
     for finding in report.findings:
         where = f"run {finding.run}: " if finding.run else ""
-        console.print(f"{finding.level}: {where}{finding.text}", markup=False)
+        console.print(f"{finding.level}: {where}{finding.text}")
     seconds = sum(run.seconds for run in session.runs)
     console.print(f"{len(session.runs)} runs, {seconds:.1f} s; the file keeps the session format.")
 
@@ -293,7 +292,7 @@ def _runs_table(session: Session, report: CheckReport) -> Table:
             run.name,
             run.phase,
             run.cable,
-            Text(words),
+            words,
             f"{run.seconds:.3f}",
             str(run.length),
             f"{run.sample_rate_hz:g}",
@@ -325,6 +324,6 @@ def _rig_table(rig: Rig, stored: str) -> Table:
                 f"{value:.5g}",
                 unit,
                 tolerance,
-                Text(sources.get(spec.name, origin)),
+                sources.get(spec.name, origin),
             )
     return table

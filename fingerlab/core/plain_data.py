@@ -61,7 +61,7 @@ MOST_DIGITS = 300
 
 
 def parsed(text: object, toml: bool = False) -> Any:
-    """JSON (or TOML) text as plain data: text that can be written, bounded in every way.
+    """JSON (or TOML) text as plain data: text that can be shown and written, bounded in every way.
 
     Numbers of JSON are finite; TOML has words for others, and who reads one says where it stands.
 
@@ -101,7 +101,8 @@ def _inside(value: object, toml: bool) -> Iterable[object]:
     if isinstance(value, list):
         return value
     if isinstance(value, str):
-        value.encode("utf-8")
+        if shown(value) != value:
+            raise ValueError("it holds characters that are no text")
     elif isinstance(value, float):
         if not (toml or math.isfinite(value)):
             raise ValueError(f"it holds the number {value}")

@@ -246,7 +246,7 @@ def attributes_of(item: h5py.HLObject) -> dict[str, Any]:
 
 
 def _attribute(item: h5d.DatasetID, name: bytes) -> Any:
-    """One attribute as a plain value; None where there is none, or none of text or numbers."""
+    """One attribute as a plain value that is safe to show; None where there is none of text or numbers."""
     if not h5a.exists(item, name):
         return None
     attribute = h5a.open(item, name)
@@ -259,7 +259,9 @@ def _attribute(item: h5d.DatasetID, name: bytes) -> Any:
     value = np.empty(attribute.shape, dtype=attribute.dtype)
     attribute.read(value)
     value = plain(value)
-    return None if isinstance(value, complex) else value
+    if isinstance(value, list):
+        return [shown(item) if isinstance(item, str) else item for item in value]
+    return shown(value) if isinstance(value, str) else value
 
 
 _PLAIN_KINDS = (h5t.TypeStringID, h5t.TypeIntegerID, h5t.TypeFloatID, h5t.TypeEnumID)
