@@ -90,7 +90,7 @@ def load_preset(source: str | Path = PRACTICE) -> Preset:
         text = (files("fingerlab.resources") / "rigs" / f"{source}.toml").read_text(encoding="utf-8")
     else:
         name = Path(source).stem
-        text = read_text(Path(source), "'practice', 'as-built' or a TOML file")
+        text = read_text(Path(source), "a preset: 'practice', 'as-built' or a TOML file")
     return parse_preset(text, name)
 
 

@@ -1,28 +1,32 @@
 """Files that strangers could make, through every command that reads them: ``docs/faults.md`` has the table.
 
-``python -m tests.faults.crafted [--only TEXT] [--flips N] [--write]`` makes each kind in a folder of its own and
-gives it to each command in a process of its own. Wanted: exit 0 or 2, in the second case one sentence; nothing
-written but what was asked for; nothing of another file told; below 1 GB and 10 s. What falls short is printed.
+``python -m tests.faults.crafted [--only TEXT] [--flips N] [--keep FILE]`` makes each kind in a folder of its
+own and gives it to each command in a process of its own. Wanted: exit 0 or 2, in the second case one sentence;
+nothing written but what was asked for; nothing of another file told; below 1 GB and 10 s. What falls short is
+printed. ``--keep FILE --write`` writes the table of what was kept. Processes are forked: not on Windows.
 """
 
 from __future__ import annotations
 
 import argparse
 import hashlib
-import io
+import importlib
 import json
 import os
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
+from fingerlab.cli.main import COMMANDS
 from tests.faults.crafted_sessions import SECRET, crafted_sessions, flipped
-from tests.faults.crafted_texts import crafted_texts
+from tests.faults.crafted_texts import MODEL, crafted_texts
+from tests.faults.sweep import PAGE, with_part
 
+LATE = ("scipy.io", "fingerlab.diagnosis.diagnose", "fingerlab.report.page", "fingerlab.batch.run")
 MOST_MB, MOST_S = 1000.0, 10.0
 LIMIT_S = 60
 """After which a command is ended: it hangs."""
@@ -37,7 +41,6 @@ SESSION_COMMANDS: dict[str, tuple[str, ...]] = {
     "calibrate": ("calibrate", "{F}", "--sensor", "mcp", "--json", "out.json"),
     "reveal": ("reveal", "{F}", "--json", "out.json"),
     "report": ("report", "{F}", "--out", "out.html"),
-    "batch": ("batch", "{D}", "--out", "out.parquet", "--jobs", "1"),
 }
 """What reads a session; {F} is the file, {D} its folder."""
 ASKED_FOR = ("out.json", "out.html", "out.parquet", "exported", "out.h5")
@@ -56,14 +59,16 @@ class Outcome:
     faults: tuple[str, ...]
 
 
-def judged(kind: str, command: Sequence[str], folder: Path, path: Path, name: str) -> Outcome:
+def judged(kind: str, command: Sequence[str], folder: Path, path: Path) -> Outcome:
     """Give a file to a command in a process of its own, and say what is wrong with what it did."""
     wanted = {
         "{F}": str(path),
         "{D}": str(folder),
         "{W}": '{"kind": "sine", "mean_n": 1, "amplitude_n": 0.5}',
     }
-    arguments = [wanted.get(word, word) for word in command]
+    arguments = list(command)
+    for mark, by in wanted.items():
+        arguments = [word.replace(mark, by) for word in arguments]
     with tempfile.TemporaryDirectory() as place:
         before = _snapshot(folder)
         code, out, err, megabytes, seconds = _alone(arguments, Path(place))
@@ -85,7 +90,7 @@ def judged(kind: str, command: Sequence[str], folder: Path, path: Path, name: st
         if seconds > MOST_S:
             faults.append(f"{seconds:.0f} s")
     last = [line for line in err.splitlines() if line.startswith("fingerlab: ")]
-    return Outcome(kind, name, code, (last or [""])[-1][:300], megabytes, seconds, tuple(faults))
+    return Outcome(kind, command[0], code, (last or [""])[-1][:300], megabytes, seconds, tuple(faults))
 
 
 def _faults(code: int, out: str, err: str) -> Iterator[str]:
@@ -172,104 +177,81 @@ def _texts(place: Path) -> Iterator[str]:
 def outcomes(only: str = "", flips: int = 0, commands: Sequence[str] = ()) -> Iterator[Outcome]:
     """Every kind whose name holds ``only`` through every command that reads it."""
     kinds: dict[str, Callable[[Path], None]] = dict(crafted_sessions())
-    kinds |= {f"bytes turned, seed {seed}": _flipped(seed) for seed in range(flips)}
-    model = _model()
+    kinds |= {f"bytes turned: seed {seed}": partial(flipped, seed=seed) for seed in range(flips)}
     for kind, make in kinds.items():
         if only not in kind:
             continue
-        with tempfile.TemporaryDirectory() as name:
-            folder = Path(name)
+        with tempfile.TemporaryDirectory() as name, tempfile.TemporaryDirectory() as beside:
+            folder, model = Path(name), Path(beside) / "model.json"
+            model.write_text(json.dumps(MODEL), encoding="utf-8")
             make(folder / "session.h5")
-            for command, words in SESSION_COMMANDS.items():
+            for command, line in SESSION_COMMANDS.items():
                 if commands and command not in commands:
                     continue
-                if command == "batch" and not kind.startswith(("attribute /", "good")):
-                    continue
-                words = tuple(str(model) if word == "model.json" else word for word in words)
-                yield judged(kind, words, folder, folder / "session.h5", command)
+                words = tuple(word.replace("model.json", str(model)) for word in line)
+                yield judged(kind, words, folder, folder / "session.h5")
     for kind, (make_text, lines) in crafted_texts().items():
         if only not in kind:
             continue
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             path = make_text(folder)
-            for words in lines:
-                if commands and words[0] not in commands:
-                    continue
-                words = tuple(word.replace("{F}", str(path)).replace("{D}", str(folder)) for word in words)
-                yield judged(kind, words, folder, path, words[0])
+            for line in lines:
+                if not commands or line[0] in commands:
+                    yield judged(kind, line, folder, path)
 
 
-def _flipped(seed: int) -> Callable[[Path], None]:
-    return lambda path: flipped(path, seed)
+def table(found: Sequence[Outcome]) -> list[str]:
+    """Rows of the page: a class of files a row."""
+    rows = []
+    for group in dict.fromkeys(group_of(one) for one in found):
+        mine = [one for one in found if group_of(one) == group]
+        kinds, commands = len({one.kind for one in mine}), len({one.command for one in mine})
+        rows.append(
+            f"| {group} | {kinds} | {commands} | {len(mine)} | {sum(one.code == 2 for one in mine)} | "
+            f"{sum(one.code == 0 for one in mine)} | {sum(bool(one.faults) for one in mine)} | "
+            f"{max(one.megabytes for one in mine):.0f} | {max(one.seconds for one in mine):.1f} |"
+        )
+    return rows
 
 
-def _model() -> Path:
-    """A model of a simulated session, made once."""
-    from fingerlab.cli.main import main
-
-    folder = Path(tempfile.gettempdir()) / f"fingerlab-crafted-{os.getuid()}"
-    session, model = folder / "s.h5", folder / "model.json"
-    if not model.exists():
-        folder.mkdir(exist_ok=True)
-        session.unlink(missing_ok=True)
-        told = '{"kind": "sine", "amplitude_deg": 15, "frequency_hz": 1, "duration_s": 6}'
-        for line in (
-            ["simulate", "--trajectory", told, "--phase", "on_air", "--cable", "extension", "--seed", "1",
-             "--out", str(session)],
-            ["fit", str(session), "--model", str(model)],
-        ):  # fmt: skip
-            try:
-                with redirect_stdout(io.StringIO()), redirect_stderr(sys.stderr):
-                    main(line)
-            except SystemExit as stop:
-                assert stop.code == 0, line
-    return model
+def group_of(outcome: Outcome) -> str:
+    """The class of a kind: what stands before its colon."""
+    return outcome.kind.partition(":")[0].partition(" with ")[0].partition(" /")[0].partition(" runs/")[0]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="")
-    parser.add_argument("--flips", type=int, default=0)
-    parser.add_argument("--command", action="append", default=[])
-    parser.add_argument("--keep", type=Path)
-    parser.add_argument("--verbose", action="store_true")
+    parser.add_argument("--only", default="", help="kinds whose name holds this")
+    parser.add_argument("--flips", type=int, default=0, help="how many sessions with bytes turned")
+    parser.add_argument("--command", action="append", default=[], help="only these; repeatable")
+    parser.add_argument("--keep", type=Path, help="JSON lines of outcomes: added to")
+    parser.add_argument("--write", action="store_true", help="write the page's table from what --keep has")
+    parser.add_argument("--verbose", action="store_true", help="show what does not fall short, too")
     options = parser.parse_args()
-    import importlib
-
-    from fingerlab.cli.main import COMMANDS
-
-    for module, _ in COMMANDS.values():
-        importlib.import_module(module.split(":")[0])
-    for module in (
-        "scipy.io",
-        "fingerlab.diagnosis.diagnose",
-        "fingerlab.report.page",
-        "fingerlab.batch.run",
-        "pandas",
-    ):
-        importlib.import_module(module) if module != "pandas" else None
+    if options.write:
+        lines = options.keep.read_text(encoding="utf-8").splitlines()
+        found = [Outcome(**json.loads(line)) for line in lines]
+        PAGE.write_text(with_part(PAGE.read_text(encoding="utf-8"), "crafted files", table(found)), "utf-8")
+        return
+    for module in (*(place.split(":")[0] for place, _ in COMMANDS.values()), *LATE):
+        importlib.import_module(module)  # once for all commands
     count = 0
-    for outcome in outcomes(options.only, options.flips, options.command):
+    for one in outcomes(options.only, options.flips, options.command):
         count += 1
-        if outcome.faults:
-            print(
-                f"{outcome.kind} | {outcome.command} | {'; '.join(outcome.faults)} | {outcome.said}",
-                flush=True,
+        if one.faults or options.verbose:
+            words = (
+                one.kind,
+                one.command,
+                *one.faults,
+                f"{one.megabytes:.0f} MB",
+                f"{one.seconds:.1f} s",
+                one.said,
             )
-        if options.verbose:
-            print(
-                "   ",
-                outcome.kind,
-                outcome.command,
-                outcome.code,
-                f"{outcome.megabytes:.0f} MB",
-                f"{outcome.seconds:.1f} s",
-                outcome.said,
-            )
+            print(" | ".join(words), flush=True)
         if options.keep:
             with options.keep.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(asdict(outcome)) + "\n")
+                file.write(json.dumps(asdict(one)) + "\n")
     print(count, "outcomes", file=sys.stderr)
 
 

@@ -1,5 +1,7 @@
 """Text files as a stranger could make them: rigs, mappings, tables, models, trajectories. See ``crafted.py``."""
 
+# ruff: noqa: E501
+
 from __future__ import annotations
 
 import json
