@@ -164,6 +164,9 @@ CORRELATED_VALUES = 16.0
 """Independent noise values within one correlation time (about a second) of a systematic misfit; assumed."""
 EARNED_SHARE = 0.001
 """Share of the explained misfit that every further unknown gains by chance and bias."""
+EARNED_MOST = 100.0
+"""... of a fall of the squared score up to this. A machine that rubs sixty times the floor would otherwise have a
+law with one unknown less preferred that leaves four floors more; what chance gains does not grow with that."""
 LEAST_SHARE = 0.2
 """A missing effect must explain this share of the reproducible misfit, or nothing is missing."""
 LEAST_FALL = 0.05
