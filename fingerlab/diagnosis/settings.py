@@ -241,6 +241,18 @@ AS_LIKELY = np.exp(-1.0)
 MOST_UNDETECTED = 0.95
 """Effects that were not seen are together less likely than nothing."""
 
+# ## How odds become probabilities
+
+LEAST_ODDS = -690.0
+"""Log odds are told apart down to here: a probability of 1e-300, the least in double precision."""
+MOST_LEFT = float(np.log(10.0))
+"""What a path leaves counts up to ten floors for how far odds can be trusted: beyond, trials are few."""
+UNUSUAL = 0.05
+"""A session is unlike the trials where a smaller share of them is as far from their middle; assumed."""
+WIDENING = 2.0
+"""So much the log odds of a session are divided by that is unlike all of the trials; assumed: its models are
+further from the bench than any that the map was fitted to."""
+
 # ## How the catalogue is searched
 
 HELD_OUT_TRIALS = 4
