@@ -21,7 +21,10 @@ COMMANDS = {
     "record": ("fingerlab.cli.record:record", "Record a session from a device, without the window."),
     "reveal": ("fingerlab.cli.simulate:reveal", "Tell which effect a simulated session hides."),
     "info": ("fingerlab.cli.sessions:info", "Show and check what is in a session."),
-    "import": ("fingerlab.cli.sessions:import_text", "Turn text files of the bench into a session."),
+    "import": (
+        "fingerlab.cli.sessions:import_text",
+        "Turn text files, or logs of one axis, into a session.",
+    ),
     "export": ("fingerlab.cli.sessions:export", "Give a session to other tools."),
     "calibrate": ("fingerlab.cli.calibrate:calibrate", "Calibrate a sensor from a stepped recording."),
     "fit": ("fingerlab.cli.fit:fit", "Fit moment arms and friction losses."),
