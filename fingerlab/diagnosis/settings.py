@@ -10,6 +10,18 @@ from __future__ import annotations
 
 import numpy as np
 
+# ## The scales of a machine, in which all other numbers here are told
+
+USUAL_PACE = 7.0
+"""Speed over travel of the thesis' motor, rad/s per rad: its protocol has 6.3, the rich one 7.4. Another pace
+is taken for it by octaves; at half an octave from 7 (0.8 and 1.6 Hz) the next one begins."""
+MOVING_SHARE = 0.99
+"""Share of a motion's variance by which its pace is told: the rest is noise and small steps; assumed."""
+PACE_SAMPLES = 65536
+"""So many samples of a run tell its pace at most."""
+LEAST_RATE_HZ = 100.0
+"""Samples in a reduced second at least: the friction of a motion is lost on fewer; assumed."""
+
 # ## Which part of a run is looked at, and how finely
 
 LONGEST_STRETCH_S = 60.0
