@@ -198,8 +198,8 @@ TRUTH = {
     ),
     "coulomb, viscous and load": (*TRUTH["coulomb and load"], frozenset({"motor_viscous_friction"})),
 }
-"""Of each law, the effects that are in it; of those in braces any will do, for they differ in the first degree
-of a stroke alone."""
+"""Of each law, the effects that are in it; of those in braces any will do, for they differ in the first
+degree of a stroke alone."""
 
 
 def drawn(law: str, seed: int) -> Axis:
