@@ -136,6 +136,19 @@ deviation; assumed: a tenth of what friction of 0.2 holds at 1 N."""
 LEAST_REPEATS = 3
 """Runs of one condition from which on their differences are known to be the runs', not the condition's."""
 
+# ## How well any law of a motor's state could tell its torque, where no motion comes again
+
+STATE_SPEEDS = tuple(0.01 * 4.0**k for k in range(7))
+"""Speeds about which friction may change, rad/s: any function of speed is made of them; assumed."""
+STATE_TRAVELS_DEG = (0.1, 0.4, 1.6, 6.4)
+"""Travels over which friction may build up after a reversal, degrees; assumed."""
+STATE_RIDGE = 1e-6
+"""Ridge as a share of a function's own size: functions are much alike, and numbers have sixteen digits."""
+STATE_LEAST_GAIN = 0.02
+"""Share of the squared error on what was left out by which a further function must lower it; assumed."""
+STATE_BLOCK = 50
+"""Decimated samples of a block, about 2 s: a single run is left out by such blocks."""
+
 # ## How much is kept and done at once
 
 AT_ONCE = 64
