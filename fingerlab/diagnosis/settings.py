@@ -176,6 +176,9 @@ CORRELATED_VALUES = 16.0
 """Independent noise values within one correlation time (about a second) of a systematic misfit; assumed."""
 EARNED_SHARE = 0.001
 """Share of the explained misfit that every further unknown gains by chance and bias."""
+EARNED_MOST = 100.0
+"""... of a fall of the squared score up to this: what chance gains does not grow with friction of sixty times
+the floor, where a law with one unknown less would be preferred although it leaves four floors more."""
 LEAST_SHARE = 0.2
 """A missing effect must explain this share of the reproducible misfit, or nothing is missing."""
 LEAST_FALL = 0.05
@@ -252,6 +255,18 @@ AS_LIKELY = np.exp(-1.0)
 """An effect that the data make less likely by more than this factor has not stayed undetected."""
 MOST_UNDETECTED = 0.95
 """Effects that were not seen are together less likely than nothing."""
+
+# ## How odds become probabilities
+
+LEAST_ODDS = -690.0
+"""Log odds are told apart down to here: a probability of 1e-300, the least in double precision."""
+MOST_LEFT = float(np.log(10.0))
+"""What a path leaves counts up to ten floors for how far odds can be trusted: beyond, trials are few."""
+UNUSUAL = 0.05
+"""A session is unlike the trials where a smaller share of them is as far from their middle; assumed."""
+WIDENING = 2.0
+"""So much the log odds of a session are divided by that is unlike all of the trials; assumed: its models are
+further from the bench than any that the map was fitted to."""
 
 # ## How the catalogue is searched
 
