@@ -176,6 +176,9 @@ CORRELATED_VALUES = 16.0
 """Independent noise values within one correlation time (about a second) of a systematic misfit; assumed."""
 EARNED_SHARE = 0.001
 """Share of the explained misfit that every further unknown gains by chance and bias."""
+EARNED_MOST = 100.0
+"""... of a fall of the squared score up to this: what chance gains does not grow with friction of sixty times
+the floor, where a law with one unknown less would be preferred although it leaves four floors more."""
 LEAST_SHARE = 0.2
 """A missing effect must explain this share of the reproducible misfit, or nothing is missing."""
 LEAST_FALL = 0.05
