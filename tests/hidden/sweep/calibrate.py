@@ -104,12 +104,12 @@ FREE: dict[str, tuple[Callable[[float], float], float, float]] = {
     "verdict": (math.exp, math.log(0.5), 1.0),
     "quiet": (float, 0.0, 1.5),
     "strange": (float, 0.0, 1.5),
-    "verdict_lapse": (float, -4.0, 1.0),
-    "verdict_lapse_left": (float, 1.0, 1.0),
+    "verdict_lapse": (float, -4.5, 1.0),
+    "verdict_lapse_left": (float, 1.5, 1.0),
     "effect": (math.exp, math.log(0.7), 0.7),
     "blunt": (lambda x: 0.3 / (1.0 + math.exp(-x)), 0.0, 1.0),
-    "lapse": (float, -3.0, 1.0),
-    "lapse_left": (float, 1.0, 1.0),
+    "lapse": (float, -4.0, 1.0),
+    "lapse_left": (float, 1.5, 1.0),
     "hidden": (float, 0.0, 1.5),
 }
 """Values of the map that are fitted: from the whole line to each; there the prior's middle and spread."""
