@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from fingerlab.core.text import ScreenUnit, decimals_for, fixed, largest_of, percent, score_text, screen_unit
+from fingerlab.core.text import in_sentence as in_sentence
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure
 from fingerlab.diagnosis.answer.where import JOINTS, Profile
 from fingerlab.effects import find_effect
@@ -31,7 +32,6 @@ NOTHING_WORDS, UNKNOWN_WORDS = "Nothing missing", "Not in the catalogue"
 UNEXPLAINED = 1.25
 """From this multiple of the floor on, the page says that something is left; below it is scatter, assumed."""
 
-_NAMES = ("Coulomb", "Stribeck", "Dahl")
 _JOINT_ENDINGS = {"mcp": "MCP", "pip": "PIP"}
 
 
@@ -39,13 +39,6 @@ def effect_title(effect: str) -> str:
     """An effect's title by its id."""
     one = find_effect(effect)
     return effect.replace("_", " ").capitalize() if one is None else one.title
-
-
-def in_sentence(title: str) -> str:
-    """A title inside a sentence; one that starts with a name or an abbreviation keeps its capitals."""
-    if title[:2].isupper() or title.startswith(_NAMES):
-        return title
-    return title[:1].lower() + title[1:]
 
 
 def listed(words: Sequence[str]) -> str:
