@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import QObject, Signal
 
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.report.diagnosis_words import effect_title, in_sentence
+from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 from fingerlab.sessions.model import Session
 
 from ..app.worker import IsCancelled, Progress, Worker
@@ -20,14 +20,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ModelStep:
-    """A model that was fitted: the effects added to the nominal equations, and what came out."""
+    """A model that was fitted: the effects added to the nominal equations, and what came out.
+
+    ``exchanged``: the effects that came in with the step, and those that went out, if any did.
+    """
 
     added: tuple[str, ...]
     diagnosis: Diagnosis
+    exchanged: tuple[tuple[str, ...], tuple[str, ...]] | None = None
 
     @property
     def last_added(self) -> str | None:
         return self.added[-1] if self.added else None
+
+    @property
+    def title(self) -> str:
+        """What the step did, as it stands under its bar."""
+        if self.exchanged is not None:
+            came, gone = (" + ".join(map(effect_title, names)) for names in self.exchanged)
+            return f"{came} for {in_sentence(gone)}"
+        return f"+ {effect_title(self.last_added)}" if self.last_added else "Nominal"
 
 
 class ModelHistory:
@@ -68,9 +80,9 @@ class ModelHistory:
     def redo(self) -> None:
         self._index = min(self._index + 1, len(self._steps) - 1)
 
-    def undone(self) -> str | None:
-        """The effect that redo would put back."""
-        return self._steps[self._index + 1].last_added if self.can_redo else None
+    def undone(self) -> ModelStep | None:
+        """The step that redo would take again."""
+        return self._steps[self._index + 1] if self.can_redo else None
 
 
 DiagnoseCall = Callable[[Sequence[Session], tuple[str, ...], Progress, IsCancelled], Diagnosis]
@@ -144,17 +156,44 @@ class LabController(QObject):
         self._run((), "Comparing model and measurement", done)
 
     def add(self, effect: str) -> None:
-        """Refit with one more effect; the history moves on when the new diagnosis is there."""
+        """Refit with one more effect, or with it in place of those that it is judged to replace.
+
+        The history moves on when the new diagnosis is there.
+        """
         history = self.history
         if history is None or effect in history.now.added:
             return
-        added = (*history.now.added, effect)
+        judged = {c.effect: c for c in history.now.diagnosis.candidates}
+        gone = judged[effect].replaces if effect in judged else ()
+        if gone:
+            first, *others = gone
+            kept = [effect if name == first else name for name in history.now.added if name not in others]
+            self._exchange((effect,), gone, tuple(kept))
+            return
+        self._refit((*history.now.added, effect), in_sentence(effect_title(effect)), None)
+
+    def exchange(self) -> None:
+        """Refit with the better model of the same recordings, where the diagnosis knows one."""
+        better = self.diagnosis.better if self.diagnosis is not None else None
+        if better is not None:
+            self._exchange(better.added, better.removed, better.effects)
+
+    def _exchange(self, came: tuple[str, ...], gone: tuple[str, ...], added: tuple[str, ...]) -> None:
+        new, old = (listed([in_sentence(effect_title(one)) for one in names]) for names in (came, gone))
+        self._refit(added, f"{new} in place of {old}", (came, gone))
+
+    def _refit(
+        self, added: tuple[str, ...], words: str, exchanged: tuple[tuple[str, ...], tuple[str, ...]] | None
+    ) -> None:
+        history = self.history
+        if history is None:
+            return
 
         def done(diagnosis: Diagnosis) -> None:
-            history.push(ModelStep(added, diagnosis))
+            history.push(ModelStep(added, diagnosis, exchanged))
             self.result_changed.emit()
 
-        self._run(added, f"Refitting with {in_sentence(effect_title(effect))}", done)
+        self._run(added, f"Refitting with {words}", done)
 
     def undo(self) -> None:
         """Back to the model before; nothing is computed again."""

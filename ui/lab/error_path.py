@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,13 +12,13 @@ from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter, QPaintEve
 from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QSizePolicy, QToolTip, QWidget
 
 from fingerlab.core.text import r2_text, score_text
-from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, listed
 
 from ..widgets.fields import set_usable
 from ..widgets.layout import FLUSH, Spacer, hbox, vbox
 from ..widgets.series import Series
 from ..widgets.theme import Colours, colours_of, small_font, tint
-from .controller import ModelHistory
+from .controller import ModelHistory, ModelStep
 from .result_words import FLOOR_HELP, SCORE_HELP, error_texts
 
 BAR_WIDTH = 40.0
@@ -37,14 +38,13 @@ class ErrorBar:
 def bars_of(history: ModelHistory) -> list[ErrorBar]:
     """What was done, then what the present diagnosis would add."""
     done = history.done
-    bars = [
-        ErrorBar(
-            f"+ {effect_title(step.last_added)}" if step.last_added else "Nominal", step.diagnosis.score, True
-        )
-        for step in done
-    ]
-    suggested = [step for step in history.now.diagnosis.path if step.added is not None]
-    bars += [ErrorBar(f"+ {effect_title(str(step.added))}", step.score, False) for step in suggested]
+    bars = [ErrorBar(step.title, step.diagnosis.score, True) for step in done]
+    for step in history.now.diagnosis.path:
+        if step.added is not None:
+            gone = f" for {in_sentence(effect_title(step.removed))}" if step.removed else ""
+            bars.append(
+                ErrorBar(f"{'' if gone else '+ '}{effect_title(step.added)}{gone}", step.score, False)
+            )
     return bars
 
 
@@ -249,15 +249,30 @@ class PathPanel(QWidget):
         can_redo = history is not None and history.can_redo
         set_usable(self.undo, can_undo)
         set_usable(self.redo, can_redo)
-        added = history.now.last_added if history is not None else None
         undone = history.undone() if history is not None else None
         self.undo.setToolTip(
-            f"Take {_named(added)} out again (Ctrl+Z)." if added else "Nothing was added yet."
+            f"{_taken_back(history.now)} (Ctrl+Z)."
+            if history is not None and can_undo
+            else "Nothing was added yet."
         )
         self.redo.setToolTip(
-            f"Add {_named(undone)} again (Ctrl+Shift+Z)." if undone else "Nothing was undone."
+            f"{_taken_again(undone)} (Ctrl+Shift+Z)." if undone is not None else "Nothing was undone."
         )
 
 
-def _named(effect: str) -> str:
-    return in_sentence(effect_title(effect))
+def _taken_back(step: ModelStep) -> str:
+    """What undoing a step does."""
+    if step.exchanged is not None:
+        return f"Exchange {_named(step.exchanged[0])} for {_named(step.exchanged[1])} again"
+    return f"Take {_named(step.added[-1:])} out again"
+
+
+def _taken_again(step: ModelStep) -> str:
+    """What taking a step again does."""
+    if step.exchanged is not None:
+        return f"Put {_named(step.exchanged[0])} in place of {_named(step.exchanged[1])} again"
+    return f"Add {_named(step.added[-1:])} again"
+
+
+def _named(effects: Sequence[str]) -> str:
+    return listed([in_sentence(effect_title(effect)) for effect in effects])

@@ -204,7 +204,7 @@ def shares_of_rivals(log_odds: Mapping[str, float]) -> dict[str, float]:
 
 
 def doubted(evidence: Evidence) -> Evidence:
-    """The evidence where the model as given leaves so much that something is missing: unknown, if no effect."""
+    """The evidence where the model as given leaves so much that something is missing: known or not."""
     if evidence.verdict != "nothing_missing" or not much_left(evidence.base):
         return evidence
     nothing = DOUBTED * evidence.nothing
