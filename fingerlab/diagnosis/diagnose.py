@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
@@ -15,6 +16,13 @@ from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, OtherModel, PathStep
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
 from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.score.calibration import (
+    NOTHING,
+    UNKNOWN,
+    CalibratedAnswer,
+    calibrated,
+    session_features,
+)
 from fingerlab.diagnosis.score.evidence import (
     Evidence,
     alike,
@@ -89,9 +97,12 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     """The answer, as it is given to others."""
     scorer, evidence, path = found.scorer, found.evidence, found.path
     verdict = evidence.verdict
-    chosen = alike(evidence) if verdict == "missing_effect" else []
-    if verdict == "nothing_missing":
-        chosen = undetectable(evidence)
+    sessions, errors = question.reduction.sessions, equation_errors(scorer.reduced, evidence.base)
+    runs = [run for session in sessions for run in session.runs]
+    usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
+    probabilities, calibration = calibrated(evidence.odds, *usual)
+    told = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
+    chosen = _cannot_be_ruled_out(evidence, calibration)
     curves = display.curves(scorer.reduced, evidence) if display is not None else None
     replacing = _replacing(evidence, found.rivals)
     closer = {name: one.scorer.with_sensitivity(one.steps[0]) for name, one in replacing.items()}
@@ -100,30 +111,45 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     loose = sum(f.slack_samples for g in scorer.reduced.groups for f in g.folds)
     replaced = {name: (one.removed,) for name, one in replacing.items()}
     prints = curves.fingerprints if curves else {}
-    candidates = _candidates(evidence, chosen, loose, prints, closer, replaced)
+    candidates = _candidates(evidence, told, chosen, loose, prints, closer, replaced)
     return Diagnosis(
-        sessions=tuple(str(s.path) for s in question.reduction.sessions),
+        sessions=tuple(str(s.path) for s in sessions),
         model=tuple(e.id for e in question.given),
-        errors=equation_errors(scorer.reduced, evidence.base),
+        errors=errors,
         score=evidence.base.score,
         verdict=verdict,
         candidates=candidates,
         set=tuple(evidence.candidates[i].last_effect.id for i in chosen),
         path=_path_steps(path, found.better),
         final_model=tuple(path[-1].effect_ids),
-        next_experiment=_next_experiment(question.reduction.sessions, scorer, evidence, chosen),
+        next_experiment=_next_experiment(sessions, scorer, evidence, chosen),
         seconds=time.perf_counter() - started,
-        probability_nothing=evidence.nothing,
-        probability_unknown=evidence.unknown,
+        probability_nothing=told[NOTHING],
+        probability_unknown=told[UNKNOWN],
         parameters=every_parameter(evidence.base, evidence.temperature),
         final_parameters=every_parameter(path[-1], evidence.temperature),
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
-        held_out=held_out_runs(question.reduction.sessions, scorer.reduced, evidence.base),
+        held_out=held_out_runs(sessions, scorer.reduced, evidence.base),
         repeats=all(group.repeats for group in scorer.reduced.groups),
+        calibration=calibration,
+        odds=evidence.odds,
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
     )
+
+
+def _cannot_be_ruled_out(evidence: Evidence, said: CalibratedAnswer) -> list[int]:
+    """Indices of the effects that are left open, likeliest first; the verdict's own is among them."""
+    if evidence.verdict == "not_in_catalogue":
+        return []
+    if not said.fitted:
+        return alike(evidence) if evidence.verdict == "missing_effect" else undetectable(evidence)
+    index = {c.last_effect.id: i for i, c in enumerate(evidence.candidates)}
+    chosen = [index[name] for name in said.cannot_be_ruled_out if name in index]
+    if evidence.verdict == "missing_effect" and not chosen:
+        chosen = [int(np.argmax(evidence.probabilities))]
+    return chosen
 
 
 def _path_steps(path: Sequence[FittedModel], better: Rival | None) -> tuple[PathStep, ...]:
@@ -181,6 +207,7 @@ def _last(fitted: FittedModel) -> str | None:
 
 def _candidates(
     evidence: Evidence,
+    told: Mapping[str, float],
     chosen: Sequence[int],
     loose: int,
     prints: Mapping[str, Fingerprint],
@@ -194,7 +221,7 @@ def _candidates(
         replaced: ids of the given effects in whose place an effect is, by its id.
     """
     result = []
-    posterior = evidence.posterior
+    posterior = [told[c.last_effect.id] for c in evidence.candidates]
     order = sorted(
         range(len(evidence.candidates)), key=lambda i: (-posterior[i], evidence.candidates[i].misfit)
     )
@@ -210,7 +237,7 @@ def _candidates(
                 effect=one.id,
                 title=one.title,
                 score=fitted.score,
-                probability=float(posterior[i]),
+                probability=posterior[i],
                 in_set=i in chosen,
                 parameters=parameters(fitted, one, evidence.temperature),
                 equations=one.acts_on,

@@ -10,6 +10,18 @@ from __future__ import annotations
 
 import numpy as np
 
+# ## The scales of a machine, in which all other numbers here are told
+
+USUAL_PACE = 7.0
+"""Speed over travel of the thesis' motor, rad/s per rad: its protocol has 6.3, the rich one 7.4. Another pace
+is taken for it by octaves; at half an octave from 7 (0.8 and 1.6 Hz) the next one begins."""
+MOVING_SHARE = 0.99
+"""Share of a motion's variance by which its pace is told: the rest is noise and small steps; assumed."""
+PACE_SAMPLES = 65536
+"""So many samples of a run tell its pace at most."""
+LEAST_RATE_HZ = 100.0
+"""Samples in a reduced second at least: the friction of a motion is lost on fewer; assumed."""
+
 # ## Which part of a run is looked at, and how finely
 
 LONGEST_STRETCH_S = 60.0
@@ -254,6 +266,18 @@ AS_LIKELY = np.exp(-1.0)
 """An effect that the data make less likely by more than this factor has not stayed undetected."""
 MOST_UNDETECTED = 0.95
 """Effects that were not seen are together less likely than nothing."""
+
+# ## How odds become probabilities
+
+LEAST_ODDS = -690.0
+"""Log odds are told apart down to here: a probability of 1e-300, the least in double precision."""
+MOST_LEFT = float(np.log(10.0))
+"""What a path leaves counts up to ten floors for how far odds can be trusted: beyond, trials are few."""
+UNUSUAL = 0.05
+"""A session is unlike the trials where a smaller share of them is as far from their middle; assumed."""
+WIDENING = 2.0
+"""So much the log odds of a session are divided by that is unlike all of the trials; assumed: its models are
+further from the bench than any that the map was fitted to."""
 
 # ## How the catalogue is searched
 

@@ -21,6 +21,7 @@ from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.signals.scales import SI
 from fingerlab.effects.base import Effect
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, Variant
 from fingerlab.prediction.force import contact_runs
@@ -80,7 +81,8 @@ def compare_models(
     entries |= {name: (m, m.extended) for name, m in models.items()}
     with threadpool_limits(limits=1, user_api="blas"):
         effects = _union([variant for _, variant in entries.values()])
-        reduced = reduce_sessions([session], effects, Watch(lambda share, what: tell(0.6 * share, what)))
+        watch = Watch(lambda share, what: tell(0.6 * share, what))
+        reduced = reduce_sessions([session], effects, watch, SI)
         scorer = Scorer(reduced)
         tell(0.6, "fitting")
         entrants = {

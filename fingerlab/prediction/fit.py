@@ -16,6 +16,7 @@ from fingerlab.diagnosis.score.selection import temperature
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
+from fingerlab.diagnosis.signals.scales import SI
 from fingerlab.effects import effect
 from fingerlab.models.file import ParameterEstimate, hash_sessions
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, HeldOut, Variant
@@ -39,7 +40,7 @@ def fit_extended(
     tell = progress or (lambda share, what: None)
     with threadpool_limits(limits=1, user_api="blas"):
         scorer, trial = fit_refined(
-            Reduction(sessions), chosen, Watch(lambda share, what: tell(0.5 * share, what))
+            Reduction(sessions, scales=SI), chosen, Watch(lambda share, what: tell(0.5 * share, what))
         )
         tell(0.6, "fitting")
         nominal = scorer.fit([], scorer.fit([], trial), FULL_ITERATIONS)

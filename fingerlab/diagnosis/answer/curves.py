@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.settings import BINS, NARROW_RATE_HZ, SHOWN_STRETCHES, SLACK_SPREAD_M, Z90
 from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, decimate
+from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects.base import COORDINATE_UNITS, Effect, Row
 from fingerlab.effects.transmission import winding_state
 from fingerlab.physics import nominal
@@ -100,7 +101,35 @@ class Display:
                 prints[one.id] = drawn
         best = int(np.argmax(evidence.probabilities)) if evidence.candidates else -1
         slack = best >= 0 and evidence.candidates[best].model.slack_free
-        return Curves(tuple(comparisons), prints, _failure(comparisons, self.stretches, slack))
+        scales = reduced.layout.scales
+        failure = _failure(comparisons, self.stretches, slack, scales.time)
+        if scales != SI:
+            comparisons = [_told_comparison(one, scales) for one in comparisons]
+            prints = {name: _told_print(one, scales) for name, one in prints.items()}
+        return Curves(tuple(comparisons), prints, failure)
+
+
+def _told_comparison(one: Comparison, scales: Scales) -> Comparison:
+    """In SI, where the fit has reduced units."""
+    size = scales.of(one.unit)
+    places = {name: values * scales.of(_unit_of_place(name)) for name, values in one.coordinates.items()}
+    return replace(
+        one, time=one.time * scales.time, measured=one.measured * size, modelled=one.modelled * size,
+        floor=one.floor * size, coordinates=places,
+    )  # fmt: skip
+
+
+def _unit_of_place(name: str) -> str:
+    return COORDINATE_UNITS[name.removesuffix(" mcp").removesuffix(" pip")]
+
+
+def _told_print(one: Fingerprint, scales: Scales) -> Fingerprint:
+    """In SI, where the fit has reduced units."""
+    size = scales.of(one.value_unit)
+    return replace(
+        one, centre=one.centre * scales.of(one.coordinate_unit), mean=one.mean * size, low=one.low * size,
+        high=one.high * size, curve=one.curve * size,
+    )  # fmt: skip
 
 
 def _coordinates(motion: Motion) -> dict[str, Array]:
@@ -274,9 +303,9 @@ def _binned(effect: Effect, row: Row, place: Array, residual: Array, explained: 
 
 
 def _failure(
-    comparisons: Iterable[Comparison], stretches: Iterable[Kept], slack_counts: bool
+    comparisons: Iterable[Comparison], stretches: Iterable[Kept], slack_counts: bool, second: float
 ) -> Failure | None:
-    """The half second in which an equation misses most, in floors."""
+    """The half second in which an equation misses most, in floors; ``second`` s to a reduced one."""
     worst: tuple[float, Comparison, int] | None = None
     length = int(0.5 * NARROW_RATE_HZ)
     for c in comparisons:
@@ -294,7 +323,7 @@ def _failure(
     if worst is None:
         return None
     floors, c, k = float(np.sqrt(worst[0])), worst[1], worst[2]
-    start, stop = float(c.time[k]), float(c.time[k + length - 1])
+    start, stop = second * float(c.time[k]), second * float(c.time[k + length - 1])
     moment = _moment(_stretch_of(c, stretches), slice(k, k + length))
     place = f"{EQUATION_TITLES[c.equation]} of run {c.run} at {start:.1f} to {stop:.1f} s"
     text = f"{place}: {moment}; the model misses {floors:.1f} times the floor there"

@@ -10,6 +10,7 @@ from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 if TYPE_CHECKING:
+    from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds
     from fingerlab.diagnosis.score.evidence import Verdict
 
 EQUATION_TITLES = {
@@ -171,6 +172,7 @@ class Diagnosis:
     some motion came again, which tells the floor; else it is what the last model of the path leaves.
     ``better``: with given effects exchanged, and likelier than ``model`` and what may be missing beside it;
     the path leads there. ``as_good``: others that these data cannot tell from the best.
+    ``calibration`` says what the probabilities were learned from, ``odds`` what they were before.
     """
 
     sessions: tuple[str, ...]
@@ -194,6 +196,8 @@ class Diagnosis:
     repeats: bool = True
     better: OtherModel | None = None
     as_good: tuple[OtherModel, ...] = ()
+    calibration: CalibratedAnswer | None = None
+    odds: Odds | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The object of ``cli.md``, "diagnose --json", ready for ``json.dumps``."""
@@ -235,4 +239,5 @@ class Diagnosis:
             "floor_from_repetition": self.repeats,
             "better_model": None if self.better is None else self.better.to_json(),
             "as_good_models": [one.to_json() for one in self.as_good],
+            "calibration": None if self.calibration is None else self.calibration.to_json(),
         }

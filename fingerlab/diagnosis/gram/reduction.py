@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, run_sums
 from fingerlab.diagnosis.gram.sums import Group, Reduced, RunSums, add_among, empty
 from fingerlab.diagnosis.settings import MOST_CLOSER, TASKS_AHEAD
 from fingerlab.diagnosis.signals.conditions import Fold, GroupKey, deal_runs, group_key, runs_to_analyse
+from fingerlab.diagnosis.signals.scales import Scales, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
@@ -39,17 +40,35 @@ class Reduction:
     not depend on what was asked in between.
     """
 
-    def __init__(self, sessions: Sequence[Session], executor: Executor | None = None) -> None:
+    def __init__(
+        self, sessions: Sequence[Session], executor: Executor | None = None, scales: Scales | None = None
+    ) -> None:
         """``executor``: a second process (``core.parallel``) that takes a share of the runs.
+
+        ``scales``: those to use; None: the machine's own.
 
         Raises:
             UserError: there is nothing to analyse.
         """
-        self.sessions = tuple(sessions)
-        self._pairs, self._on_bench = runs_to_analyse(sessions)
-        self._executor = executor
+        self._given = tuple(sessions)
+        self._on_bench = runs_to_analyse(sessions)[1]
+        self._executor, self._scales = executor, scales
         self._asked: list[_Key] | None = None
         self._forget()
+
+    @cached_property
+    def scales(self) -> Scales:
+        """The machine's scales; all that comes out of here is in their reduced units."""
+        return self._scales or find_scales(self._given)
+
+    @cached_property
+    def sessions(self) -> tuple[Session, ...]:
+        """The sessions in reduced units."""
+        return reduced_sessions(self._given, self.scales)
+
+    @cached_property
+    def _pairs(self) -> list[tuple[Session, Run]]:
+        return runs_to_analyse(self.sessions)[0]
 
     def _forget(self) -> None:
         self._cache = SegmentCache(self._executor)
@@ -122,7 +141,8 @@ class Reduction:
             known = next(self._cache.segments(number), None)
             motion = known.motion if known is not None else next(segments_of(run, session.rig))
             beside = len(set(kinds)) == 2
-            layouts[on_bench] = layout_of(motion.glimpse(), session, effects, beside_finger=beside)
+            found = layout_of(motion.glimpse(), session, effects, beside_finger=beside)
+            layouts[on_bench] = replace(found, scales=self.scales)
         return layouts
 
     def _reduced(
@@ -180,14 +200,19 @@ def _joined(finger: Layout, *bench: Layout) -> Layout:
     )
 
 
-def reduce_sessions(sessions: Sequence[Session], effects: Sequence[Effect], watch: Watch = SILENT) -> Reduced:
-    """One pass over the data, of which nothing is kept.
+def reduce_sessions(
+    sessions: Sequence[Session],
+    effects: Sequence[Effect],
+    watch: Watch = SILENT,
+    scales: Scales | None = None,
+) -> Reduced:
+    """One pass over the data, of which nothing is kept; ``scales``: as of :class:`Reduction`.
 
     Raises:
         UserError: nothing to analyse, a run that cannot be read, or channels whose sense is turned.
         Cancelled: the user asked for it.
     """
-    return Reduction(sessions).of(effects, watch)
+    return Reduction(sessions, scales=scales).of(effects, watch)
 
 
 def _empty_group(run: Run, layout: Layout, dealt: list[Fold]) -> Group:
