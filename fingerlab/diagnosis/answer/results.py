@@ -220,7 +220,7 @@ class Diagnosis:
                     "equations": list(c.equations),
                     "explanation": c.explanation,
                     "detectable": c.detectable,
-                    "replaces": list(c.replaces),
+                    **({"replaces": list(c.replaces)} if c.replaces else {}),
                 }
                 for c in self.candidates
             ],
