@@ -158,6 +158,13 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
                 plot.getViewBox().setLimits(xMin=start, xMax=stop, minXRange=SHORTEST_VIEW)
             self.top.setXRange(start, stop, padding=0)
 
+    def shows_whole(self) -> bool:
+        """Whether the whole run is in view."""
+        if self._shown is None or not len(self._shown.time):
+            return True
+        start, stop = self.top.viewRange()[0]
+        return bool(start <= self._shown.time[0] and stop >= self._shown.time[-1])
+
     def show_stretch(self) -> None:
         """The worst stretch, with as much again on either side."""
         if self._failure_is_here() and self._failure is not None:

@@ -19,7 +19,7 @@ from ..widgets.fields import set_usable
 from ..widgets.layout import FLUSH, Spacer, hbox, vbox
 from ..widgets.series import Series
 from ..widgets.theme import Colours, colours_of, small_font, tint
-from .controller import ModelHistory, ModelStep
+from .controller import ModelHistory
 from .result_words import FLOOR_HELP, SCORE_HELP, error_texts
 
 if TYPE_CHECKING:
@@ -42,14 +42,24 @@ class ErrorBar:
 def bars_of(history: ModelHistory) -> list[ErrorBar]:
     """What was done, then what the present diagnosis would add."""
     done = history.done
-    bars = [ErrorBar(step.title, step.diagnosis.score, True) for step in done]
-    for step in history.now.diagnosis.path:
-        if step.added is not None:
-            gone = f" for {in_sentence(effect_title(step.removed))}" if step.removed else ""
-            bars.append(
-                ErrorBar(f"{'' if gone else '+ '}{effect_title(step.added)}{gone}", step.score, False)
-            )
+    bars = []
+    for before, step in zip((None, *done), done, strict=False):
+        came, gone = step.change_from(before) if before is not None else (step.added, ())
+        bars.append(ErrorBar(_change_title(came, gone) or "Nominal", step.diagnosis.score, True))
+    for suggested in history.now.diagnosis.path:
+        if suggested.added is not None:
+            gone = (suggested.removed,) if suggested.removed else ()
+            bars.append(ErrorBar(_change_title((suggested.added,), gone), suggested.score, False))
     return bars
+
+
+def _change_title(came: Sequence[str], gone: Sequence[str]) -> str:
+    """``+ Coulomb friction``, ``Stribeck friction for Coulomb friction``; empty where nothing changed."""
+    new = " + ".join(map(effect_title, came))
+    old = " + ".join(map(effect_title, gone))
+    if new and old:
+        return f"{new} for {in_sentence(old)}"
+    return f"+ {new}" if new else f"− {old}" if old else ""
 
 
 class ErrorPath(QWidget):
@@ -261,29 +271,26 @@ class PathPanel(QWidget):
         can_redo = history is not None and history.can_redo
         set_usable(self.undo, can_undo)
         set_usable(self.redo, can_redo)
+        before = history.before if history is not None else None
         undone = history.undone() if history is not None else None
         self.undo.setToolTip(
-            f"{_taken_back(history.now)} (Ctrl+Z)."
-            if history is not None and can_undo
+            f"{_in_words(before.change_from(history.now))} (Ctrl+Z)."
+            if history is not None and before is not None
             else "Nothing was added yet."
         )
         self.redo.setToolTip(
-            f"{_taken_again(undone)} (Ctrl+Shift+Z)." if undone is not None else "Nothing was undone."
+            f"{_in_words(undone.change_from(history.now))} (Ctrl+Shift+Z)."
+            if history is not None and undone is not None
+            else "Nothing was undone."
         )
 
 
-def _taken_back(step: ModelStep) -> str:
-    """What undoing a step does."""
-    if step.exchanged is not None:
-        return f"Exchange {_named(step.exchanged[0])} for {_named(step.exchanged[1])} again"
-    return f"Take {_named(step.added[-1:])} out again"
-
-
-def _taken_again(step: ModelStep) -> str:
-    """What taking a step again does."""
-    if step.exchanged is not None:
-        return f"Put {_named(step.exchanged[0])} in place of {_named(step.exchanged[1])} again"
-    return f"Add {_named(step.added[-1:])} again"
+def _in_words(change: tuple[tuple[str, ...], tuple[str, ...]]) -> str:
+    """What taking or taking back a step does."""
+    came, gone = change
+    if came and gone:
+        return f"Put {_named(came)} in place of {_named(gone)} again"
+    return f"Add {_named(came)} again" if came else f"Take {_named(gone)} out again"
 
 
 def _named(effects: Sequence[str]) -> str:

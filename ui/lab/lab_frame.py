@@ -9,6 +9,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QButtonGroup, QFrame, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.models.project import project_path
 from fingerlab.report.diagnosis_words import better_sentence, exchange_words
 
 from ..widgets.fields import set_usable
@@ -143,7 +144,8 @@ class LabStartPage(QWidget):
             if widget is not None:
                 widget.deleteLater()
         for path in paths[:5]:
-            button = QPushButton(path.name.replace("&", "&&"))
+            kept = " – with your models and notes" if project_path([path]).is_file() else ""
+            button = QPushButton(path.name.replace("&", "&&") + kept)
             button.setProperty("step", "true")
             button.setToolTip(str(path))
             button.setAccessibleName(f"Open {path.name} again")

@@ -19,6 +19,8 @@ import numpy as np
 
 from fingerlab.core.units import FACTORS
 from fingerlab.diagnosis.settings import LEAST_RATE_HZ, MOVING_SHARE, PACE_SAMPLES, USUAL_PACE
+from fingerlab.physics.motion import Motion
+from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.rig.file import CONSTANT_UNITS
 from fingerlab.sessions.format import CHANNEL_UNITS
@@ -198,6 +200,30 @@ def _scaled(constants: Mapping[str, Any], scales: Scales) -> dict[str, Any]:
         name: None if value is None else value / scales.of(CONSTANT_UNITS[name])
         for name, value in constants.items()
     }
+
+
+def reduced_motion(motion: Motion, scales: Scales) -> Motion:
+    """A motion in reduced units; as it is where those are SI."""
+    if scales == SI:
+        return motion
+    second = scales.time
+
+    def forced(values: Array | None, unit: str) -> Array | None:
+        return None if values is None else values / scales.of(unit)
+
+    q = motion.joints
+    joints = None if q is None else JointMotion(
+        q.mcp, q.pip, q.mcp_velocity * second, q.pip_velocity * second, q.mcp_acceleration * second**2,
+        q.pip_acceleration * second**2,
+    )  # fmt: skip
+    rig = reduced_rig(Rig(motion.finger, motion.motor), scales)
+    return replace(
+        motion, sample_rate_hz=motion.sample_rate_hz * second, time=motion.time / second,
+        velocity=motion.velocity * second, acceleration=motion.acceleration * second**2,
+        torque=motion.torque / scales.torque, motor=rig.motor, finger=rig.finger, joints=joints,
+        force=forced(motion.force, "N"), load=forced(motion.load, "N m"),
+        inertia_spread=motion.inertia_spread / scales.of("kg m^2"), _memory={},
+    )  # fmt: skip
 
 
 _ENDINGS = {"_hz": "Hz", "_n_m": "N m", "_n": "N", "_s": "s", "load_torque": "N m"}
