@@ -33,6 +33,9 @@ NOTHING_WORDS, UNKNOWN_WORDS = "Nothing missing", "Not in the catalogue"
 UNEXPLAINED = 1.25
 """From this multiple of the floor on, the page says that something is left; below it is scatter, assumed."""
 
+NEARLY_AS_LIKELY = 1.1
+"""Log odds (three to one) below which "True" is not said of one of two models; assumed."""
+
 _JOINT_ENDINGS = {"mcp": "MCP", "pip": "PIP"}
 
 
@@ -169,6 +172,11 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
 def holds(diagnosis: Diagnosis) -> bool:
     """Whether the model as given is all that these recordings call for, and leaves what a bench leaves."""
     return diagnosis.verdict == "nothing_missing" and diagnosis.score <= UNEXPLAINED
+
+
+def rivalled(diagnosis: Diagnosis) -> bool:
+    """Whether a model with an effect exchanged is nearly as likely as the model as given."""
+    return any(one.log_odds > -NEARLY_AS_LIKELY for one in diagnosis.as_good)
 
 
 def exchange_words(other: OtherModel) -> str:

@@ -27,6 +27,7 @@ from fingerlab.report.diagnosis_words import (
     left_open,
     listed,
     not_shown,
+    rivalled,
     would_show,
 )
 from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
@@ -234,7 +235,7 @@ def step_results(diagnosis: Diagnosis, history: ModelHistory) -> dict[str, str]:
         results["add"] = " + ".join(effect_title(effect) for effect in history.now.added)
     if diagnosis.better is not None:
         results["true"] = "no, another is better"
-    elif diagnosis.as_good and diagnosis.verdict == NOTHING:
+    elif rivalled(diagnosis) and diagnosis.verdict == NOTHING:
         results["true"] = "perhaps, as is another"
     elif holds(diagnosis):
         results["true"] = "yes, as far as seen" if not_shown(diagnosis) else "yes, on held-out runs"

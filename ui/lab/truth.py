@@ -17,6 +17,7 @@ from fingerlab.report.diagnosis_words import (
     holds,
     in_sentence,
     listed,
+    rivalled,
 )
 
 from ..widgets.labels import WholeLabel
@@ -153,7 +154,7 @@ class TruthPanel(QWidget):
         model = "The nominal model" if not names else f"The model with {listed(names)}"
         if diagnosis.better is not None:
             self.title.setText("Not true: another model is better")
-        elif diagnosis.as_good and diagnosis.verdict == NOTHING:
+        elif rivalled(diagnosis) and diagnosis.verdict == NOTHING:
             self.title.setText("Perhaps true: another model is as good")
         elif holds(diagnosis):
             self.title.setText("True, as far as these recordings can show")
