@@ -43,6 +43,20 @@ NARROW_CUTOFF_HZ = 8.0
 NARROW_TAPS = 81
 """Length of that low-pass, samples at the wide rate."""
 
+# ## Samples that are no measurements
+
+LONGEST_BRIDGE_S = 0.012
+"""A gap of so long is bridged, s: a tenth of a period at the narrow cutoff; one lost sample at any rate."""
+LEAST_SPIKE = 12.0
+"""A spike is off by so many times what a channel bends by from sample to sample, or its step; in recordings
+of seven machines, clean ones, nothing but impacts is off by more than ten."""
+LEAST_SPIKE_LOCALLY = 6.0
+"""... and by so many times the scatter of its neighbours: where the motion is fast, they scatter, too."""
+SPIKE_NEIGHBOURS = 4
+"""So many samples on either side of a spike are its neighbours."""
+MOST_SPIKES_SHARE = 0.02
+"""A channel with a larger share of spikes is of that kind, and is left as it is; assumed."""
+
 # ## Channels whose sense is turned
 
 CLEARLY_HELPING = 0.4

@@ -131,6 +131,8 @@ def run_sums(
         motion = low.wide
         sense = senses(run, motion)
         result.senses += [] if sense is None else [sense]
+        result.repairs.update(motion.repairs)
+        result.samples += (len(motion.time) - motion.lead) * run.sample_rate_hz / motion.sample_rate_hz
         live = np.ascontiguousarray(low.columns.T[low.live])
         part, totals = _products(low, live)
         repeating = repeating_bases(low, run, asked.seek_cycle)
