@@ -118,7 +118,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     sessions, errors = question.reduction.sessions, equation_errors(scorer.reduced, evidence.base)
     runs = [run for session in sessions for run in session.runs]
     usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
-    probabilities, calibration = calibrated(evidence.odds, *usual)
+    probabilities, calibration = calibrated(evidence.odds, verdict, *usual)
     told = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
     chosen = _cannot_be_ruled_out(evidence, calibration)
     names = question.reduction.runs
