@@ -284,6 +284,20 @@ IMPOSSIBLE = -700.0
 NOT_BORNE_OUT = 0.05
 """Share of their probability that effects keep when adding the best of them is no justified step."""
 
+# ## Other models of the same recordings
+
+RIVAL_SHARE = 0.5
+"""An effect that gains less than this share of what a given effect does is not tried in its place; assumed:
+one step of its gains tells it to some tens of per cent."""
+GRID_SHARE = 0.07
+"""Share of what an effect gains that the nearest point of its grid may lack; assumed."""
+CLOSER_RIVALS = 2
+"""So many are looked at between the points of their grids."""
+RIVAL_LOG_ODDS = float(np.log(2.0))
+"""Log odds from which on a model with an effect exchanged is told as the better one: twice as likely."""
+DOUBTED = 0.05
+"""Share of its probability that "nothing missing" keeps where a model leaves what no bench does."""
+
 # ## What could not show
 
 CLEARLY_SHOWN = 0.5
