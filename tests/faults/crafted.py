@@ -1,7 +1,7 @@
 """Files that strangers could make, through every command that reads them: ``docs/faults.md`` has the table.
 
 ``python -m tests.faults.crafted [--only TEXT] [--flips N] [--keep FILE]`` makes each kind in a folder of its
-own and gives it to each command in a process of its own. Wanted: exit 0 or 2, in the second case one sentence;
+own and gives it to each command in a process of its own. Wanted: exit 0 or 2, then with one sentence;
 nothing written but what was asked for; nothing of another file told; below 1 GB and 10 s. What falls short is
 printed. ``--keep FILE --write`` writes the table of what was kept. Processes are forked: not on Windows.
 """
