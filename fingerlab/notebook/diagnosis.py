@@ -144,6 +144,7 @@ class DiagnosisView(Displayed):
             parts.append(words.set_sentence(result))
         if words.worth_adding(result):
             parts.append(words.path_sentence(result))
+        parts += [f"The bench: {finding.text}" for finding in result.bench]
         proposal = words.next_experiment_sentence(result)
         if proposal is not None:
             parts.append(proposal)
