@@ -153,6 +153,19 @@ deviation; assumed: a tenth of what friction of 0.2 holds at 1 N."""
 LEAST_REPEATS = 3
 """Runs of one condition from which on their differences are known to be the runs', not the condition's."""
 
+# ## How well any law of a motor's state could tell its torque, where no motion comes again
+
+STATE_SPEEDS = tuple(0.01 * 4.0**k for k in range(7))
+"""Speeds about which friction may change, rad/s: any function of speed is made of them; assumed."""
+STATE_TRAVELS_DEG = (0.1, 0.4, 1.6, 6.4)
+"""Travels over which friction may build up after a reversal, degrees; assumed."""
+STATE_RIDGE = 1e-6
+"""Ridge as a share of a function's own size: functions are much alike, and numbers have sixteen digits."""
+STATE_LEAST_GAIN = 0.02
+"""Share of the squared error on what was left out by which a further function must lower it; assumed."""
+STATE_BLOCK = 50
+"""Decimated samples of a block, about 2 s: a single run is left out by such blocks."""
+
 # ## Constants that every run has of its own
 
 LEAST_CONSTANTS = 0.01
@@ -277,6 +290,20 @@ IMPOSSIBLE = -700.0
 """Log odds that leave no probability."""
 NOT_BORNE_OUT = 0.05
 """Share of their probability that effects keep when adding the best of them is no justified step."""
+
+# ## Other models of the same recordings
+
+RIVAL_SHARE = 0.5
+"""An effect that gains less than this share of what a given effect does is not tried in its place; assumed:
+one step of its gains tells it to some tens of per cent."""
+GRID_SHARE = 0.07
+"""Share of what an effect gains that the nearest point of its grid may lack; assumed."""
+CLOSER_RIVALS = 2
+"""So many are looked at between the points of their grids."""
+RIVAL_LOG_ODDS = float(np.log(2.0))
+"""Log odds from which on a model with an effect exchanged is told as the better one: twice as likely."""
+DOUBTED = 0.05
+"""Share of its probability that "nothing missing" keeps where a model leaves what no bench does."""
 
 # ## What could not show
 
