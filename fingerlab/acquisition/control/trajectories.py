@@ -265,7 +265,7 @@ def read_trajectory(source: str | Mapping[str, Any], where: str = "the trajector
     """
     settings = _object(source, where)
     kind = settings.get("kind")
-    if kind not in WAVES:
+    if str(kind) not in WAVES:
         raise UserError(f"{where} has the kind {kind!r}; it should be one of {', '.join(WAVES)}.")
     if kind in ("file", "torque"):
         settings = with_points(settings, where, TORQUE if kind == "torque" else POSITION)
