@@ -103,7 +103,7 @@ def _refuse_strange(file: h5py.File, path: Path) -> None:
         if len(last) > MOST_NAME or not last.isprintable():
             return f"holds {where}, which is no name; it should be of printable letters, at most {MOST_NAME}"
         if link.type == h5l.TYPE_EXTERNAL:
-            return f"leads to another file at {where}; a session is one file, so copy that into it"
+            return f"leads to another file at {where}; it should hold all of itself, so copy that into it"
         if link.type != h5l.TYPE_HARD or link.u in looked:
             return None
         looked.add(link.u)
@@ -113,7 +113,7 @@ def _refuse_strange(file: h5py.File, path: Path) -> None:
         storage = item.get_create_plist()
         layout = storage.get_layout()
         if layout == h5d.VIRTUAL or storage.get_external_count():
-            return f"has the samples of {where} in other files; a session is one file, so copy them into it"
+            return f"has the samples of {where} in other files; it should hold all of itself, so copy them in"
         if layout == h5d.CHUNKED:
             size = math.prod(storage.get_chunk()) * item.get_type().get_size()
             if size > MOST_CHUNK_BYTES:
