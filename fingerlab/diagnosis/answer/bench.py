@@ -64,7 +64,8 @@ def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
     at_least = "at least " if abs(late) >= last.model.high[place] * 0.99 else ""
     text = (
         f"The joint angles come {at_least}{_number(abs(late) * seconds * 1e3)} ms "
-        f"{'after' if late > 0 else 'before'} the motor's channels: read all channels at one instant, or correct their times."
+        f"{'after' if late > 0 else 'before'} the motor's channels: "
+        "read all channels at one instant, or correct their times."
     )
     return [BenchFinding("skew", "mcp_angle", late * seconds, "s", (), text)]
 
