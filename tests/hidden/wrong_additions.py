@@ -1,8 +1,8 @@
 """``python -m tests.hidden.wrong_additions``: a wrong effect is added on purpose; is that seen?
 
-A bench has one effect. Its two nearest relatives are each put into the model in its place, and then the effect
-itself. Results go to a JSON-lines file as they come, so that a run that was stopped can go on; the table is
-made of all of them.
+A bench has one effect. Its two nearest relatives are each put into the model in its place, and then the
+effect itself. Results go to a JSON-lines file as they come, so that a run that was stopped can go on; the
+table is made of all of them.
 """
 
 from __future__ import annotations
@@ -110,12 +110,14 @@ def _share(hits: Sequence[bool]) -> str:
 def markdown(entries: Sequence[Entry], command: str) -> str:
     """The page."""
     lines = [
-        "# A wrong effect in the model", "",
-        f"Made by `{command}`. Each bench has one effect, at 0.6 to 1.6 times its default strength. Each of its two",
-        "nearest relatives is put into the model in its place, and then the effect itself. Whole models are compared",
-        "on the same held-out runs: where one with an effect exchanged is better, the answer says so, and offers it.", "",
+        "# A wrong effect in the model", "", f"Made by `{command}`.",
+        "Each bench has one effect, at 0.6 to 1.6 times its default strength. Each of its two nearest",
+        "relatives is put into the model in its place, and then the effect itself. Whole models are compared",
+        "on the same held-out runs: where one with an effect exchanged is better, the answer says so, and",
+        "offers it.", "",
         "| what | figure |", "|---|---|", *(f"| {what} | {value} |" for what, value in figures(entries)), "",
-        "| in the bench | added | error, floors | verdict | better model | its error |", "|---|---|---|---|---|---|",
+        "| in the bench | added | error, floors | verdict | better model | its error |",
+        "|---|---|---|---|---|---|",
     ]  # fmt: skip
     for e in entries:
         if "failed" in e:
