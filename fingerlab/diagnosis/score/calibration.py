@@ -108,7 +108,7 @@ class ProbabilityMap:
         groups = self.verdict / widening * np.array([seen, quiet, unknown])
         groups += np.array([0.0, self.quiet, self.strange])
         shares = (1.0 - verdict_lapse) * _softmax(groups)
-        shares += verdict_lapse * np.array(self.base_rates)
+        shares += verdict_lapse * np.array(self.base_rates) / sum(self.base_rates)
         if not len(found):
             total = float(shares[1] + shares[2])
             return np.array([shares[1] / total, shares[2] / total])
