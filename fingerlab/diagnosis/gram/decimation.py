@@ -149,8 +149,6 @@ def repeating_bases(low: Decimated, run: Run, seek: bool = False) -> tuple[Array
     ``seek`` a cycle in the motion itself where the run does not tell it. None where there is no cycle that
     repeats often enough.
     """
-    if not bool(low.taut.all()):
-        return None
     frequency = told_frequency(run)
     if frequency is None and seek:
         frequency = _sought(low, run)
