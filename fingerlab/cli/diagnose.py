@@ -116,6 +116,7 @@ def _print(result: Diagnosis) -> None:
     hidden = words.hidden_sentence(result)
     if hidden:
         console.print(Text(hidden))
+    console.print(Text(words.calibration_sentence(result), style="dim"))
     console.print(Text(f"{result.seconds:.1f} s", style="dim"))
 
 

@@ -85,6 +85,11 @@ def read_proposal(text: str) -> dict[str, Any]:
     help="Pick one effect (none in 15 % of cases), 0.6 to 1.6 times its default, and seal it until 'reveal'.",
 )
 @click.option(
+    "--practice",
+    is_flag=True,
+    help="As --hidden, but always an effect, and one that the rich and the thesis' protocol show well.",
+)
+@click.option(
     "--seed", type=click.IntRange(min=0), help="Same seed, same bench, same noise. Random by default."
 )
 @click.option("--preset", default="practice", show_default=True, help="practice, as-built, or a TOML file.")
@@ -97,6 +102,7 @@ def simulate(
     protocol: str | None,
     effects: tuple[str, ...],
     hidden: bool,
+    practice: bool,
     seed: int | None,
     preset: str,
     trajectory: str | None,
@@ -116,8 +122,9 @@ def simulate(
     from fingerlab.twin.session import new_seed, write_session
 
     refuse_taken(out)
-    if hidden and effects:
-        raise UserError("--hidden picks the effect itself; leave out --effect, or leave out --hidden.")
+    if (hidden or practice) and effects:
+        flag = "--hidden" if hidden else "--practice"
+        raise UserError(f"{flag} picks the effect itself; leave out --effect, or leave out {flag}.")
     chosen = parse_effects(effects)
     bench = load_preset(preset)
     name, plans = _plans(
@@ -126,9 +133,8 @@ def simulate(
     bar, report = progress_bar("Simulating")
     with bar:
         report(0.0, "compiling")
-        written = write_session(
-            out, bench, name, plans, chosen, new_seed() if seed is None else seed, hidden, report
-        )
+        seed = new_seed() if seed is None else seed
+        written = write_session(out, bench, name, plans, chosen, seed, hidden, report, practice)
     click.echo(f"{counted(written.runs, 'run')}, {written.seconds:g} s, written to {out}.", err=True)
     if json_target is not None:
         write_json(written.to_json(), json_target)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
@@ -14,7 +15,15 @@ from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, PathStep
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
+from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.score.calibration import (
+    NOTHING,
+    UNKNOWN,
+    CalibratedAnswer,
+    calibrated,
+    session_features,
+)
 from fingerlab.diagnosis.score.evidence import Evidence, alike, least_strength, needed_fall, undetectable
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -23,7 +32,7 @@ from fingerlab.diagnosis.search.grid_refinement import at_found_shapes, fit_refi
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
 from fingerlab.diagnosis.settings import RUN_LOG_ODDS
 from fingerlab.effects import effect, whole_catalogue
-from fingerlab.sessions.model import Session
+from fingerlab.sessions.model import Array, Session
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.answer.curves import Display
@@ -66,47 +75,87 @@ def diagnose(
     with threadpool_limits(limits=1, user_api="blas"):
         reduction = kept or Reduction(sessions, executor)
         reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
-        if given:  # there and in the catalogue at the shapes that fit best
+        if given:
+            settle_constants(reduction, Scorer(reduction.of([])))
+            # There and in the catalogue at the shapes that fit best.
             given = at_found_shapes(fit_refined(reduction, given, stages.part(0.2, 0.25))[1])
             catalogue = with_shapes_of(catalogue, given)
         watch = stages.part(0.25 if given else 0.0, 0.4)
         scorer = Scorer(reduction.of(catalogue, watch, display.keep if display is not None else None))
+        scorer = settle_constants(reduction, scorer)
         question = Question(reduction, catalogue, given, stages)
         return _answer(question, search_effects(question, scorer), display, started)
+
+
+def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
+    """The scorer, with the constants that every run has of its own if the reduction has found any.
+
+    They are looked for once, under the bare model, whatever effects are given.
+    """
+    if reduction.constants is None and not reduction.settled:
+        bare, rig = scorer.bare, reduction.sessions[0].rig
+        reduction.constants = find_constants(
+            scorer.reduced, bare.model, bare.fit.values, bare.weights, rig, reduction.motions
+        )
+        reduction.settled = True
+    return scorer if reduction.constants is None else scorer.with_constants(reduction.constants)
 
 
 def _answer(question: Question, found: Found, display: Display | None, started: float) -> Diagnosis:
     """The answer, as it is given to others."""
     scorer, evidence, path = found.scorer, found.evidence, found.path
     verdict = evidence.verdict
-    chosen = alike(evidence) if verdict == "missing_effect" else []
-    if verdict == "nothing_missing":
-        chosen = undetectable(evidence)
-    curves = display.curves(scorer.reduced, evidence) if display is not None else None
+    sessions, errors = question.reduction.sessions, equation_errors(scorer.reduced, evidence.base)
+    runs = [run for session in sessions for run in session.runs]
+    usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
+    probabilities, calibration = calibrated(evidence.odds, *usual)
+    told = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
+    chosen = _cannot_be_ruled_out(evidence, calibration)
+    names = question.reduction.runs
+
+    def offsets(fitted: FittedModel) -> dict[tuple[str, str], Array]:
+        return {names[n]: row for n, row in scorer.offsets(fitted).items()}
+
+    curves = display.curves(scorer.reduced, evidence, offsets) if display is not None else None
     first = found.refined.with_sensitivity(path[1]) if found.refined is not None else None
     loose = sum(f.slack_samples for g in scorer.reduced.groups for f in g.folds)
-    candidates = _candidates(evidence, chosen, loose, curves.fingerprints if curves else {}, first)
+    candidates = _candidates(evidence, told, chosen, loose, curves.fingerprints if curves else {}, first)
     return Diagnosis(
-        sessions=tuple(str(s.path) for s in question.reduction.sessions),
+        sessions=tuple(str(s.path) for s in sessions),
         model=tuple(e.id for e in question.given),
-        errors=equation_errors(scorer.reduced, evidence.base),
+        errors=errors,
         score=evidence.base.score,
         verdict=verdict,
         candidates=candidates,
         set=tuple(evidence.candidates[i].last_effect.id for i in chosen),
         path=tuple(PathStep(_last(s) if k else None, s.score) for k, s in enumerate(path)),
         final_model=tuple(path[-1].effect_ids),
-        next_experiment=_next_experiment(question.reduction.sessions, scorer, evidence, chosen),
+        next_experiment=_next_experiment(sessions, scorer, evidence, chosen),
         seconds=time.perf_counter() - started,
-        probability_nothing=evidence.nothing,
-        probability_unknown=evidence.unknown,
+        probability_nothing=told[NOTHING],
+        probability_unknown=told[UNKNOWN],
         parameters=every_parameter(evidence.base, evidence.temperature),
         final_parameters=every_parameter(path[-1], evidence.temperature),
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
-        held_out=held_out_runs(question.reduction.sessions, scorer.reduced, evidence.base),
+        held_out=held_out_runs(sessions, scorer.reduced, evidence.base),
         repeats=all(group.repeats for group in scorer.reduced.groups),
+        calibration=calibration,
+        odds=evidence.odds,
     )
+
+
+def _cannot_be_ruled_out(evidence: Evidence, said: CalibratedAnswer) -> list[int]:
+    """Indices of the effects that are left open, likeliest first; the verdict's own is among them."""
+    if evidence.verdict == "not_in_catalogue":
+        return []
+    if not said.fitted:
+        return alike(evidence) if evidence.verdict == "missing_effect" else undetectable(evidence)
+    index = {c.last_effect.id: i for i, c in enumerate(evidence.candidates)}
+    chosen = [index[name] for name in said.cannot_be_ruled_out if name in index]
+    if evidence.verdict == "missing_effect" and not chosen:
+        chosen = [int(np.argmax(evidence.probabilities))]
+    return chosen
 
 
 def _display() -> Display:
@@ -136,6 +185,7 @@ def _last(fitted: FittedModel) -> str | None:
 
 def _candidates(
     evidence: Evidence,
+    told: Mapping[str, float],
     chosen: Sequence[int],
     loose: int,
     prints: Mapping[str, Fingerprint],
@@ -143,7 +193,7 @@ def _candidates(
 ) -> tuple[Candidate, ...]:
     """What is told of every effect; of the first that was added, at its refined shape."""
     result = []
-    posterior = evidence.posterior
+    posterior = [told[c.last_effect.id] for c in evidence.candidates]
     order = sorted(
         range(len(evidence.candidates)), key=lambda i: (-posterior[i], evidence.candidates[i].misfit)
     )
@@ -160,7 +210,7 @@ def _candidates(
                 effect=one.id,
                 title=one.title,
                 score=fitted.score,
-                probability=float(posterior[i]),
+                probability=posterior[i],
                 in_set=i in chosen,
                 parameters=parameters(fitted, one, evidence.temperature),
                 equations=one.acts_on,

@@ -197,6 +197,24 @@ def set_sentence(diagnosis: Diagnosis) -> str:
     return "No effect of the catalogue is justified, so there is nothing to tell apart."
 
 
+def calibration_sentence(diagnosis: Diagnosis) -> str:
+    """What the probabilities were learned from, and how usual this session is; empty if unknown."""
+    said = diagnosis.calibration
+    if said is None or not said.fitted:
+        return ""
+    text = (
+        f"The probabilities were fitted to {said.fitted} trials on simulated benches (table {said.version}); "
+        f"in {said.judged} others they were off by {100 * said.error:.1f} percentage points on average, and "
+        f"{percent(said.coverage)} of the sets held the truth."
+    )
+    if not said.unusual:
+        return f"{text} This session is like those: {percent(said.typicality)} of them are less usual."
+    return (
+        f"{text} This session is unlike nearly all of those ({listed(said.unusual)}), so its odds were drawn "
+        "together and promise less."
+    )
+
+
 def worth_adding(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Ids of the effects that the error path adds, in order."""
     return tuple(step.added for step in diagnosis.path if step.added is not None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PySide6.QtCore import QEvent, QRectF, QSize, Qt, Signal
@@ -19,6 +20,9 @@ from ..widgets.series import Series
 from ..widgets.theme import Colours, colours_of, small_font, tint
 from .controller import ModelHistory
 from .result_words import FLOOR_HELP, SCORE_HELP, error_texts
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BAR_WIDTH = 40.0
 MIN_COLUMN = 96.0
@@ -92,6 +96,14 @@ class ErrorPath(QWidget):
             for name, first, bars in parts
             if bars
         ]
+
+    def draw_figure(self, figure: Figure) -> None:
+        """The bars with their names and numbers, for paper."""
+        from fingerlab.report.figure_style import CANDIDATE, RESIDUAL, draw_score_bars
+
+        names = [bar.title if bar.tried else f"{bar.title} (would be)" for bar in self.bars]
+        colours = [RESIDUAL if bar.tried else CANDIDATE for bar in self.bars]
+        draw_score_bars(figure, names, [bar.score for bar in self.bars], colours)
 
     def event(self, event: QEvent) -> bool:
         if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):

@@ -8,6 +8,8 @@ from pathlib import Path
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QButtonGroup, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
+from fingerlab.models.project import project_path
+
 from ..widgets.fields import set_usable
 from ..widgets.labels import header_name, heading, remark
 from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
@@ -112,7 +114,8 @@ class LabStartPage(QWidget):
             if widget is not None:
                 widget.deleteLater()
         for path in paths[:5]:
-            button = QPushButton(path.name.replace("&", "&&"))
+            kept = " – with your models and notes" if project_path([path]).is_file() else ""
+            button = QPushButton(path.name.replace("&", "&&") + kept)
             button.setProperty("step", "true")
             button.setToolTip(str(path))
             button.setAccessibleName(f"Open {path.name} again")

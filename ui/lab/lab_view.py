@@ -8,6 +8,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QStackedWidget, QWidget
 
 from fingerlab.diagnosis.answer.where import Profile, stretches_in, worst_run
+from fingerlab.models.project import View
 from fingerlab.report.diagnosis_words import bin_words, not_shown
 
 from ..widgets.layout import FLUSH, Panes, Spacer, hbox, vbox
@@ -28,10 +29,11 @@ STEPS_WIDTH = 152
 class LabView(QWidget):
     """Steps at the left; plots above, candidates and evidence in the middle, error path below.
 
-    Signal ``report_asked``.
+    Signals ``report_asked``; ``looked_elsewhere``: another equation, run or time is shown.
     """
 
     report_asked = Signal()
+    looked_elsewhere = Signal()
 
     def __init__(self, controller: LabController, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -69,6 +71,8 @@ class LabView(QWidget):
     def _connect(self) -> None:
         self.steps.chosen.connect(self.go_to)
         self.bar.changed.connect(self._show_comparison)
+        self.bar.changed.connect(self.looked_elsewhere)
+        self.plot.top.getViewBox().sigXRangeChanged.connect(lambda *_: self.looked_elsewhere.emit())
         self.plot.pointed.connect(self.legend.values.setText)
         self.plot.stretch_named.connect(self.legend.name_stretch)
         self.plot.place_named.connect(self.legend.name_place)
@@ -142,6 +146,23 @@ class LabView(QWidget):
             (target if target.isEnabled() else self.candidates.view).setFocus()
         else:
             self.truth.report.setFocus()
+
+    @property
+    def looked_at(self) -> View:
+        """The equation, run and time that are shown, for the project."""
+        comparison = self.bar.comparison()
+        if comparison is None:
+            return View()
+        start, stop = self.plot.top.viewRange()[0]
+        whole = self.plot.shows_whole()
+        ends = (0.0, 0.0) if whole else (float(start), float(stop))
+        return View(comparison.equation, comparison.run, *ends)
+
+    def look_at(self, view: View) -> None:
+        """Show what was shown before; what is not there any more leaves all as it is."""
+        self.bar.go_to(view.equation, view.run)
+        if view.stop > view.start:
+            self.plot.top.setXRange(view.start, view.stop, padding=0)
 
     def show_what_gave_it_away(self, effects: Sequence[str]) -> None:
         """The fingerprint of a revealed effect, as it was while no model had it."""

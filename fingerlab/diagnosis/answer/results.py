@@ -10,6 +10,7 @@ from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 if TYPE_CHECKING:
+    from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds
     from fingerlab.diagnosis.score.evidence import Verdict
 
 EQUATION_TITLES = {
@@ -138,6 +139,7 @@ class Diagnosis:
     ``parameters`` are those of the model as given, ``final_parameters`` those of ``final_model``: all
     unknowns, an effect's own as ``effect.gain``, those of a cable routing as ``name@routing``. ``repeats``:
     some motion came again, which tells the floor; else it is what the last model of the path leaves.
+    ``calibration`` says what the probabilities were learned from, ``odds`` what they were before.
     """
 
     sessions: tuple[str, ...]
@@ -159,6 +161,8 @@ class Diagnosis:
     failure: Failure | None = None
     held_out: tuple[HeldOutRuns, ...] = ()
     repeats: bool = True
+    calibration: CalibratedAnswer | None = None
+    odds: Odds | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The object of ``cli.md``, "diagnose --json", ready for ``json.dumps``."""
@@ -190,4 +194,5 @@ class Diagnosis:
             "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
             "seconds": self.seconds,
             "floor_from_repetition": self.repeats,
+            "calibration": None if self.calibration is None else self.calibration.to_json(),
         }

@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from fingerlab.diagnosis.score.calibration import Odds
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.selection import (
     charge,
@@ -79,6 +80,13 @@ class Evidence:
     def posterior(self) -> Array:
         """Probability of each candidate's last effect, found or not, (candidates,)."""
         return self.probabilities + self.undetected if len(self.undetected) else self.probabilities
+
+    @property
+    def odds(self) -> Odds:
+        """The same as plain numbers, to be set against trials."""
+        effects = tuple(t.last_effect.id for t in self.candidates)
+        hidden = self.undetected if len(self.undetected) else np.zeros(len(effects))
+        return Odds(effects, self.probabilities, hidden, self.nothing, self.unknown)
 
     @property
     def best(self) -> FittedModel:
