@@ -97,6 +97,9 @@ STIFFNESS = 1e7
 
 SLACK_TENSION_N = 0.12
 """Below this tension the cable may be slack, N; assumed: a few times the noise of the current at 8 Hz."""
+SLACK_NOISES = 4.5
+"""... or below so many times what the tension differs by from its mean over 36 ms, at the median: on a bench with
+soft springs the same current's noise is a larger share of what the cable carries."""
 INERTIA_SPREADS = 2.0
 """... and more where the rotor speeds up: its inertia may be off by so many standard deviations."""
 AT_REST_DEG = 0.1
@@ -304,11 +307,15 @@ FAR = 8.0
 for something outside of the catalogue."""
 MOST_EFFECTS = 10
 """So many are added together on a bench that is far from its model; ``as-built`` lacks as many."""
+FAMILIES_OF_MANY = ("Joint friction", "Cable", "Motor and gearbox", "Contact")
+"""Of these they are: what the bench's makers weighed or calibrated (springs, masses, sensors) is nearer to what the
+rig file says than what nobody measured; assumed."""
 SETTLING_ROUNDS = 4
 """Times that such a model is fitted and weighed again by what it misses."""
 LEAST_GAIN_OF_MANY = 0.4
-"""Twice the log likelihood of each independent value that the first of many effects gain at least, every equation
-seen as closely as it is explained: 1.2 for one equation, half of its error; found on the as-built bench."""
+"""Twice the log likelihood of each independent value that the first of many effects gain at least, every
+equation seen as closely as it is explained: 1.2 for one of three, half of its error; found on the as-built
+bench."""
 LEAST_SHARE_OF_MANY = 0.35
 """... and the share of the misfit that later ones explain; found there, too."""
 NEARLY_AS_GOOD = 0.75

@@ -14,8 +14,8 @@ from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
 
 CABLES = {"extension": -1, "flexion": 1}
-"""Each has a sheath of its own: on the back of the hand a cable bends over the knuckles, in the palm it may run
-nearly straight."""
+"""Each has a sheath of its own: on the back of the hand a cable bends over the knuckles, in the palm it may
+run nearly straight."""
 HELD_TRAVELS_DEG = (0.1, 0.2, 0.8)
 """Travel over which a cable that is held in its sheath slides at a tension of REFERENCE_PULL_N, degrees at
 the pulley; assumed: what a stiff cable of 2e-5 m/N stretches under its friction on a pulley of 10 to 15 mm. A
@@ -109,8 +109,8 @@ EFFECT = Effect(
         equation=r"T_m = T + \mu\,T\,z(\theta_m;\delta)",
         symbols=(
             "T_m: tension from the motor; T: what the sheath leaves of it. μ: share that this "
-            "cable's sheath takes. z: friction state of the winding, −1 to 1. The cable's stretch lies before or "
-            "behind the sheath, and what sticks may keep its friction while the tension changes "
+            "cable's sheath takes. z: friction state of the winding, −1 to 1. The cable's stretch lies "
+            "before or behind the sheath, and what sticks may keep its friction while the tension changes "
             '(theory, "Friction that sticks"); all are tried.'
         ),
         source=("Euler 1769 and Eytelwein 1808 for a small angle of wrap; sheaths: Kaneko, Do et al. 2013."),

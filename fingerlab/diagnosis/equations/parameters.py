@@ -19,8 +19,8 @@ from fingerlab.diagnosis.settings import (
     SLIP_STIFFNESSES,
     STIFFNESS,
     TOLERANCES,
-    USUAL_RATIOS,
     USUAL_INERTIA,
+    USUAL_RATIOS,
     USUAL_SPREAD,
 )
 from fingerlab.physics.parameter import Parameter, Role

@@ -196,7 +196,13 @@ def begun_by(evidence: Evidence, path: Sequence[FittedModel]) -> Evidence:
     odds = np.array([0.0 if t.last_effect.id == first else IMPOSSIBLE for t in evidence.candidates])
     shares = found * shares_of(odds)
     return replace(
-        evidence, probabilities=shares, log_odds=odds, nothing=none, unknown=other, temperature=heat, logs=logs
+        evidence,
+        probabilities=shares,
+        log_odds=odds,
+        nothing=none,
+        unknown=other,
+        temperature=heat,
+        logs=logs,
     )
 
 

@@ -1,10 +1,10 @@
 """Many effects at once: a bench that is far from its model, where no effect explains much while others miss.
 
 The path adds one effect at a time, and each must explain a good share of what is left. On a bench that
-lacks a dozen things, the first steps change what the others look like more than they explain: beside a cable
-that gives by millimetres, an error of the torque by half counts for nothing. Here every equation counts first as
-far as it is missed, so that none drowns the others, and then as far as it repeats. What the others have made
-needless is dropped in the end.
+lacks a dozen things, the first steps change what the others look like more than they explain: beside a
+cable that gives by millimetres, an error of the torque by half counts for nothing. Here every equation
+counts first as far as it is missed, so that none drowns the others, and then as far as it repeats. What the
+others have made needless is dropped in the end.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import at_found_shapes, refine_grid, with_shapes_of
 from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid
 from fingerlab.diagnosis.settings import (
+    FAMILIES_OF_MANY,
     FAR_SHARE,
     FRONT,
     FULL_ITERATIONS,
@@ -114,7 +115,8 @@ def _with_one_more(scorer: Scorer, fitted: FittedModel, roughly: bool) -> Fitted
 
 def _promising(scorer: Scorer, fitted: FittedModel) -> list[FittedModel]:
     """The model with each effect of which one step promises most, and with those of which none tells."""
-    effects = [e for e in scorer.reduced.layout.effects if e.id not in fitted.effect_ids]
+    every = [e for e in scorer.reduced.layout.effects if e.id not in fitted.effect_ids]
+    effects = [e for e in every if e.family in FAMILIES_OF_MANY]
     test = ScoreTest(scorer.data, fitted)
     points = {e.id: test.best_point(e) for e in effects}
     order = sorted(effects, key=lambda e: -points[e.id].gain)

@@ -10,8 +10,8 @@ from fingerlab.diagnosis.fit.weights import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import (
     Evidence,
-    beside_others,
     begun_by,
+    beside_others,
     borne_out,
     distrusted,
     with_undetected,
@@ -112,6 +112,7 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     base = fit_effects(scorer, question.given)
     evidence = judge_all(scorer, base, effects, question.stages.part(0.4, 0.7))
     many = _many(question, scorer, evidence)
+    refined: Scorer | None
     if many is not None:
         refined, path = many
         weights = path[-1].weights
@@ -140,11 +141,9 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     return Found(scorer, with_undetected(evidence), path, refined)
 
 
-def _many(
-    question: Question, scorer: Scorer, evidence: Evidence
-) -> tuple[Scorer, list[FittedModel]] | None:
+def _many(question: Question, scorer: Scorer, evidence: Evidence) -> tuple[Scorer, list[FittedModel]] | None:
     """The path of many effects where no single one leaves a bench near its model; None: there is none."""
-    if question.reduction.on_bench or evidence.least_left < FAR:
+    if scorer.reduced.on_bench or evidence.least_left < FAR:
         return None
     watch = question.stages.part(0.7, 0.95)
     return path_of_many(question.reduction, question.catalogue, scorer, evidence.base, watch)
