@@ -209,3 +209,13 @@ def _plain(number: re.Match[str]) -> str:
 
 MOST_ZEROS = 5
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+_NAMES = ("Coulomb", "Stribeck", "Dahl")
+
+
+def in_sentence(title: str) -> str:
+    """A title inside a sentence; one that starts with a name or an abbreviation keeps its capitals."""
+    if title[:2].isupper() or title.startswith(_NAMES):
+        return title
+    return title[:1].lower() + title[1:]

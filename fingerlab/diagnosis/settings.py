@@ -43,6 +43,20 @@ NARROW_CUTOFF_HZ = 8.0
 NARROW_TAPS = 81
 """Length of that low-pass, samples at the wide rate."""
 
+# ## Samples that are no measurements
+
+LONGEST_BRIDGE_S = 0.012
+"""A gap of so long is bridged, s: a tenth of a period at the narrow cutoff; one lost sample at any rate."""
+LEAST_SPIKE = 12.0
+"""A spike is off by so many times what a channel bends by from sample to sample, or its step; in recordings
+of seven machines, clean ones, nothing but impacts is off by more than ten."""
+LEAST_SPIKE_LOCALLY = 6.0
+"""... and by so many times the scatter of its neighbours: where the motion is fast, they scatter, too."""
+SPIKE_NEIGHBOURS = 4
+"""So many samples on either side of a spike are its neighbours."""
+MOST_SPIKES_SHARE = 0.02
+"""A channel with a larger share of spikes is of that kind, and is left as it is; assumed."""
+
 # ## Channels whose sense is turned
 
 CLEARLY_HELPING = 0.4
@@ -98,7 +112,7 @@ STIFFNESS = 1e7
 SLACK_TENSION_N = 0.12
 """Below this tension the cable may be slack, N; assumed: a few times the noise of the current at 8 Hz."""
 SLACK_NOISES = 4.5
-"""... or below so many times what the tension differs by from its mean over 36 ms, at the median: on a bench with
+"""... or below so many times what it differs by from its mean over 36 ms, at the median: on a bench with
 soft springs the same current's noise is a larger share of what the cable carries."""
 INERTIA_SPREADS = 2.0
 """... and more where the rotor speeds up: its inertia may be off by so many standard deviations."""
@@ -138,6 +152,19 @@ SET_DOWN_N = 0.02
 deviation; assumed: a tenth of what friction of 0.2 holds at 1 N."""
 LEAST_REPEATS = 3
 """Runs of one condition from which on their differences are known to be the runs', not the condition's."""
+
+# ## How well any law of a motor's state could tell its torque, where no motion comes again
+
+STATE_SPEEDS = tuple(0.01 * 4.0**k for k in range(7))
+"""Speeds about which friction may change, rad/s: any function of speed is made of them; assumed."""
+STATE_TRAVELS_DEG = (0.1, 0.4, 1.6, 6.4)
+"""Travels over which friction may build up after a reversal, degrees; assumed."""
+STATE_RIDGE = 1e-6
+"""Ridge as a share of a function's own size: functions are much alike, and numbers have sixteen digits."""
+STATE_LEAST_GAIN = 0.02
+"""Share of the squared error on what was left out by which a further function must lower it; assumed."""
+STATE_BLOCK = 50
+"""Decimated samples of a block, about 2 s: a single run is left out by such blocks."""
 
 # ## Constants that every run has of its own
 
@@ -260,6 +287,20 @@ IMPOSSIBLE = -700.0
 NOT_BORNE_OUT = 0.05
 """Share of their probability that effects keep when adding the best of them is no justified step."""
 
+# ## Other models of the same recordings
+
+RIVAL_SHARE = 0.5
+"""An effect that gains less than this share of what a given effect does is not tried in its place; assumed:
+one step of its gains tells it to some tens of per cent."""
+GRID_SHARE = 0.07
+"""Share of what an effect gains that the nearest point of its grid may lack; assumed."""
+CLOSER_RIVALS = 2
+"""So many are looked at between the points of their grids."""
+RIVAL_LOG_ODDS = float(np.log(2.0))
+"""Log odds from which on a model with an effect exchanged is told as the better one: twice as likely."""
+DOUBTED = 0.05
+"""Share of its probability that "nothing missing" keeps where a model leaves what no bench does."""
+
 # ## What could not show
 
 CLEARLY_SHOWN = 0.5
@@ -308,8 +349,8 @@ for something outside of the catalogue."""
 MOST_EFFECTS = 10
 """So many are added together on a bench that is far from its model; ``as-built`` lacks as many."""
 FAMILIES_OF_MANY = ("Joint friction", "Cable", "Motor and gearbox", "Contact")
-"""Of these they are: what the bench's makers weighed or calibrated (springs, masses, sensors) is nearer to what the
-rig file says than what nobody measured; assumed."""
+"""Of these they are: what a bench's makers weighed or calibrated (springs, masses, sensors) is nearer to what
+the rig file says than what nobody measured; assumed."""
 SETTLING_ROUNDS = 4
 """Times that such a model is fitted and weighed again by what it misses."""
 LEAST_GAIN_OF_MANY = 0.4

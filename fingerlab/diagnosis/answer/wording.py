@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from fingerlab.core.text import in_sentence
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel, own_keys
 from fingerlab.diagnosis.settings import MOST_NAMED, Z90
@@ -103,11 +106,19 @@ def quantity(estimate: ParameterEstimate) -> str:
     return f"{round(value, digits):.{places}f} ± {round(half, digits):.{places}f}{shown}"
 
 
-def explanation(evidence: Evidence, fitted: FittedModel, effect: Effect, shown: bool, least: float) -> str:
+def explanation(
+    evidence: Evidence,
+    fitted: FittedModel,
+    effect: Effect,
+    shown: bool,
+    least: float,
+    replaced: Sequence[str] = (),
+) -> str:
     """One or two plain sentences with the evidence in numbers.
 
     Args:
         shown: whether it would have shown at a typical strength. least: the multiple of that from which on.
+        replaced: ids of the effects of the base in whose place it is in ``fitted``.
     """
     fall = f"{evidence.base.score:.2f} to {fitted.score:.2f} floors"
     said = _said(fitted, effect)
@@ -117,14 +128,21 @@ def explanation(evidence: Evidence, fitted: FittedModel, effect: Effect, shown: 
         return (
             f"{said} These data could not show it at a plausible strength{from_there}; {effect.reveal} would."
         )
-    if fitted.misfit > evidence.base.misfit * 0.98:
+    if fitted.misfit > evidence.base.misfit * 0.98 and not replaced:
         return f"{said} Nothing of that is seen: the held-out error goes from {fall}."
     numbers = [
         f"{_title(effect, name)} {quantity(p) if name not in effect.shape_units else _grid_value(p)}"
         for name, p in parameters(fitted, effect, evidence.temperature).items()
     ]
     found = f" ({'; '.join(numbers)})" if numbers else ""
-    return f"{said[:-1]}{found}. With it the held-out error goes from {fall}."
+    there = f" in place of {_in_sentence(evidence.base, replaced)}" if replaced else ""
+    return f"{said[:-1]}{found}. With it{there} the held-out error goes from {fall}."
+
+
+def _in_sentence(fitted: FittedModel, names: Sequence[str]) -> str:
+    """Titles of some of the model's effects as they stand inside a sentence."""
+    titles = {c.effect.id: c.effect.title for c in fitted.choices}
+    return " and ".join(in_sentence(titles.get(name, name)) for name in names)
 
 
 def _said(fitted: FittedModel, effect: Effect) -> str:

@@ -261,6 +261,7 @@ def _add(group: Group, k: int, found: RunSums, number: int) -> None:
         whole[live] = trend
         group.trends.setdefault((group.dealt[k].condition, number), []).append(whole)
     group.encoder_variance = max(group.encoder_variance, found.encoder_variance)
+    group.state_products += [found.state_products] if found.state_products else []
 
 
 def remove_common_trend(group: Group) -> None:

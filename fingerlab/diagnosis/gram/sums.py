@@ -7,6 +7,7 @@ says nothing at moments when the cable may be slack.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -165,7 +166,8 @@ class RunSums:
     """Sums of signal products over one run.
 
     ``trends`` holds for each stretch that repeats its live signals and their slow trends, (live, degrees);
-    ``senses`` what its free stretches say of the channels' signs.
+    ``senses`` what its free stretches say of the channels' signs; ``repairs`` counts samples that were put
+    right, by channel, and ``samples`` all that were read.
     """
 
     run: str
@@ -173,6 +175,10 @@ class RunSums:
     trends: list[tuple[IntArray, Array]] = field(default_factory=list)
     senses: list[Senses] = field(default_factory=list)
     encoder_variance: float = 0.0
+    state_products: list[Array] = field(default_factory=list)
+    """Of a motor alone whose motion does not come again: see ``state_law``, one for each block."""
+    repairs: Counter[str] = field(default_factory=Counter)
+    samples: float = 0.0
 
     def add(self, part: Part) -> None:
         """Count another stretch; what is alike is added up, so that a long run takes no more room."""
@@ -214,6 +220,8 @@ class Group:
     dealt: list[Fold] = field(default_factory=list)
     trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)
     """While runs are read: slow trends by condition and stretch, (signals, degrees) for each run."""
+    state_products: list[list[Array]] = field(default_factory=list)
+    """Of each run of a motor alone whose motion does not come again: see ``state_law``."""
 
     def __post_init__(self) -> None:
         self.dealt = self.dealt or [Fold(0, k) for k in range(len(self.folds))]

@@ -26,6 +26,7 @@ from fingerlab.diagnosis.settings import (
     USUAL_INERTIA,
 )
 from fingerlab.diagnosis.signals.filters import derivative_kernels, differentiate
+from fingerlab.diagnosis.signals.repairs import BRIDGED, bridged, without_spikes
 from fingerlab.diagnosis.signals.scales import as_recorded, scales_of
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
@@ -80,9 +81,19 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
     extra = "load_torque" if on_bench else "endpoint_force" if run.phase == "contact" else ""
     names += [extra] if run.has(extra) else []
     samples = run.load(["time", *names], start - lead, stop)  # the file is opened once
+    samples, lost_samples = bridged(samples, run.sample_rate_hz)
     for piece, its_lead in _whole(samples["time"], run.sample_rate_hz, lead):
         mine = {name: values[piece] for name, values in samples.items()}
+        repairs = {BRIDGED: lost_samples} if lost_samples else {}
+        for name in names:
+            if name != "endpoint_force":
+                _check_numbers(run, name, mine[name], start - lead + piece.start)
+            mine[name], spikes = without_spikes(mine[name])
+            counted = int(np.sum(spikes >= its_lead))
+            repairs |= {name: counted} if counted else {}
         motion = _motion(run, rig, start - lead + piece.start, mine, on_bench, its_lead)
+        motion = replace(motion, repairs=repairs)
+        lost_samples = 0  # told once
         lost = float(mine["time"][0] - samples["time"][0]) - piece.start / run.sample_rate_hz
         yield replace(motion, time=motion.time + lost) if piece.start else motion
 
@@ -118,7 +129,6 @@ def _motion(
     kernels, step = derivative_kernels(run.sample_rate_hz)
 
     def read(name: str) -> Array:
-        _check_numbers(run, name, samples[name], first)
         return differentiate(samples[name], kernels, step)
 
     position, torque = read("motor_position"), read("motor_torque")
