@@ -104,7 +104,7 @@ EFFECT = Effect(
     ),
     shape_units={"travel_deg": "deg"},
     closer=_sheath_closer,
-    follows={BEYOND: BEYOND},
+    follows={BEYOND: (BEYOND, "motor_inertia.inertia")},
     formula=Formula(
         equation=r"T_m = T + \mu\,T\,z(\theta_m;\delta)",
         symbols=(

@@ -19,7 +19,6 @@ from fingerlab.diagnosis.settings import (
     SLIP_STIFFNESSES,
     STIFFNESS,
     TOLERANCES,
-    USUAL_INERTIA,
     USUAL_RATIOS,
     USUAL_SPREAD,
 )
@@ -76,13 +75,8 @@ def nuisance_ranges(rig: Rig) -> dict[str, Parameter]:
         tolerance = rig.tolerance_of(name)
         ranges[name] = Parameter("1", -2.5 * tolerance, 2.5 * tolerance, tolerance, source="rig file")
     inertia = rig.motor.inertia
-    if inertia is None:
-        ranges["rotor_inertia"] = Parameter(
-            "kg m^2", 0.0, 10.0 * USUAL_INERTIA, USUAL_INERTIA, source="assumed: the rig file gives none"
-        )
-    else:
-        spread = inertia * rig.tolerance_of("inertia")
-        ranges["rotor_inertia"] = Parameter("kg m^2", -2.5 * spread, 2.5 * spread, spread, source="rig file")
+    spread = 5e-5 if inertia is None else inertia * rig.tolerance_of("inertia")
+    ranges["rotor_inertia"] = Parameter("kg m^2", -2.5 * spread, 2.5 * spread, spread, source="rig file")
     ranges |= {
         "torque_gain": Parameter("1", -0.05, 0.05, rig.tolerance_of("torque_constant"), source="rig file"),
         "force_gain": Parameter("1", -0.03, 0.03, 0.01, source="FC2231 data sheet: 1 % of span"),

@@ -247,7 +247,7 @@ def can_refine(choices: Sequence[Choice]) -> bool:
 def _following(choice: Choice, values: Mapping[str, float]) -> Choice:
     """The choice with what its shape takes from other unknowns of the model."""
     effect = choice.effect
-    taken = {name: values[key] for name, key in effect.follows.items() if key in values}
+    taken = {name: sum(values.get(k, 0.0) for k in keys) for name, keys in effect.follows.items()}
     if not taken:
         return choice
     return Choice(replace(effect, shapes=tuple({**shape, **taken} for shape in effect.shapes)), choice.shape)
