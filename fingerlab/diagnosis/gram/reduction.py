@@ -30,13 +30,16 @@ from fingerlab.diagnosis.signals.conditions import (
     GroupKey,
     deal_runs,
     group_key,
+    missing_channels,
     repeated_motions,
     runs_to_analyse,
 )
+from fingerlab.diagnosis.signals.contradictions import Facts, check_channels
 from fingerlab.diagnosis.signals.scales import Scales, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
+from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import told_frequency
 
@@ -50,6 +53,7 @@ class Reduction:
     Attributes:
         constants: that every run has of its own, as was found; None: none.
         settled: whether they were looked for.
+        repairs: samples that were put right, by number of the run and channel; samples: that it has.
     """
 
     def __init__(
@@ -68,6 +72,8 @@ class Reduction:
         self._asked: list[_Key] | None = None
         self.constants: RunConstants | None = None
         self.settled = False
+        self.repairs: dict[int, Mapping[str, int]] = {}
+        self.samples: dict[int, float] = {}
         self._forget()
 
     @cached_property
@@ -89,6 +95,19 @@ class Reduction:
         self._first: dict[bool, Layout] = {}
         self._closer: dict[tuple[_Key, ...], Reduced] = {}
         self._asked = None
+
+    @property
+    def rig(self) -> Rig:
+        """The first session's rig, in SI."""
+        return self._given[0].rig
+
+    @property
+    def left_aside(self) -> list[tuple[str, tuple[str, ...]]]:
+        """Runs that are not analysed because channels were lost, with these."""
+        kept = set(self.runs)
+        every = [(str(s.path), run) for s in self._given for run in s.runs]
+        lost = [(run.name, missing_channels(run)) for path, run in every if (path, run.name) not in kept]
+        return [(name, channels) for name, channels in lost if channels]
 
     @property
     def runs(self) -> list[tuple[str, str]]:
@@ -188,6 +207,7 @@ class Reduction:
         dealt, places = deal_runs(runs)
         groups: dict[GroupKey, Group] = {}
         seen: list[Senses] = []
+        facts: list[Facts] = []
         each = [asked[run.phase == "motor_bench"] for run in runs]
         parts = sums_in_turn(pairs, effects, whole.signal_count, each, self._cache, keep)
         for number, run in enumerate(runs):
@@ -198,6 +218,9 @@ class Reduction:
                 groups[key] = _empty_group(run, whole, dealt[key])
             _add(groups[key], places[number], sums, number)
             seen += sums.senses
+            facts += [] if sums.facts is None else [sums.facts]
+            self.repairs[number], self.samples[number] = sums.repairs, sums.samples
+        check_channels(facts)
         check_senses(seen)
         for group in groups.values():
             remove_common_trend(group)
