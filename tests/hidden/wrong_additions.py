@@ -114,7 +114,7 @@ def markdown(entries: Sequence[Entry], command: str) -> str:
         "Each bench has one effect, at 0.6 to 1.6 times its default strength. Each of its two nearest",
         "relatives is put into the model in its place, and then the effect itself. Whole models are compared",
         "on the same held-out runs: where one with an effect exchanged is better, the answer says so, and",
-        "offers it.", "",
+        "offers it. What these data could not have shown (`distal_rotation`) is in the set then.", "",
         "| what | figure |", "|---|---|", *(f"| {what} | {value} |" for what, value in figures(entries)), "",
         "| in the bench | added | error, floors | verdict | better model | its error |",
         "|---|---|---|---|---|---|",
