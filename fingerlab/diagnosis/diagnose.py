@@ -73,6 +73,7 @@ def diagnose(
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
         reduction = kept or Reduction(sessions, executor)
+        catalogue = reduction.suited(catalogue)
         reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
         if given:  # there and in the catalogue at the shapes that fit best
             given = at_found_shapes(fit_refined(reduction, given, stages.part(0.2, 0.25))[1])
