@@ -15,6 +15,7 @@ from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, PathStep
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
+from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.calibration import (
     NOTHING,
@@ -31,7 +32,7 @@ from fingerlab.diagnosis.search.grid_refinement import at_found_shapes, fit_refi
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
 from fingerlab.diagnosis.settings import RUN_LOG_ODDS
 from fingerlab.effects import effect, whole_catalogue
-from fingerlab.sessions.model import Session
+from fingerlab.sessions.model import Array, Session
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.answer.curves import Display
@@ -75,13 +76,30 @@ def diagnose(
         reduction = kept or Reduction(sessions, executor)
         catalogue = reduction.suited(catalogue)
         reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
-        if given:  # there and in the catalogue at the shapes that fit best
+        if given:
+            settle_constants(reduction, Scorer(reduction.of([])))
+            # There and in the catalogue at the shapes that fit best.
             given = at_found_shapes(fit_refined(reduction, given, stages.part(0.2, 0.25))[1])
             catalogue = with_shapes_of(catalogue, given)
         watch = stages.part(0.25 if given else 0.0, 0.4)
         scorer = Scorer(reduction.of(catalogue, watch, display.keep if display is not None else None))
+        scorer = settle_constants(reduction, scorer)
         question = Question(reduction, catalogue, given, stages)
         return _answer(question, search_effects(question, scorer), display, started)
+
+
+def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
+    """The scorer, with the constants that every run has of its own if the reduction has found any.
+
+    They are looked for once, under the bare model, whatever effects are given.
+    """
+    if reduction.constants is None and not reduction.settled:
+        bare, rig = scorer.bare, reduction.sessions[0].rig
+        reduction.constants = find_constants(
+            scorer.reduced, bare.model, bare.fit.values, bare.weights, rig, reduction.motions
+        )
+        reduction.settled = True
+    return scorer if reduction.constants is None else scorer.with_constants(reduction.constants)
 
 
 def _answer(question: Question, found: Found, display: Display | None, started: float) -> Diagnosis:
@@ -94,7 +112,12 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     probabilities, calibration = calibrated(evidence.odds, *usual)
     told = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
     chosen = _cannot_be_ruled_out(evidence, calibration)
-    curves = display.curves(scorer.reduced, evidence) if display is not None else None
+    names = question.reduction.runs
+
+    def offsets(fitted: FittedModel) -> dict[tuple[str, str], Array]:
+        return {names[n]: row for n, row in scorer.offsets(fitted).items()}
+
+    curves = display.curves(scorer.reduced, evidence, offsets) if display is not None else None
     first = found.refined.with_sensitivity(path[1]) if found.refined is not None else None
     loose = sum(f.slack_samples for g in scorer.reduced.groups for f in g.folds)
     candidates = _candidates(evidence, told, chosen, loose, curves.fingerprints if curves else {}, first)

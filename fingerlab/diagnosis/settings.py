@@ -53,6 +53,20 @@ NARROW_CUTOFF_HZ = 8.0
 NARROW_TAPS = 81
 """Length of that low-pass, samples at the wide rate."""
 
+# ## Samples that are no measurements
+
+LONGEST_BRIDGE_S = 0.012
+"""A gap of so long is bridged, s: a tenth of a period at the narrow cutoff; one lost sample at any rate."""
+LEAST_SPIKE = 12.0
+"""A spike is off by so many times what a channel bends by from sample to sample, or its step; in recordings
+of seven machines, clean ones, nothing but impacts is off by more than ten."""
+LEAST_SPIKE_LOCALLY = 6.0
+"""... and by so many times the scatter of its neighbours: where the motion is fast, they scatter, too."""
+SPIKE_NEIGHBOURS = 4
+"""So many samples on either side of a spike are its neighbours."""
+MOST_SPIKES_SHARE = 0.02
+"""A channel with a larger share of spikes is of that kind, and is left as it is; assumed."""
+
 # ## Channels whose sense is turned
 
 CLEARLY_HELPING = 0.4
@@ -145,6 +159,21 @@ SET_DOWN_N = 0.02
 deviation; assumed: a tenth of what friction of 0.2 holds at 1 N."""
 LEAST_REPEATS = 3
 """Runs of one condition from which on their differences are known to be the runs', not the condition's."""
+
+# ## Constants that every run has of its own
+
+LEAST_CONSTANTS = 0.01
+"""Log density by which every value of repeated runs must gain from such constants, or there are none: a
+squared score of 0.02. Clean benches gain 0.001 at most; 30 mA of an amplifier or 0.4 degrees of a sensor gain
+about 10."""
+LEAST_SHARE_OF_CONSTANTS = 0.05
+"""... and every kind of channel must bring this share of the gain: a spring that is stiffer than its nominal
+constant by a fifth makes an angle's zero look a little like the motor's; assumed."""
+SPREADS = (1e-5, 0.5)
+"""Between these a spread is sought: from half a thousandth of a degree to half a turn's sixth, and in N m on
+the scale of the thesis' motor; assumed."""
+SPREAD_STEPS = 29
+"""Steps of that grid, a factor of 1.5 each: a spread need not be known better to be integrated out."""
 
 # ## How much is kept and done at once
 

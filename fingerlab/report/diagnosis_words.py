@@ -185,16 +185,27 @@ def set_sentence(diagnosis: Diagnosis) -> str:
         text = "Whether one of these is missing these data leave open."
         text += f" They could not have shown, at a plausible strength: {_names(hidden)}." if hidden else ""
         return f"{text} What they show of these is too weak to tell: {_names(weak)}." if weak else text
+    besides = _outcomes_left_open(diagnosis)
     if len(diagnosis.set) > 1:
         return (
             f"These data cannot tell apart {_names(diagnosis.set)}. The one that is truly missing is meant "
-            "to be among them in 95 % of such cases."
+            f"to be among them in 95 % of such cases.{besides}"
         )
     if diagnosis.set:
-        return f"{effect_title(diagnosis.set[0])} is told apart from every other effect of the catalogue."
+        first = effect_title(diagnosis.set[0])
+        return f"{first} is told apart from every other effect of the catalogue.{besides}"
     if diagnosis.verdict == "nothing_missing":
         return "No effect is called for, so there is nothing to tell apart."
     return "No effect of the catalogue is justified, so there is nothing to tell apart."
+
+
+def _outcomes_left_open(diagnosis: Diagnosis) -> str:
+    """Where an effect is missing: which of the two other answers cannot be ruled out; empty where none."""
+    if diagnosis.calibration is None or diagnosis.verdict != "missing_effect":
+        return ""
+    said = {"nothing_missing": "nothing is missing", "not_in_catalogue": "it is not in the catalogue"}
+    still = [words for name, words in said.items() if name in diagnosis.calibration.cannot_be_ruled_out]
+    return f" Nor can it be ruled out that {' or that '.join(still)}." if still else ""
 
 
 def calibration_sentence(diagnosis: Diagnosis) -> str:
@@ -204,8 +215,8 @@ def calibration_sentence(diagnosis: Diagnosis) -> str:
         return ""
     text = (
         f"The probabilities were fitted to {said.fitted} trials on simulated benches (table {said.version}); "
-        f"in {said.judged} others they were off by {100 * said.error:.1f} percentage points on average, and "
-        f"{percent(said.coverage)} of the sets held the truth."
+        f"in trials that were not fitted to they are off by {100 * said.error:.1f} percentage points on "
+        f"average, and {percent(said.coverage)} of the sets hold the truth."
     )
     if not said.unusual:
         return f"{text} This session is like those: {percent(said.typicality)} of them are less usual."

@@ -17,7 +17,7 @@ from fingerlab.diagnosis.score.calibration import (
     calibrated,
     calibration,
 )
-from tests.hidden.sweep.calibrate import KnownTrial, answer, bound, calibration_error, fit_table
+from tests.hidden.sweep.calibrate import KnownTrial, answer, bound, calibration_error, fit_table, page
 
 EFFECTS = ("coulomb_friction", "stribeck_friction", "cable_stretch")
 PLAIN = ProbabilityMap(verdict_lapse=-700.0, lapse=-700.0)
@@ -125,6 +125,18 @@ def test_odds_that_promise_too_much_are_set_right_on_trials_that_were_not_fitted
 def test_sets_hold_the_truth_as_often_as_they_say(fitted: CalibrationTable) -> None:
     judged = trials(1500, 3.0, 3)
     assert np.mean([answer(one, fitted).covered for one in judged]) == pytest.approx(0.95, abs=0.03)
+
+
+def test_the_page_counts_what_was_right_and_keeps_what_was_written_by_hand(fitted: CalibrationTable) -> None:
+    judged = trials(40, 1.0, 4)
+    said = [answer(one, fitted) for one in judged]
+    right = sum(a.first in a.trial.truth for a in said)
+    before = "<!-- by hand -->\nWhy it falls short.\n<!-- end of what was written by hand -->"
+    text = page(judged, 3, said, fitted, "the command", before)
+    row = next(line for line in text.splitlines() if line.startswith("| first answer right"))
+    assert row.split("|")[3].strip() == f"{100 * right / 40:.0f} % of 40"
+    assert "fitted to 300 trials; 3 more could not be diagnosed" in text
+    assert "Why it falls short." in text
 
 
 def test_the_table_that_comes_with_the_program_can_be_read() -> None:

@@ -44,7 +44,8 @@ def test_the_named_effect_comes_first(name: str, shared_data: Path) -> None:
 def test_the_plain_bench_lacks_nothing(shared_data: Path) -> None:
     result = diagnosed(shared_data / "bench-plain.h5")
     assert result.verdict == "nothing_missing"
-    assert result.probability_nothing > 0.9
+    assert result.odds is not None
+    assert result.odds.nothing > 0.9
     # Springs, masses and torque constant can all be wrong by what a load cell is wrong. Six degrees of tilt
     # turn the tip's friction by a tenth: with the face turned by eight, either way, the misfit of these runs
     # is larger by 17 and 30 of the 488 that a verdict needs.

@@ -21,10 +21,18 @@ from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of, of_the_user
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.gram.decimation import Decimated
+from fingerlab.diagnosis.gram.run_constants import RunConstants
 from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, run_sums
 from fingerlab.diagnosis.gram.sums import Group, Reduced, RunSums, add_among, empty
 from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, TASKS_AHEAD
-from fingerlab.diagnosis.signals.conditions import Fold, GroupKey, deal_runs, group_key, runs_to_analyse
+from fingerlab.diagnosis.signals.conditions import (
+    Fold,
+    GroupKey,
+    deal_runs,
+    group_key,
+    repeated_motions,
+    runs_to_analyse,
+)
 from fingerlab.diagnosis.signals.scales import Scales, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
 from fingerlab.effects import CATALOGUE
@@ -38,6 +46,10 @@ class Reduction:
 
     A pass over effects that the first one knew reads no run and forms no column again. What comes out does
     not depend on what was asked in between.
+
+    Attributes:
+        constants: that every run has of its own, as was found; None: none.
+        settled: whether they were looked for.
     """
 
     def __init__(
@@ -55,6 +67,8 @@ class Reduction:
         self._executor, self._scales = executor, scales
         self._asked: list[_Key] | None = None
         self._seen: dict[str, tuple[Shape, ...]] = {}
+        self.constants: RunConstants | None = None
+        self.settled = False
         self._forget()
 
     @cached_property
@@ -88,6 +102,16 @@ class Reduction:
             assert effect.shapes_seen is not None
             self._seen[effect.id] = tuple(effect.shapes_seen(motions))
         return replace(effect, shapes=self._seen[effect.id] or effect.shapes)
+
+    @property
+    def runs(self) -> list[tuple[str, str]]:
+        """Session and name of each run that is analysed."""
+        return [(str(session.path), run.name) for session, run in self._pairs]
+
+    @property
+    def motions(self) -> list[int | None]:
+        """For each run a number that runs told just the same motion share; None: nothing tells it."""
+        return repeated_motions([run for _, run in self._pairs])
 
     def begin(self, catalogue: Sequence[Effect], watch: Watch = SILENT, read: bool = False) -> None:
         """Make sure that the first pass is over this catalogue; one over another one is forgotten.
@@ -130,7 +154,8 @@ class Reduction:
             self._closer[key] = self._reduced(acting, self._layouts(acting), watch, None, anew=True)
         known = self._closer[key]
         # Noise is limited in place by whoever asks.
-        return replace(known, groups=[replace(g, noise=g.noise.copy()) for g in known.groups])
+        groups = [replace(g, noise=g.noise.copy()) for g in known.groups]
+        return replace(known, groups=groups, constants=self.constants)
 
     def _acting(self, effects: Sequence[Effect]) -> list[Effect]:
         """Those that can act in these runs."""
@@ -184,13 +209,13 @@ class Reduction:
             key = group_key(run)
             if key not in groups:
                 groups[key] = _empty_group(run, whole, dealt[key])
-            _add(groups[key], places[number], sums)
+            _add(groups[key], places[number], sums, number)
             seen += sums.senses
         check_senses(seen)
         for group in groups.values():
             remove_common_trend(group)
         radius = 1.0 if self._on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
-        return Reduced(whole, list(groups.values()), self._on_bench, radius)
+        return Reduced(whole, list(groups.values()), self._on_bench, radius, self.constants)
 
 
 _Key = tuple[str, object, tuple[tuple[tuple[str, float], ...], ...]]
@@ -234,10 +259,11 @@ def _empty_group(run: Run, layout: Layout, dealt: list[Fold]) -> Group:
     return Group(group_key(run), run.cable_sign, folds, np.zeros((size, size)), dealt=dealt)
 
 
-def _add(group: Group, k: int, found: RunSums) -> None:
-    """Add a run to fold ``k`` of its group."""
+def _add(group: Group, k: int, found: RunSums, number: int) -> None:
+    """Add the run of this number to fold ``k`` of its group."""
     fold = group.folds[k]
     fold.runs.append(found.run)
+    fold.totals.append(found.run_totals(number, len(fold.products)))
     for part in found.parts:
         fold.add(part.sums, part.live)
         if part.noise is not None:

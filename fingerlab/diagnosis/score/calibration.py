@@ -150,7 +150,8 @@ class CalibrationTable:
     """What was learned from trials.
 
     Attributes:
-        version: of the table. fitted, judged: trials that it was fitted to, and others that it was judged on.
+        version: of the table. fitted: trials that it was fitted to. judged: trials that judged it, each by
+            a table fitted to others.
         population: what the trials are, in words.
         map: from odds to probabilities.
         thresholds: log odds against the best down to which an answer is in the set, by effect, by family, and

@@ -34,6 +34,7 @@ from fingerlab.diagnosis.signals.filters import (
     differentiate,
     is_wide_rate,
 )
+from fingerlab.diagnosis.signals.repairs import BRIDGED, bridged, without_spikes
 from fingerlab.diagnosis.signals.scales import LEAST_SECONDS, as_recorded, scales_of
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
@@ -93,9 +94,19 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
     extra = "load_torque" if on_bench else "endpoint_force" if run.phase == "contact" else ""
     names += [extra] if run.has(extra) else []
     samples = run.load(["time", *names], start - lead, stop)  # the file is opened once
+    samples, lost_samples = bridged(samples, run.sample_rate_hz)
     for piece, its_lead in _whole(samples["time"], run.sample_rate_hz, lead):
         mine = {name: values[piece] for name, values in samples.items()}
+        repairs = {BRIDGED: lost_samples} if lost_samples else {}
+        for name in names:
+            if name != "endpoint_force":
+                _check_numbers(run, name, mine[name], start - lead + piece.start)
+            mine[name], spikes = without_spikes(mine[name])
+            counted = int(np.sum(spikes >= its_lead))
+            repairs |= {name: counted} if counted else {}
         motion = _motion(run, rig, start - lead + piece.start, mine, on_bench, its_lead)
+        motion = replace(motion, repairs=repairs)
+        lost_samples = 0  # told once
         lost = float(mine["time"][0] - samples["time"][0]) - piece.start / run.sample_rate_hz
         yield replace(motion, time=motion.time + lost) if piece.start else motion
 
@@ -133,7 +144,6 @@ def _motion(
     rate = run.sample_rate_hz / step
 
     def read(name: str) -> Array:
-        _check_numbers(run, name, samples[name], first)
         return at_wide_rate(differentiate(samples[name], kernels, step), rate)
 
     wide = rate if is_wide_rate(rate) else WIDE_RATE_HZ

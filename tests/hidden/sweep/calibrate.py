@@ -1,7 +1,7 @@
 """``python -m tests.hidden.sweep.calibrate``: from trials of the population to the table of probabilities.
 
-Trials with odd seeds are fitted to, those with even seeds judge; nothing is simulated. The table is read by
-the diagnosis, the page tells how far it holds.
+Nothing is simulated. The table is read by the diagnosis, the page tells how far it holds: each trial is
+judged by a table that was fitted to others.
 """
 
 from __future__ import annotations
@@ -74,13 +74,16 @@ def family(answer: str) -> str:
     return OUTCOMES[answer] if effect is None else effect.family
 
 
-def read(results: Path) -> list[KnownTrial]:
-    """The trials of a population; those that failed are left out, and told."""
-    found = []
+def read(results: Path) -> tuple[list[KnownTrial], int]:
+    """The trials of a population, and how many more failed."""
+    found, failed = [], 0
     for line in results.read_text(encoding="utf-8").splitlines():
         entry = json.loads(line)
         trial = entry["trial"]
-        if "odds" not in entry or not trial["varied"]:
+        if not trial["varied"]:
+            continue
+        if "odds" not in entry:
+            failed += 1
             continue
         truth = tuple(trial["effects"]) or (NOTHING,)
         odds = entry["odds"]
@@ -94,19 +97,19 @@ def read(results: Path) -> list[KnownTrial]:
                 entry["session"], entry["phases"], bool(entry["surroundings"]["dirt"]), entry["verdict"],
             )
         )  # fmt: skip
-    return sorted(found, key=lambda one: one.seed)
+    return sorted(found, key=lambda one: one.seed), failed
 
 
 FREE: dict[str, tuple[Callable[[float], float], float, float]] = {
     "verdict": (math.exp, math.log(0.5), 1.0),
     "quiet": (float, 0.0, 1.5),
     "strange": (float, 0.0, 1.5),
-    "verdict_lapse": (float, -4.0, 1.0),
-    "verdict_lapse_left": (float, 1.0, 1.0),
+    "verdict_lapse": (float, -4.5, 1.0),
+    "verdict_lapse_left": (float, 1.5, 1.0),
     "effect": (math.exp, math.log(0.7), 0.7),
     "blunt": (lambda x: 0.3 / (1.0 + math.exp(-x)), 0.0, 1.0),
-    "lapse": (float, -3.0, 1.0),
-    "lapse_left": (float, 1.0, 1.0),
+    "lapse": (float, -4.0, 1.0),
+    "lapse_left": (float, 1.5, 1.0),
     "hidden": (float, 0.0, 1.5),
 }
 """Values of the map that are fitted: from the whole line to each; there the prior's middle and spread."""
@@ -255,36 +258,51 @@ def _percent(values: Iterable[float]) -> str:
     return f"{100 * np.mean(known):.0f} % of {len(known)}" if known else "-"
 
 
+FOLDS = 4
+
+
+def judged_by_others(trials: Sequence[KnownTrial], version: str) -> list[Answered]:
+    """What is said of each trial by a table that was fitted to the trials of the other folds, by seed."""
+    said = []
+    for fold in range(FOLDS):
+        table = fit_table([t for t in trials if t.seed % FOLDS != fold], version)
+        said += [answer(t, table) for t in trials if t.seed % FOLDS == fold]
+    return said
+
+
 def page(
-    fitted: Sequence[KnownTrial],
-    judged: Sequence[KnownTrial],
+    trials: Sequence[KnownTrial],
+    failed: int,
+    said: Sequence[Answered],
     table: CalibrationTable,
     command: str,
     before: str,
 ) -> str:
-    """The committed page."""
-    after = [answer(one, table) for one in judged]
-    raw = [answer(one, None) for one in judged]
-    in_fit = [answer(one, table) for one in fitted]
+    """The committed page.
+
+    Args:
+        failed: trials that no diagnosis could be made of. said: of each trial by a table not fitted to it.
+    """
     columns = {
-        "without calibration": raw,
-        "calibrated": after,
-        "twin": [a for a in after if a.trial.source == "twin"],
-        "second engine": [a for a in after if a.trial.source == "engine"],
-        "clean": [a for a in after if not a.trial.dirty],
-        "dirty": [a for a in after if a.trial.dirty],
-        "trials of the fit": in_fit,
+        "without calibration": [answer(one, None) for one in trials],
+        "calibrated": list(said),
+        "twin": [a for a in said if a.trial.source == "twin"],
+        "second engine": [a for a in said if a.trial.source == "engine"],
+        "clean": [a for a in said if not a.trial.dirty],
+        "dirty": [a for a in said if a.trial.dirty],
     }
     lines = [
-        "# Calibration: probabilities and sets that hold their word", "",
+        "# Probabilities and sets that hold their word", "",
         f"Made by `{command}` from trials of `python -m tests.hidden.sweep --kind population`.",
-        f"Version {table.version}: fitted to {table.fitted} trials (odd seeds),",
-        f"judged on {table.judged} others (even seeds), to which nothing was fitted.",
+        f"Table {table.version} is fitted to {table.fitted} trials; {failed} more could not be diagnosed.",
+        "What stands here of a trial was said by a table that was fitted to the",
+        f"other {FOLDS - 1} of {FOLDS} folds by seed: nothing is judged that was fitted to.",
         f"The trials are {POPULATION}.", "",
         *kept_by_hand(before), "",
         *markdown_table(_summary(columns)), "",
-        "## What was told, and how much of it was right", "", *markdown_table(_reliability(raw, after)), "",
-        "## Sets by what was true", "", *markdown_table(_by_kind(after, table)), "",
+        "## What was told, and how much of it was right", "",
+        *markdown_table(_reliability(columns["without calibration"], said)), "",
+        "## Sets by what was true", "", *markdown_table(_by_kind(said, table)), "",
         "## The map", "",
         *markdown_table([["value", ""], *([k, _plain(v)] for k, v in asdict(table.map).items())]), "",
         "## What is usual", "",
@@ -358,16 +376,14 @@ def _by_kind(after: Sequence[Answered], table: CalibrationTable) -> list[list[st
 @click.option("--command", default="python -m tests.hidden.sweep.calibrate", hidden=True)
 def main(results: Path, table: Path | None, target: Path | None, version: str, command: str) -> None:
     """Fit the map from odds to probabilities and the sets, and judge both on other trials."""
-    trials = read(results)
-    fitted, judged = [t for t in trials if t.seed % 2], [t for t in trials if not t.seed % 2]
-    made = fit_table(fitted, version)
-    said = [answer(one, made) for one in judged]
+    trials, failed = read(results)
+    said = judged_by_others(trials, version)
     made = replace(
-        made, judged=len(judged), error=round(calibration_error(said), 4),
+        fit_table(trials, version), judged=len(said), error=round(calibration_error(said), 4),
         coverage=round(_mean(a.covered for a in said), 4),
     )  # fmt: skip
     before = target.read_text(encoding="utf-8") if target is not None and target.exists() else ""
-    text = page(fitted, judged, made, command, before)
+    text = page(trials, failed, said, made, command, before)
     click.echo(text)
     if table is not None:
         table.write_text(json.dumps(_rounded(asdict(made)), indent=1) + "\n", encoding="utf-8")
