@@ -24,7 +24,7 @@ from fingerlab.diagnosis.gram.decimation import Decimated
 from fingerlab.diagnosis.gram.run_constants import RunConstants
 from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, run_sums
 from fingerlab.diagnosis.gram.sums import Group, Reduced, RunSums, add_among, empty
-from fingerlab.diagnosis.settings import MOST_CLOSER, TASKS_AHEAD
+from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, TASKS_AHEAD
 from fingerlab.diagnosis.signals.conditions import (
     Fold,
     GroupKey,
@@ -66,6 +66,7 @@ class Reduction:
         self._on_bench = runs_to_analyse(sessions)[1]
         self._executor, self._scales = executor, scales
         self._asked: list[_Key] | None = None
+        self._seen: dict[str, tuple[Shape, ...]] = {}
         self.constants: RunConstants | None = None
         self.settled = False
         self._forget()
@@ -89,6 +90,18 @@ class Reduction:
         self._first: dict[bool, Layout] = {}
         self._closer: dict[tuple[_Key, ...], Reduced] = {}
         self._asked = None
+
+    def suited(self, effects: Sequence[Effect]) -> list[Effect]:
+        """The effects, with the shapes that the recordings suggest where an effect reads them from those."""
+        return [self._suited(e) if e.shapes_seen is not None and self._on_bench else e for e in effects]
+
+    def _suited(self, effect: Effect) -> Effect:
+        if effect.id not in self._seen:
+            runs = self._pairs[:: -(-len(self._pairs) // MOST_LOOKED_AT)]
+            motions = [next(segments_of(run, session.rig)) for session, run in runs]
+            assert effect.shapes_seen is not None
+            self._seen[effect.id] = tuple(effect.shapes_seen(motions))
+        return replace(effect, shapes=self._seen[effect.id] or effect.shapes)
 
     @property
     def runs(self) -> list[tuple[str, str]]:
