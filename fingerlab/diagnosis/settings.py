@@ -154,6 +154,8 @@ LEAST_DEPTH_SPREAD_M = 3e-5
 by as much."""
 WANDER = 0.05
 """Friction differs from run to run by this share, one standard deviation; assumed ("some per cent")."""
+MOST_WANDER = 3.0
+"""... and by no more than so many of them: a friction that does depends on something, such as the load."""
 SET_DOWN_N = 0.02
 """Force along the load cell's face that a tip which sticks is set down with, from run to run, one standard
 deviation; assumed: a tenth of what friction of 0.2 holds at 1 N."""
