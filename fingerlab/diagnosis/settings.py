@@ -26,6 +26,8 @@ QUICKER_OCTAVES = 1
 USUAL_TORQUE_SPREAD = 0.04
 """Standard deviation of the torque of the thesis' motor alone, N m: what its size is taken by where no finger
 tells; assumed."""
+BAND_OVER_HALF = 1.25
+"""Cutoff over the frequency below which half of the torque's variance is, if a motor turns on; assumed."""
 USUAL_TRAVEL = 0.35
 """A motor that turns on has travelled this far, rad, as far as its pace is concerned: 20 to 30 degrees to
 either side, as a bench protocol has."""
@@ -249,6 +251,8 @@ CONTACT_SHARE = 0.6
 NEXT_SHARE = 0.4
 """A second effect must explain more of what is left: the first one's own law is never quite the plant's
 (where a joint sticks, say), and a partner that only mends that law is not missing physics."""
+FAR_LEFT = 3.0
+"""Squared score above one beyond which that does not hold: a friction's own law leaves less; assumed."""
 DECIDING_LOG_ODDS = 5.0
 """Log odds that decide (about 150 to 1)."""
 MUCH = 1.0

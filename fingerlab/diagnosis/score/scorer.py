@@ -361,8 +361,8 @@ def allowance(own: Array, h: Array, sums: Weighted, jacobian: Array, left: LeftO
 def _gained(stiffness: Array, pull: Array, size: int) -> float:
     """By how much a misfit falls at its lowest; what stands behind ``size`` is what a run has of its own.
 
-    That is told in standard deviations and goes no further than so many: a friction that differs more from run
-    to run follows something that the model lacks.
+    That is told in standard deviations and goes no further than so many: a friction that differs more from
+    run to run follows something that the model lacks.
     """
     found = np.linalg.solve(stiffness, pull)
     own = np.clip(found[size:], -MOST_WANDER, MOST_WANDER)
