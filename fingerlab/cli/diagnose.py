@@ -112,6 +112,11 @@ def _print(result: Diagnosis) -> None:
     if words.worth_adding(result):
         console.print(Text(words.path_sentence(result)))
         console.print(Text(_how_to_add(result)))
+    if result.bench:
+        console.print(Text("\nThe bench:"))
+        for finding in result.bench:
+            console.print(Text(f"- {finding.text}"))
+        console.print()
     proposal = words.next_experiment_sentence(result)
     if proposal is not None:
         console.print(Text(proposal))

@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
+from fingerlab.diagnosis.answer.bench import bench_findings, residual_offsets
 from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, OtherModel, PathStep
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
@@ -122,10 +123,10 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     probabilities, calibration = calibrated(evidence.odds, verdict, *usual)
     told = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
     chosen = _cannot_be_ruled_out(evidence, calibration)
-    names = question.reduction.runs
+    reduction, by_last = question.reduction, found.refined or scorer
 
     def offsets(fitted: FittedModel) -> dict[tuple[str, str], Array]:
-        return {names[n]: row for n, row in scorer.offsets(fitted).items()}
+        return residual_offsets(scorer.run_offsets(fitted), reduction.runs)
 
     curves = display.curves(scorer.reduced, evidence, offsets) if display is not None else None
     replacing = _replacing(evidence, found.rivals)
@@ -158,6 +159,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         repeats=all(group.repeats for group in scorer.reduced.groups),
         calibration=calibration,
         odds=evidence.odds,
+        bench=bench_findings(reduction, by_last.run_offsets(path[-1]), reduction.rig),
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
     )

@@ -69,6 +69,9 @@ SPIKE_NEIGHBOURS = 4
 MOST_SPIKES_SHARE = 0.02
 """A channel with a larger share of spikes is of that kind, and is left as it is; assumed."""
 
+LEAST_SPIKES = 5
+"""Fewer spikes of a channel in all runs are left aside without a word."""
+
 # ## Channels whose sense is turned
 
 CLEARLY_HELPING = 0.4
@@ -186,6 +189,10 @@ about 10."""
 LEAST_SHARE_OF_CONSTANTS = 0.05
 """... and every kind of channel must bring this share of the gain: a spring that is stiffer than its nominal
 constant by a fifth makes an angle's zero look a little like the motor's; assumed."""
+TOLD_OFFSET = 3.0
+"""A zero is said to move that moves by so many times what it is known to; assumed."""
+TOLD_SHARE = 0.4
+"""... and by this share of what the zero that moves most does; assumed."""
 SPREADS = (1e-5, 0.5)
 """Between these a spread is sought: from half a thousandth of a degree to half a turn's sixth, and in N m on
 the scale of the thesis' motor; assumed."""

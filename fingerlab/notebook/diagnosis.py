@@ -151,6 +151,7 @@ class DiagnosisView(Displayed):
             parts.append(words.as_good_sentence(result))
         if words.worth_adding(result):
             parts.append(words.path_sentence(result))
+        parts += [f"The bench: {finding.text}" for finding in result.bench]
         proposal = words.next_experiment_sentence(result)
         if proposal is not None:
             parts.append(proposal)

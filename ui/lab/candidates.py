@@ -33,7 +33,16 @@ from ..widgets.fields import set_usable
 from ..widgets.labels import WholeLabel
 from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
 from ..widgets.theme import Colours, colours_of, large_font, small_font, tint
-from .result_words import NOTHING, OUTCOME_TITLES, UNKNOWN, best_choice, set_help, set_words, verdict_headline
+from .result_words import (
+    NOTHING,
+    OUTCOME_TITLES,
+    UNKNOWN,
+    bench_words,
+    best_choice,
+    set_help,
+    set_words,
+    verdict_headline,
+)
 
 Index = QModelIndex | QPersistentModelIndex
 
@@ -225,6 +234,7 @@ class CandidatesPanel(QWidget):
         super().__init__(parent)
         self.verdict = described(WholeLabel(), "verdict", font=large_font(), role="heading")
         self.set_text = described(WholeLabel(), "setText", font=small_font(), role="muted")
+        self.bench = described(WholeLabel(), "bench", font=small_font(), role="muted")
         self.list = CandidateList(self)
         self.view = described(CandidateView(), "candidates", accessible="Candidates, best first")
         self.view.setModel(self.list)
@@ -244,7 +254,7 @@ class CandidatesPanel(QWidget):
         self._update_button()
 
     def _layout(self) -> None:
-        layout = vbox(self, self.verdict, self.set_text, (self.view, 1), margins=FLUSH, spacing=4)
+        layout = vbox(self, self.verdict, self.set_text, self.bench, (self.view, 1), margins=FLUSH, spacing=4)
         row = hbox(None, self.add_button, Spacer(1))
         layout.addLayout(row)
 
@@ -254,6 +264,10 @@ class CandidatesPanel(QWidget):
         self.verdict.setText(verdict_headline(diagnosis) if diagnosis is not None else "")
         self.set_text.setText(set_words(diagnosis) if diagnosis is not None else "")
         self.set_text.setToolTip(set_help(diagnosis) if diagnosis is not None else "")
+        text, every = bench_words(diagnosis) if diagnosis is not None else ("", "")
+        self.bench.setText(text)
+        self.bench.setToolTip(every)
+        self.bench.setVisible(bool(text))
         if diagnosis is not None:
             self.choose(best_choice(diagnosis))
         self._update_button()

@@ -175,6 +175,15 @@ def set_words(diagnosis: Diagnosis) -> str:
     return _set_words(diagnosis) + floor
 
 
+def bench_words(diagnosis: Diagnosis) -> tuple[str, str]:
+    """What was found of the bench itself: the first of it, and all of it a line each; empty: nothing."""
+    texts = [finding.text for finding in diagnosis.bench]
+    if not texts:
+        return "", ""
+    more = f" And {len(texts) - 1} more." if len(texts) > 1 else ""
+    return f"The bench: {texts[0]}{more}", "\n".join(texts)
+
+
 def _set_words(diagnosis: Diagnosis) -> str:
     if not_shown(diagnosis):
         hidden, weak = left_open(diagnosis)

@@ -148,6 +148,24 @@ class HeldOutRuns:
 
 
 @dataclass(frozen=True)
+class BenchFinding:
+    """What the recordings say of the bench itself, which is no matter of physics.
+
+    Attributes:
+        kind: "moving_zero", "spikes", "lost_samples", "skew", "missing_channel".
+        channel: that it is about. size: how much of it, in ``unit``. runs: that show it.
+        text: a sentence with what to do about it.
+    """
+
+    kind: str
+    channel: str
+    size: float
+    unit: str
+    runs: tuple[str, ...]
+    text: str
+
+
+@dataclass(frozen=True)
 class Failure:
     """Where the model fails worst, in words, with the stretch that shows it (seconds into a run).
 
@@ -194,6 +212,7 @@ class Diagnosis:
     failure: Failure | None = None
     held_out: tuple[HeldOutRuns, ...] = ()
     repeats: bool = True
+    bench: tuple[BenchFinding, ...] = ()
     better: OtherModel | None = None
     as_good: tuple[OtherModel, ...] = ()
     calibration: CalibratedAnswer | None = None
@@ -237,6 +256,7 @@ class Diagnosis:
             "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
             "seconds": self.seconds,
             "floor_from_repetition": self.repeats,
+            "bench": [vars(one) | {"runs": list(one.runs)} for one in self.bench],
             "better_model": None if self.better is None else self.better.to_json(),
             "as_good_models": [one.to_json() for one in self.as_good],
             "calibration": None if self.calibration is None else self.calibration.to_json(),

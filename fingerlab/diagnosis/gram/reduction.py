@@ -37,6 +37,7 @@ from fingerlab.diagnosis.signals.scales import Scales, find_scales, reduced_sess
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
+from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import told_frequency
 
@@ -50,6 +51,7 @@ class Reduction:
     Attributes:
         constants: that every run has of its own, as was found; None: none.
         settled: whether they were looked for.
+        repairs: samples that were put right, by number of the run and channel; samples: that it has.
     """
 
     def __init__(
@@ -69,6 +71,8 @@ class Reduction:
         self._seen: dict[str, tuple[Shape, ...]] = {}
         self.constants: RunConstants | None = None
         self.settled = False
+        self.repairs: dict[int, Mapping[str, int]] = {}
+        self.samples: dict[int, float] = {}
         self._forget()
 
     @cached_property
@@ -102,6 +106,11 @@ class Reduction:
             assert effect.shapes_seen is not None
             self._seen[effect.id] = tuple(effect.shapes_seen(motions))
         return replace(effect, shapes=self._seen[effect.id] or effect.shapes)
+
+    @property
+    def rig(self) -> Rig:
+        """The first session's rig, in SI."""
+        return self._given[0].rig
 
     @property
     def runs(self) -> list[tuple[str, str]]:
@@ -211,6 +220,7 @@ class Reduction:
                 groups[key] = _empty_group(run, whole, dealt[key])
             _add(groups[key], places[number], sums, number)
             seen += sums.senses
+            self.repairs[number], self.samples[number] = sums.repairs, sums.samples
         check_senses(seen)
         for group in groups.values():
             remove_common_trend(group)
