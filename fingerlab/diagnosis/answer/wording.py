@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from fingerlab.diagnosis.score.evidence import Evidence
-from fingerlab.diagnosis.score.fitted_model import FittedModel, own_keys
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, own_keys
 from fingerlab.diagnosis.settings import MOST_NAMED, Z90
+from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect, Row
 from fingerlab.models.file import ParameterEstimate
 
@@ -124,7 +125,19 @@ def explanation(evidence: Evidence, fitted: FittedModel, effect: Effect, shown: 
         for name, p in parameters(fitted, effect, evidence.temperature).items()
     ]
     found = f" ({'; '.join(numbers)})" if numbers else ""
-    return f"{said[:-1]}{found}. With it the held-out error goes from {fall}."
+    return f"{said[:-1]}{found}. With it the held-out error goes from {fall}.{_at_bounds(fitted, effect)}"
+
+
+def _at_bounds(fitted: FittedModel, effect: Effect) -> str:
+    """What is to be said where a strength is beyond, or at the end of, what was thought plausible."""
+    said, of = [], fitted.model.layout.scales.of
+    usual = find_effect(effect.id)
+    for name in dict.fromkeys((*effect.widened, *at_assumed_bounds(fitted))):
+        gain, before = effect.unknowns[name], (usual or effect).unknowns[name]
+        bound = max(abs(before.low), abs(before.high)) * of(gain.unit)
+        beyond = "is beyond" if name in effect.widened else "stands at"
+        said.append(f"{_title(effect, name)} {beyond} the assumed bound of {_amount(bound, gain.unit)}")
+    return f" Its {' and its '.join(said)}, so that it may be another effect." if said else ""
 
 
 def _said(fitted: FittedModel, effect: Effect) -> str:
