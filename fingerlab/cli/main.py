@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import io
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,6 +17,10 @@ import click
 
 import fingerlab
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import shown
+
+MOST_LETTERS = 1200
+"""Of a sentence about bad input; what is longer quotes a file at length."""
 
 COMMANDS = {
     "simulate": ("fingerlab.cli.simulate:simulate", "Record a session from the simulated rig."),
@@ -117,7 +122,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
-        code = cli.main(args=arguments, prog_name="fingerlab", standalone_mode=False)
+        with warnings.catch_warnings():
+            # What numpy says of numbers beyond all bounds in a stranger's file helps nobody at a terminal.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            code = cli.main(args=arguments, prog_name="fingerlab", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.ClickException as error:
         _fail(error.format_message())
@@ -129,7 +137,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _fail(sentence: str) -> None:
-    sentence = " ".join(sentence.split())
+    sentence = shown(" ".join(sentence.split()), MOST_LETTERS)
     click.echo(f"fingerlab: {sentence}", err=True)
     sys.exit(2)
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from rich.table import Table
-from rich.text import Text
 
 from fingerlab.cli.common import (
     PATH,
@@ -26,6 +25,7 @@ from fingerlab.cli.common import (
 )
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
+from fingerlab.core.plain_data import read_object
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.rig.file import CONSTANT_UNITS, default_rig, load_rig, sources_of
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
@@ -291,13 +291,7 @@ def _each(given: tuple[str, ...], default: str, files: tuple[Path, ...], name: s
 def _trajectory(text: str | None) -> dict[str, Any] | None:
     if text is None:
         return None
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise UserError(f'--trajectory is not JSON ({error}); write it like {{"kind": "sine"}}.') from None
-    if not isinstance(data, dict):
-        raise UserError('--trajectory is not a JSON object; write it like {"kind": "sine"}.')
-    return data
+    return read_object(text, "--trajectory", 'write it like {"kind": "sine"}')
 
 
 def _tell_assumptions(rig_file: Path | None, phases: tuple[str, ...], cables: tuple[str, ...]) -> None:
@@ -330,16 +324,16 @@ def _info_json(session: Session, report: CheckReport) -> dict[str, Any]:
 
 def _print_info(session: Session, report: CheckReport) -> None:
     console = table_console(width=110)
-    console.print(f"{session.path}: {session.title}", style="bold", markup=False)
+    console.print(f"{session.path}: {session.title}", style="bold")
     console.print(f"recorded {session.created}")
     for key in ("operator", "notes", "software", "tags"):
         if key in session.attributes:
-            console.print(f"{key}: {session.attributes[key]}", markup=False)
+            console.print(f"{key}: {session.attributes[key]}")
     console.print(_runs_table(session, report))
     console.print(_rig_table(session.rig, str(session.attributes["rig"])))
     for finding in report.findings:
         where = f"run {finding.run}: " if finding.run else ""
-        console.print(f"{finding.level}: {where}{finding.text}", markup=False)
+        console.print(f"{finding.level}: {where}{finding.text}")
     seconds = sum(run.seconds for run in session.runs)
     console.print(f"{len(session.runs)} runs, {seconds:.1f} s; the file keeps the session format.")
 
@@ -361,7 +355,7 @@ def _runs_table(session: Session, report: CheckReport) -> Table:
             run.name,
             run.phase,
             run.cable,
-            Text(words),
+            words,
             f"{run.seconds:.3f}",
             str(run.length),
             f"{run.sample_rate_hz:g}",
@@ -393,6 +387,6 @@ def _rig_table(rig: Rig, stored: str) -> Table:
                 f"{value:.5g}",
                 unit,
                 tolerance,
-                Text(sources.get(spec.name, origin)),
+                sources.get(spec.name, origin),
             )
     return table

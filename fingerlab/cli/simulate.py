@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +9,8 @@ import click
 
 from fingerlab.cli.common import PATH, counted, json_option, progress_bar, write_json
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import refuse_taken
+from fingerlab.core.files import read_text, refuse_taken
+from fingerlab.core.plain_data import read_object
 
 if TYPE_CHECKING:
     from fingerlab.twin.protocols import RunPlan
@@ -50,17 +50,9 @@ def read_proposal(text: str) -> dict[str, Any]:
     where = "--trajectory"
     if not text.lstrip().startswith("{"):
         where = text
-        try:
-            text = Path(text).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise UserError(
-                f"--trajectory {where} is neither JSON text nor a file that can be read ({error})."
-            ) from None
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise UserError(f"{where} is not JSON ({error}); give a trajectory or what diagnose wrote.") from None
-    if isinstance(data, dict) and "next_experiment" in data:
+        text = read_text(Path(text), "--trajectory JSON text or a file of it")
+    data = read_object(text, where, "give a trajectory or what diagnose wrote")
+    if "next_experiment" in data:
         data = data["next_experiment"]
         if data is None:
             raise UserError(f"{where} proposes no experiment: its diagnosis has nothing left to separate.")

@@ -67,6 +67,9 @@ SPIKE_NEIGHBOURS = 4
 MOST_SPIKES_SHARE = 0.02
 """A channel with a larger share of spikes is of that kind, and is left as it is; assumed."""
 
+LEAST_SPIKES = 5
+"""Fewer spikes of a channel in all runs are left aside without a word."""
+
 # ## Channels whose sense is turned
 
 CLEARLY_HELPING = 0.4
@@ -160,6 +163,19 @@ deviation; assumed: a tenth of what friction of 0.2 holds at 1 N."""
 LEAST_REPEATS = 3
 """Runs of one condition from which on their differences are known to be the runs', not the condition's."""
 
+# ## How well any law of a motor's state could tell its torque, where no motion comes again
+
+STATE_SPEEDS = tuple(0.01 * 4.0**k for k in range(7))
+"""Speeds about which friction may change, rad/s: any function of speed is made of them; assumed."""
+STATE_TRAVELS_DEG = (0.1, 0.4, 1.6, 6.4)
+"""Travels over which friction may build up after a reversal, degrees; assumed."""
+STATE_RIDGE = 1e-6
+"""Ridge as a share of a function's own size: functions are much alike, and numbers have sixteen digits."""
+STATE_LEAST_GAIN = 0.02
+"""Share of the squared error on what was left out by which a further function must lower it; assumed."""
+STATE_BLOCK = 50
+"""Decimated samples of a block, about 2 s: a single run is left out by such blocks."""
+
 # ## Constants that every run has of its own
 
 LEAST_CONSTANTS = 0.01
@@ -169,6 +185,10 @@ about 10."""
 LEAST_SHARE_OF_CONSTANTS = 0.05
 """... and every kind of channel must bring this share of the gain: a spring that is stiffer than its nominal
 constant by a fifth makes an angle's zero look a little like the motor's; assumed."""
+TOLD_OFFSET = 3.0
+"""A zero is said to move that moves by so many times what it is known to; assumed."""
+TOLD_SHARE = 0.4
+"""... and by this share of what the zero that moves most does; assumed."""
 SPREADS = (1e-5, 0.5)
 """Between these a spread is sought: from half a thousandth of a degree to half a turn's sixth, and in N m on
 the scale of the thesis' motor; assumed."""
@@ -282,6 +302,20 @@ IMPOSSIBLE = -700.0
 """Log odds that leave no probability."""
 NOT_BORNE_OUT = 0.05
 """Share of their probability that effects keep when adding the best of them is no justified step."""
+
+# ## Other models of the same recordings
+
+RIVAL_SHARE = 0.5
+"""An effect that gains less than this share of what a given effect does is not tried in its place; assumed:
+one step of its gains tells it to some tens of per cent."""
+GRID_SHARE = 0.07
+"""Share of what an effect gains that the nearest point of its grid may lack; assumed."""
+CLOSER_RIVALS = 2
+"""So many are looked at between the points of their grids."""
+RIVAL_LOG_ODDS = float(np.log(2.0))
+"""Log odds from which on a model with an effect exchanged is told as the better one: twice as likely."""
+DOUBTED = 0.05
+"""Share of its probability that "nothing missing" keeps where a model leaves what no bench does."""
 
 # ## What could not show
 

@@ -21,7 +21,7 @@ from platformdirs import user_data_path
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import whole_file
-from fingerlab.core.plain_data import Mismatch, structured
+from fingerlab.core.plain_data import Mismatch, parsed, structured
 from fingerlab.sessions.model import Session
 
 FORMAT, FORMAT_VERSION = "fingerlab-project", "1"
@@ -142,7 +142,7 @@ def _write(text: str, path: Path) -> None:
 def _read(path: Path) -> Project:
     if path.stat().st_size > MOST_BYTES:
         raise ValueError(f"it is larger than {MOST_BYTES // 1_000_000} MB")
-    data = json.loads(path.read_text(encoding="utf-8"))
+    data = parsed(path.read_text(encoding="utf-8"))
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise ValueError(f"'format' is not '{FORMAT}'")
     project = structured(Project, data)

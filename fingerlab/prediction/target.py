@@ -20,7 +20,6 @@ key                meaning (default)
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,6 +30,8 @@ import numpy as np
 
 from fingerlab.acquisition.control.trajectories import FORCE, WAVES, with_points
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import read_text
+from fingerlab.core.plain_data import read_object
 from fingerlab.diagnosis.settings import SETTLING_S, WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.physics.motion import Motion
@@ -92,22 +93,12 @@ def _object(source: str | Mapping[str, Any], where: str) -> Mapping[str, Any]:
         path = Path(source)
         if path.suffix.lower() != ".json":
             return {"kind": "file", "file": source}
-        try:
-            source = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise UserError(
-                f"{where} cannot be read from {path} ({error}); name a file that exists."
-            ) from None
-    try:
-        found = json.loads(source)
-    except ValueError as error:
-        raise UserError(
-            f'{where} is not JSON ({error}); it should look like {{"kind": "sine", "mean_n": 1, '
-            f'"amplitude_n": 0.5, "frequency_hz": 0.5}}.'
-        ) from None
-    if not isinstance(found, Mapping):
-        raise UserError(f"{where} is not a JSON object with 'kind', 'mean_n' and the like.")
-    return found
+        source = read_text(path, "the JSON file of a wanted force")
+    return read_object(
+        source,
+        where,
+        'it should look like {"kind": "sine", "mean_n": 1, "amplitude_n": 0.5, "frequency_hz": 0.5}',
+    )
 
 
 def _number(settings: Mapping[str, Any], name: str, where: str) -> float:

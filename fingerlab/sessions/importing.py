@@ -17,7 +17,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.units import factor
 from fingerlab.rig.constants import Rig
-from fingerlab.sessions.format import RATE_TOLERANCE, REQUIRED_CHANNELS
+from fingerlab.sessions.format import LEAST_RATE, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS
 from fingerlab.sessions.hdf5 import sample_fault
 from fingerlab.sessions.mapping import Axis, Column, Table, map_columns
 from fingerlab.sessions.mat_table import MatTable, is_mat, mat_tables
@@ -213,6 +213,8 @@ def _rate(table: Table, time: Array, given: float | None) -> float:
     usual = float(np.median(steps))
     regular = steps[np.abs(steps / usual - 1.0) <= RATE_TOLERANCE]
     rate = 1.0 / float(regular.mean())
+    if not LEAST_RATE <= rate <= MOST_RATE:
+        raise UserError(f"{table.path} holds {rate:.4g} samples a second by its time column; is it in s?")
     whole = float(round(rate))
     if whole and math.isclose(rate, whole, rel_tol=WHOLE_RATE):
         rate = whole

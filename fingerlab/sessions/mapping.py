@@ -7,16 +7,16 @@ the text of their header. A log of one axis (:class:`Axis`) names its units; a l
 
 from __future__ import annotations
 
-import json
 import math
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import read_text
+from fingerlab.core.plain_data import read_object
 from fingerlab.core.units import FACTORS, factor
 from fingerlab.sessions.format import CHANNEL_UNITS
 from fingerlab.sessions.mat_table import MatTable
@@ -316,15 +316,11 @@ def _read_mapping(mapping: str) -> dict[str, _Wish]:
 
 
 def _file(path: Path) -> dict[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8")
-        data = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
-    except OSError as error:
-        raise UserError(f"The mapping file {path} cannot be read ({error.strerror}).") from None
-    except ValueError as error:
-        raise UserError(f"The mapping file {path} is not {path.suffix[1:].upper()} ({error}).") from None
-    if not isinstance(data, dict) or not data:
-        raise UserError(f'The mapping file {path} holds no columns; it should read like "time": 1.')
+    text = read_text(path, "a mapping file such as COLUMNS.toml")
+    where, advice = f"The mapping file {path}", "it should read like time = 1"
+    data = read_object(text, where, advice, toml=path.suffix.lower() == ".toml")
+    if not data:
+        raise UserError(f"{where} holds no columns; {advice}.")
     return data
 
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.plain_data import parsed, read_object
 from fingerlab.sessions import Run, Session, SessionWriter, open_session
 from fingerlab.sessions.format import CHANNEL_UNITS
 from fingerlab.sessions.model import ArrayReader
@@ -57,6 +58,8 @@ PRACTISED = (
 
 DIGEST_CHARACTERS = 16
 SEAL_CHARACTERS = 1200
+MOST_SEALED = 1 << 16
+"""Bytes of what is sealed."""
 """Every seal is filled up to this length, so that its length says nothing."""
 
 Progress = Callable[[float, str], None]
@@ -188,7 +191,8 @@ def reveal_session(path: Path) -> dict[str, Any]:
         return {**unseal(str(attributes[SEALED]), str(path)), "sealed": True}
     if SIMULATION in attributes:
         told = attributes[SIMULATION]
-        return {**(json.loads(told) if isinstance(told, str) else dict(told)), "sealed": False}
+        what = f"{path}, attribute '{SIMULATION}',"
+        return {**read_object(told, what, "simulate the session again"), "sealed": False}
     raise UserError(
         f"{path} was not simulated by FingerLab, so there is nothing to reveal; "
         f"give a session from 'simulate'."
@@ -237,10 +241,10 @@ def unseal(text: str, where: str) -> dict[str, Any]:
     """
     digest, body = text[:DIGEST_CHARACTERS], text[DIGEST_CHARACTERS:].partition(".")[0]
     try:
-        content = zlib.decompress(base64.b64decode(body, validate=True))
+        content = zlib.decompressobj().decompress(base64.b64decode(body, validate=True), MOST_SEALED)
         if hashlib.sha256(content).hexdigest()[:DIGEST_CHARACTERS] != digest:
             raise ValueError("its digest does not match")
-        result: dict[str, Any] = json.loads(content)
+        result: dict[str, Any] = parsed(content.decode())
     except (ValueError, zlib.error) as error:
         raise UserError(f"The seal of {where} is damaged ({error}); simulate the session again.") from None
     return result

@@ -12,6 +12,7 @@ from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.effects import CATALOGUE
 from fingerlab.report.diagnosis_words import UNEXPLAINED, path_sentence
+from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
 from tests.hidden.axis.plant import Axis, session
@@ -114,3 +115,41 @@ def test_friction_at_one_speed_is_told_although_sixty_times_the_floor() -> None:
     assert result.candidates[0].parameters["coulomb"].value == pytest.approx(0.05, rel=0.05)
     assert result.path[1].added == "motor_coulomb_friction"
     assert "motor_viscous_friction" not in result.set
+
+
+@pytest.mark.parametrize("seed", [0, 4])
+def test_viscous_friction_is_earned_beside_coulombs_where_nothing_comes_again(seed: int) -> None:
+    """Motions as robots are identified by: no cycle, no repeated run; the floor is of no effect's making.
+
+    Friction of 30 mN m that flips and 30 mN m at the fastest speed.
+    """
+    machine = Axis(torque=0.05, speed=2.5, coulomb=0.6, viscous=0.6, noise=0.01, motion="fourier", rate=500.0,
+                   seconds=8.0, runs=5, seed=seed)  # fmt: skip
+    recorded = session(machine)
+    result = verdict_on(recorded)
+    assert result.final_model == ("motor_coulomb_friction", "motor_viscous_friction")
+    assert result.path[1].score > 2.0 * result.path[2].score
+    assert result.path[2].score < 1.3
+    viscous = result.final_parameters["motor_viscous_friction.viscous"]
+    assert viscous.low < 0.6 * 0.05 / 2.5 < viscous.high or viscous.value == pytest.approx(0.012, rel=0.1)
+
+
+def test_the_floor_of_what_never_repeats_is_the_noise_that_was_put_in() -> None:
+    """A law that no effect has (the speed's square, a sine of the angle), and white noise of 2 mN m.
+
+    In the 8 Hz that are looked at the noise of 500 samples a second is 2 mN m times the root of 8 / 250.
+    """
+    rng = np.random.default_rng(8)
+    runs = []
+    for number in range(5):
+        time = np.arange(6000) / 500.0
+        waves = rng.uniform(0.3, 1.0, 3), rng.uniform(0.15, 0.8, 3), rng.uniform(0.0, 6.0, 3)
+        angle = sum(a * np.sin(2 * np.pi * f * time + p) for a, f, p in zip(*waves, strict=True))
+        speed = np.gradient(angle, time)
+        torque = 0.002 * speed * np.abs(speed) + 0.03 * np.sin(angle) + rng.normal(0.0, 2e-3, len(time))
+        channels = {"motor_position": angle, "motor_torque": torque}
+        runs.append(Run.from_arrays(channels, name=f"{number}", phase="motor_bench", cable="none",
+                                    sample_rate_hz=500.0, trajectory={"kind": "custom"}))  # fmt: skip
+    machine = Session(Path("a.h5"), "a", "2026-11-01T09:00:00+00:00", Rig(None, Motor()), tuple(runs))
+    floor = verdict_on(machine).errors["motor_torque"].floor
+    assert floor == pytest.approx(2e-3 * np.sqrt(8.0 / 250.0), rel=0.5)

@@ -246,13 +246,15 @@ def test_a_mat_file_cut_at_any_place_is_refused_in_one_sentence(tmp_path, capsys
 
 
 def test_a_mat_file_takes_nothing_from_other_files(tmp_path, capsys):
-    """External links of an HDF5 file are not followed: what they name is as if it were not there."""
+    """External links of an HDF5 file are not followed: they are refused by name."""
     secret = as_version_73(tmp_path / "other.mat", {"tau": TORQUE})
     path = as_version_73(tmp_path / "log.mat", {"t": TIME, "q": TURN})
     with h5py.File(path, "r+") as file:
         file["tau"] = h5py.ExternalLink(str(secret), "tau")
     mapping = "time=t:s,position=q:rad,torque=tau:Nm"
-    assert "takes 'motor_torque' from the header 'tau', but" in refused(capsys, path, "--map", mapping)
+    assert "leads to another file at /tau; it should hold all of itself" in refused(
+        capsys, path, "--map", mapping
+    )
 
 
 def test_a_motor_that_spins_past_half_a_turn_a_sample_is_not_guessed_at():

@@ -20,7 +20,7 @@ from fingerlab.models.project import (
     save_project,
     with_model,
 )
-from fingerlab.report.diagnosis_words import effect_title, in_sentence
+from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 from fingerlab.sessions.model import Session
 
 from ..app.context import part_of
@@ -40,6 +40,15 @@ class ModelStep:
     @property
     def last_added(self) -> str | None:
         return self.added[-1] if self.added else None
+
+    def change_from(self, before: ModelStep) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """The effects that came in after another step, and those that went out."""
+        came = tuple(name for name in self.added if name not in before.added)
+        return came, tuple(name for name in before.added if name not in self.added)
+
+
+def _named(effects: Sequence[str]) -> str:
+    return listed([in_sentence(effect_title(effect)) for effect in effects])
 
 
 class ModelHistory:
@@ -86,9 +95,14 @@ class ModelHistory:
     def redo(self) -> None:
         self._index = min(self._index + 1, len(self._steps) - 1)
 
-    def undone(self) -> str | None:
-        """The effect that redo would put back."""
-        return self._steps[self._index + 1].last_added if self.can_redo else None
+    @property
+    def before(self) -> ModelStep | None:
+        """The step that undo goes back to."""
+        return self._steps[self._index - 1] if self.can_undo else None
+
+    def undone(self) -> ModelStep | None:
+        """The step that redo would take again."""
+        return self._steps[self._index + 1] if self.can_redo else None
 
 
 DiagnoseCall = Callable[[Sequence[Session], tuple[str, ...], Progress, IsCancelled], Diagnosis]
@@ -235,13 +249,35 @@ class LabController(QObject):
                 self.kept_badly.emit(str(error))
 
     def add(self, effect: str) -> None:
-        """Refit with one more effect; the history moves on when the new diagnosis is there."""
+        """Refit with one more effect, or with it in place of those that it is judged to replace.
+
+        The history moves on when the new diagnosis is there.
+        """
         history = self.history
         if history is None or effect in history.now.added:
+            return
+        judged = {c.effect: c for c in history.now.diagnosis.candidates}
+        gone = judged[effect].replaces if effect in judged else ()
+        if gone:
+            first, *others = gone
+            kept = [effect if name == first else name for name in history.now.added if name not in others]
+            self._exchange((effect,), gone, tuple(kept))
             return
         added = (*history.now.added, effect)
         title = f"Refitting with {in_sentence(effect_title(effect))}"
         self._run(added, title, partial(self._push, history, added))
+
+    def exchange(self) -> None:
+        """Refit with the better model of the same recordings, where the diagnosis knows one."""
+        better = self.diagnosis.better if self.diagnosis is not None else None
+        if better is not None:
+            self._exchange(better.added, better.removed, better.effects)
+
+    def _exchange(self, came: tuple[str, ...], gone: tuple[str, ...], added: tuple[str, ...]) -> None:
+        history = self.history
+        if history is not None:
+            title = f"Refitting with {_named(came)} in place of {_named(gone)}"
+            self._run(added, title, partial(self._push, history, added))
 
     def _push(self, history: ModelHistory, added: tuple[str, ...], diagnosis: Diagnosis) -> None:
         history.push(ModelStep(added, diagnosis))

@@ -18,7 +18,7 @@ from .comparison_plot import ComparisonPlot
 from .controller import LabController, ModelStep
 from .error_path import PathPanel
 from .evidence import EvidencePanel
-from .lab_frame import StepsColumn
+from .lab_frame import BetterModelBanner, StepsColumn
 from .result_words import NOTHING, UNKNOWN, best_choice, equation_text, find_candidate, step_results
 from .truth import TruthPanel
 from .where import WherePanel
@@ -47,6 +47,7 @@ class LabView(QWidget):
         self.where = WherePanel()
         self.truth = TruthPanel()
         self.path = PathPanel()
+        self.better = BetterModelBanner()
         self._shown_step: ModelStep | None = None
         self._build()
         self._connect()
@@ -59,7 +60,8 @@ class LabView(QWidget):
         for panel in (self.evidence, self.where, self.truth):
             self.right.addWidget(panel)
         middle = QWidget()
-        hbox(middle, (self.candidates, 4), (self.right, 5), margins=(0, 4, 0, 4), spacing=16)
+        beside = hbox(None, (self.candidates, 4), (self.right, 5), margins=FLUSH, spacing=16)
+        vbox(middle, self.better, (beside, 1), margins=(0, 4, 0, 4), spacing=4)
         parts = ((upper, 11), (middle, 9), (self.path, 4))
         self.panes = Panes("model_lab", parts, (360, 272, 100))
         self.steps.setFixedWidth(STEPS_WIDTH)
@@ -79,6 +81,7 @@ class LabView(QWidget):
         self.where.place_chosen.connect(self._on_place)
         self.candidates.chosen.connect(self._on_candidate)
         self.candidates.add_asked.connect(self.controller.add)
+        self.better.exchange_asked.connect(self.controller.exchange)
         self.path.undo_asked.connect(self.controller.undo)
         self.path.redo_asked.connect(self.controller.redo)
         self.truth.report_asked.connect(self.report_asked)
@@ -93,6 +96,7 @@ class LabView(QWidget):
             self.bar.show_comparisons((), (), None)
             self.plot.show_comparison(None, None, keep_view=False)
             self.candidates.show_diagnosis(None)
+            self.better.show_diagnosis(None)
             self.evidence.show_choice(None, None)
             self.where.show_equation((), None)
             self.path.show_history(None)
@@ -107,6 +111,7 @@ class LabView(QWidget):
         wanted = (failure.equation, failure.run) if first_look and failure is not None else None
         self.bar.show_comparisons(diagnosis.comparisons, self.controller.sessions, wanted)
         self.candidates.show_diagnosis(diagnosis)
+        self.better.show_diagnosis(diagnosis)
         self.evidence.show_choice(best_choice(diagnosis), diagnosis)
         self.path.show_history(history)
         pressed = any(run.phase == "contact" for one in self.controller.sessions for run in one.runs)
@@ -229,3 +234,4 @@ class LabView(QWidget):
 
     def _on_activity(self) -> None:
         self.candidates.set_busy(self.controller.tasks.busy)
+        self.better.set_busy(self.controller.tasks.busy)

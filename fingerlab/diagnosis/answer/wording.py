@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from fingerlab.core.text import in_sentence
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, own_keys
 from fingerlab.diagnosis.settings import MOST_NAMED, Z90
@@ -104,11 +107,19 @@ def quantity(estimate: ParameterEstimate) -> str:
     return f"{round(value, digits):.{places}f} ± {round(half, digits):.{places}f}{shown}"
 
 
-def explanation(evidence: Evidence, fitted: FittedModel, effect: Effect, shown: bool, least: float) -> str:
+def explanation(
+    evidence: Evidence,
+    fitted: FittedModel,
+    effect: Effect,
+    shown: bool,
+    least: float,
+    replaced: Sequence[str] = (),
+) -> str:
     """One or two plain sentences with the evidence in numbers.
 
     Args:
         shown: whether it would have shown at a typical strength. least: the multiple of that from which on.
+        replaced: ids of the effects of the base in whose place it is in ``fitted``.
     """
     fall = f"{evidence.base.score:.2f} to {fitted.score:.2f} floors"
     said = _said(fitted, effect)
@@ -118,26 +129,37 @@ def explanation(evidence: Evidence, fitted: FittedModel, effect: Effect, shown: 
         return (
             f"{said} These data could not show it at a plausible strength{from_there}; {effect.reveal} would."
         )
-    if fitted.misfit > evidence.base.misfit * 0.98:
+    if fitted.misfit > evidence.base.misfit * 0.98 and not replaced:
         return f"{said} Nothing of that is seen: the held-out error goes from {fall}."
     numbers = [
         f"{_title(effect, name)} {quantity(p) if name not in effect.shape_units else _grid_value(p)}"
         for name, p in parameters(fitted, effect, evidence.temperature).items()
     ]
     found = f" ({'; '.join(numbers)})" if numbers else ""
-    return f"{said[:-1]}{found}. With it the held-out error goes from {fall}.{_at_bounds(fitted, effect)}"
+    there = f" in place of {_in_sentence(evidence.base, replaced)}" if replaced else ""
+    bounds = _at_bounds(fitted, effect)
+    return f"{said[:-1]}{found}. With it{there} the held-out error goes from {fall}.{bounds}"
 
 
 def _at_bounds(fitted: FittedModel, effect: Effect) -> str:
     """What is to be said where a strength is beyond, or at the end of, what was thought plausible."""
-    said, of = [], fitted.model.layout.scales.of
-    usual = find_effect(effect.id)
-    for name in dict.fromkeys((*effect.widened, *at_assumed_bounds(fitted))):
-        gain, before = effect.unknowns[name], (usual or effect).unknowns[name]
-        bound = max(abs(before.low), abs(before.high)) * of(gain.unit)
-        beyond = "is beyond" if name in effect.widened else "stands at"
-        said.append(f"{_title(effect, name)} {beyond} the assumed bound of {_amount(bound, gain.unit)}")
+    usual, keys, stuck = find_effect(effect.id) or effect, own_keys(fitted, effect), at_assumed_bounds(fitted)
+    said = []
+    for name in dict.fromkeys((*effect.widened, *stuck)):
+        before, value = usual.unknowns[name], abs(float(fitted.values[keys[name]]))
+        bound = max(abs(before.low), abs(before.high))
+        if value < bound and name not in stuck:
+            continue
+        shown = _amount(bound * fitted.model.layout.scales.of(before.unit), before.unit)
+        where = "is beyond" if value > bound else "stands at"
+        said.append(f"{_title(effect, name)} {where} the assumed bound of {shown}")
     return f" Its {' and its '.join(said)}, so that it may be another effect." if said else ""
+
+
+def _in_sentence(fitted: FittedModel, names: Sequence[str]) -> str:
+    """Titles of some of the model's effects as they stand inside a sentence."""
+    titles = {c.effect.id: c.effect.title for c in fitted.choices}
+    return " and ".join(in_sentence(titles.get(name, name)) for name in names)
 
 
 def _said(fitted: FittedModel, effect: Effect) -> str:

@@ -52,6 +52,7 @@ class Reduction:
     Attributes:
         constants: that every run has of its own, as was found; None: none.
         settled: whether they were looked for.
+        repairs: samples that were put right, by number of the run and channel; samples: that it has.
     """
 
     def __init__(
@@ -71,6 +72,8 @@ class Reduction:
         self._seen: dict[str, tuple[Shape, ...]] = {}
         self.constants: RunConstants | None = None
         self.settled = False
+        self.repairs: dict[int, Mapping[str, int]] = {}
+        self.samples: dict[int, float] = {}
         self._forget()
 
     @cached_property
@@ -109,6 +112,11 @@ class Reduction:
             assert effect.shapes_seen is not None
             self._seen[effect.id] = tuple(effect.shapes_seen(motions))
         return replace(effect, shapes=self._seen[effect.id] or effect.shapes)
+
+    @property
+    def rig(self) -> Rig:
+        """The first session's rig, in SI."""
+        return self._given[0].rig
 
     @property
     def runs(self) -> list[tuple[str, str]]:
@@ -218,6 +226,7 @@ class Reduction:
                 groups[key] = _empty_group(run, whole, dealt[key])
             _add(groups[key], places[number], sums, number)
             seen += sums.senses
+            self.repairs[number], self.samples[number] = sums.repairs, sums.samples
         check_senses(seen)
         for group in groups.values():
             remove_common_trend(group)
@@ -311,6 +320,7 @@ def _add(group: Group, k: int, found: RunSums, number: int) -> None:
         whole[live] = trend
         group.trends.setdefault((group.dealt[k].condition, number), []).append(whole)
     group.encoder_variance = max(group.encoder_variance, found.encoder_variance)
+    group.state_products += [found.state_products] if found.state_products else []
 
 
 def remove_common_trend(group: Group) -> None:

@@ -18,6 +18,7 @@ import numpy as np
 from fingerlab.diagnosis.equations.columns import Asked, effect_columns
 from fingerlab.diagnosis.equations.features import BoolArray, IntArray
 from fingerlab.diagnosis.gram.decimation import Decimated, decimated_columns, fill, repeating_bases
+from fingerlab.diagnosis.gram.state_law import state_products
 from fingerlab.diagnosis.gram.sums import Part, RunSums, Sums
 from fingerlab.diagnosis.settings import MOST_BYTES
 from fingerlab.diagnosis.signals.segments import segments_of, senses
@@ -138,6 +139,7 @@ def run_sums(
         repeating = repeating_bases(low, run, asked.seek_cycle)
         if repeating is None:
             result.add(Part(low.live + asked.start, part, totals))
+            result.state_products += state_products(low) if motion.finger is None else []
         else:
             cyclic, trend = live @ repeating[0], live @ repeating[1]
             noise = part.products - cyclic @ cyclic.T

@@ -175,6 +175,8 @@ class RunSums:
     trends: list[tuple[IntArray, Array]] = field(default_factory=list)
     senses: list[Senses] = field(default_factory=list)
     encoder_variance: float = 0.0
+    state_products: list[Array] = field(default_factory=list)
+    """Of a motor alone whose motion does not come again: see ``state_law``, one for each block."""
     repairs: Counter[str] = field(default_factory=Counter)
     samples: float = 0.0
 
@@ -218,6 +220,8 @@ class Group:
     dealt: list[Fold] = field(default_factory=list)
     trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)
     """While runs are read: slow trends by condition and stretch, (signals, degrees) for each run."""
+    state_products: list[list[Array]] = field(default_factory=list)
+    """Of each run of a motor alone whose motion does not come again: see ``state_law``."""
 
     def __post_init__(self) -> None:
         self.dealt = self.dealt or [Fold(0, k) for k in range(len(self.folds))]

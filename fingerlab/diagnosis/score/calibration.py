@@ -3,9 +3,9 @@
 The odds of ``evidence`` rest on models none of which is quite the bench's. Their numbers are therefore set
 against trials in which it is known what was missing: a map with few values turns them into probabilities, and
 a set holds every answer whose log odds against the best are such as the truth had in 95 % of the trials with
-an effect of its kind (split conformal sets, Mondrian by effect or family). The values stand in
-``resources/calibration.json``, which ``python -m tests.hidden.calibration`` makes. A session that is unlike
-those of the trials is told as such, and its odds are drawn together.
+that verdict and an effect of that kind (split conformal sets, Mondrian by verdict and effect or family). The
+values stand in ``resources/calibration.json``, which ``python -m tests.hidden.sweep.calibrate`` makes. A
+session that is unlike those of the trials is told as such, and its odds are drawn together.
 """
 
 from __future__ import annotations
@@ -154,8 +154,8 @@ class CalibrationTable:
             a table fitted to others.
         population: what the trials are, in words.
         map: from odds to probabilities.
-        thresholds: log odds against the best down to which an answer is in the set, by effect, by family, and
-            of the answers that are no effect; "any" for the rest.
+        thresholds: log odds against the best down to which an answer is in the set, by verdict and effect as
+            "missing_effect/cable_slack", by verdict and family, by verdict, and "any".
         features: of a session, by name. oddness: the largest distance of a feature from its middle, in
             spreads, which shares of the trials lie beyond: ``len(oddness)`` values, evenly from all to none.
         kinds: share of the trials by the phases of their runs.
@@ -174,18 +174,16 @@ class CalibrationTable:
     error: float
     coverage: float
 
-    def threshold(self, answer: str) -> float:
+    def threshold(self, verdict: str, answer: str) -> float:
         """Log odds against the best (not below 0) down to which an answer is in the set."""
-        effect = find_effect(answer)
-        family = "" if effect is None else effect.family
-        found = [self.thresholds[name] for name in (answer, family, "any") if name in self.thresholds]
+        found = [self.thresholds[name] for name in groups_of(verdict, answer) if name in self.thresholds]
         return max(found[0], 0.0)
 
-    def conformal_set(self, answers: Sequence[str], probabilities: Array) -> tuple[str, ...]:
+    def conformal_set(self, verdict: str, answers: Sequence[str], probabilities: Array) -> tuple[str, ...]:
         """The answers that cannot be ruled out, likeliest first; the likeliest is always among them."""
         behind = answer_distances(probabilities)
         order = np.argsort(behind, kind="stable")
-        return tuple(answers[i] for i in order if behind[i] <= self.threshold(answers[i]))
+        return tuple(answers[i] for i in order if behind[i] <= self.threshold(verdict, answers[i]))
 
     def typicality(self, features: Mapping[str, float], kind: str) -> tuple[float, tuple[str, ...]]:
         """Share of the trials that are no more usual than a session, and what is unusual about it, in words.
@@ -214,6 +212,13 @@ def _unusual(feature: SessionFeature, value: float) -> str:
     at, low, high = (f"{float(f'{v:.2g}'):g}" for v in (value, feature.low, feature.high))
     unit = f" {feature.unit}" if feature.unit else ""
     return f"{feature.title} {at}{unit} (mostly {low} to {high}{unit})"
+
+
+def groups_of(verdict: str, answer: str) -> tuple[str, ...]:
+    """Names of the groups whose trials say how far an answer may lie behind, the narrowest first."""
+    effect = find_effect(answer)
+    family = () if effect is None else (f"{verdict}/{effect.family}",)
+    return (f"{verdict}/{answer}", *family, verdict, "any")
 
 
 def answer_distances(probabilities: Array) -> Array:
@@ -271,19 +276,19 @@ def session_features(
 
 
 def calibrated(
-    odds: Odds, features: Mapping[str, float], kind: str, table: CalibrationTable | None = None
+    odds: Odds, verdict: str, features: Mapping[str, float], kind: str, table: CalibrationTable | None = None
 ) -> tuple[Array, CalibratedAnswer]:
     """Probability of each of ``odds.answers``, and what is to be said of them.
 
     Args:
-        features, kind: see :meth:`CalibrationTable.typicality`.
+        verdict: of the odds, as they stand. features, kind: see :meth:`CalibrationTable.typicality`.
         table: None for the one that comes with the program.
     """
     table = table or calibration()
     share, unusual = table.typicality(features, kind)
     widening = 1.0 + (WIDENING - 1.0) * min(max(1.0 - share / UNUSUAL, 0.0), 1.0)
     probabilities = table.map.probabilities(odds, features.get("left", 1.0), widening)
-    kept = table.conformal_set(odds.answers, probabilities)
+    kept = table.conformal_set(verdict, odds.answers, probabilities)
     return probabilities, CalibratedAnswer(
         table.version, table.fitted, table.judged, table.population, table.error, table.coverage,
         share, unusual, widening, kept,

@@ -286,12 +286,6 @@ class Scorer:
             square -= allowance(own, h, sums, fitter.model.coefficients(values, group)[1], left)
         return square, EFFECTIVE_SHARE * group.equations * fold.samples
 
-    def offsets(self, fitted: FittedModel) -> dict[int, Array]:
-        """What the runs' own constants add to the residuals of a scored model, (5,), by number of the run."""
-        return {
-            n: row for one in self.run_offsets(fitted) for n, row in zip(one.numbers, one.rows, strict=True)
-        }
-
     def run_offsets(self, fitted: FittedModel) -> list[Offsets]:
         """The constants that the runs of every group have of their own beside a scored model."""
         fitter = self._fitter(fitted)

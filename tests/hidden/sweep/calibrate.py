@@ -28,6 +28,7 @@ from fingerlab.diagnosis.score.calibration import (
     SessionFeature,
     answer_distances,
     calibrated,
+    groups_of,
 )
 from fingerlab.effects import find_effect
 from fingerlab.sessions.model import Array
@@ -175,8 +176,7 @@ def fit_thresholds(trials: Sequence[KnownTrial], table: CalibrationTable) -> dic
         if not one.places:
             continue
         behind = float(distances(one, table)[one.places].min())
-        names = {"any", *one.truth, *(e.family for e in map(find_effect, one.truth) if e is not None)}
-        for name in names:
+        for name in {group for true in one.truth for group in groups_of(one.verdict, true)}:
             groups[name].append(behind)
     enough = {name: bound(v) for name, v in sorted(groups.items()) if len(v) >= LEAST_TRIALS}
     return {"any": 3.0, **enough}
@@ -189,7 +189,7 @@ def bound(values: Sequence[float]) -> float:
 
 
 def distances(one: KnownTrial, table: CalibrationTable) -> Array:
-    return answer_distances(calibrated(one.odds, one.session, one.phases, table)[0])
+    return answer_distances(calibrated(one.odds, one.verdict, one.session, one.phases, table)[0])
 
 
 def fit_table(trials: Sequence[KnownTrial], version: str) -> CalibrationTable:
@@ -232,7 +232,7 @@ def answer(one: KnownTrial, table: CalibrationTable | None) -> Answered:
         kept = tuple(n for n, d in zip(odds.answers, answer_distances(told), strict=True) if d <= 3.0)
         typical = 1.0
     else:
-        told, said = calibrated(odds, one.session, one.phases, table)
+        told, said = calibrated(odds, one.verdict, one.session, one.phases, table)
         kept, typical = said.cannot_be_ruled_out, said.typicality
     best = int(np.argmax(told))
     return Answered(one, odds.answers[best], float(told[best]), kept, typical)
@@ -353,16 +353,13 @@ def _reliability(raw: Sequence[Answered], after: Sequence[Answered]) -> list[lis
 
 
 def _by_kind(after: Sequence[Answered], table: CalibrationTable) -> list[list[str]]:
-    rows = [["truth", "trials", "first right", "in the set", "size, median", "one alone", "bound"]]
+    rows = [["truth", "trials", "first right", "in the set", "size, median", "one alone"]]
     for name in sorted({a.trial.kind for a in after}):
         group = [a for a in after if a.trial.kind == name]
-        key = next((k for k, v in OUTCOMES.items() if v == name), name)
-        limit = table.thresholds.get(key)
         rows.append(
             [
                 name, str(len(group)), _percent(a.right for a in group), _percent(a.covered for a in group),
                 f"{np.median([len(a.set) for a in group]):g}", _percent(len(a.set) == 1 for a in group),
-                "of all" if limit is None else f"{limit:.1f}",
             ]
         )  # fmt: skip
     return rows
