@@ -28,9 +28,9 @@ USUAL_TORQUE_SPREAD = 0.04
 tells; assumed."""
 BAND_OVER_HALF = 1.25
 """Cutoff over the frequency below which half of the torque's variance is, if a motor turns on; assumed."""
-USUAL_TRAVEL = 0.35
-"""A motor that turns on has travelled this far, rad, as far as its pace is concerned: 20 to 30 degrees to
-either side, as a bench protocol has."""
+USUAL_TRAVEL = 0.2
+"""A motor that moves further has travelled this far, root mean square, rad, as far as its pace is concerned:
+16 degrees to either side, as in the thesis' protocol."""
 
 # ## Which part of a run is looked at, and how finely
 
@@ -359,6 +359,10 @@ HOPEFUL_SHARE = 0.1
 """An effect whose first step lowers the cost by less than this share of the best's is fitted no further."""
 SAME_COST_SHARE = 1e-3
 """Effects whose costs differ by less than this share leave the same noise, and set the same weights."""
+AT_BOUND = 0.999
+"""Share of a bound from which on a value stands at it."""
+MOST_WIDENED = 3
+"""Times that an assumed range is made ten times as wide, at most."""
 SCREEN_ITERATIONS = 3
 """Steps of a fit that only tells whether an effect is worth more."""
 LONGEST_PATH = 4

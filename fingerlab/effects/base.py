@@ -150,6 +150,7 @@ class Effect:
             what the tip does along the face turns with it.
         family: one of ``FAMILIES``. formula: what is printed of it.
         example: a motion and what the columns are in it.
+        widened: names of unknowns whose range was made ten times as wide, once for each time.
         wanders, sticks: as an argument, says of all gains that they differ from run to run, or hold at rest.
     """
 
@@ -175,6 +176,7 @@ class Effect:
     family: str = FAMILIES[-1]
     formula: Formula | None = None
     example: Example | None = None
+    widened: tuple[str, ...] = ()
     wanders: InitVar[bool] = False
     sticks: InitVar[bool] = False
 
@@ -210,6 +212,19 @@ class Effect:
         low, high, middle = min(values), max(values), values[len(values) // 2]
         unit = self.shape_units[name]
         return Parameter(unit, low, high, middle, "tried", "", name, middle, Role.SHAPE, symbol)
+
+    def wider(self, names: Sequence[str]) -> Effect:
+        """The effect with ten times the range of some of its unknowns."""
+
+        def ranges(known: Mapping[str, Parameter]) -> dict[str, Parameter]:
+            return {
+                name: replace(one, low=10.0 * one.low, high=10.0 * one.high) if name in names else one
+                for name, one in known.items()
+            }
+
+        return replace(
+            self, gains=ranges(self.gains), relaxes=ranges(self.relaxes), widened=(*self.widened, *names)
+        )
 
     @property
     def excess(self) -> dict[str, str]:

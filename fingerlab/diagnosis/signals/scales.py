@@ -147,11 +147,13 @@ def _moving(run: Run, channel: str) -> Array:
 def _pace(run: Run) -> float:
     """Speed over travel of the motor, both root mean square, rad/s per rad; 0 where it does not move.
 
-    Of the strongest lines of its motion, so that neither noise nor the encoder's steps count.
+    Of the strongest lines of its motion, so that neither noise nor the encoder's steps count. A motor that
+    turns on has no travel: what depends on its angle comes again sooner.
     """
-    told = told_frequency(run)
+    told, amplitude = told_frequency(run), run.trajectory.get("amplitude_deg")
     if told is not None:
-        return 2.0 * math.pi * told
+        swing = math.radians(float(amplitude)) if isinstance(amplitude, int | float) else 0.0
+        return 2.0 * math.pi * told * max(1.0, abs(swing) / math.sqrt(2.0) / USUAL_TRAVEL)
     position = _moving(run, "motor_position")
     if not len(position):
         return 0.0

@@ -62,7 +62,9 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
     first = int(settling_s(run) * rate)
     if run.length - first < SHORTEST_STRETCH_S * rate:
         lasts = as_recorded(run).seconds
-        raise UserError(f"Run {run.name} lasts {lasts:.1f} s; a diagnosis needs at least {_least(run)}.")
+        raise UserError(
+            f"Run {run.name} lasts {lasts:.1f} s; a diagnosis needs at least {_told(run, LEAST_SECONDS)}."
+        )
     length = int(LONGEST_STRETCH_S * rate)
     none = True
     for start in range(first, run.length, length):
@@ -72,8 +74,9 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
                 none = False
                 yield motion
     if none:
+        least = _told(run, settling_s(run) + SHORTEST_STRETCH_S)
         raise UserError(
-            f"Run {run.name} has so many gaps that no {_least(run)} of it are whole; record it again, or "
+            f"Run {run.name} has so many gaps that no {least} of it are whole; record it again, or "
             "leave it out."
         )
 
@@ -83,8 +86,8 @@ def settling_s(run: Run) -> float:
     return min(SETTLING_S, SETTLING_SHARE * run.seconds)
 
 
-def _least(run: Run) -> str:
-    return f"{LEAST_SECONDS * scales_of(run).time:g} s"
+def _told(run: Run, seconds: float) -> str:
+    return f"{seconds * scales_of(run).time:.3g} s"
 
 
 def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int) -> Iterator[Motion]:
