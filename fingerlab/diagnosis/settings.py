@@ -87,6 +87,19 @@ PUSHES_N = -0.5
 ALWAYS = 0.9
 """Share of a run in which a cable would have to push to be called turned; assumed."""
 
+# ## Channels that contradict each other
+
+ANOTHER_UNIT = 20.0
+"""A ratio that is off by such a factor is a matter of units (57.3 or 1000), not of a bench; assumed."""
+OFF_CURRENT = 1.5
+"""... for the torque over what the current makes of it, which are one measurement."""
+OPPOSITE = 0.9
+"""A motor whose position and command correlate below minus this turns against it; assumed."""
+DEAD_SHARE = 0.02
+"""A joint that moves by less than this share of the other one does not move; assumed."""
+LEAST_ARM_M, LARGEST_ARM_M = 0.001, 0.08
+"""A joint's moment arm lies between, m: twice beyond what a fit allows."""
+
 # ## Runs of one condition
 
 SAME_SHARE = 0.15
@@ -193,6 +206,8 @@ TOLD_OFFSET = 3.0
 """A zero is said to move that moves by so many times what it is known to; assumed."""
 TOLD_SHARE = 0.4
 """... and by this share of what the zero that moves most does; assumed."""
+TOLD_SKEW_S = 4e-4
+"""From here on a skew between the channels is told, s: friction that no model holds makes 0.3 ms of it."""
 SPREADS = (1e-5, 0.5)
 """Between these a spread is sought: from half a thousandth of a degree to half a turn's sixth, and in N m on
 the scale of the thesis' motor; assumed."""

@@ -89,6 +89,25 @@ def refine_grid(
     return scorer, _at_best_shapes(scorer, fitted)
 
 
+def refine_last(
+    reduction: Reduction, fitted: FittedModel, watch: Watch = SILENT
+) -> tuple[Scorer, FittedModel]:
+    """The model with its last effect at the best of the shapes around it, all else and the weights as before.
+
+    Raises:
+        Cancelled: the user asked for it.
+    """
+    *others, last = [*at_found_shapes(fitted)[:-1], _finer(fitted.choices[-1])]
+    scorer = Scorer(reduction.closer([*others, last], watch))
+    given = [Choice(one) for one in others]
+    tried = [
+        scorer.fit_same_law([*given, Choice(last, i)], fitted, LOOKING_ITERATIONS)
+        for i in range(len(last.shapes))
+    ]
+    best = min(tried, key=lambda one: one.fit.cost)
+    return scorer, scorer.fit(best.choices, best, FULL_ITERATIONS)
+
+
 def _at_best_shapes(scorer: Scorer, fitted: FittedModel) -> FittedModel:
     """The model with every effect at the shape that fits best beside the others."""
     several = [k for k, c in enumerate(fitted.choices) if len(c.effect.shapes) > 1]

@@ -140,7 +140,8 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     rivals: list[Rival] = []
     if question.alone is not None:
         path = [evidence.base, *path[1:]]
-        rivals = _rivals(question, Given(scorer, path[0], *question.alone), path, refined or scorer)
+        given = Given(scorer, path[0], *question.alone)
+        rivals = _rivals(question, given, path, refined or scorer, evidence.candidates)
         evidence = with_rivals(evidence, odds_of_rivals(rivals))
         if rivals and rivals[0].better:
             path, refined = [evidence.base, *rivals[0].steps], rivals[0].scorer
@@ -155,11 +156,15 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
 
 
 def _rivals(
-    question: Question, given: Given, path: Sequence[FittedModel], path_scorer: Scorer
+    question: Question,
+    given: Given,
+    path: Sequence[FittedModel],
+    path_scorer: Scorer,
+    beside: Sequence[FittedModel],
 ) -> list[Rival]:
     """The rivals of the model as given and its path; a better one with what is missing beside it."""
     watch = question.stages.part(0.97, 0.99)
-    rivals = find_rivals(question.reduction, given, path, path_scorer, watch)
+    rivals = find_rivals(question.reduction, given, path, path_scorer, beside, watch)
     if not (rivals and rivals[0].better and asks_for_more(rivals[0].fitted)):
         return rivals
     first = extended(question.reduction, question.catalogue, rivals[0], path[0].weights, watch)
