@@ -28,6 +28,7 @@ from fingerlab.diagnosis.settings import (
     USUAL_INERTIA,
     WIDE_RATE_HZ,
 )
+from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, FINGER_CHANNELS
 from fingerlab.diagnosis.signals.filters import (
     at_wide_rate,
     derivative_kernels,
@@ -40,9 +41,6 @@ from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Run, whole_pieces
-
-FINGER_CHANNELS = ("motor_position", "motor_torque", "mcp_angle", "pip_angle")
-BENCH_CHANNELS = ("motor_position", "motor_torque")
 
 
 def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
