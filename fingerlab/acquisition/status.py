@@ -122,6 +122,7 @@ class Text(IntEnum):
     DEVICE = 3  # loop: what it drives
     GUARDIAN = 4  # guardian: why it could not stop the motor
     SLEEP = 5  # recorder's process: why sleep could not be held off
+    SENSORS = 6  # loop: which sensor of the set-up gives volts that are no measurement
 
 
 class Number(IntEnum):

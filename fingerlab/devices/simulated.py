@@ -197,7 +197,7 @@ class SimulatedRig:
         self._unplug_at = math.inf if faults.unplug_at is None else faults.unplug_at
         self._steps_clock, self._spoils = (
             bool(faults.clock_steps),
-            bool(faults.sensors or faults.encoder_jumps),
+            bool(faults.sensors or faults.encoder_jumps or faults.swapped),
         )
         self._jumps = bool(faults.lost or faults.late)
         self._low, self._high = self._daq.command.low, self._daq.command.high

@@ -35,13 +35,14 @@ CURRENT_MARGIN = 0.95
 class LoopSettings:
     """What the loop has to know of the bench; plain values, so that they travel to its process.
 
-    ``watch_...``: whose silence stops the motor. ``watch_guardian``: none is driven before the guardian has
-    tried that it can stop it.
+    ``proves_drive``: signs and gains of the drive are being found out. ``watch_...``: whose silence stops the
+    motor. ``watch_guardian``: none is driven before the guardian has tried that it can stop it.
     """
 
     units: BenchUnits
     limits: Limits
     gains: Gains = field(default_factory=Gains)
+    proves_drive: bool = False
     watch_window: bool = True
     watch_recorder: bool = True
     watch_guardian: bool = True

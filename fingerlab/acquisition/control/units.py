@@ -17,10 +17,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Line:
-    """quantity = gain * volts + offset, in SI units."""
+    """quantity = gain * volts + offset, in SI units.
+
+    Attributes:
+        low, high: V between which the reading lies while sensor, supply and cable are well.
+    """
 
     gain: float
     offset: float = 0.0
+    low: float = -math.inf
+    high: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -68,6 +74,11 @@ class BenchUnits:
         )
 
     @property
+    def inputs(self) -> tuple[Line | None, Line | None, Line | None, Line | None]:
+        """Load cell, MCP, PIP and current monitor: the order of a device's raw values."""
+        return self.force, self.mcp, self.pip, self.current
+
+    @property
     def radians_per_count(self) -> float:
         """Pulley angle of one encoder count, rad."""
         return 2.0 * math.pi / self.counts_per_turn
@@ -82,7 +93,12 @@ class Zeros:
 
 def _line(channel: AnalogInput) -> Line | None:
     """The sensor's line; None where the bench has no such sensor."""
-    return Line(channel.sign * channel.gain, channel.sign * channel.offset) if channel.terminal else None
+    if not channel.terminal:
+        return None
+    # At the very end of the card's range nothing is measured any more.
+    low = max(channel.valid_low, 0.999 * channel.low if channel.low < 0 else channel.low)
+    high = min(channel.valid_high, 0.999 * channel.high)
+    return Line(channel.sign * channel.gain, channel.sign * channel.offset, low, high)
 
 
 SPEED_CUTOFF_HZ = 60.0
@@ -120,7 +136,7 @@ class Reader:
         """The position has a new reference, which is no motion."""
         self._position = math.nan
 
-    def read(self, sample: Sample, reference: float) -> Reading:
+    def read(self, sample: Sample, reference: float, commanded: float = math.nan) -> Reading:
         """The reading of a sample; the same object each time."""
         reading, units, zeros = self.reading, self._units, self.zeros
         index = self._base + sample.index
@@ -142,7 +158,7 @@ class Reader:
         reading.position = counts * self._radians + zeros.position
         self._derive(reading)
         self._time(reading, sample)
-        reading.reference = reference
+        reading.reference, reading.commanded = reference, commanded
         return reading
 
     def _derive(self, reading: Reading) -> None:
