@@ -268,7 +268,7 @@ class Limits:
     drift_angle: float = _limit(
         math.radians(15.0), "rad", "assumed: rubbing joints come to rest within 9 degrees of where they were"
     )
-    drift_force: float = _limit(1.0, "N", "assumed: ten times what the load cell reads otherwise at rest")
+    drift_force: float = _limit(0.5, "N", "assumed: ten times what the load cell reads otherwise at rest")
     late_time: float = _limit(0.02, "s", "assumed: the motor may not run 20 ms without the loop")
     late_cycles: float = _limit(50.0, "cycles", "assumed: one after the other")
     window_time: float = _limit(0.5, "s", "assumed: a frozen window, not a long frame")

@@ -48,7 +48,7 @@ from fingerlab.acquisition.control.commands import (
     Tare,
 )
 from fingerlab.acquisition.control.machine import Event, Interlock, Machine, Mode
-from fingerlab.acquisition.control.safety import Reading, Safety
+from fingerlab.acquisition.control.safety import EncoderFault, Reading, Safety
 from fingerlab.acquisition.control.units import Reader
 from fingerlab.acquisition.ring import Publisher, Ring
 from fingerlab.acquisition.status import SharedStatus, Slot, Text
@@ -59,6 +59,7 @@ from fingerlab.devices.protocol import (
     DeviceFault,
     DeviceLost,
     SetUpBySoftware,
+    counted_on,
     cycles_per_command,
     safety_lines,
 )
@@ -368,9 +369,12 @@ class ControlLoop:
     def _fault(self, sentence: str, lost: bool = False) -> None:
         """Motor off until the operator resets; with ``lost`` there is no device left, and the loop ends."""
         self.ended = self.ended or lost
+        doubted = isinstance(sentence, EncoderFault)
         if not self._make_safe():
             sentence += " Zero output could not be confirmed: switch the amplifier off by hand."
         self._become(Event.FAULT)
+        if doubted:
+            self._become(Event.FORGET)
         self._forget(sentence)
         self._faults += 1
         self._board.set_text(Text.FAULT, sentence)
@@ -403,7 +407,10 @@ class ControlLoop:
         except (DeviceLost, DeviceFault) as error:
             self._fault(str(error), lost=True)
             return False
-        self._reader.restarted()
+        counted = counted_on(self.device)
+        self._reader.restarted(counted)
+        if not counted:
+            self._become(Event.FORGET)
         return True
 
     def _begin_averaging(self, number: int, command: Initialise | Tare) -> str:

@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 from fingerlab.acquisition.control.commands import SetUp
 from fingerlab.acquisition.control.safety import (
     Check,
+    EncoderFault,
     EncoderJump,
     EncoderStuck,
     FollowingError,
@@ -42,6 +43,16 @@ STILL_FORCE = 0.15
 BLOCKED = math.radians(2.0)
 """A finger whose joints change by less stands against something (assumed)."""
 
+PULL = 0.06
+"""N m by which the motor pulls more at a finger that stands still: ten times what its springs take up in
+these 2 degrees, four times what its joints rub (assumed); a load cell in its way shows half a newton."""
+
+PRESSED = 0.5
+"""N; where the load cell shows so much, it is pressed."""
+
+FARTHER = math.radians(1.0)
+"""So much farther wound, and pulled as hard, it is pressed again (assumed)."""
+
 AGAINST = math.radians(5.0)
 """A joint that goes so far the wrong way has a wrong sign, or another cable (assumed)."""
 
@@ -58,6 +69,10 @@ SENSE_CURRENT = 0.15
 CURRENT_OFFSET, CURRENT_SHARE = 0.2, 0.3
 """A, and share of the command, by which current and command may differ (assumed: offset of the monitor,
 "about 0.8 V/A")."""
+
+STILL_CURRENT = 0.08
+"""A; a monitor that changed by less shows nothing of a command that changed by more than ``CURRENT_OFFSET``
+(assumed: 20 mA of noise, less in a mean)."""
 
 CURRENT_BLOCKS = 2
 """For so many means in a row."""
@@ -149,7 +164,7 @@ class EncoderSense:
             self._agreed = True
         if not moved <= -SENSE_TRAVEL:
             return None
-        return (
+        return EncoderFault(
             f"The encoder counts against the current of {current:.2g} A; the sign of [daq.encoder] or of "
             "[daq.command] in the rig file is wrong, or two of the encoder's wires are swapped."
         )
@@ -271,29 +286,44 @@ class EncoderAnswers:
 
     def judge(self, mean: Mean) -> str | None:
         start = self._from
-        if start is None or abs(mean.position - start.position) > HOME:
+        if start is None or abs(mean.position - start.position) > 2.0 * EncoderStuck.DITHER:
             self._from = mean
             return None
         moved = max(abs(mean.mcp - start.mcp), abs(mean.pip - start.pip))
         if moved < AGAINST or not abs(mean.commanded) >= SENSE_CURRENT:
             return None
-        return (
+        return EncoderFault(
             f"The finger moved by {math.degrees(moved):.2g}° while the encoder stood still; the encoder is "
             "unplugged, or one of its wires is off."
         )
 
 
 class LoadCellAnswers:
-    """A finger that no longer moves although the motor pulls stands against the load cell, which shows it."""
+    """A finger that no longer moves although the motor pulls stands against the load cell, which shows it.
 
-    def __init__(self, torque: float) -> None:
-        self._torque = torque
+    It also shows it where the finger has pressed before.
+    """
+
+    def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
         self._from: Mean | None = None
+        self._pressed: Mean | None = None
 
     def judge(self, mean: Mean) -> str | None:
+        before = self._pressed
+        if before is None:
+            self._pressed = mean if mean.force >= PRESSED else None
+        elif (
+            mean.force < STILL_FORCE
+            and mean.torque >= before.torque
+            and mean.position >= before.position + FARTHER
+        ):
+            return (
+                f"The load cell shows {mean.force:.2g} N where the finger has pressed it before; check its "
+                "supply, its cable and its place."
+            )
         start = self._from
         if start is None or max(abs(mean.mcp - start.mcp), abs(mean.pip - start.pip)) > BLOCKED:
             self._from = mean
@@ -302,7 +332,7 @@ class LoadCellAnswers:
             self._from = mean
             return None
         rise = abs(mean.torque) - abs(start.torque)
-        if rise < self._torque:
+        if rise < PULL:
             return None
         return (
             f"The load cell shows no more than noise although the motor pulls by {1e3 * rise:.0f} mN m more "
@@ -318,17 +348,19 @@ class CurrentAgrees:
 
     def reset(self) -> None:
         self._count = 0
+        self._still = self._low = self._high = math.nan
 
     def judge(self, mean: Mean) -> str | None:
-        apart = abs(mean.current - mean.commanded)
-        if not apart > CURRENT_OFFSET + CURRENT_SHARE * abs(mean.commanded):  # NaN: nothing was told
-            self._count = 0
-            return None
-        self._count += 1
-        if self._count < CURRENT_BLOCKS:
+        told = mean.commanded
+        if not abs(mean.current - self._still) <= STILL_CURRENT or told != told:
+            self._still, self._low, self._high = mean.current, told, told
+        self._low, self._high = min(self._low, told), max(self._high, told)
+        apart = abs(mean.current - told) > CURRENT_OFFSET + CURRENT_SHARE * abs(told)  # NaN: nothing was told
+        self._count = self._count + 1 if apart else 0
+        if self._count < CURRENT_BLOCKS and not self._high - self._low > CURRENT_OFFSET:
             return None
         return (
-            f"The current monitor shows {mean.current:.2g} A where {mean.commanded:.2g} A were asked for; "
+            f"The current monitor shows {mean.current:.2g} A where {told:.2g} A were asked for; "
             "check its cable, the amplifier's supply and fault light, and signs and gains in [daq]."
         )
 
@@ -430,7 +462,7 @@ def safety_checks(
             Range("force", -limits.pull, limits.force, "endpoint force", "N"),
             Stuck(0, "torque", limits.stuck_torque, stuck, "load cell"),
         ]
-        slow.append(LoadCellAnswers(limits.stuck_torque))
+        slow.append(LoadCellAnswers())
     if finger and sense:
         slow.append(ComesBack(limits.drift_angle, limits.drift_force, finger, force))
     return Safety((*checks, Means(samples(BLOCK_S), slow)))

@@ -52,6 +52,10 @@ class Reading:
         self.lines: tuple[float, float] = (math.nan, math.nan)
 
 
+class EncoderFault(str):
+    """A sentence after which the encoder's count says no longer where the motor is."""
+
+
 class Check(Protocol):
     """One check. ``fault`` is called once a cycle while the amplifier is enabled, ``reset`` before."""
 
@@ -149,7 +153,7 @@ class EncoderJump:
         self._last = reading.position
         if not step > self.limit * (1 + reading.lost):
             return None
-        return (
+        return EncoderFault(
             f"The encoder jumped by {math.degrees(step):.4g}° between two samples, more than the motor can "
             "turn; check its cable, then initialise again."
         )
@@ -180,7 +184,7 @@ class EncoderStuck:
         still = self._count < self.samples or abs(reading.current) < self.current
         if still or abs(reading.current - self._from) < self.change:
             return None
-        return (
+        return EncoderFault(
             f"The encoder stands still under {reading.current:.3g} A; the encoder is unplugged or the motor "
             "is blocked."
         )

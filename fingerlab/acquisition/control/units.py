@@ -122,15 +122,19 @@ class Reader:
         self._base = 0
         self._position = math.nan
         self._speed = 0.0
-        self._fresh = False
+        self._fresh = self._counted_on = False
         self._then = clock() if clock else 0.0
         self.reading = Reading()
 
-    def restarted(self) -> None:
-        """The device counts samples and encoder anew; the time that this took is a gap in the samples."""
+    def restarted(self, counted_on: bool) -> None:
+        """The device counts samples anew; the time that this took is a gap in the samples.
+
+        Args:
+            counted_on: the encoder was counted meanwhile; else it is taken to stand where it was.
+        """
         gap = round((self._clock() - self._then) / self._period) if self._clock else 0
         self._base = self.index + 1 + max(gap - 1, 0)
-        self._fresh = True
+        self._fresh, self._counted_on = True, counted_on
 
     def forget_speed(self) -> None:
         """The position has a new reference, which is no motion."""
@@ -144,7 +148,7 @@ class Reader:
         if self._fresh:  # the gap of a restart is stored as a gap but no cycle was lost
             self._fresh = False
             lost = 0
-            if self._position == self._position:
+            if self._position == self._position and not self._counted_on:
                 zeros.position = self._position - sample.raw[4] * self._radians
         reading.lost, reading.index, self.index = max(lost, 0), index, index
         reading.raw, reading.lines = sample.raw, sample.lines
