@@ -32,7 +32,6 @@ from fingerlab.acquisition.control.believing import (
     window_fault,
 )
 from fingerlab.acquisition.control.commands import (
-    Approach,
     AtRest,
     Command,
     Disable,
@@ -46,6 +45,7 @@ from fingerlab.acquisition.control.commands import (
     Reset,
     SetUp,
     Tare,
+    Winding,
 )
 from fingerlab.acquisition.control.machine import Event, Interlock, Machine, Mode
 from fingerlab.acquisition.control.safety import EncoderFault, Reading, Safety
@@ -282,7 +282,7 @@ class ControlLoop:
                     return  # answered when the mean is taken
             elif isinstance(command, SetUp):
                 sentence = self._set_up(command)
-            elif isinstance(command, ReadyStart | Approach):
+            elif isinstance(command, ReadyStart | Winding):
                 sentence = self._start(command, reading)
             elif isinstance(command, AtRest):
                 sentence = self._at_rest(command)
@@ -335,7 +335,7 @@ class ControlLoop:
         self._become(event)
         return ""
 
-    def _start(self, command: ReadyStart | Approach, reading: Reading) -> str:
+    def _start(self, command: ReadyStart | Winding, reading: Reading) -> str:
         refusal = self.machine.refusal(Event.RUN)
         if refusal:
             return refusal
