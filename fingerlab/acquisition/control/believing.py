@@ -43,9 +43,9 @@ STILL_FORCE = 0.15
 BLOCKED = math.radians(2.0)
 """A finger whose joints change by less stands against something (assumed)."""
 
-PULL = 0.06
-"""N m by which the motor pulls more at a finger that stands still: ten times what its springs take up in
-these 2 degrees, four times what its joints rub (assumed); a load cell in its way shows half a newton."""
+PULL = 0.1
+"""N m by which the motor pulls more at a finger that stands still: more than springs, joints, sheath and motor
+take up by rubbing (assumed); a load cell in its way shows about a newton."""
 
 PRESSED = 0.5
 """N; where the load cell shows so much, it is pressed."""
@@ -290,7 +290,7 @@ class EncoderAnswers:
             self._from = mean
             return None
         moved = max(abs(mean.mcp - start.mcp), abs(mean.pip - start.pip))
-        if moved < AGAINST or not abs(mean.commanded) >= SENSE_CURRENT:
+        if moved < 2.0 * AGAINST or not abs(mean.commanded) >= SENSE_CURRENT:
             return None
         return EncoderFault(
             f"The finger moved by {math.degrees(moved):.2g}° while the encoder stood still; the encoder is "
