@@ -393,7 +393,8 @@ class AcquireTab(Tab):
             self._jog(0)  # a dialog or another window took the mouse
         if not self.widget.isVisible():
             return
-        self.plots.tick(self.controller.numbers_due)
+        status = self.controller.status
+        self.plots.tick(self.controller.numbers_due, live=status is not None and not status.loop_ended)
         if self.controller.numbers_due:
             self.comparison.show_errors()
             self.panel.refresh()

@@ -69,6 +69,11 @@ FAREWELL_S = 0.5
 
 STOOD_STILL = "The control loop stood still; the motor was stopped in its place, connect the device again."
 
+NO_MONITOR = (
+    "The rig file names no terminal for [daq.current_monitor], and without one no motor is driven; "
+    "connect the amplifier's monitor."
+)
+
 SENSORS_S = 0.2
 """How often the sensors' volts are looked at while the amplifier is off."""
 
@@ -312,7 +317,8 @@ class ControlLoop:
         if refusal:
             return refusal
         if isinstance(command, Enable):
-            refusal = unguarded(self.settings, self._board)
+            refusal = NO_MONITOR if self.settings.units.current is None else ""
+            refusal = refusal or unguarded(self.settings, self._board)
             if refusal:
                 return refusal
             self._safety.reset()

@@ -44,8 +44,8 @@ BLOCKED = math.radians(2.0)
 """A finger whose joints change by less stands against something (assumed)."""
 
 PULL = 0.1
-"""N m by which the motor pulls more at a finger that stands still: more than springs, joints, sheath and motor
-take up by rubbing (assumed); a load cell in its way shows about a newton."""
+"""N m by which the motor pulls more at a finger that stands still: more than springs, joints, sheath and
+motor take up by rubbing (assumed); a load cell in its way shows about a newton."""
 
 PRESSED = 0.5
 """N; where the load cell shows so much, it is pressed."""

@@ -94,8 +94,8 @@ class Recorder:
         """Begin a run; it is written from the next ``poll`` on.
 
         Raises:
-            UserError: no session is open, a run is under way, the rig lacks what a run of this phase needs,
-                or the file cannot be made.
+            UserError: no session is open, a run is under way, the device is gone, the disk is full, the rig
+                lacks what a run of this phase needs, or the file cannot be made.
         """
         if self._place is None or self._info is None:
             raise UserError("No session is open for recording; choose where to record first.")
@@ -105,6 +105,14 @@ class Recorder:
             raise UserError(  # the file could not be opened again
                 "The rig file names no finger, whose constants every run with one needs; give it a section "
                 "[finger], or record the motor alone (motor bench)."
+            )
+        if self._board[Slot.LOOP_ENDED]:
+            raise UserError("The device is gone and there is nothing to record; connect it again.")
+        free = shutil.disk_usage(self._place.folder).free
+        if free < LEAST_FREE_BYTES:
+            raise UserError(
+                f"The disk of {self._place.path.parent} has only {free / 1e6:.0f} MB left, and a run needs "
+                f"{LEAST_FREE_BYTES / 1e6:.0f} MB to begin; make room, or choose another folder."
             )
         number = len(self._done) + 1
         path = self._place.folder / f"{number:03d}{PART_SUFFIX}"
