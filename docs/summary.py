@@ -23,7 +23,7 @@ def summary(folder: Path) -> str:
     """
     rows = [
         row
-        for part in (_hidden, _replicate, _faults, _sessions, _real_time, _window, _soak)
+        for part in (_hidden, _probabilities, _replicate, _faults, _sessions, _real_time, _window, _soak)
         for row in part(folder)
     ]
     return "\n".join(["| what | figure | read from |", "|---|---|---|", *rows])
@@ -51,6 +51,14 @@ def _hidden(folder: Path) -> Iterator[str]:
     _, rows = table(folder / "hidden-effects.md", "what", "figure")
     for what, figure, *_ in rows:
         yield _line(f"blind trials, {what}", figure, "hidden-effects.md", "Hidden effects")
+
+
+def _probabilities(folder: Path) -> Iterator[str]:
+    head, rows = table(folder / "probabilities.md", "without calibration", "calibrated")
+    for row in rows:
+        if row[0] in ("expected calibration error", "truth in the set", "answers in the set, median; mean"):
+            figure = f"{row[head.index('calibrated')]} (without calibration {row[1]})"
+            yield _line(f"probabilities: {row[0]}", figure, "probabilities.md", "Probabilities")
 
 
 def _replicate(folder: Path) -> Iterator[str]:

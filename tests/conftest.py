@@ -57,16 +57,7 @@ def make_session(tmp_path: Path) -> MakeSession:
         samples: int = 4000,
     ) -> Path:
         path = tmp_path / name
-        with h5py.File(path, "w") as file:
-            file.attrs["format"] = "fingerlab-session"
-            file.attrs["format_version"] = "1"
-            file.attrs["created"] = "2026-11-01T09:00:00+01:00"
-            file.attrs["title"] = "Ring finger, Łódź"
-            file.attrs["rig"] = json.dumps(RIG)
-            for number, (phase, cable) in enumerate(phases, start=1):
-                _write_plain_run(file.create_group(f"runs/{number:03d}"), phase, cable, samples)
-            if change is not None:
-                change(file)
+        write_plain_session(path, change, phases, samples)
         return path
 
     return make
@@ -88,6 +79,26 @@ RIG = {
     "motor": {"torque_constant": 0.0302, "gear_ratio": 4.3, "pulley_radius": 0.015},
     "tolerance": {"mcp_stiffness": 0.1},
 }
+
+
+def write_plain_session(
+    path: Path,
+    change: Callable[[h5py.File], None] | None = None,
+    phases: tuple[tuple[str, str], ...] = (("on_air", "extension"), ("contact", "flexion")),
+    samples: int = 4000,
+    libver: str | None = None,
+) -> None:
+    """What ``make_session`` writes."""
+    with h5py.File(path, "w", libver=libver) as file:
+        file.attrs["format"] = "fingerlab-session"
+        file.attrs["format_version"] = "1"
+        file.attrs["created"] = "2026-11-01T09:00:00+01:00"
+        file.attrs["title"] = "Ring finger, Łódź"
+        file.attrs["rig"] = json.dumps(RIG)
+        for number, (phase, cable) in enumerate(phases, start=1):
+            _write_plain_run(file.create_group(f"runs/{number:03d}"), phase, cable, samples)
+        if change is not None:
+            change(file)
 
 
 def _write_plain_run(group: h5py.Group, phase: str, cable: str, samples: int) -> None:

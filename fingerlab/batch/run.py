@@ -25,6 +25,7 @@ from fingerlab.batch.table import (
     write_table,
 )
 from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.parallel import own_code_only
 from fingerlab.core.progress import Progress
 from fingerlab.sessions import file_hash
 from fingerlab.sessions.recording_files import ENDINGS, session_files
@@ -49,7 +50,8 @@ def locally(processes: int | None = None) -> Runner:
             return
         work = Parallel(n_jobs=count, backend="loky", return_as="generator_unordered", batch_size=1)
         try:
-            yield from work(delayed(diagnose_file)(task, options) for task in tasks)
+            with own_code_only():
+                yield from work(delayed(diagnose_file)(task, options) for task in tasks)
         except BrokenProcessPool:
             raise UserError(
                 "A process that diagnosed was ended from outside, mostly for want of memory; what is done is "

@@ -22,7 +22,8 @@ import pyarrow.parquet as pq
 
 from fingerlab.batch.rows import ALONE, Row, SessionRow, recorded_at
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import whole_file
+from fingerlab.core.files import read_text, whole_file
+from fingerlab.core.plain_data import parsed
 from fingerlab.sessions.model import Array
 
 MARK = b"fingerlab_batch"
@@ -164,10 +165,10 @@ class Parts:
         found = []
         for path in sorted(self.folder.glob("*.json")):
             try:
-                data = json.loads(path.read_text(encoding="utf-8"))
+                data = parsed(read_text(path, "a part of the table"))
                 if data["format"] == PART_FORMAT and data["row"]["session"]:
                     found.append(SessionRow(dict(data["row"]), dict(data["units"])))
-            except (OSError, ValueError, KeyError, TypeError):
+            except (UserError, ValueError, KeyError, TypeError):
                 continue
         return found
 

@@ -13,7 +13,8 @@ from typing import Any, Literal
 from fingerlab.calibration.outcome import CalibrationOutcome
 from fingerlab.calibration.sensors import SENSORS
 from fingerlab.core.errors import UserError
-from fingerlab.core.plain_data import structured
+from fingerlab.core.files import read_text
+from fingerlab.core.plain_data import parsed, structured
 from fingerlab.core.units import ParameterEstimate
 
 Verdict = Literal["accepted", "accepted with a reason", "rejected"]
@@ -145,12 +146,10 @@ def read_record(path: Path) -> CalibrationRecord:
         UserError: the file cannot be read or is no calibration.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = parsed(read_text(path, "a stored calibration"))
         found = structured(_StoredCalibration, data)
         if found.sensor not in SENSORS or found.gain.value == 0:
             raise ValueError("its sensor or its line is impossible")
-    except OSError as error:
-        raise UserError(f"{path} cannot be read ({error.strerror}).") from None
     except ValueError as error:
         raise UserError(
             f"{path} is no stored calibration ({error}); move it out of the folder, then the others count."

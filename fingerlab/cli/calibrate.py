@@ -98,7 +98,7 @@ def _print(result: Calibration, marks: list[float], notes: list[str]) -> None:
     console = table_console(width=110)
     console.print(sensor.title, style="bold")
     for note in notes:
-        console.print(note, markup=False)
+        console.print(note)
     table = result_table(
         *(f">known ({sensor.mark_unit})", f">known ({unit})", ">reading (V)", ">spread (V)"),
         f">off ({unit})",
@@ -121,4 +121,4 @@ def _print(result: Calibration, marks: list[float], notes: list[str]) -> None:
         gain, offset = sensor.published
         console.print(f"thesis  {gain:g} {unit}/V, {offset:g} {unit}")
     for sentence in result.suspect or ("Nothing speaks against it.",):
-        console.print(f"suspect: {sentence}" if result.suspect else sentence, markup=False)
+        console.print(f"suspect: {sentence}" if result.suspect else sentence)

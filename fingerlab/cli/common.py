@@ -92,17 +92,16 @@ def progress_bar(title: str) -> tuple[Any, Callable[[float, str], None]]:
 
 
 def table_console(stream: IO[str] | None = None, width: int | None = None) -> Console:
-    """A console for result tables on standard output.
+    """A console for result tables on standard output; text is shown as it is, whatever markup it looks like.
 
     Args:
         width: columns where no terminal says how wide it is; ``TABLE_WIDTH`` for None.
     """
     from rich.console import Console
 
-    console = Console(file=stream, highlight=False)
-    return (
-        console if console.is_terminal else Console(file=stream, highlight=False, width=width or TABLE_WIDTH)
-    )
+    plain: dict[str, Any] = {"file": stream, "highlight": False, "markup": False, "emoji": False}
+    console = Console(**plain)
+    return console if console.is_terminal else Console(**plain, width=width or TABLE_WIDTH)
 
 
 def result_table(*columns: str, no_wrap: bool = False, **options: Any) -> Table:

@@ -107,16 +107,32 @@ def _print(result: Diagnosis) -> None:
         console.print(Text(f"{candidate.title}: {candidate.explanation}\n"))
     if len(result.set) > 1 or words.not_shown(result):
         console.print(Text(words.set_sentence(result)))
+    if words.as_good_sentence(result):
+        console.print(Text(words.as_good_sentence(result)))
     if words.worth_adding(result):
         console.print(Text(words.path_sentence(result)))
-        console.print(Text(f"To put it into the model: --add {words.worth_adding(result)[0]}"))
+        console.print(Text(_how_to_add(result)))
+    if result.bench:
+        console.print(Text("\nThe bench:"))
+        for finding in result.bench:
+            console.print(Text(f"- {finding.text}"))
+        console.print()
     proposal = words.next_experiment_sentence(result)
     if proposal is not None:
         console.print(Text(proposal))
     hidden = words.hidden_sentence(result)
     if hidden:
         console.print(Text(hidden))
+    console.print(Text(words.calibration_sentence(result), style="dim"))
     console.print(Text(f"{result.seconds:.1f} s", style="dim"))
+
+
+def _how_to_add(result: Diagnosis) -> str:
+    """The options that take the path's first step."""
+    if result.better is not None:
+        return f"To exchange it: {' '.join(f'--add {name}' for name in result.better.effects)}"
+    added = [step.added for step in result.path if step.added is not None]
+    return f"To put it into the model: --add {added[0]}"
 
 
 def _errors(result: Diagnosis) -> Table:

@@ -11,6 +11,7 @@ import click
 from fingerlab.cli.common import PATH, json_option, write_json, write_text_safely
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
+from fingerlab.diagnosis.signals.scales import find_scales
 from fingerlab.models.file import load_model
 from fingerlab.prediction.force import contact_runs
 from fingerlab.prediction.inverse import TorquePlan, needed_torque, plan_json, predictors
@@ -79,7 +80,7 @@ def _pose(session: Session, run_name: str | None, angles: tuple[float, float] | 
         )
     if run_name is not None and run_name not in runs:
         raise UserError(f"{session.path} has no contact run '{run_name}'; it has {', '.join(runs)}.")
-    return pose_of_run(runs[run_name or next(iter(runs))])
+    return pose_of_run(runs[run_name or next(iter(runs))], find_scales([session]))
 
 
 def _print(plan: TorquePlan, name: str, out: Path | None) -> None:

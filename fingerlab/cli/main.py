@@ -9,19 +9,28 @@ from __future__ import annotations
 import importlib
 import io
 import sys
+import warnings
 from collections.abc import Sequence
+from pathlib import Path
 
 import click
 
 import fingerlab
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import shown
+
+MOST_LETTERS = 1200
+"""Of a sentence about bad input; what is longer quotes a file at length."""
 
 COMMANDS = {
     "simulate": ("fingerlab.cli.simulate:simulate", "Record a session from the simulated rig."),
     "record": ("fingerlab.cli.record:record", "Record a session from a device, without the window."),
     "reveal": ("fingerlab.cli.simulate:reveal", "Tell which effect a simulated session hides."),
     "info": ("fingerlab.cli.sessions:info", "Show and check what is in a session."),
-    "import": ("fingerlab.cli.sessions:import_text", "Turn text files of the bench into a session."),
+    "import": (
+        "fingerlab.cli.sessions:import_text",
+        "Turn text files, or logs of one axis, into a session.",
+    ),
     "export": ("fingerlab.cli.sessions:export", "Give a session to other tools."),
     "calibrate": ("fingerlab.cli.calibrate:calibrate", "Calibrate a sensor from a stepped recording."),
     "fit": ("fingerlab.cli.fit:fit", "Fit moment arms and friction losses."),
@@ -59,8 +68,10 @@ class LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args and not args[0].startswith("-") and args[0] not in COMMANDS:
+            if Path(args[0]).is_file():
+                return "open", OPEN, args
             raise click.UsageError(
-                f"There is no command '{args[0]}'; the commands are {', '.join(COMMANDS)}.", ctx
+                f"There is no command and no file '{args[0]}'; the commands are {', '.join(COMMANDS)}.", ctx
             )
         return super().resolve_command(ctx, args)
 
@@ -69,17 +80,39 @@ class LazyGroup(click.Group):
             formatter.write_dl([(word, line) for word, (_, line) in COMMANDS.items()])
 
 
+def _open(files: tuple[Path, ...]) -> None:
+    click.get_current_context().exit(_window(files))
+
+
+def _window(files: Sequence[Path] = ()) -> int:
+    """The desktop application; its exit code."""
+    application = importlib.import_module("fingerlab.ui.app.application")
+    code: int = application.run([str(path) for path in files])
+    return code
+
+
+PATH = click.Path(exists=True, dir_okay=False, path_type=Path)
+OPEN = click.Command(
+    "open",
+    callback=_open,
+    params=[
+        click.Argument(["files"], nargs=-1, type=click.Path(exists=True, dir_okay=False, path_type=Path))
+    ],
+    help="Open session files in the window.",
+)
+"""What happens where a file stands in place of a command."""
+
+
 @click.group(cls=LazyGroup, invoke_without_command=True)
 @click.version_option(fingerlab.__version__)
 @click.pass_context
 def cli(ctx: click.Context) -> None:
     """Drives a cable-driven finger rig, records it, and tells which physical effect its model is missing.
 
-    Without a command it opens the desktop application.
+    Without a command it opens the desktop application; session files in place of one are opened there.
     """
     if ctx.invoked_subcommand is None:
-        application = importlib.import_module("fingerlab.ui.app.application")
-        ctx.exit(application.run([]))
+        ctx.exit(_window())
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -89,7 +122,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
-        code = cli.main(args=arguments, prog_name="fingerlab", standalone_mode=False)
+        with warnings.catch_warnings():
+            # What numpy says of numbers beyond all bounds in a stranger's file helps nobody at a terminal.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            code = cli.main(args=arguments, prog_name="fingerlab", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.ClickException as error:
         _fail(error.format_message())
@@ -101,7 +137,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _fail(sentence: str) -> None:
-    sentence = " ".join(sentence.split())
+    sentence = shown(" ".join(sentence.split()), MOST_LETTERS)
     click.echo(f"fingerlab: {sentence}", err=True)
     sys.exit(2)
 

@@ -15,7 +15,7 @@ from fingerlab.cli.common import counted, json_option, progress_bar, write_json
 from fingerlab.cli.record_events import Events
 from fingerlab.cli.simulate import PROTOCOL_NAMES, TRAJECTORY_HELP, single_plan
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import refuse_taken
+from fingerlab.core.files import read_text, refuse_taken
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench.bench import Bench
@@ -178,10 +178,7 @@ def _orders(source: str | None) -> list[Order]:
 
     if source is None or source == "-":
         return []
-    try:
-        text = Path(source).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"--commands {source} cannot be read ({error}); give a text file, or '-'.") from None
+    text = read_text(Path(source), "--commands a text file, or '-'")
     return read_orders(text.splitlines(), source)
 
 

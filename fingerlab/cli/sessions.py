@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from dataclasses import fields
+from collections.abc import Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 from rich.table import Table
-from rich.text import Text
 
 from fingerlab.cli.common import (
     PATH,
@@ -25,6 +25,7 @@ from fingerlab.cli.common import (
 )
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
+from fingerlab.core.plain_data import read_object
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.rig.file import CONSTANT_UNITS, default_rig, load_rig, sources_of
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
@@ -32,7 +33,7 @@ from fingerlab.sessions.format import CABLES, PHASES
 from fingerlab.sessions.trajectory import trajectory_words
 
 if TYPE_CHECKING:
-    from fingerlab.sessions.importing import TextRun
+    from fingerlab.sessions.importing import ImportPlan, TextRun
 
 
 @click.command()
@@ -57,7 +58,10 @@ def info(session_file: Path, json_target: str | None) -> None:
 
 
 @click.command("import")
-@click.argument("files", metavar="A.txt [B.txt ...]", nargs=-1, required=True, type=PATH)
+@click.argument("files", metavar="A.txt|.csv|.mat [B ...]", nargs=-1, required=True, type=PATH)
+@click.option(
+    "--axis", is_flag=True, help="Logs of one axis of any machine: time, position, torque or current, load."
+)
 @click.option(
     "--map",
     "mapping",
@@ -99,6 +103,18 @@ def info(session_file: Path, json_target: str | None) -> None:
     metavar="HZ",
     help="Samples a second, where no column holds the time.",
 )
+@click.option(
+    "--torque-constant",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="NM_PER_A",
+    help="With --axis: torque at the axis an ampere, N m/A, gear included, where no torque was logged.",
+)
+@click.option(
+    "--radius",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="M",
+    help="With --axis: radius of the arc as which a linear axis is told, m.  [default: 0.01]",
+)
 @click.option("--title", help="Title of the session.  [default: names the files]")
 @click.option("--dry-run", is_flag=True, help="Show the mapping and write nothing.")
 @click.option("--yes", is_flag=True, help="Do not ask before writing (it asks only on a terminal).")
@@ -112,12 +128,15 @@ def import_text(
     cables: tuple[str, ...],
     trajectory: str | None,
     rate: float | None,
+    axis: bool,
+    torque_constant: float | None,
+    radius: float | None,
     title: str | None,
     dry_run: bool,
     yes: bool,
     json_target: str | None,
 ) -> None:
-    """Turn text files of the bench into one session, one run a file in the order given.
+    """Turn text files of the bench, or logs of one axis, into one session, one run a file in the order given.
 
     Tabs, semicolons, commas or spaces, decimal comma or point, and a header row are recognised. The
     mapping is shown on standard error before anything is written.
@@ -134,6 +153,11 @@ def import_text(
 
     Angles without a unit are degrees. motor_current, which these files lack, follows from the torque by
     the rig's constants and is marked as derived.
+
+    With --axis the files are logs of one axis of any machine, as text or as MAT files (version 5 or 7.3;
+    each struct in one is a run): time=t:ms,position=q:deg,torque=tau:Nm,load=F:N. Every unit has to be named,
+    in the mapping or the header. A linear axis (mm, N) is told as an arc. They become motor-bench runs of a
+    rig without a finger, ready for "fingerlab diagnose".
     """
     from fingerlab.sessions.importing import describe, import_files, plan_import
 
@@ -142,11 +166,19 @@ def import_text(
     if target is not None:
         refuse_taken(target)
     rig = load_rig(rig_file) if rig_file else default_rig()
-    plans = plan_import(_text_runs(files, phases, cables, trajectory), mapping, rate)
+    sources = _text_runs(files, phases, cables, trajectory)
+    if axis:
+        sources, rig = _of_one_axis(sources, rig if rig_file else None, phases, torque_constant, radius)
+    elif torque_constant is not None or radius is not None:
+        raise UserError("--torque-constant and --radius belong to --axis; the bench's stand in its rig file.")
+    plans = plan_import(sources, mapping, rate)
     for plan in plans:
         for line in describe(plan):
             click.echo(line, err=True)
-    _tell_assumptions(rig_file, phases, cables)
+    if axis:
+        _refuse_unknown_constant(plans, rig_file, torque_constant)
+    else:
+        _tell_assumptions(rig_file, phases, cables)
     if dry_run or target is None:
         return
     if not yes and somebody_there():
@@ -214,6 +246,37 @@ def _text_runs(
     ]
 
 
+def _of_one_axis(
+    sources: list[TextRun],
+    rig: Rig | None,
+    phases: tuple[str, ...],
+    torque_constant: float | None,
+    radius: float | None,
+) -> tuple[list[TextRun], Rig]:
+    """The files as motor-bench runs, and a rig that knows no finger."""
+    from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis
+
+    if set(phases) - {"motor_bench"}:
+        raise UserError("--axis makes runs of phase motor_bench; leave --phase out.")
+    if rig is not None and torque_constant is not None:
+        raise UserError("--torque-constant and --rig both say what a current gives; give one of them.")
+    lever = Axis(radius or AXIS_RADIUS_M)
+    motor = rig.motor if rig is not None else Motor(torque_constant or Motor.torque_constant, 1.0)
+    runs = [replace(s, phase="motor_bench", cable="none", axis=lever) for s in sources]
+    return runs, Rig(None, motor) if rig is None else replace(rig, finger=None)
+
+
+def _refuse_unknown_constant(
+    plans: Sequence[ImportPlan], rig_file: Path | None, torque_constant: float | None
+) -> None:
+    for plan in plans:
+        if "motor_torque" in plan.derived and rig_file is None and torque_constant is None:
+            raise UserError(
+                f"{plan.table.path} gives a current and no torque; say with --torque-constant what an ampere "
+                "gives at the axis, N m/A with the gear included."
+            )
+
+
 def _each(given: tuple[str, ...], default: str, files: tuple[Path, ...], name: str) -> tuple[str, ...]:
     """One value a file from an option given never, once, or once for each file."""
     if len(given) <= 1:
@@ -228,13 +291,7 @@ def _each(given: tuple[str, ...], default: str, files: tuple[Path, ...], name: s
 def _trajectory(text: str | None) -> dict[str, Any] | None:
     if text is None:
         return None
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise UserError(f'--trajectory is not JSON ({error}); write it like {{"kind": "sine"}}.') from None
-    if not isinstance(data, dict):
-        raise UserError('--trajectory is not a JSON object; write it like {"kind": "sine"}.')
-    return data
+    return read_object(text, "--trajectory", 'write it like {"kind": "sine"}')
 
 
 def _tell_assumptions(rig_file: Path | None, phases: tuple[str, ...], cables: tuple[str, ...]) -> None:
@@ -267,16 +324,16 @@ def _info_json(session: Session, report: CheckReport) -> dict[str, Any]:
 
 def _print_info(session: Session, report: CheckReport) -> None:
     console = table_console(width=110)
-    console.print(f"{session.path}: {session.title}", style="bold", markup=False)
+    console.print(f"{session.path}: {session.title}", style="bold")
     console.print(f"recorded {session.created}")
     for key in ("operator", "notes", "software", "tags"):
         if key in session.attributes:
-            console.print(f"{key}: {session.attributes[key]}", markup=False)
+            console.print(f"{key}: {session.attributes[key]}")
     console.print(_runs_table(session, report))
     console.print(_rig_table(session.rig, str(session.attributes["rig"])))
     for finding in report.findings:
         where = f"run {finding.run}: " if finding.run else ""
-        console.print(f"{finding.level}: {where}{finding.text}", markup=False)
+        console.print(f"{finding.level}: {where}{finding.text}")
     seconds = sum(run.seconds for run in session.runs)
     console.print(f"{len(session.runs)} runs, {seconds:.1f} s; the file keeps the session format.")
 
@@ -298,7 +355,7 @@ def _runs_table(session: Session, report: CheckReport) -> Table:
             run.name,
             run.phase,
             run.cable,
-            Text(words),
+            words,
             f"{run.seconds:.3f}",
             str(run.length),
             f"{run.sample_rate_hz:g}",
@@ -330,6 +387,6 @@ def _rig_table(rig: Rig, stored: str) -> Table:
                 f"{value:.5g}",
                 unit,
                 tolerance,
-                Text(sources.get(spec.name, origin)),
+                sources.get(spec.name, origin),
             )
     return table

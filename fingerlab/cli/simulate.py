@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +9,8 @@ import click
 
 from fingerlab.cli.common import PATH, counted, json_option, progress_bar, write_json
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import refuse_taken
+from fingerlab.core.files import read_text, refuse_taken
+from fingerlab.core.plain_data import read_object
 
 if TYPE_CHECKING:
     from fingerlab.twin.protocols import RunPlan
@@ -50,17 +50,9 @@ def read_proposal(text: str) -> dict[str, Any]:
     where = "--trajectory"
     if not text.lstrip().startswith("{"):
         where = text
-        try:
-            text = Path(text).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise UserError(
-                f"--trajectory {where} is neither JSON text nor a file that can be read ({error})."
-            ) from None
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise UserError(f"{where} is not JSON ({error}); give a trajectory or what diagnose wrote.") from None
-    if isinstance(data, dict) and "next_experiment" in data:
+        text = read_text(Path(text), "--trajectory JSON text or a file of it")
+    data = read_object(text, where, "give a trajectory or what diagnose wrote")
+    if "next_experiment" in data:
         data = data["next_experiment"]
         if data is None:
             raise UserError(f"{where} proposes no experiment: its diagnosis has nothing left to separate.")
@@ -85,6 +77,11 @@ def read_proposal(text: str) -> dict[str, Any]:
     help="Pick one effect (none in 15 % of cases), 0.6 to 1.6 times its default, and seal it until 'reveal'.",
 )
 @click.option(
+    "--practice",
+    is_flag=True,
+    help="As --hidden, but always an effect, and one that the rich and the thesis' protocol show well.",
+)
+@click.option(
     "--seed", type=click.IntRange(min=0), help="Same seed, same bench, same noise. Random by default."
 )
 @click.option("--preset", default="practice", show_default=True, help="practice, as-built, or a TOML file.")
@@ -97,6 +94,7 @@ def simulate(
     protocol: str | None,
     effects: tuple[str, ...],
     hidden: bool,
+    practice: bool,
     seed: int | None,
     preset: str,
     trajectory: str | None,
@@ -116,8 +114,9 @@ def simulate(
     from fingerlab.twin.session import new_seed, write_session
 
     refuse_taken(out)
-    if hidden and effects:
-        raise UserError("--hidden picks the effect itself; leave out --effect, or leave out --hidden.")
+    if (hidden or practice) and effects:
+        flag = "--hidden" if hidden else "--practice"
+        raise UserError(f"{flag} picks the effect itself; leave out --effect, or leave out {flag}.")
     chosen = parse_effects(effects)
     bench = load_preset(preset)
     name, plans = _plans(
@@ -126,9 +125,8 @@ def simulate(
     bar, report = progress_bar("Simulating")
     with bar:
         report(0.0, "compiling")
-        written = write_session(
-            out, bench, name, plans, chosen, new_seed() if seed is None else seed, hidden, report
-        )
+        seed = new_seed() if seed is None else seed
+        written = write_session(out, bench, name, plans, chosen, seed, hidden, report, practice)
     click.echo(f"{counted(written.runs, 'run')}, {written.seconds:g} s, written to {out}.", err=True)
     if json_target is not None:
         write_json(written.to_json(), json_target)

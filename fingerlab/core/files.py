@@ -13,6 +13,34 @@ from fingerlab.core.errors import UserError
 ADVICE = "choose a place with room and write access."
 
 
+MOST_BYTES = 1 << 24
+"""Of a text file that is read whole."""
+
+
+def read_text(path: Path, what: str) -> str:
+    """A text file of somebody's, whole.
+
+    Args:
+        what: it should be, with its article; ends the sentence of an error.
+
+    Raises:
+        UserError: it is missing, no plain file, too large, not text in UTF-8, or may not be read.
+    """
+    try:
+        if not path.is_file():
+            raise OSError(0, "it is no file" if path.exists() else "it does not exist")
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise OSError(0, f"it is larger than {MOST_BYTES >> 20} MB")
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        why = "it is not text in UTF-8"
+    except (OSError, ValueError) as error:  # the second of a name with a zero in it
+        why = getattr(error, "strerror", None) or str(error)
+    raise UserError(f"{path} cannot be read ({why}); give {what}.")
+
+
 @contextmanager
 def whole_file(path: Path, advice: str = ADVICE) -> Iterator[Path]:
     """Write a file whole or not at all; what has its name is replaced, so whoever calls has the right to.

@@ -18,6 +18,26 @@ WORTH_BYTES = 3_000_000
 """Below this size of all files one process is done before a second has started."""
 
 
+@contextmanager
+def own_code_only() -> Iterator[None]:
+    """Processes that are started meanwhile import nothing from the current folder.
+
+    Sessions come from strangers, and Python would run a ``signal.py`` that lies beside them.
+    """
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[SAFE_PATH]
+        else:
+            os.environ[SAFE_PATH] = before
+
+
+SAFE_PATH = "PYTHONSAFEPATH"
+
+
 def _prepare(module: str) -> None:
     limits = importlib.import_module("threadpoolctl")
     importlib.import_module(module)
@@ -38,7 +58,8 @@ def second_process(paths: Sequence[Path], module: str) -> Iterator[Executor | No
         return
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(1, mp_context=context, initializer=_prepare, initargs=(module,))
-    number = pool.submit(os.getpid)  # a task, so that the process starts now
+    with own_code_only():
+        number = pool.submit(os.getpid)  # a task, so that the process starts now
     try:
         yield pool
     finally:

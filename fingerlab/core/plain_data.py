@@ -7,15 +7,20 @@ can be refused, and what does not fit is told with its name, its value and what 
 
 from __future__ import annotations
 
+import json
 import math
 import re
-from collections.abc import Callable, Mapping
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 import numpy as np
+
+from fingerlab.core.errors import UserError
+from fingerlab.core.text import shown
 
 T = TypeVar("T")
 
@@ -44,6 +49,92 @@ class Mismatch(ValueError):
     def __init__(self, place: tuple[str, ...], says: str, wanted: str = "", value: object = None) -> None:
         super().__init__(" ".join((*place, says)))
         self.place, self.wanted, self.value = place, wanted, value
+
+
+MOST_TEXT = 1 << 24
+"""Letters of a text that is read as JSON; the points of the longest trajectory take a quarter."""
+MOST_TOML = 1 << 18
+"""The same of TOML, which a person keeps and whose reader takes its time: a rig file has some 6000."""
+MOST_LEVELS = 32
+MOST_DIGITS = 300
+"""Digits that still are a number of double precision."""
+
+
+def parsed(text: object, toml: bool = False) -> Any:
+    """JSON (or TOML) text as plain data: text that can be shown and written, bounded in every way.
+
+    Numbers of JSON are finite; TOML has words for others, and who reads one says where it stands.
+
+    Raises:
+        ValueError: it is anything else; the text is a few words without a full stop.
+    """
+    if not isinstance(text, str):
+        raise ValueError("it is no text")
+    if len(text) > (MOST_TOML if toml else MOST_TEXT):
+        raise ValueError(f"it has {len(text)} letters")
+    try:
+        data = tomllib.loads(text) if toml else json.loads(text, parse_int=_whole_number)
+    except RecursionError:
+        raise ValueError("it is nested too deep") from None
+    level = [data]
+    for _ in range(MOST_LEVELS):
+        level = [item for value in level for item in _inside(value, toml)]
+        if not level:
+            return data
+    raise ValueError("it is nested too deep")
+
+
+def _whole_number(digits: str) -> int:
+    if len(digits) > MOST_DIGITS:
+        raise ValueError(f"it holds a number of {len(digits)} digits")
+    return int(digits)
+
+
+def _inside(value: object, toml: bool) -> Iterable[object]:
+    """What a list or section holds; nothing for a value that can be kept.
+
+    Raises:
+        ValueError: it cannot.
+    """
+    if isinstance(value, dict):
+        return (*value, *value.values())
+    if isinstance(value, list):
+        return value
+    if isinstance(value, str):
+        if shown(value) != value:
+            raise ValueError("it holds characters that are no text")
+    elif isinstance(value, float):
+        if not (toml or math.isfinite(value)):
+            raise ValueError(f"it holds the number {value}")
+    elif isinstance(value, int):
+        if value.bit_length() > MOST_DIGITS * 3:
+            raise ValueError("it holds a number of too many digits")
+    elif value is not None:
+        raise ValueError(f"it holds {value}, a time; write that in quotes")
+    return ()
+
+
+def read_object(text: object, where: str, advice: str, toml: bool = False) -> dict[str, Any]:
+    """The named values of JSON (or TOML) text.
+
+    Args:
+        where: opens the sentence of an error. advice: what would be right; ends it, without a full stop.
+
+    Raises:
+        UserError: the text is anything else.
+    """
+    kind = "TOML" if toml else "JSON"
+    try:
+        data = parsed(text, toml)
+    except ValueError as error:
+        raise UserError(f"{where} is not {kind} ({shown(str(error), MOST_REASON)}); {advice}.") from None
+    if not isinstance(data, dict):
+        raise UserError(f"{where} is not a {kind} object; {advice}.")
+    return data
+
+
+MOST_REASON = 200
+"""Letters of what a library says of a file."""
 
 
 def structured(kind: type[T], data: object, refuse_unknown: bool = False) -> T:
@@ -110,7 +201,7 @@ def _told(error: str, data: object, kind: Any) -> Mismatch:
         wanted = WANTED.get(expected[1], expected[1])
     else:  # one of several words or numbers
         wanted = f"one of {', '.join(map(str, get_args(kind)))}"
-    return Mismatch(place, f"is {data!r}; it should be {wanted}", wanted, data)
+    return Mismatch(place, f"is {shown(repr(data), MOST_REASON)}; it should be {wanted}", wanted, data)
 
 
 def _whole(found: Any, place: tuple[str, ...]) -> Any:

@@ -9,6 +9,25 @@ from dataclasses import dataclass
 
 from fingerlab.core.units import ParameterEstimate
 
+
+def shown(text: str, most: int = 0) -> str:
+    """Text of somebody else for a terminal or a line of a page: what steers one is written out.
+
+    Control characters and those that turn the direction of writing around stand as ``\\x1b``, ``\\u202e``;
+    line breaks and tabs stay.
+
+    Args:
+        most: letters after which it is cut; 0 for all of it.
+    """
+    if most and len(text) > most:
+        text = text[: most - 1] + "…"
+    return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+
+
+_STEERING = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+
 SCREEN_UNITS = {"m": ("mm", 1e3), "N m": ("mN m", 1e3), "s": ("ms", 1e3)}
 """Units shown in place of SI ones, with the factor."""
 
@@ -209,3 +228,13 @@ def _plain(number: re.Match[str]) -> str:
 
 MOST_ZEROS = 5
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+_NAMES = ("Coulomb", "Stribeck", "Dahl")
+
+
+def in_sentence(title: str) -> str:
+    """A title inside a sentence; one that starts with a name or an abbreviation keeps its capitals."""
+    if title[:2].isupper() or title.startswith(_NAMES):
+        return title
+    return title[:1].lower() + title[1:]

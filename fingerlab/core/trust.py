@@ -18,8 +18,8 @@ from types import ModuleType
 from typing import Literal
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import whole_file
-from fingerlab.core.plain_data import structured
+from fingerlab.core.files import read_text, whole_file
+from fingerlab.core.plain_data import parsed, structured
 
 SETTINGS_VARIABLE = "FINGERLAB_SETTINGS_DIR"
 """Environment variable that puts the settings into another folder than the system's usual one."""
@@ -78,14 +78,11 @@ def read_settings(kind: Kind = "effects") -> OwnSettings:
         UserError: the file is damaged or cannot be read.
     """
     path = settings_file(kind)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
+    if not path.exists():
         return OwnSettings()
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{path} cannot be read ({error}); {_REPAIR[kind]}.") from None
+    text = read_text(path, f"it back, or {_REPAIR[kind]}")
     try:
-        stored = structured(_Stored, json.loads(text))
+        stored = structured(_Stored, parsed(text))
         if stored.format != _format(kind):
             raise ValueError(f"its format is {stored.format!r}")
     except ValueError as error:

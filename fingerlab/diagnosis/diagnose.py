@@ -7,23 +7,42 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
+from fingerlab.diagnosis.answer.bench import bench_findings, residual_offsets
 from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs
-from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, PathStep
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, OtherModel, PathStep
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
+from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.score.evidence import Evidence, alike, least_strength, needed_fall, undetectable
+from fingerlab.diagnosis.score.calibration import (
+    NOTHING,
+    UNKNOWN,
+    CalibratedAnswer,
+    calibrated,
+    session_features,
+)
+from fingerlab.diagnosis.score.evidence import (
+    Evidence,
+    alike,
+    least_strength,
+    needed_fall,
+    shares_of_rivals,
+    undetectable,
+)
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified
 from fingerlab.diagnosis.search.grid_refinement import at_found_shapes, fit_refined, with_shapes_of
+from fingerlab.diagnosis.search.rivals import Rival, odds_of_rivals
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
-from fingerlab.diagnosis.settings import RUN_LOG_ODDS
+from fingerlab.diagnosis.settings import RUN_LOG_ODDS, SET_LOG_ODDS
 from fingerlab.effects import effect, whole_catalogue
-from fingerlab.sessions.model import Session
+from fingerlab.effects.base import Effect
+from fingerlab.sessions.model import Array, Session
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.answer.curves import Display
@@ -60,53 +79,130 @@ def diagnose(
     known = whole_catalogue()
     given = [known.get(name) or effect(name) for name in dict.fromkeys(added)]
     catalogue = [e for e in known.values() if e.id not in left_out]
-    stages = Stages(progress, cancelled)
+    stages, alone = Stages(progress, cancelled), None
     display = _display() if with_curves else None
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
         reduction = kept or Reduction(sessions, executor)
         reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
-        if given:  # there and in the catalogue at the shapes that fit best
-            given = at_found_shapes(fit_refined(reduction, given, stages.part(0.2, 0.25))[1])
+        if given:
+            settle_constants(reduction, Scorer(reduction.of([])))
+            # There and in the catalogue at the shapes that fit best.
+            alone = fit_refined(reduction, given, stages.part(0.2, 0.25))
+            given = at_found_shapes(alone[1])
             catalogue = with_shapes_of(catalogue, given)
         watch = stages.part(0.25 if given else 0.0, 0.4)
         scorer = Scorer(reduction.of(catalogue, watch, display.keep if display is not None else None))
-        question = Question(reduction, catalogue, given, stages)
+        scorer = settle_constants(reduction, scorer)
+        question = Question(reduction, catalogue, given, stages, alone)
         return _answer(question, search_effects(question, scorer), display, started)
+
+
+def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
+    """The scorer, with the constants that every run has of its own if the reduction has found any.
+
+    They are looked for once, under the bare model, whatever effects are given.
+    """
+    if reduction.constants is None and not reduction.settled:
+        bare, rig = scorer.bare, reduction.sessions[0].rig
+        reduction.constants = find_constants(
+            scorer.reduced, bare.model, bare.fit.values, bare.weights, rig, reduction.motions
+        )
+        reduction.settled = True
+    return scorer if reduction.constants is None else scorer.with_constants(reduction.constants)
 
 
 def _answer(question: Question, found: Found, display: Display | None, started: float) -> Diagnosis:
     """The answer, as it is given to others."""
     scorer, evidence, path = found.scorer, found.evidence, found.path
     verdict = evidence.verdict
-    chosen = alike(evidence) if verdict == "missing_effect" else []
-    if verdict == "nothing_missing":
-        chosen = undetectable(evidence)
-    curves = display.curves(scorer.reduced, evidence) if display is not None else None
-    first = found.refined.with_sensitivity(path[1]) if found.refined is not None else None
+    sessions, errors = question.reduction.sessions, equation_errors(scorer.reduced, evidence.base)
+    runs = [run for session in sessions for run in session.runs]
+    usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
+    probabilities, calibration = calibrated(evidence.odds, verdict, *usual)
+    told = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
+    chosen = _cannot_be_ruled_out(evidence, calibration)
+    reduction, by_last = question.reduction, found.refined or scorer
+
+    def offsets(fitted: FittedModel) -> dict[tuple[str, str], Array]:
+        return residual_offsets(scorer.run_offsets(fitted), reduction.runs)
+
+    curves = display.curves(scorer.reduced, evidence, offsets) if display is not None else None
+    replacing = _replacing(evidence, found.rivals)
+    closer = {name: one.scorer.with_sensitivity(one.steps[0]) for name, one in replacing.items()}
+    if found.refined is not None and found.better is None:
+        closer.setdefault(path[1].last_effect.id, found.refined.with_sensitivity(path[1]))
     loose = sum(f.slack_samples for g in scorer.reduced.groups for f in g.folds)
-    candidates = _candidates(evidence, chosen, loose, curves.fingerprints if curves else {}, first)
+    replaced = {name: (one.removed,) for name, one in replacing.items()}
+    prints = curves.fingerprints if curves else {}
+    candidates = _candidates(evidence, told, chosen, loose, prints, closer, replaced)
     return Diagnosis(
-        sessions=tuple(str(s.path) for s in question.reduction.sessions),
+        sessions=tuple(str(s.path) for s in sessions),
         model=tuple(e.id for e in question.given),
-        errors=equation_errors(scorer.reduced, evidence.base),
+        errors=errors,
         score=evidence.base.score,
         verdict=verdict,
         candidates=candidates,
         set=tuple(evidence.candidates[i].last_effect.id for i in chosen),
-        path=tuple(PathStep(_last(s) if k else None, s.score) for k, s in enumerate(path)),
+        path=_path_steps(path, found.better),
         final_model=tuple(path[-1].effect_ids),
-        next_experiment=_next_experiment(question.reduction.sessions, scorer, evidence, chosen),
+        next_experiment=_next_experiment(sessions, scorer, evidence, chosen),
         seconds=time.perf_counter() - started,
-        probability_nothing=evidence.nothing,
-        probability_unknown=evidence.unknown,
+        probability_nothing=told[NOTHING],
+        probability_unknown=told[UNKNOWN],
         parameters=every_parameter(evidence.base, evidence.temperature),
         final_parameters=every_parameter(path[-1], evidence.temperature),
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
-        held_out=held_out_runs(question.reduction.sessions, scorer.reduced, evidence.base),
+        held_out=held_out_runs(sessions, scorer.reduced, evidence.base),
         repeats=all(group.repeats for group in scorer.reduced.groups),
+        calibration=calibration,
+        odds=evidence.odds,
+        bench=bench_findings(reduction, by_last.run_offsets(path[-1]), reduction.rig),
+        better=None if found.better is None else _other_model(question.given, found.better),
+        as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
     )
+
+
+def _cannot_be_ruled_out(evidence: Evidence, said: CalibratedAnswer) -> list[int]:
+    """Indices of the effects that are left open, likeliest first; the verdict's own is among them."""
+    if evidence.verdict == "not_in_catalogue":
+        return []
+    if not said.fitted:
+        return alike(evidence) if evidence.verdict == "missing_effect" else undetectable(evidence)
+    index = {c.last_effect.id: i for i, c in enumerate(evidence.candidates)}
+    chosen = [index[name] for name in said.cannot_be_ruled_out if name in index]
+    if evidence.verdict == "missing_effect" and not chosen:
+        chosen = [int(np.argmax(evidence.probabilities))]
+    return chosen
+
+
+def _path_steps(path: Sequence[FittedModel], better: Rival | None) -> tuple[PathStep, ...]:
+    """The error path; a better model begins with an exchange."""
+    removed = {1: better.removed} if better is not None else {}
+    return tuple(PathStep(_last(s) if k else None, s.score, removed.get(k)) for k, s in enumerate(path))
+
+
+def _as_good(found: Found) -> list[Rival]:
+    """The rivals that these data cannot tell from the best model."""
+    best = max((0.0, *(one.log_odds for one in found.rivals)))
+    near = [one for one in found.rivals if one.log_odds >= best - SET_LOG_ODDS]
+    return [one for one in near if one is not found.better]
+
+
+def _other_model(given: Sequence[Effect], rival: Rival) -> OtherModel:
+    """A rival as it is told: the first exchanged effect where the removed one stood."""
+    first, *rest = rival.added
+    effects = [first if e.id == rival.removed else e.id for e in given]
+    return OtherModel((rival.removed,), rival.added, (*effects, *rest), rival.fitted.score, rival.log_odds)
+
+
+def _replacing(evidence: Evidence, rivals: Sequence[Rival]) -> dict[str, Rival]:
+    """Rivals whose effect is rather in place of a given one than missing beside it, by its id."""
+    shares = shares_of_rivals(odds_of_rivals(rivals))
+    whole = {c.last_effect.id: p for c, p in zip(evidence.candidates, evidence.posterior, strict=True)}
+    best = {one.added[0]: one for one in reversed(rivals)}
+    return {name: one for name, one in best.items() if shares[name] > 0.5 * whole.get(name, 0.0)}
 
 
 def _display() -> Display:
@@ -136,37 +232,44 @@ def _last(fitted: FittedModel) -> str | None:
 
 def _candidates(
     evidence: Evidence,
+    told: Mapping[str, float],
     chosen: Sequence[int],
     loose: int,
     prints: Mapping[str, Fingerprint],
-    closer: FittedModel | None,
+    closer: Mapping[str, FittedModel],
+    replaced: Mapping[str, tuple[str, ...]],
 ) -> tuple[Candidate, ...]:
-    """What is told of every effect; of the first that was added, at its refined shape."""
+    """What is told of every effect.
+
+    Args:
+        closer: models with an effect's refined shape, or with it in place of a given one, by its id.
+        replaced: ids of the given effects in whose place an effect is, by its id.
+    """
     result = []
-    posterior = evidence.posterior
+    posterior = [told[c.last_effect.id] for c in evidence.candidates]
     order = sorted(
         range(len(evidence.candidates)), key=lambda i: (-posterior[i], evidence.candidates[i].misfit)
     )
     for i in order:
-        fitted = evidence.candidates[i]
-        if closer is not None and _last(closer) == _last(fitted):
-            fitted = closer
+        name = evidence.candidates[i].last_effect.id
+        fitted = closer.get(name, evidence.candidates[i])
         one = fitted.last_effect
         least = least_strength(fitted, needed_fall(evidence, fitted))
         shown = loose > 0 if one.special == "slack" else least <= 1.0
-        shown = shown or justified(evidence.base, fitted)
+        shown = shown or name in replaced or justified(evidence.base, fitted)
         result.append(
             Candidate(
                 effect=one.id,
                 title=one.title,
                 score=fitted.score,
-                probability=float(posterior[i]),
+                probability=posterior[i],
                 in_set=i in chosen,
                 parameters=parameters(fitted, one, evidence.temperature),
                 equations=one.acts_on,
-                explanation=explanation(evidence, fitted, one, shown, least),
+                explanation=explanation(evidence, fitted, one, shown, least, replaced.get(name, ())),
                 detectable=shown,
                 fingerprint=prints.get(one.id),
+                replaces=replaced.get(name, ()),
             )
         )
     return tuple(result)

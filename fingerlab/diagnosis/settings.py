@@ -10,6 +10,18 @@ from __future__ import annotations
 
 import numpy as np
 
+# ## The scales of a machine, in which all other numbers here are told
+
+USUAL_PACE = 7.0
+"""Speed over travel of the thesis' motor, rad/s per rad: its protocol has 6.3, the rich one 7.4. Another pace
+is taken for it by octaves; at half an octave from 7 (0.8 and 1.6 Hz) the next one begins."""
+MOVING_SHARE = 0.99
+"""Share of a motion's variance by which its pace is told: the rest is noise and small steps; assumed."""
+PACE_SAMPLES = 65536
+"""So many samples of a run tell its pace at most."""
+LEAST_RATE_HZ = 100.0
+"""Samples in a reduced second at least: the friction of a motion is lost on fewer; assumed."""
+
 # ## Which part of a run is looked at, and how finely
 
 LONGEST_STRETCH_S = 60.0
@@ -30,6 +42,23 @@ NARROW_CUTOFF_HZ = 8.0
 """Low-pass of measured signals and columns alike, Hz; assumed: protocols move below it."""
 NARROW_TAPS = 81
 """Length of that low-pass, samples at the wide rate."""
+
+# ## Samples that are no measurements
+
+LONGEST_BRIDGE_S = 0.012
+"""A gap of so long is bridged, s: a tenth of a period at the narrow cutoff; one lost sample at any rate."""
+LEAST_SPIKE = 12.0
+"""A spike is off by so many times what a channel bends by from sample to sample, or its step; in recordings
+of seven machines, clean ones, nothing but impacts is off by more than ten."""
+LEAST_SPIKE_LOCALLY = 6.0
+"""... and by so many times the scatter of its neighbours: where the motion is fast, they scatter, too."""
+SPIKE_NEIGHBOURS = 4
+"""So many samples on either side of a spike are its neighbours."""
+MOST_SPIKES_SHARE = 0.02
+"""A channel with a larger share of spikes is of that kind, and is left as it is; assumed."""
+
+LEAST_SPIKES = 5
+"""Fewer spikes of a channel in all runs are left aside without a word."""
 
 # ## Channels whose sense is turned
 
@@ -124,6 +153,38 @@ deviation; assumed: a tenth of what friction of 0.2 holds at 1 N."""
 LEAST_REPEATS = 3
 """Runs of one condition from which on their differences are known to be the runs', not the condition's."""
 
+# ## How well any law of a motor's state could tell its torque, where no motion comes again
+
+STATE_SPEEDS = tuple(0.01 * 4.0**k for k in range(7))
+"""Speeds about which friction may change, rad/s: any function of speed is made of them; assumed."""
+STATE_TRAVELS_DEG = (0.1, 0.4, 1.6, 6.4)
+"""Travels over which friction may build up after a reversal, degrees; assumed."""
+STATE_RIDGE = 1e-6
+"""Ridge as a share of a function's own size: functions are much alike, and numbers have sixteen digits."""
+STATE_LEAST_GAIN = 0.02
+"""Share of the squared error on what was left out by which a further function must lower it; assumed."""
+STATE_BLOCK = 50
+"""Decimated samples of a block, about 2 s: a single run is left out by such blocks."""
+
+# ## Constants that every run has of its own
+
+LEAST_CONSTANTS = 0.01
+"""Log density by which every value of repeated runs must gain from such constants, or there are none: a
+squared score of 0.02. Clean benches gain 0.001 at most; 30 mA of an amplifier or 0.4 degrees of a sensor gain
+about 10."""
+LEAST_SHARE_OF_CONSTANTS = 0.05
+"""... and every kind of channel must bring this share of the gain: a spring that is stiffer than its nominal
+constant by a fifth makes an angle's zero look a little like the motor's; assumed."""
+TOLD_OFFSET = 3.0
+"""A zero is said to move that moves by so many times what it is known to; assumed."""
+TOLD_SHARE = 0.4
+"""... and by this share of what the zero that moves most does; assumed."""
+SPREADS = (1e-5, 0.5)
+"""Between these a spread is sought: from half a thousandth of a degree to half a turn's sixth, and in N m on
+the scale of the thesis' motor; assumed."""
+SPREAD_STEPS = 29
+"""Steps of that grid, a factor of 1.5 each: a spread need not be known better to be integrated out."""
+
 # ## How much is kept and done at once
 
 AT_ONCE = 64
@@ -164,6 +225,9 @@ CORRELATED_VALUES = 16.0
 """Independent noise values within one correlation time (about a second) of a systematic misfit; assumed."""
 EARNED_SHARE = 0.001
 """Share of the explained misfit that every further unknown gains by chance and bias."""
+EARNED_MOST = 100.0
+"""... of a fall of the squared score up to this: what chance gains does not grow with friction of sixty times
+the floor, where a law with one unknown less would be preferred although it leaves four floors more."""
 LEAST_SHARE = 0.2
 """A missing effect must explain this share of the reproducible misfit, or nothing is missing."""
 LEAST_FALL = 0.05
@@ -227,6 +291,20 @@ IMPOSSIBLE = -700.0
 NOT_BORNE_OUT = 0.05
 """Share of their probability that effects keep when adding the best of them is no justified step."""
 
+# ## Other models of the same recordings
+
+RIVAL_SHARE = 0.5
+"""An effect that gains less than this share of what a given effect does is not tried in its place; assumed:
+one step of its gains tells it to some tens of per cent."""
+GRID_SHARE = 0.07
+"""Share of what an effect gains that the nearest point of its grid may lack; assumed."""
+CLOSER_RIVALS = 2
+"""So many are looked at between the points of their grids."""
+RIVAL_LOG_ODDS = float(np.log(2.0))
+"""Log odds from which on a model with an effect exchanged is told as the better one: twice as likely."""
+DOUBTED = 0.05
+"""Share of its probability that "nothing missing" keeps where a model leaves what no bench does."""
+
 # ## What could not show
 
 CLEARLY_SHOWN = 0.5
@@ -240,6 +318,18 @@ AS_LIKELY = np.exp(-1.0)
 """An effect that the data make less likely by more than this factor has not stayed undetected."""
 MOST_UNDETECTED = 0.95
 """Effects that were not seen are together less likely than nothing."""
+
+# ## How odds become probabilities
+
+LEAST_ODDS = -690.0
+"""Log odds are told apart down to here: a probability of 1e-300, the least in double precision."""
+MOST_LEFT = float(np.log(10.0))
+"""What a path leaves counts up to ten floors for how far odds can be trusted: beyond, trials are few."""
+UNUSUAL = 0.05
+"""A session is unlike the trials where a smaller share of them is as far from their middle; assumed."""
+WIDENING = 2.0
+"""So much the log odds of a session are divided by that is unlike all of the trials; assumed: its models are
+further from the bench than any that the map was fitted to."""
 
 # ## How the catalogue is searched
 

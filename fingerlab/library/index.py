@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
 from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.plain_data import parsed
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.reading import open_session
 from fingerlab.sessions.recording_files import session_files
@@ -141,7 +141,7 @@ def text_list(value: object) -> tuple[str, ...]:
         return ()
     if not isinstance(value, (list, tuple)):
         try:
-            value = json.loads(str(value))
+            value = parsed(str(value))
         except ValueError:
             value = str(value).split(",")
     items = value if isinstance(value, (list, tuple)) else [value]

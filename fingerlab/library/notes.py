@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import whole_file
+from fingerlab.core.files import read_text, whole_file
+from fingerlab.core.plain_data import parsed
 from fingerlab.library.index import SessionFacts, text_list
 
 if TYPE_CHECKING:
@@ -55,12 +56,12 @@ class Notebook:
         Raises:
             UserError: the file is something else, or of a newer version.
         """
-        try:
-            data = json.loads(self.path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
+        if not self.path.exists():
             self._data = {}
             return
-        except (OSError, ValueError):
+        try:
+            data = parsed(read_text(self.path, "the file of notes back"))
+        except (UserError, ValueError):
             data = None
         if not isinstance(data, dict) or data.get("format") != FORMAT:
             raise UserError(

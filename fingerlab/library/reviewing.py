@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.plain_data import parsed
 from fingerlab.library.pyramid import BASE, MOST_SAMPLES, Pyramid
 from fingerlab.sessions.format import CHANNEL_UNITS, RATE_TOLERANCE
 from fingerlab.sessions.model import Array, Run
@@ -37,7 +37,7 @@ def markers_of(run: Run) -> tuple[Marker, ...]:
     """The markers that the recording holds, in the order of time; what is not understood is left out."""
     text = run.attributes.get("markers")
     try:
-        items = json.loads(text) if isinstance(text, str) else text
+        items = parsed(text) if isinstance(text, str) else text
     except ValueError:
         return ()
     found = []

@@ -24,8 +24,8 @@ from typing import Any
 
 import fingerlab
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import new_file
-from fingerlab.core.plain_data import Mismatch, json_ready, structured
+from fingerlab.core.files import new_file, read_text
+from fingerlab.core.plain_data import Mismatch, json_ready, read_object, structured
 from fingerlab.core.units import ParameterEstimate as ParameterEstimate
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.reading import content_hash
@@ -169,23 +169,8 @@ _HELD = {"parameters": "an object", "details": "an object", "sessions": "a list"
 
 
 def _read_object(path: Path) -> dict[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise UserError(f"{path} does not exist; name a model file written by 'fingerlab fit'.") from None
-    except UnicodeDecodeError:
-        raise UserError(f"{path} is not a model file (it is not text); 'fingerlab fit' writes one.") from None
-    except OSError as error:
-        raise UserError(f"{path} cannot be read ({error.strerror}); name a model file.") from None
-    try:
-        data = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise UserError(
-            f"{path} is not a model file (not JSON: {error}); 'fingerlab fit' writes one."
-        ) from None
-    if not isinstance(data, dict):
-        raise UserError(f"{path} is not a model file (no JSON object); 'fingerlab fit' writes one.")
-    return data
+    text = read_text(path, "a model file, as 'fingerlab fit' writes it")
+    return read_object(text, f"{path} is not a model file: it", "'fingerlab fit' writes one")
 
 
 def _check_version(path: Path, version: Any) -> None:

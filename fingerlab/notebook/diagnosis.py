@@ -8,7 +8,7 @@ from typing import Any
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import printed, score_text
-from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, OtherModel
 from fingerlab.effects.base import Effect
 from fingerlab.notebook.display import Displayable, Displayed, Figures, ShownTable
 from fingerlab.notebook.model import ModelView, SessionSource, effect_ids, fit, opened
@@ -102,6 +102,11 @@ class DiagnosisView(Displayed):
         """Effect added and the score with it, step by step; the first is the model as given."""
         return tuple((step.added, step.score) for step in self.result.path)
 
+    @property
+    def better(self) -> OtherModel | None:
+        """A model with given effects exchanged that is clearly better; None: there is none."""
+        return self.result.better
+
     def candidate(self, effect: str) -> Candidate:
         """How one effect of the catalogue was judged: score, probability, parameters, explanation.
 
@@ -142,14 +147,20 @@ class DiagnosisView(Displayed):
         parts += [f"{candidate.title}: {printed(candidate.explanation)}" for candidate in best]
         if len(result.set) > 1 or words.not_shown(result):
             parts.append(words.set_sentence(result))
+        if words.as_good_sentence(result):
+            parts.append(words.as_good_sentence(result))
         if words.worth_adding(result):
             parts.append(words.path_sentence(result))
+        parts += [f"The bench: {finding.text}" for finding in result.bench]
         proposal = words.next_experiment_sentence(result)
         if proposal is not None:
             parts.append(proposal)
         unseen = words.hidden_sentence(result)
         if unseen:
             parts.append(unseen)
+        told = words.calibration_sentence(result)
+        if told:
+            parts.append(told)
         return parts
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -39,6 +39,7 @@ class Motion:
     lead: int = 0  # samples at the start that only set the memory of what has one; no equation counts there
     position_step: float = 0.0  # of the motor's encoder, rad
     inertia_spread: float = 0.0  # of the rotor's inertia, one standard deviation, kg m^2
+    repairs: Mapping[str, int] = field(default_factory=dict)  # samples put right, by channel
     _memory: dict[object, Array] = field(default_factory=dict, repr=False, compare=False)
 
     def remember(self, key: object, make: Callable[[], Array]) -> Array:

@@ -178,7 +178,8 @@ def _by_variant(run: RunPrediction, sweep: tuple[AngleStep, ...]) -> RunForce:
     numbers = run.numbers["both"]
     longest = max(run.curves, key=lambda c: len(c.time))
     seconds = numbers.prediction.period_s
-    pair, grid = fine_grid(longest.measured, longest.modelled, 1.0 / seconds if seconds > 0 else 0.0)
+    frequency = 1.0 / seconds if seconds > 0 else 0.0
+    pair, grid = fine_grid(longest.measured, longest.modelled, frequency, longest.rate_hz)
     return _shown((time, measured, modelled, half), numbers, _period(pair, grid), run.held_out, sweep)
 
 

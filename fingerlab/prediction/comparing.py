@@ -21,6 +21,7 @@ from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.signals.scales import Scales, find_scales
 from fingerlab.effects.base import Effect
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, Variant
 from fingerlab.prediction.force import contact_runs
@@ -79,8 +80,10 @@ def compare_models(
     entries = {} if any(not m.effect_ids for m in models.values()) else {NOMINAL: (first, first.nominal)}
     entries |= {name: (m, m.extended) for name, m in models.items()}
     with threadpool_limits(limits=1, user_api="blas"):
-        effects = _union([variant for _, variant in entries.values()])
-        reduced = reduce_sessions([session], effects, Watch(lambda share, what: tell(0.6 * share, what)))
+        scales = find_scales([session])
+        effects = _union([variant for _, variant in entries.values()], scales)
+        watch = Watch(lambda share, what: tell(0.6 * share, what))
+        reduced = reduce_sessions([session], effects, watch, scales)
         scorer = Scorer(reduced)
         tell(0.6, "fitting")
         entrants = {
@@ -108,14 +111,15 @@ def compare_models(
     return ModelComparison(session.path, tuple(rows))
 
 
-def _union(variants: Sequence[Variant]) -> list[Effect]:
-    """Every effect of the models once, with all shapes in which they hold it."""
+def _union(variants: Sequence[Variant], scales: Scales) -> list[Effect]:
+    """Every effect of the models once, with all shapes (in reduced units) in which they hold it."""
     found: dict[str, tuple[Effect, list[Mapping[str, float]]]] = {}
     for variant in variants:
         for chosen in variant.effects:
             _, shapes = found.setdefault(chosen.effect.id, (chosen.effect, []))
-            if chosen.shape not in shapes:
-                shapes.append(dict(chosen.shape))
+            shape = chosen.shape_in(scales)
+            if shape not in shapes:
+                shapes.append(shape)
     return [replace(one, shapes=tuple(shapes)) for one, shapes in found.values()]
 
 
@@ -139,7 +143,8 @@ class _Entrant:
     def _choice(self, chosen: ChosenEffect) -> Choice:
         for one in self.reduced.layout.effects:
             if one.id == chosen.effect.id:
-                return Choice(one, [dict(s) for s in one.shapes].index(dict(chosen.shape)))
+                shape = dict(chosen.shape_in(self.reduced.layout.scales))
+                return Choice(one, [dict(s) for s in one.shapes].index(shape))
         raise UserError(
             f"{self.name} holds '{chosen.effect.id}', which does not apply to these runs; compare it on a "
             "session with the runs that it was fitted to."
@@ -149,7 +154,8 @@ class _Entrant:
         values = self.scorer.start_values(model)
         for place, unknown in enumerate(model.unknowns):
             if unknown.key in self.variant.values:
-                values[place] = self.variant.values[unknown.key]
+                size = self.reduced.layout.scales.of(unknown.parameter.unit)
+                values[place] = self.variant.values[unknown.key] / size
             elif unknown.name in ARMS:
                 raise UserError(
                     f"{self.name} was not fitted with the {unknown.cable} cable; compare it on "

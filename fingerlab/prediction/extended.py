@@ -8,10 +8,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeVar
 
 from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.equations.parameters import nuisance_ranges
+from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model, ParameterEstimate, SessionHash
 from fingerlab.prediction.judging import CELLS, Band
+from fingerlab.rig.constants import Rig
 
 Equation = Literal["both", "pip", "mcp"]
 EQUATIONS: tuple[Equation, ...] = ("both", "pip", "mcp")
@@ -27,9 +30,14 @@ class ChosenEffect:
     effect: Effect
     shape: Mapping[str, float] = field(default_factory=dict)
 
-    def alone(self) -> Effect:
-        """The effect with this shape as the only point of its grid."""
-        return replace(self.effect, shapes=(dict(self.shape),))
+    def alone(self, scales: Scales = SI) -> Effect:
+        """The effect with this shape, in reduced units, as the only point of its grid."""
+        return replace(self.effect, shapes=(dict(self.shape_in(scales)),))
+
+    def shape_in(self, scales: Scales) -> Mapping[str, float]:
+        """The shape in reduced units."""
+        units = self.effect.shape_units
+        return {name: value / scales.of(units.get(name, "1")) for name, value in self.shape.items()}
 
 
 @dataclass(frozen=True)
@@ -49,6 +57,7 @@ class Variant:
         score: error on held-out runs over all equations, in floors.
         pip_weight: share of the PIP equation in the force that follows from both; the rest is MCP's.
         band: half width of the force's 90 % interval; None with fewer than two contact runs in the fit.
+        scales: of the machine that it was fitted to; its equations are evaluated in those units.
     """
 
     effects: tuple[ChosenEffect, ...]
@@ -57,6 +66,18 @@ class Variant:
     score: float
     pip_weight: float = 0.5
     band: Band | None = None
+    scales: Scales = SI
+
+    def reduced(self, values: Mapping[str, float], rig: Rig) -> Mapping[str, float]:
+        """Values by key, from SI in the units of ``scales``."""
+        if self.scales == SI:
+            return values
+        units = {name: one.unit for name, one in nuisance_ranges(rig).items()}
+        for chosen in self.effects:
+            gains = chosen.effect.gains
+            units |= {f"{chosen.effect.id}.{name}": gain.unit for name, gain in gains.items()}
+        own = {key: units.get(key, units.get(key.split("@")[0], "1")) for key in values}
+        return {key: value / self.scales.of(own[key]) for key, value in values.items()}
 
     def values_without(self, session_sha256: str, run: str) -> Mapping[str, float] | None:
         """Values of the fit that has not seen the run; None where the run was not part of the fit."""
@@ -116,6 +137,7 @@ def _variant_json(variant: Variant) -> dict[str, Any]:
         ],
         "pip_weight": variant.pip_weight,
         "interval": None if variant.band is None else vars(variant.band),
+        "scales": vars(variant.scales),
     }
 
 
@@ -172,7 +194,16 @@ def _variant(data: Mapping[str, Any], effects: tuple[ChosenEffect, ...]) -> Vari
         _number(data["score"]),
         _number(data["pip_weight"]),
         None if band is None else _band(band),
+        _scales(data.get("scales", {})),
     )
+
+
+def _scales(data: Mapping[str, Any]) -> Scales:
+    """Scales of a file; one of an earlier version has none, and is told in SI."""
+    found = Scales(**_numbers(data))
+    if min(vars(found).values()) <= 0:
+        raise ValueError
+    return found
 
 
 def _band(data: Mapping[str, Any]) -> Band:

@@ -9,12 +9,13 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.wording import every_parameter
+from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import temperature
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
-from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ
+from fingerlab.diagnosis.settings import FULL_ITERATIONS
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
 from fingerlab.effects import effect
 from fingerlab.models.file import ParameterEstimate, hash_sessions
@@ -38,13 +39,14 @@ def fit_extended(
     chosen = [effect(name) for name in dict.fromkeys(effects)]
     tell = progress or (lambda share, what: None)
     with threadpool_limits(limits=1, user_api="blas"):
-        scorer, trial = fit_refined(
-            Reduction(sessions), chosen, Watch(lambda share, what: tell(0.5 * share, what))
-        )
+        reduction = Reduction(sessions)
+        scorer, trial = fit_refined(reduction, chosen, Watch(lambda share, what: tell(0.5 * share, what)))
         tell(0.6, "fitting")
         nominal = scorer.fit([], scorer.fit([], trial), FULL_ITERATIONS)
-        hashes = {id(s): h.sha256 for s, h in zip(sessions, hash_sessions(sessions), strict=True)}
-        folds = _contact_folds(scorer, sessions, hashes)
+        names = [h.sha256 for h in hash_sessions(sessions)]
+        hashes = {id(s): sha256 for s, sha256 in zip(sessions, names, strict=True)}
+        read = {id(s): sha256 for s, sha256 in zip(reduction.sessions, names, strict=True)}
+        folds = _contact_folds(scorer, reduction.sessions, read)
         variants = [_variant(scorer, t, folds) for t in (trial, nominal)]
         parameters = _estimates(scorer.score_held_out(trial))
         done: list[Variant] = []
@@ -91,15 +93,23 @@ def _variant(scorer: Scorer, trial: FittedModel, folds: Sequence[_LeftOut]) -> V
         values = _by_key(_fitted_without(scorer, trial, out))
         for session in dict.fromkeys(sha for sha, _ in out.runs):
             held_out.append(HeldOut(session, tuple(name for sha, name in out.runs if sha == session), values))
-    effects = tuple(
-        ChosenEffect(effect(c.effect.id), dict(c.effect.shapes[c.shape]) if len(c.effect.shapes) else {})
-        for c in trial.model.choices
-    )
-    return Variant(effects, _by_key(trial), tuple(held_out), scorer.score_held_out(trial).score)
+    effects = tuple(ChosenEffect(effect(c.effect.id), _shape(trial, c)) for c in trial.model.choices)
+    score = scorer.score_held_out(trial).score
+    return Variant(effects, _by_key(trial), tuple(held_out), score, scales=trial.model.layout.scales)
+
+
+def _shape(trial: FittedModel, choice: Choice) -> dict[str, float]:
+    """The shape of one of the model's effects, SI."""
+    one, of = choice.effect, trial.model.layout.scales.of
+    if not len(one.shapes):
+        return {}
+    return {k: float(v) * of(one.shape_units.get(k, "1")) for k, v in one.shapes[choice.shape].items()}
 
 
 def _by_key(trial: FittedModel) -> dict[str, float]:
-    return trial.values
+    """Values of the unknowns by key, SI."""
+    of = trial.model.layout.scales.of
+    return {u.key: trial.values[u.key] * of(u.parameter.unit) for u in trial.model.unknowns}
 
 
 def _estimates(trial: FittedModel) -> dict[str, ParameterEstimate]:
@@ -113,8 +123,5 @@ def _calibrated(variant: Variant, sessions: Sequence[Session], hashes: Mapping[i
         f for s in sessions for f in contact_forces(variant, s, hashes[id(s)], str(s.path)) if f.held_out
     ]
     weight = equation_weight(forces)
-    errors = [error_of(f.both(weight), f.measured, NARROW_RATE_HZ) for f in forces]
-    return Variant(
-        variant.effects, variant.values, variant.held_out, variant.score, weight,
-        calibrate(by_run(forces, errors)),
-    )  # fmt: skip
+    errors = [error_of(f.both(weight), f.measured, f.rate_hz) for f in forces]
+    return replace(variant, pip_weight=weight, band=calibrate(by_run(forces, errors)))

@@ -38,6 +38,7 @@ from fingerlab.diagnosis.equations.features import (
 from fingerlab.diagnosis.gram.decimation import counted
 from fingerlab.diagnosis.settings import SLIP_STIFFNESSES
 from fingerlab.diagnosis.signals.filters import decimate
+from fingerlab.diagnosis.signals.scales import SI, Scales, reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row
 from fingerlab.physics.motion import Motion
@@ -63,6 +64,7 @@ class Stretch:
             NaN where none was read.
         motion: signals at the wide rate, without a force.
         frequency_hz: of the cycle; 0 where the motor does not repeat one.
+        scales: the reduced units in which all of it is told.
     """
 
     run: str
@@ -70,6 +72,7 @@ class Stretch:
     measured: Array
     motion: Motion
     frequency_hz: float
+    scales: Scales = SI
 
 
 def contact_runs(session: Session) -> tuple[Run, ...]:
@@ -77,8 +80,8 @@ def contact_runs(session: Session) -> tuple[Run, ...]:
     return tuple(run for run in session.runs if run.phase == "contact" and run.cable_sign != 0)
 
 
-def contact_stretches(session: Session, run: Run) -> Iterator[Stretch]:
-    """The stretches of a contact run.
+def contact_stretches(session: Session, run: Run, scales: Scales = SI) -> Iterator[Stretch]:
+    """The stretches of a contact run, in reduced units.
 
     Raises:
         UserError: the rig gives no finger, or a channel is missing, not a number, or too short.
@@ -86,14 +89,13 @@ def contact_stretches(session: Session, run: Run) -> Iterator[Stretch]:
     if session.rig.finger is None:
         raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
     cell = run.has("endpoint_force") and bool(np.all(np.isfinite(run.channel("endpoint_force"))))
-    measured = (
-        [_narrowed(m, m.force) for m in segments_of(run, session.rig) if m.force is not None] if cell else []
-    )
+    run, rig = reduced_run(run, scales), reduced_rig(session.rig, scales)
+    measured = [_narrowed(m, m.force) for m in segments_of(run, rig) if m.force is not None] if cell else []
     # Read as free motion, so that what the load cell says cannot enter the prediction.
-    for number, motion in enumerate(segments_of(replace(run, phase="on_air"), session.rig)):
+    for number, motion in enumerate(segments_of(replace(run, phase="on_air"), rig)):
         time = _narrowed(motion, motion.time)
         read = measured[number] if measured else np.full(len(time), np.nan)
-        yield Stretch(run.name, time, read, motion, _cycle_hz(run, motion))
+        yield Stretch(run.name, time, read, motion, _cycle_hz(run, motion), scales)
 
 
 def _cycle_hz(run: Run, motion: Motion) -> float:
@@ -121,7 +123,8 @@ def solved_forces(
 
     Args:
         effects: those of the model, each with one shape. values: of the unknowns by key; nuisances that
-            were not fitted are zero. where: the model's name, for the error's sentence.
+            were not fitted are zero; all in the stretch's units. where: the model's name, for the error's
+            sentence.
 
     Raises:
         UserError: the moment arms of the run's cable, or an effect's strength, are not among the values.

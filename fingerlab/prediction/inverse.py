@@ -17,6 +17,7 @@ import numpy as np
 from fingerlab.acquisition.control.motion import most_torque
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.settings import WIDE_RATE_HZ
+from fingerlab.diagnosis.signals.scales import reduced_motion
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
@@ -118,7 +119,7 @@ def needed_torque(
     if isinstance(predictor, ParameterSet):
         torque, half_width, delay = _by_set(wanted.force, predictor, motion, pose, where)
     else:
-        torque, half_width, delay = _by_variant(wanted.force, predictor, motion, where)
+        torque, half_width, delay = _by_variant(wanted.force, predictor, motion, rig, where)
     # The load cell is read ``delay`` after the motor: the torque leads by as much.
     torque, half_width = (_earlier(values, wanted.time, delay) for values in (torque, half_width))
     return _judged(wanted, pose, rig, torque, half_width, motion)
@@ -160,26 +161,37 @@ def _by_set(
     return np.asarray(torque), np.asarray(radius * np.hypot(of_arm, of_loss)), region.delay_s
 
 
-def _by_variant(force: Array, variant: Variant, motion: Motion, where: str) -> tuple[Array, Array, float]:
-    values = {key: value for key, value in variant.values.items() if key != "delay"}
-    effects = [chosen.alone() for chosen in variant.effects]
+def _by_variant(
+    force: Array, variant: Variant, motion: Motion, rig: Rig, where: str
+) -> tuple[Array, Array, float]:
+    scales = variant.scales
+    newton, delay = scales.of("N"), variant.values.get("delay", 0.0)
+    values = variant.reduced({k: v for k, v in variant.values.items() if k != "delay"}, rig)
+    effects = [chosen.alone(scales) for chosen in variant.effects]
+    reduced, wanted = reduced_motion(motion, scales), force / newton
 
     def predicted(torque: Array) -> Array:
-        pulled = replace(motion, torque=torque, _memory={})
-        forces = forces_of_motion(pulled, effects, values, where, force)
+        pulled = replace(reduced, torque=torque, _memory={})
+        forces = forces_of_motion(pulled, effects, values, where, wanted)
         weight = variant.pip_weight
         mixed = weight * forces["pip"] + (1.0 - weight) * forces["mcp"]
         return np.where(np.isfinite(mixed), mixed, forces["pip"])
 
-    torque, slope = _solved(predicted, force, where)
+    torque, slope = _solved(predicted, wanted, where, newton)
+    torque, slope = scales.torque * torque, newton / scales.torque * slope
     if variant.band is None:
-        return torque, np.full_like(torque, np.nan), variant.values.get("delay", 0.0)
+        return torque, np.full_like(torque, np.nan), delay
     half_width = variant.band.half_width(force, force_rate(force, WIDE_RATE_HZ)) / np.abs(slope)
-    return torque, half_width, variant.values.get("delay", 0.0)
+    return torque, half_width, delay
 
 
-def _solved(predicted: Callable[[Array], Array], force: Array, where: str) -> tuple[Array, Array]:
-    """Torque whose prediction is ``force``, N m, and what a newton metre adds to the force, N/(N m)."""
+def _solved(
+    predicted: Callable[[Array], Array], force: Array, where: str, newton: float
+) -> tuple[Array, Array]:
+    """Torque whose prediction is ``force``, and what a unit of torque adds to the force; in reduced units.
+
+    ``newton`` is how many a reduced one has.
+    """
     before, torque = (np.full_like(force, value) for value in FIRST_TORQUES)
     last, now = predicted(before), predicted(torque)
     slope = (now - last) / (torque - before)
@@ -197,8 +209,8 @@ def _solved(predicted: Callable[[Array], Array], force: Array, where: str) -> tu
         moved = np.abs(torque - before) > 1e-12
         slope = np.where(moved, (now - last) / np.where(moved, torque - before, 1.0), slope)
     raise UserError(
-        f"By {where} no torque was found whose force is the wanted one to {CLOSE_N:g} N "
-        f"({np.abs(force - now).max():.3g} N are missing); choose a smaller or slower force."
+        f"By {where} no torque was found whose force is the wanted one to {newton * CLOSE_N:g} N "
+        f"({newton * np.abs(force - now).max():.3g} N are missing); choose a smaller or slower force."
     )
 
 

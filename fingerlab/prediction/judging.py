@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from fingerlab.diagnosis.settings import NARROW_RATE_HZ
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, cross_correlation_delay
 from fingerlab.thesis.prediction import ForcePrediction, judge_forces
@@ -63,10 +62,13 @@ def judge_stretches(
 
 
 def fine_grid(
-    measured: Array, modelled: Array, frequency_hz: float
+    measured: Array, modelled: Array, frequency_hz: float, rate: float
 ) -> tuple[tuple[Array, Array], PeriodGrid | None]:
-    """Both forces of one stretch between their samples, as they are judged, and their whole periods."""
-    rate = NARROW_RATE_HZ
+    """Both forces of one stretch between their samples, as they are judged, and their whole periods.
+
+    Args:
+        frequency_hz: of the cycle; 0 where there is none. rate: samples a second.
+    """
     if not (np.isfinite(modelled).all() and len(modelled) > 3):
         return (measured, modelled), None
     pair = _fine(measured), _fine(modelled)

@@ -47,6 +47,7 @@ class StretchForces:
     mcp: Array
     frequency_hz: float
     held_out: bool
+    rate_hz: float = NARROW_RATE_HZ
 
     def both(self, pip_weight: float) -> Array:
         """The two equations weighed; one alone where the other has no lever."""
@@ -60,17 +61,20 @@ def contact_forces(variant: Variant, session: Session, sha256: str, where: str) 
     Args:
         where: the model's name, for the errors' sentences.
     """
-    effects = [c.alone() for c in variant.effects]
+    scales = variant.scales
+    effects = [c.alone(scales) for c in variant.effects]
+    second, newton = scales.time, scales.of("N")
     result = []
     for run in contact_runs(session):
         without = variant.values_without(sha256, run.name)
-        values = variant.values if without is None else without
-        for one in contact_stretches(session, run):
+        values = variant.reduced(variant.values if without is None else without, session.rig)
+        for one in contact_stretches(session, run, scales):
             forces = solved_forces(one, effects, values, where)
             result.append(
                 StretchForces(
-                    sha256, run.name, run.cable, one.time, one.measured, forces["pip"], forces["mcp"],
-                    one.frequency_hz, without is not None,
+                    sha256, run.name, run.cable, second * one.time, newton * one.measured,
+                    newton * forces["pip"], newton * forces["mcp"], one.frequency_hz / second,
+                    without is not None, NARROW_RATE_HZ / second,
                 )
             )  # fmt: skip
     return result
@@ -109,6 +113,7 @@ class Curve:
     measured: Array
     modelled: Array
     half_width: Array
+    rate_hz: float = NARROW_RATE_HZ
 
 
 @dataclass(frozen=True)
@@ -192,7 +197,7 @@ def predict_variant(variant: Variant, session: Session, sha256: str, where: str)
 def _band_without(variant: Variant, forces: Sequence[StretchForces], run: str) -> Band | None:
     """The band that the other held-out runs of this session give; the file's where they are too few."""
     others = [f for f in forces if f.run != run and f.held_out]
-    errors = [error_of(f.both(variant.pip_weight), f.measured, NARROW_RATE_HZ) for f in others]
+    errors = [error_of(f.both(variant.pip_weight), f.measured, f.rate_hz) for f in others]
     return calibrate(by_run(others, errors)) or variant.band
 
 
@@ -200,12 +205,12 @@ def _run(variant: Variant, stretches: Sequence[StretchForces], band: Band | None
     by_equation = {e: [_force(f, e, variant.pip_weight) for f in stretches] for e in EQUATIONS}
     numbers = {
         equation: judge_stretches(
-            [f.measured for f in stretches], modelled, NARROW_RATE_HZ, stretches[0].frequency_hz
+            [f.measured for f in stretches], modelled, stretches[0].rate_hz, stretches[0].frequency_hz
         )
         for equation, modelled in by_equation.items()
     }
     curves = tuple(
-        Curve(f.time, f.measured, force, _half_width(band, force))
+        Curve(f.time, f.measured, force, _half_width(band, force, f.rate_hz), f.rate_hz)
         for f, force in zip(stretches, by_equation["both"], strict=True)
     )
     widths = np.concatenate([c.half_width for c in curves])
@@ -228,10 +233,10 @@ def _force(forces: StretchForces, equation: Equation, pip_weight: float) -> Arra
     return forces.pip if equation == "pip" else forces.mcp
 
 
-def _half_width(band: Band | None, force: Array) -> Array:
+def _half_width(band: Band | None, force: Array, rate_hz: float) -> Array:
     if band is None:
         return np.full_like(force, np.nan)
-    return band.half_width(force, force_rate(force, NARROW_RATE_HZ))
+    return band.half_width(force, force_rate(force, rate_hz))
 
 
 def swept(variant: Variant, session: Session, sha256: str, where: str) -> Mapping[str, tuple[AngleStep, ...]]:
@@ -245,21 +250,24 @@ def swept(variant: Variant, session: Session, sha256: str, where: str) -> Mappin
     Args:
         sha256: hash of the session's file. where: the model's name, for the errors' sentences.
     """
-    effects = [chosen.alone() for chosen in variant.effects]
+    scales = variant.scales
+    effects = [chosen.alone(scales) for chosen in variant.effects]
+    second, newton = scales.time, scales.of("N")
     result = {}
     for run in contact_runs(session):
-        stretch = max(contact_stretches(session, run), key=lambda one: len(one.time))
+        stretch = max(contact_stretches(session, run, scales), key=lambda one: len(one.time))
         if stretch.frequency_hz == 0.0:
             continue
         values = variant.values_without(sha256, run.name) or variant.values
+        values = variant.reduced(values, session.rig)
         steps = []
         for angle in SWEEP_DEG:
             lateral = values.get("lateral", 0.0) - math.tan(math.radians(angle))
             forces = solved_forces(stretch, effects, {**values, "lateral": lateral}, where)
             mixed = variant.pip_weight * forces["pip"] + (1.0 - variant.pip_weight) * forces["mcp"]
-            force = np.where(np.isfinite(mixed), mixed, forces["pip"])
+            force = newton * np.where(np.isfinite(mixed), mixed, forces["pip"])
             found = judge_stretches(
-                [stretch.measured], [force], NARROW_RATE_HZ, stretch.frequency_hz
+                [newton * stretch.measured], [force], NARROW_RATE_HZ / second, stretch.frequency_hz / second
             ).prediction
             r2 = coefficient_of_determination(found.measured, found.modelled)
             steps.append(AngleStep(angle, found.modelled, found.peak_modelled, r2))

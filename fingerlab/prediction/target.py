@@ -20,7 +20,6 @@ key                meaning (default)
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,7 +30,10 @@ import numpy as np
 
 from fingerlab.acquisition.control.trajectories import FORCE, WAVES, with_points
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import read_text
+from fingerlab.core.plain_data import read_object
 from fingerlab.diagnosis.settings import SETTLING_S, WIDE_RATE_HZ
+from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.physics.tip import TOUCHING_FORCE_N
@@ -91,22 +93,12 @@ def _object(source: str | Mapping[str, Any], where: str) -> Mapping[str, Any]:
         path = Path(source)
         if path.suffix.lower() != ".json":
             return {"kind": "file", "file": source}
-        try:
-            source = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise UserError(
-                f"{where} cannot be read from {path} ({error}); name a file that exists."
-            ) from None
-    try:
-        found = json.loads(source)
-    except ValueError as error:
-        raise UserError(
-            f'{where} is not JSON ({error}); it should look like {{"kind": "sine", "mean_n": 1, '
-            f'"amplitude_n": 0.5, "frequency_hz": 0.5}}.'
-        ) from None
-    if not isinstance(found, Mapping):
-        raise UserError(f"{where} is not a JSON object with 'kind', 'mean_n' and the like.")
-    return found
+        source = read_text(path, "the JSON file of a wanted force")
+    return read_object(
+        source,
+        where,
+        'it should look like {"kind": "sine", "mean_n": 1, "amplitude_n": 0.5, "frequency_hz": 0.5}',
+    )
 
 
 def _number(settings: Mapping[str, Any], name: str, where: str) -> float:
@@ -162,8 +154,10 @@ class ContactPose:
         )  # fmt: skip
 
 
-def pose_of_run(run: Run) -> ContactPose:
+def pose_of_run(run: Run, scales: Scales = SI) -> ContactPose:
     """The pose of a contact run while its fingertip pressed; where its force moved, also how it gave way.
+
+    ``scales`` of the machine say what is a small force.
 
     Raises:
         UserError: it is no contact run with a cable, lacks a channel, or never presses.
@@ -176,7 +170,7 @@ def pose_of_run(run: Run) -> ContactPose:
     angles = {name: samples[name][kept] for name in CHANNELS}
     force = samples["endpoint_force"][kept] if has_cell else np.full(len(angles["mcp_angle"]), np.nan)
     if np.isfinite(force).any():
-        pressing = force > TOUCHING_FORCE_N
+        pressing = force > TOUCHING_FORCE_N * scales.of("N")
     else:
         pressing, force = np.ones(len(force), dtype=bool), np.zeros(len(force))
     if pressing.sum() < LEAST_SAMPLES:
@@ -184,7 +178,8 @@ def pose_of_run(run: Run) -> ContactPose:
             f"Run {run.name} presses for {pressing.sum() / WIDE_RATE_HZ:.1f} s after its start; name a "
             "contact run whose fingertip presses the load cell."
         )
-    lines = {name: _fitted(force[pressing], values[pressing]) for name, values in angles.items()}
+    least = LEAST_RANGE_N * scales.of("N")
+    lines = {name: _fitted(force[pressing], values[pressing], least) for name, values in angles.items()}
     return ContactPose(
         run.cable, lines["mcp_angle"], lines["pip_angle"], lines["motor_position"], f"run {run.name}"
     )
@@ -197,8 +192,8 @@ def pose_by_hand(mcp: float, pip: float, cable: str = "flexion") -> ContactPose:
     return ContactPose(cable, (mcp, 0.0), (pip, 0.0), None, "by hand")
 
 
-def _fitted(force: Array, values: Array) -> tuple[float, float]:
-    if np.ptp(force) < LEAST_RANGE_N:
+def _fitted(force: Array, values: Array, least: float) -> tuple[float, float]:
+    if np.ptp(force) < least:
         return float(values.mean()), 0.0
     slope, start = np.polyfit(force, values, 1)
     return float(start), float(slope)

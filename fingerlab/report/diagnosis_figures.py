@@ -254,6 +254,8 @@ def diagnosis_figures(diagnosis: Diagnosis) -> Mapping[str, Figure]:
 
 
 def _step_name(step: PathStep, given: Sequence[str]) -> str:
+    if step.added is not None and step.removed is not None:
+        return f"{in_sentence(effect_title(step.added))} for {in_sentence(effect_title(step.removed))}"
     if step.added is not None:
         return f"+ {in_sentence(effect_title(step.added))}"
     return "model as given" if given else "nominal model"

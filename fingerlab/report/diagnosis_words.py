@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import exp
 
 from fingerlab.core.text import ScreenUnit, decimals_for, fixed, largest_of, percent, score_text, screen_unit
-from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure
+from fingerlab.core.text import in_sentence as in_sentence
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel
 from fingerlab.diagnosis.answer.where import JOINTS, Profile
 from fingerlab.effects import find_effect
 from fingerlab.sessions.trajectory import trajectory_words
@@ -31,7 +33,9 @@ NOTHING_WORDS, UNKNOWN_WORDS = "Nothing missing", "Not in the catalogue"
 UNEXPLAINED = 1.25
 """From this multiple of the floor on, the page says that something is left; below it is scatter, assumed."""
 
-_NAMES = ("Coulomb", "Stribeck", "Dahl")
+NEARLY_AS_LIKELY = 1.1
+"""Log odds (three to one) below which "True" is not said of one of two models; assumed."""
+
 _JOINT_ENDINGS = {"mcp": "MCP", "pip": "PIP"}
 
 
@@ -39,13 +43,6 @@ def effect_title(effect: str) -> str:
     """An effect's title by its id."""
     one = find_effect(effect)
     return effect.replace("_", " ").capitalize() if one is None else one.title
-
-
-def in_sentence(title: str) -> str:
-    """A title inside a sentence; one that starts with a name or an abbreviation keeps its capitals."""
-    if title[:2].isupper() or title.startswith(_NAMES):
-        return title
-    return title[:1].lower() + title[1:]
 
 
 def listed(words: Sequence[str]) -> str:
@@ -137,10 +134,12 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
 def _verdict_sentence(diagnosis: Diagnosis) -> str:
     model, score = model_words(diagnosis.model), score_text(diagnosis.score)
     error = f"its error on runs left out of the fit is {score} times {_floor(diagnosis)}"
+    if diagnosis.better is not None:
+        return f"{better_sentence(diagnosis)} It is {_likelier(diagnosis.better.log_odds)}."
     if diagnosis.verdict == "nothing_missing":
         more = "Nothing more" if diagnosis.model else "Nothing"
         chance = percent(diagnosis.probability_nothing)
-        if diagnosis.score > UNEXPLAINED:
+        if not holds(diagnosis):
             return f"No effect is shown to be missing from {model} ({chance} probable), although {error}."
         seen = " that these data could show" if not_shown(diagnosis) else ""
         return (
@@ -170,6 +169,51 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
     return f"{title[:1].upper()}{title[1:]} is missing from {model} ({chance} probable): {fall}."
 
 
+def holds(diagnosis: Diagnosis) -> bool:
+    """Whether the model as given is all that these recordings call for, and leaves what a bench leaves."""
+    return diagnosis.verdict == "nothing_missing" and diagnosis.score <= UNEXPLAINED
+
+
+def rivalled(diagnosis: Diagnosis) -> bool:
+    """Whether a model with an effect exchanged is nearly as likely as the model as given."""
+    return any(one.log_odds > -NEARLY_AS_LIKELY for one in diagnosis.as_good)
+
+
+def exchange_words(other: OtherModel) -> str:
+    """``Stribeck friction in place of Coulomb friction``."""
+    return f"{_names(other.added)} in place of {_names(other.removed)}"
+
+
+def better_sentence(diagnosis: Diagnosis) -> str:
+    """That another model of the same recordings is better, and by how much; empty where none is."""
+    other = diagnosis.better
+    if other is None:
+        return ""
+    before, after = score_text(diagnosis.score), score_text(other.score)
+    words = exchange_words(other)
+    said = (
+        f"leaves the same error, {after} times {_floor(diagnosis)}, and is the likelier law"
+        if after == before or other.score > diagnosis.score
+        else f"takes the error on runs left out of the fit from {before} to {after} times {_floor(diagnosis)}"
+    )
+    return f"Another model of these recordings is better: {words} {said}."
+
+
+def as_good_sentence(diagnosis: Diagnosis) -> str:
+    """Which other models these data cannot tell from the best one; empty where there are none."""
+    if not diagnosis.as_good:
+        return ""
+    said = [f"{exchange_words(one)} ({score_text(one.score)})" for one in diagnosis.as_good]
+    least = "the better model" if diagnosis.better is not None else model_words(diagnosis.model)
+    return f"These data cannot tell {least} from one with {' or '.join(said)}."
+
+
+def _likelier(log_odds: float) -> str:
+    """How many times likelier, as far as that is worth a number."""
+    times = exp(min(log_odds, 700.0))
+    return "more than 1000 times as likely" if times > 1000.0 else f"{times:.2g} times as likely"
+
+
 def _as_well(diagnosis: Diagnosis, best: Candidate) -> str:
     """What else the error path adds, with the error that it ends at."""
     more = [effect for effect in worth_adding(diagnosis) if effect != best.effect]
@@ -185,16 +229,45 @@ def set_sentence(diagnosis: Diagnosis) -> str:
         text = "Whether one of these is missing these data leave open."
         text += f" They could not have shown, at a plausible strength: {_names(hidden)}." if hidden else ""
         return f"{text} What they show of these is too weak to tell: {_names(weak)}." if weak else text
+    besides = _outcomes_left_open(diagnosis)
     if len(diagnosis.set) > 1:
         return (
             f"These data cannot tell apart {_names(diagnosis.set)}. The one that is truly missing is meant "
-            "to be among them in 95 % of such cases."
+            f"to be among them in 95 % of such cases.{besides}"
         )
     if diagnosis.set:
-        return f"{effect_title(diagnosis.set[0])} is told apart from every other effect of the catalogue."
+        first = effect_title(diagnosis.set[0])
+        return f"{first} is told apart from every other effect of the catalogue.{besides}"
     if diagnosis.verdict == "nothing_missing":
         return "No effect is called for, so there is nothing to tell apart."
     return "No effect of the catalogue is justified, so there is nothing to tell apart."
+
+
+def _outcomes_left_open(diagnosis: Diagnosis) -> str:
+    """Where an effect is missing: which of the two other answers cannot be ruled out; empty where none."""
+    if diagnosis.calibration is None or diagnosis.verdict != "missing_effect":
+        return ""
+    said = {"nothing_missing": "nothing is missing", "not_in_catalogue": "it is not in the catalogue"}
+    still = [words for name, words in said.items() if name in diagnosis.calibration.cannot_be_ruled_out]
+    return f" Nor can it be ruled out that {' or that '.join(still)}." if still else ""
+
+
+def calibration_sentence(diagnosis: Diagnosis) -> str:
+    """What the probabilities were learned from, and how usual this session is; empty if unknown."""
+    said = diagnosis.calibration
+    if said is None or not said.fitted:
+        return ""
+    text = (
+        f"The probabilities were fitted to {said.fitted} trials on simulated benches (table {said.version}); "
+        f"in trials that were not fitted to they are off by {100 * said.error:.1f} percentage points on "
+        f"average, and {percent(said.coverage)} of the sets hold the truth."
+    )
+    if not said.unusual:
+        return f"{text} This session is like those: {percent(said.typicality)} of them are less usual."
+    return (
+        f"{text} This session is unlike nearly all of those ({listed(said.unusual)}), so its odds were drawn "
+        "together and promise less."
+    )
 
 
 def worth_adding(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -209,7 +282,7 @@ def path_sentence(diagnosis: Diagnosis) -> str:
         return "No effect earns its place, so the path ends where it begins."
     last = diagnosis.path[-1].score
     steps = [
-        f"{in_sentence(effect_title(s.added))} to {score_text(s.score)}"
+        f"{in_sentence(effect_title(s.added))}{_instead(s.removed)} to {score_text(s.score)}"
         for s in diagnosis.path
         if s.added is not None
     ]
@@ -218,6 +291,11 @@ def path_sentence(diagnosis: Diagnosis) -> str:
     )
     left = " What then remains above the floor is not explained." if last > UNEXPLAINED else ""
     return f"{text}. No further effect earns its place.{left}"
+
+
+def _instead(removed: str | None) -> str:
+    """In whose place a step of the path puts its effect; empty where it adds it."""
+    return f" in place of {in_sentence(effect_title(removed))}" if removed else ""
 
 
 def failure_sentence(failure: Failure | None) -> str:

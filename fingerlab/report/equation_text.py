@@ -74,6 +74,8 @@ def check_ending(path: Path) -> None:
 
 def equation_text(equation: FinalEquation, path: Path, title: str, model: str) -> str:
     """The text for a file of that name."""
+    # A title is a stranger's text: on one line, and no page of its own in either language.
+    title = " ".join(re.sub(r"[<>\\`$*_\[\]{}#|]", " ", title).split())
     return WRITERS[path.suffix.lower()](equation, title, model)
 
 

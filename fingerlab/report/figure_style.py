@@ -74,8 +74,21 @@ def score_bars(
     size: tuple[float, float],
     name_size: float = TICK_SIZE,
 ) -> tuple[Figure, Axes]:
+    """A figure of its own with :func:`draw_score_bars`, and its axes."""
+    figure = Figure(figsize=size, dpi=DPI, layout="constrained", facecolor="white")
+    return figure, draw_score_bars(figure, names, scores, colours, name_size)
+
+
+def draw_score_bars(
+    figure: Figure,
+    names: Sequence[str],
+    scores: Sequence[float],
+    colours: Sequence[str],
+    name_size: float = TICK_SIZE,
+) -> Axes:
     """Errors in multiples of the floor as bars from top to bottom, each with its number; 1 is the floor."""
-    figure, (axes,) = new_figure(size=size)
+    axes = figure.subplots()
+    _quiet(axes)
     at = np.arange(len(names), dtype=float)[::-1]
     axes.axvspan(0.0, 1.0, color=FLOOR, alpha=0.6, lw=0, zorder=0, label="floor")
     axes.barh(at, scores, 0.6, color=colours)
@@ -87,7 +100,7 @@ def score_bars(
     named_rows(axes, names, name_size)
     axes.set_xlim(0.0, 1.12 * max(*scores, 1.0))
     legend_below(figure, axes)
-    return figure, axes
+    return axes
 
 
 def named_rows(axes: Axes, names: Sequence[str], size: float = TICK_SIZE) -> None:
@@ -102,14 +115,17 @@ def legend(axes: Axes, **options: Any) -> None:
         axes.legend(fontsize=TICK_SIZE, frameon=False, **options)
 
 
-def legend_below(figure: Figure, of: Axes | Mapping[str, Any]) -> None:
-    """One legend for the whole figure, under it: of what one of its axes names, or handles by their words."""
+def legend_below(figure: Figure, of: Axes | Mapping[str, Any], most: int = 8) -> None:
+    """One legend for the whole figure, under it: of what one of its axes names, or handles by their words.
+
+    ``most``: columns that there is room for.
+    """
     handles = of if isinstance(of, Mapping) else named_handles(of)
     figure.legend(
         list(handles.values()),
         list(handles),
         loc="outside lower center",
-        ncols=max(len(handles), 1),
+        ncols=min(max(len(handles), 1), most),
         fontsize=TICK_SIZE,
         frameon=False,
     )

@@ -171,6 +171,8 @@ def render(content: Content, progress: Progress) -> Page:
         ranking=tables.short_ranking(diagnosis),
         every_effect=tables.all_effects(diagnosis),
         set_sentence=words.set_sentence(diagnosis),
+        as_good=words.as_good_sentence(diagnosis),
+        calibration_sentence=words.calibration_sentence(diagnosis),
         path_sentence=words.path_sentence(diagnosis),
         path_figure=pictures.draw(path_figure(diagnosis.path, diagnosis.model), "Error path"),
         failure=words.failure_sentence(diagnosis.failure),

@@ -13,6 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import fingerlab
+from fingerlab.core.plain_data import parsed
 from fingerlab.core.text import (
     DEGREES,
     decimals_for,
@@ -270,7 +271,7 @@ def _plain_text(value: object) -> str:
     if not isinstance(value, str):
         return ""
     try:
-        told = json.loads(value)
+        told = parsed(value)
     except ValueError:
         return value.strip()
     return ", ".join(map(str, told)) if isinstance(told, list) else value.strip()
@@ -329,7 +330,7 @@ def rig_hash(session: Session) -> str:
 def calibration_rows(session: Session) -> list[CalibrationRow]:
     """The calibrations that the file holds; empty where it holds none or what is there cannot be read."""
     try:
-        held = json.loads(str(session.attributes.get("calibration", "{}")))
+        held = parsed(str(session.attributes.get("calibration", "{}")))
         return [_calibration_row(name, record) for name, record in held.items()]
     except (ValueError, AttributeError, TypeError, KeyError):
         return []

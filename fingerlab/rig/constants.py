@@ -12,10 +12,15 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, TypeVar
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.plain_data import Mismatch, structured
+from fingerlab.core.plain_data import Mismatch, read_object, structured
 from fingerlab.rig.daq import Daq, Limits, read_daq, read_limits
 
 T = TypeVar("T")
+
+LARGEST, SMALLEST = 1e9, 1e-9
+"""SI; what lies beyond is no constant of a bench, and its products no numbers."""
+DIVISORS = ("torque_constant", "gear_ratio", "pulley_radius")
+"""Constants that are divided by."""
 
 DEFAULT_TOLERANCE = 0.02
 """Relative tolerance of a rig constant that the file says nothing about (session format, version 1)."""
@@ -95,16 +100,7 @@ class Rig:
         Raises:
             UserError: the text is not JSON, a number is missing or is not a finite number.
         """
-        try:
-            data = json.loads(text)
-        except (TypeError, ValueError) as error:
-            raise UserError(
-                f"{where} is not JSON ({error}); the attribute 'rig' should hold JSON text."
-            ) from None
-        if not isinstance(data, dict):
-            raise UserError(
-                f"{where} is not a JSON object; it should hold 'finger', 'motor' and 'tolerance'."
-            )
+        data = read_object(text, where, "it should hold 'finger', 'motor' and 'tolerance'")
         finger_data = data.get("finger")
         finger = _constants(Finger, finger_data, f"{where}, 'finger'") if finger_data else None
         motor = _constants(Motor, data.get("motor") or {}, f"{where}, 'motor'")
@@ -113,6 +109,11 @@ class Rig:
             raise UserError(
                 f"{where}, 'tolerance' is not an object of relative tolerances by parameter name."
             )
+        for name, value in tolerance.items():
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or value < 0:
+                raise UserError(
+                    f"{where}, 'tolerance' holds '{name}' = {value!r}; it should be a share such as 0.02."
+                )
         extra = {k: v for k, v in data.items() if k not in ("finger", "motor", "tolerance")}
         return cls(finger, motor, {k: float(v) for k, v in tolerance.items()}, extra)
 
@@ -121,6 +122,12 @@ def _constants(kind: type[T], data: Any, where: str) -> T:
     """Finger or motor from its numbers; null is as good as absent."""
     if not isinstance(data, Mapping):
         raise UserError(f"{where} is not an object of named numbers.")
+    for name, value in data.items():
+        size = abs(value) if isinstance(value, (int, float)) else 1.0
+        if size > LARGEST or (size < SMALLEST and name in DIVISORS):
+            raise UserError(
+                f"{where} holds '{name}' = {value!r}; it should be of a size that a bench can have."
+            )
     try:
         return structured(kind, {name: value for name, value in data.items() if value is not None})
     except Mismatch as error:

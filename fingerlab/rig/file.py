@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
 from importlib import resources
@@ -19,6 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import read_text
+from fingerlab.core.plain_data import read_object
 from fingerlab.core.units import factor
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.rig.daq import CHANNEL_UNITS, LIMIT_UNITS, SOURCES, plain_section, read_daq, read_limits
@@ -58,14 +59,7 @@ def load_rig(path: str | Path) -> Rig:
         UserError: the file is missing, is not TOML, or a constant is missing, unknown, in a wrong unit
             or not a finite number.
     """
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise UserError(f"{path} is not text in UTF-8; a rig file is a TOML file.") from None
-    except OSError as error:
-        raise UserError(f"The rig file {path} cannot be read ({error.strerror}); give a TOML file.") from None
-    return parse_rig(text, str(path))
+    return parse_rig(read_text(Path(path), "the TOML file of a rig"), str(path))
 
 
 def parse_rig(text: str, where: str) -> Rig:
@@ -74,12 +68,11 @@ def parse_rig(text: str, where: str) -> Rig:
     Raises:
         UserError: as :func:`load_rig`.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise UserError(f"{where} is not TOML ({error}); see the default rig for an example.") from None
+    data = read_object(text, where, "see the default rig for an example", toml=True)
     numbers: dict[str, Any] = {}
-    sources: dict[str, str] = dict(data.pop(SOURCES_KEY, {}))
+    sources = data.pop(SOURCES_KEY, {})
+    if not isinstance(sources, dict):
+        raise UserError(f"{where}: [{SOURCES_KEY}] is not a section; it should hold texts.")
     tolerance = _tolerances(data.pop("tolerance", {}), where)
     wiring = _wiring(data, where)
     for section, kind in (("finger", Finger), ("motor", Motor)):
@@ -102,8 +95,7 @@ def parse_rig(text: str, where: str) -> Rig:
             if relative is not None:
                 tolerance[name] = relative
     extra = {**data, **wiring, **({SOURCES_KEY: sources} if sources else {})}
-    rig = Rig.from_json(json.dumps({**numbers, "tolerance": tolerance}), where)
-    return Rig(rig.finger, rig.motor, rig.tolerance, extra)
+    return Rig.from_json(json.dumps({**extra, **numbers, "tolerance": tolerance}), where)
 
 
 def sources_of(rig: Rig) -> dict[str, str]:

@@ -7,6 +7,7 @@ or datasets that the format does not know, ``NAME-extra.h5`` with those as they 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -25,6 +26,7 @@ from fingerlab.sessions.hdf5 import TargetFile, open_hdf5, writing_to
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.reading import content_hash
 
+_NO_FILE_NAME = re.compile(r'[<>:"/\\|?*]')
 FORMATS = ("csv", "mat", "parquet", "txt")
 PIECE_SAMPLES = 1 << 17
 """Samples written together."""
@@ -68,7 +70,7 @@ def export_session(
             for number, run in enumerate(session.runs):
                 if progress:
                     progress(number / len(session.runs), f"run {run.name}")
-                files[run.name] = f"{stem}-{run.name}.{kind}"
+                files[run.name] = f"{stem}-{_NO_FILE_NAME.sub('_', run.name)}.{kind}"
                 _WRITERS[kind](session, run, place(files[run.name]))
         if has_extras(session):
             _write_extras(session, place(f"{stem}-extra.h5"))
@@ -113,7 +115,8 @@ def session_metadata(session: Session, files: Mapping[str, str] | None = None) -
 
 def column_title(name: str, unit: str) -> str:
     """A column's header, such as ``mcp_angle (rad)``; 'fingerlab import' understands it."""
-    return f"{name} ({unit})" if unit else name
+    title = f"{name} ({unit})" if unit else name
+    return f"'{title}" if title.startswith(("=", "+", "-", "@")) else title  # no formula of a spreadsheet
 
 
 def _pieces(run: Run) -> Iterator[dict[str, Array]]:

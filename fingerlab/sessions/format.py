@@ -50,6 +50,9 @@ OWN_ROOT_ATTRIBUTES = ("format", "format_version", "created", "title", "rig", "s
 REQUIRED_ROOT_ATTRIBUTES = ("created", "title", "rig")
 REQUIRED_RUN_ATTRIBUTES = ("phase", "cable", "sample_rate_hz", "trajectory")
 
+LEAST_RATE, MOST_RATE = 1e-3, 1e8
+"""Hz: no bench is sampled slower than in a quarter of an hour, or faster than any card."""
+
 RATE_TOLERANCE = 0.5
 """A step of time within this share of 1 / sample_rate_hz is regular; a longer one is a gap.
 

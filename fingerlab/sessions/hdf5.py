@@ -8,6 +8,7 @@ as few calls as possible. A damaged chunk shows only when it is read, a full dis
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -17,42 +18,112 @@ from typing import Any
 
 import h5py
 import numpy as np
-from h5py import h5a, h5d, h5o, h5t
+from h5py import h5a, h5d, h5l, h5o, h5t
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import shown
 from fingerlab.sessions.format import CHANNEL_UNITS, MAY_BE_NAN, plain
 from fingerlab.sessions.model import Array
 
+MOST_LINKS = 100_000
+"""Of a file: a session of a thousand runs has some ten thousand."""
+MOST_LEVELS = 32
+"""Groups in groups."""
+MOST_NAME = 255
+"""Letters of a run's, channel's or attribute's name, as of a file's."""
+MOST_RUNS, MOST_CHANNELS, MOST_ATTRIBUTES = 5_000, 1_000, 1_000
+MOST_ATTRIBUTE_BYTES = 1 << 20
+MOST_TEXTS = 16
+"""Texts of one attribute: each is found elsewhere in the file, so that many may share one long text."""
+MOST_CHUNK_BYTES = 1 << 24
+"""A chunk is unpacked whole for each sample of it that is read."""
+FILE_TROUBLE = (ArithmeticError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError)
+"""What h5py raises while it reads a file that somebody else has made."""
+
 
 @contextmanager
-def open_hdf5(path: Path) -> Iterator[h5py.File]:
-    """Open an HDF5 file for reading and close it on the way out.
+def open_hdf5(path: Path, growing: bool = False) -> Iterator[h5py.File]:
+    """Open an HDF5 file for reading and close it on the way out; whatever is wrong with it is one sentence.
 
     Nothing is kept open: on Windows an open reader keeps every writer from moving a file into place.
 
+    Args:
+        growing: whether its writer may have been killed, so that the file says that it is still open.
+
     Raises:
-        UserError: the file is missing, is not HDF5, is cut off, or cannot be read.
+        UserError: the file is missing, is not HDF5, is cut off, cannot be read, or leads to other files.
     """
     try:
-        file = _opened_file(path)
-        with file:
+        with _opened_file(path, growing) as file:
+            _refuse_strange(file, path)
             yield file
-    except (OSError, RuntimeError) as error:
+    except FILE_TROUBLE as error:
         # HDF5 reports a damaged chunk only when it is read, so the body's errors are caught here too.
         raise UserError(f"{path} cannot be read: {_reason(error)}") from None
 
 
-def _opened_file(path: Path) -> h5py.File:
+def _opened_file(path: Path, growing: bool) -> h5py.File:
     if path.is_dir():
         raise UserError(f"{path} is a folder; give the session file itself, such as session.h5.")
     if not path.exists():
         raise UserError(f"{path} does not exist; give the path of a session file (.h5).")
-    if not h5py.is_hdf5(path):
+    if not path.is_file() or not h5py.is_hdf5(path):
         raise UserError(
             f"{path} is not an HDF5 file; a session is one (text files become one by 'fingerlab import', "
             "or by 'Import text' in Sessions)."
         )
-    return h5py.File(path, "r", locking="best-effort")
+    return h5py.File(path, "r", locking="best-effort", swmr=growing)
+
+
+_FOUND_GOOD: dict[Path, tuple[int, ...]] = {}
+
+
+def _refuse_strange(file: h5py.File, path: Path) -> None:
+    """A session is one file of bounded size: looked through before anything of it is read, once a change.
+
+    Raises:
+        UserError: it leads to another file, holds more than is ever recorded, or a name is no name.
+    """
+    stat = path.stat()
+    state = (stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns)
+    if _FOUND_GOOD.get(path) == state:
+        return
+    looked: set[int] = set()
+    links = 0
+
+    def look(name: bytes, link: Any) -> str | None:
+        nonlocal links
+        links += 1
+        last = name.rpartition(b"/")[2].decode("utf-8", errors="surrogateescape")
+        where = f"/{shown(name.decode('utf-8', errors='replace'), MOST_NAME)}"
+        if links > MOST_LINKS:
+            return f"holds more than {MOST_LINKS} groups and datasets; it should hold what was recorded"
+        if name.count(b"/") > MOST_LEVELS:
+            return f"holds groups more than {MOST_LEVELS} deep; it should hold what was recorded"
+        if len(last) > MOST_NAME or not last.isprintable():
+            return f"holds {where}, which is no name; it should be of printable letters, at most {MOST_NAME}"
+        if link.type == h5l.TYPE_EXTERNAL:
+            return f"leads to another file at {where}; it should hold all of itself, so copy that into it"
+        if link.type != h5l.TYPE_HARD or link.u in looked:
+            return None
+        looked.add(link.u)
+        item = h5o.open(file.id, name)
+        if not isinstance(item, h5d.DatasetID):
+            return None
+        storage = item.get_create_plist()
+        layout = storage.get_layout()
+        if layout == h5d.VIRTUAL or storage.get_external_count():
+            return f"has the samples of {where} in other files; it should hold all of itself, so copy them in"
+        if layout == h5d.CHUNKED:
+            size = math.prod(storage.get_chunk()) * item.get_type().get_size()
+            if size > MOST_CHUNK_BYTES:
+                return f"stores {where} in chunks of more than {MOST_CHUNK_BYTES >> 20} MB; use smaller ones"
+        return None
+
+    fault = file.id.links.visit(look, info=True)
+    if fault:
+        raise UserError(f"{path} {fault}.")
+    _FOUND_GOOD[path] = state
 
 
 def _reason(error: Exception) -> str:
@@ -63,7 +134,7 @@ def _reason(error: Exception) -> str:
         return "access is denied; ask for permission to read it."
     if "unable to lock" in text:
         return "another program is writing to it; try again when that has finished."
-    return f"it is damaged (HDF5 says: {text}); use another copy of it."
+    return f"it is damaged (HDF5 says: {shown(text)}); use another copy of it."
 
 
 @dataclass(frozen=True)
@@ -135,7 +206,13 @@ class DatasetFacts:
 
 
 def datasets_of(group: h5py.Group) -> dict[str, DatasetFacts]:
-    """The datasets directly in a group, by name; links that lead nowhere are left out."""
+    """The datasets directly in a group, by name; links that lead nowhere are left out.
+
+    Raises:
+        ValueError: there are more than any machine has.
+    """
+    if len(group) > MOST_CHANNELS:
+        raise ValueError(f"{group.name} holds {len(group)} channels")
     found = {}
     for name in group.id:
         try:
@@ -144,30 +221,50 @@ def datasets_of(group: h5py.Group) -> dict[str, DatasetFacts]:
             continue
         if isinstance(item, h5d.DatasetID):
             kind = item.get_type().get_class()
+            unit = _attribute(item, b"units")
             found[name.decode("utf-8", errors="replace")] = DatasetFacts(
-                item.shape or (), kind in (h5t.FLOAT, h5t.INTEGER), _units(item)
+                item.shape or (), kind in (h5t.FLOAT, h5t.INTEGER), None if unit is None else str(unit)
             )
     return found
 
 
 def attributes_of(item: h5py.HLObject) -> dict[str, Any]:
-    """Attributes as plain values; one of a type that Python cannot hold is left out."""
+    """Attributes as text, numbers, or lists of them; what is nothing of this is left out.
+
+    Raises:
+        ValueError: there are more, or larger ones, than anybody notes.
+    """
+    count = h5a.get_num_attrs(item.id)
+    if count > MOST_ATTRIBUTES:
+        raise ValueError(f"{item.name} has {count} attributes")
     found = {}
     for name in item.attrs:
-        try:
-            found[name] = plain(item.attrs[name])
-        except TypeError:
-            continue
+        value = _attribute(item.id, name.encode("utf-8", errors="surrogateescape"))
+        if value is not None:
+            found[str(name)] = value
     return found
 
 
-def _units(dataset: h5d.DatasetID) -> str | None:
-    if not h5a.exists(dataset, b"units"):
+def _attribute(item: h5d.DatasetID, name: bytes) -> Any:
+    """One attribute as a plain value that is safe to show; None where there is none of text or numbers."""
+    if not h5a.exists(item, name):
         return None
-    attribute = h5a.open(dataset, b"units")
+    attribute = h5a.open(item, name)
+    kind, count = attribute.get_type(), math.prod(attribute.shape or ())
+    texts = isinstance(kind, h5t.TypeStringID) and kind.is_variable_str()
+    if attribute.get_storage_size() > MOST_ATTRIBUTE_BYTES or (texts and count > MOST_TEXTS):
+        raise ValueError(f"the attribute {shown(name.decode('utf-8', 'replace'))} is too large")
+    if attribute.shape is None or not (texts or isinstance(kind, _PLAIN_KINDS)):
+        return None
     value = np.empty(attribute.shape, dtype=attribute.dtype)
     attribute.read(value)
-    return str(plain(value))
+    value = plain(value)
+    if isinstance(value, list):
+        return [shown(item) if isinstance(item, str) else item for item in value]
+    return shown(value) if isinstance(value, str) else value
+
+
+_PLAIN_KINDS = (h5t.TypeStringID, h5t.TypeIntegerID, h5t.TypeFloatID, h5t.TypeEnumID)
 
 
 class TargetFile:

@@ -1,9 +1,12 @@
-"""Text files of the bench to one session: planned first, so that it can be shown, then written."""
+"""Tables to one session: planned first, so that it can be shown, then written.
+
+Text files of the bench, or logs of one axis of any machine, as text or as MAT files.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,12 +15,14 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
+from fingerlab.core.units import factor
 from fingerlab.rig.constants import Rig
-from fingerlab.sessions.format import RATE_TOLERANCE, REQUIRED_CHANNELS
+from fingerlab.sessions.format import LEAST_RATE, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS
 from fingerlab.sessions.hdf5 import sample_fault
-from fingerlab.sessions.mapping import Column, map_columns
+from fingerlab.sessions.mapping import Axis, Column, Table, map_columns
+from fingerlab.sessions.mat_table import MatTable, is_mat, mat_tables
 from fingerlab.sessions.model import Array
-from fingerlab.sessions.text_table import SEPARATOR_WORDS, TextTable, inspect_table, read_blocks
+from fingerlab.sessions.text_table import SEPARATOR_WORDS, inspect_table, read_blocks
 from fingerlab.sessions.trajectory import recognised, trajectory_words
 from fingerlab.sessions.writing import SessionWriter
 
@@ -36,17 +41,21 @@ _DERIVED = {
 
 @dataclass(frozen=True)
 class TextRun:
-    """A text file and what it cannot say of itself; without a ``trajectory`` its command is asked."""
+    """A table and what it cannot say of itself; without a ``trajectory`` its command is asked.
+
+    ``axis``: it is the log of one axis of any machine, with units named.
+    """
 
     path: Path
     phase: str
     cable: str
     trajectory: Mapping[str, Any] | None = None
+    axis: Axis | None = None
 
 
 @dataclass(frozen=True)
 class ImportPlan:
-    """How one text file becomes a run.
+    """How one table becomes a run; a text file is one, a MAT file one or more.
 
     Attributes:
         source: the file, phase, cable and trajectory.
@@ -57,16 +66,18 @@ class ImportPlan:
         counted_time: whether time is counted from the rate because no column holds it.
         trajectory: what the motor was told, as in the session format.
         read_from_command: whether that was read from the command, for nobody had said it.
+        start: time of the first sample of an axis, s, from which its time is counted.
     """
 
     source: TextRun
-    table: TextTable
+    table: Table
     columns: tuple[Column, ...]
     derived: Mapping[str, str]
     sample_rate_hz: float
     counted_time: bool
     trajectory: Mapping[str, Any]
     read_from_command: bool
+    start: float = 0.0
 
 
 def plan_import(
@@ -82,7 +93,15 @@ def plan_import(
     Raises:
         UserError: a file cannot be read, the mapping does not fit, or a channel is missing.
     """
-    return tuple(_plan(source, mapping, rate) for source in sources)
+    return tuple(_plan(source, table, mapping, rate) for source in sources for table in _tables(source.path))
+
+
+def _tables(path: Path) -> Sequence[Table]:
+    return mat_tables(path) if is_mat(path) else [inspect_table(path)]
+
+
+def _blocks(table: Table) -> Iterator[Array]:
+    return iter([table.values]) if isinstance(table, MatTable) else read_blocks(table)
 
 
 def import_files(
@@ -118,11 +137,8 @@ def import_files(
 def describe(plan: ImportPlan) -> list[str]:
     """The plan in lines of text, to be shown before anything is written."""
     table = plan.table
-    header = "a header" if table.header else "no header"
-    word = "decimal comma" if table.decimal == "," else "decimal point"
     lines = [
-        f"{table.path}: {table.columns} columns, separated by {SEPARATOR_WORDS[table.separator]}, {word}, "
-        f"{header}; {plan.sample_rate_hz:g} samples a second; {plan.source.phase}, "
+        f"{table.path}: {_layout(table)}; {plan.sample_rate_hz:g} samples a second; {plan.source.phase}, "
         f"cable {plan.source.cable}"
     ]
     for column in plan.columns:
@@ -141,14 +157,21 @@ def describe(plan: ImportPlan) -> list[str]:
     return lines
 
 
-def _plan(source: TextRun, mapping: str | None, rate: float | None) -> ImportPlan:
-    table = inspect_table(source.path)
-    columns = map_columns(table, mapping)
+def _layout(table: Table) -> str:
+    if isinstance(table, MatTable):
+        return f"{table.columns} vectors" + (f" in {table.name}" if table.name else "")
+    header = "a header" if table.header else "no header"
+    word = "decimal comma" if table.decimal == "," else "decimal point"
+    return f"{table.columns} columns, separated by {SEPARATOR_WORDS[table.separator]}, {word}, {header}"
+
+
+def _plan(source: TextRun, table: Table, mapping: str | None, rate: float | None) -> ImportPlan:
+    columns = map_columns(table, mapping, source.axis)
     present = {column.channel for column in columns}
     derived = {
         channel: formula
         for channel, (other, formula) in _DERIVED.items()
-        if channel not in present and other in present
+        if channel not in present and other in present and not (source.axis and other == "motor_torque")
     }
     counted = "time" not in present
     if counted and rate is None:
@@ -161,13 +184,14 @@ def _plan(source: TextRun, mapping: str | None, rate: float | None) -> ImportPla
                 f"{table.path} gives no '{channel}', which a run of phase '{source.phase}' needs; map its "
                 "column with --map, or choose another --phase."
             )
-    first = next(iter(read_blocks(table)))
+    first = next(_blocks(table))
     found = float(rate or 0.0) if counted else _rate(table, _values(first, columns, "time"), rate)
+    start = 0.0 if counted or source.axis is None else float(_values(first, columns, "time")[0])
     if source.trajectory is not None:
-        return ImportPlan(source, table, columns, derived, found, counted, source.trajectory, False)
+        return ImportPlan(source, table, columns, derived, found, counted, source.trajectory, False, start)
     read = recognised(_values(first, columns, "motor_command"), found) if "motor_command" in present else None
     told = read or {"kind": "unknown"}
-    return ImportPlan(source, table, columns, derived, found, counted, told, read is not None)
+    return ImportPlan(source, table, columns, derived, found, counted, told, read is not None, start)
 
 
 def _values(block: Array, columns: Sequence[Column], channel: str) -> Array:
@@ -176,7 +200,7 @@ def _values(block: Array, columns: Sequence[Column], channel: str) -> Array:
     return np.asarray(block[:, column.index] * column.factor)
 
 
-def _rate(table: TextTable, time: Array, given: float | None) -> float:
+def _rate(table: Table, time: Array, given: float | None) -> float:
     """Sampling rate, Hz, from the ``time`` (s) of the first rows."""
     fault = sample_fault("time", time)
     if fault:
@@ -189,6 +213,8 @@ def _rate(table: TextTable, time: Array, given: float | None) -> float:
     usual = float(np.median(steps))
     regular = steps[np.abs(steps / usual - 1.0) <= RATE_TOLERANCE]
     rate = 1.0 / float(regular.mean())
+    if not LEAST_RATE <= rate <= MOST_RATE:
+        raise UserError(f"{table.path} holds {rate:.4g} samples a second by its time column; is it in s?")
     whole = float(round(rate))
     if whole and math.isclose(rate, whole, rel_tol=WHOLE_RATE):
         rate = whole
@@ -215,9 +241,12 @@ def _write_run(writer: SessionWriter, plan: ImportPlan, rig: Rig) -> None:
         units=units,
         derived=plan.derived,
     )
-    start = 0
-    for block in read_blocks(plan.table):
+    turns = source.axis is not None and factor(_unit(plan, "motor_position"), "rad") is not None
+    start, turned = 0, None
+    for block in _blocks(plan.table):
         channels = _channels(block, plan, rig)
+        if turns:
+            channels["motor_position"] = turned = unwrapped(channels["motor_position"], turned)
         for name, values in channels.items():
             fault = sample_fault(name, values, start)
             if fault:
@@ -230,9 +259,26 @@ def _write_run(writer: SessionWriter, plan: ImportPlan, rig: Rig) -> None:
 def _channels(block: Array, plan: ImportPlan, rig: Rig) -> dict[str, Array]:
     """A block of rows as channels in SI."""
     channels = {column.channel: block[:, column.index] * column.factor for column in plan.columns}
+    if plan.start:
+        channels["time"] = channels["time"] - plan.start
     constant = rig.motor.torque_constant * rig.motor.gear_ratio
     if "motor_current" in plan.derived:
         channels["motor_current"] = channels["motor_torque"] / constant
     if "motor_torque" in plan.derived:
         channels["motor_torque"] = channels["motor_current"] * constant
     return channels
+
+
+def _unit(plan: ImportPlan, channel: str) -> str:
+    """In which unit the table holds a channel."""
+    return next(column.unit for column in plan.columns if column.channel == channel)
+
+
+def unwrapped(position: Array, before: Array | None = None) -> Array:
+    """The position of an axis, rad, (n,), without the jumps of an encoder that counts one turn only.
+
+    Between two samples an axis turns by less than half a turn. ``before``: what came before it, unwrapped.
+    """
+    joined = position if before is None else np.concatenate((before[-1:], position))
+    turns = np.cumsum(np.rint(np.diff(joined) / (2.0 * math.pi)))
+    return np.asarray(joined - 2.0 * math.pi * np.concatenate(([0.0], turns)))[len(joined) - len(position) :]

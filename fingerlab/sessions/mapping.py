@@ -2,24 +2,27 @@
 
 A mapping is the word ``auto``, an inline text such as ``time=1,motor_command=2:deg``, or a JSON or TOML
 file such as ``motor_command = { column = 2, unit = "deg" }``. Columns are given by position (from 1) or by
-the text of their header.
+the text of their header. A log of one axis (:class:`Axis`) names its units; a linear one is told as an arc.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import re
-import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import read_text
+from fingerlab.core.plain_data import read_object
 from fingerlab.core.units import FACTORS, factor
 from fingerlab.sessions.format import CHANNEL_UNITS
+from fingerlab.sessions.mat_table import MatTable
 from fingerlab.sessions.text_table import TextTable
+
+Table = TextTable | MatTable
 
 BENCH_ORDER = (
     "time",
@@ -48,6 +51,28 @@ _KEYWORDS = (
 )
 """What a header says of the bench's quantities; the first that matches counts."""
 
+_AXIS_NAMES = {
+    "position": "motor_position",
+    "torque": "motor_torque",
+    "current": "motor_current",
+    "load": "load_torque",
+    "command": "motor_command",
+}
+"""Short names of an axis' quantities that a mapping may use."""
+
+_AXIS_KEYWORDS = (
+    ("motor_command", r"command|\bcmd|reference|\bref|set.?point|desired|target"),
+    ("load_torque", r"load"),
+    ("motor_current", r"current|^i(q|_q|a)?$"),
+    ("motor_torque", r"torque|effort|^tau|force|moment"),
+    ("motor_position", r"^(q|x)\d*$|position|\bpos|angle|theta|encoder|stroke|displacement"),
+    ("time", r"^(t|time|zeit|tempo|timestamp|stamp|elapsed.*|tout)$"),
+)
+"""What a header says of an axis; the first that matches counts."""
+
+AXIS_RADIUS_M = 0.01
+"""Radius of the arc as which a linear axis is told, m: 1 mm is 0.1 rad and 1 N is 0.01 N m. Only a scale."""
+
 _HEADER_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\((?P<a>[^()]*)\)|\[(?P<b>[^\[\]]*)\]|\s/\s*(?P<c>\S+))\s*$")
 _CHANNEL_NAME = re.compile(r"(raw/)?[A-Za-z_][A-Za-z0-9_]*")
 
@@ -74,6 +99,25 @@ class Column:
 
 
 @dataclass(frozen=True)
+class Axis:
+    """That a table is the log of one axis, whose units have to be named.
+
+    Attributes:
+        radius: of the arc as which a length is told, and the lever of a force, m.
+    """
+
+    radius: float = AXIS_RADIUS_M
+
+    def factor(self, unit: str, target: str) -> float | None:
+        """To the SI unit ``target``, of an axis that moves along a line, too; None: it cannot be."""
+        if target == "rad" and factor(unit, "m") is not None:
+            return float(factor(unit, "m") or 0.0) / self.radius
+        if target == "N m" and factor(unit, "N") is not None:
+            return float(factor(unit, "N") or 0.0) * self.radius
+        return factor(unit, target)
+
+
+@dataclass(frozen=True)
 class _Wish:
     """One entry of a mapping as the user gave it."""
 
@@ -82,42 +126,71 @@ class _Wish:
     scale: float = 1.0
 
 
-def map_columns(table: TextTable, mapping: str | None) -> tuple[Column, ...]:
+def map_columns(table: Table, mapping: str | None, axis: Axis | None = None) -> tuple[Column, ...]:
     """Which column of the table is which channel.
 
     Args:
         table: layout of the text file.
         mapping: None or ``auto`` (by header, or in the bench's own order where there is none and the
             number of columns fits), an inline text, or the path of a JSON or TOML file.
+        axis: that it is the log of one axis; None: of the bench.
 
     Raises:
         UserError: the mapping cannot be understood or does not fit the file.
     """
     if mapping in (None, "", "auto"):
-        return _by_header(table) if table.header else _in_bench_order(table)
-    columns = tuple(_wished(table, channel, wish) for channel, wish in _read_mapping(str(mapping)).items())
+        if axis is not None and not table.header:
+            raise UserError(
+                f"{table.path} has no header; say which column is which with --map, such as "
+                "time=1:s,position=2:deg,torque=3:Nm."
+            )
+        columns = _by_header(table, axis) if table.header else _in_bench_order(table)
+    else:
+        wishes = _read_mapping(str(mapping))
+        if axis is not None:
+            wishes = {_AXIS_NAMES.get(channel, channel): wish for channel, wish in wishes.items()}
+        columns = tuple(_wished(table, channel, wish, axis) for channel, wish in wishes.items())
     _refuse_twice(columns, table)
+    if axis is not None:
+        _refuse_unnamed(columns, table)
     return columns
 
 
-def _in_bench_order(table: TextTable) -> tuple[Column, ...]:
+def _refuse_unnamed(columns: tuple[Column, ...], table: Table) -> None:
+    """Nothing is assumed of the units of a machine that nobody here knows."""
+    unnamed = [c for c in columns if not c.unit and c.target_unit]
+    if not unnamed:
+        return
+    short = {channel: name for name, channel in _AXIS_NAMES.items()}
+    usual = {"s": "s", "rad": "deg", "A": "A", "N m": "Nm"}
+    wanted = ",".join(
+        f"{short.get(c.channel, c.channel)}={c.index + 1}:{c.unit or usual[c.target_unit]}"
+        for c in columns
+        if c.target_unit in usual
+    )
+    names = " and ".join(f"'{c.channel}' (column {c.index + 1})" for c in unnamed)
+    raise UserError(f"{table.path} names no unit of {names}; say them, such as --map {wanted}.")
+
+
+def _in_bench_order(table: Table) -> tuple[Column, ...]:
     if table.columns != len(BENCH_ORDER):
         raise UserError(
             f"{table.path} has no header and {table.columns} columns; say which is which with --map, "
             "such as time=1,motor_command=2:deg (the bench's own order has seven)."
         )
     return tuple(
-        _column(name, index, None, 1.0, "the bench's order", table) for index, name in enumerate(BENCH_ORDER)
+        _column(name, index, None, 1.0, "the bench's order", table, None)
+        for index, name in enumerate(BENCH_ORDER)
     )
 
 
-def _by_header(table: TextTable) -> tuple[Column, ...]:
+def _by_header(table: Table, axis: Axis | None) -> tuple[Column, ...]:
     assert table.header is not None
     columns = []
     for index, cell in enumerate(table.header):
         name, unit = split_header(cell)
-        columns.append(_column(_channel_of(name, index), index, unit, 1.0, f"header '{cell}'", table))
-    _refuse_twice(columns, table)
+        channel = _channel_of(name, index, _KEYWORDS if axis is None else _AXIS_KEYWORDS)
+        columns.append(_column(channel, index, unit, 1.0, f"header '{cell}'", table, axis))
     return tuple(columns)
 
 
@@ -129,19 +202,19 @@ def split_header(cell: str) -> tuple[str, str | None]:
     return match["name"].strip(), unit.strip()
 
 
-def _channel_of(name: str, index: int) -> str:
+def _channel_of(name: str, index: int, keywords: Sequence[tuple[str, str]]) -> str:
     """The channel that a header's name means; a name of its own for quantities that the bench lacks."""
     if name in CHANNEL_UNITS or (_CHANNEL_NAME.fullmatch(name) and name.startswith("raw/")):
         return name
     lowered = name.lower().replace("_", " ")
-    for channel, pattern in _KEYWORDS:
+    for channel, pattern in keywords:
         if re.search(pattern, lowered):
             return channel
     cleaned = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").lower()
     return cleaned if cleaned and not cleaned[0].isdigit() else f"column_{index + 1}"
 
 
-def _wished(table: TextTable, channel: str, wish: _Wish) -> Column:
+def _wished(table: Table, channel: str, wish: _Wish, axis: Axis | None) -> Column:
     if not _CHANNEL_NAME.fullmatch(channel):
         raise UserError(f"The mapping names the channel {channel!r}; a name is of letters, digits and _.")
     column, unit = wish.column, wish.unit
@@ -149,7 +222,6 @@ def _wished(table: TextTable, channel: str, wish: _Wish) -> Column:
         column = int(column)
     if isinstance(column, str):
         index, source = _find_header(table, channel, column), f"header '{column}'"
-        unit = unit or split_header(column)[1]
     else:
         index, source = column - 1, f"column {column}"
         if not 0 <= index < table.columns:
@@ -157,12 +229,12 @@ def _wished(table: TextTable, channel: str, wish: _Wish) -> Column:
                 f"The mapping takes '{channel}' from column {column}, but {table.path} has columns 1 to "
                 f"{table.columns}."
             )
-        if unit is None and table.header:
-            unit = split_header(table.header[index])[1]
-    return _column(channel, index, unit, wish.scale, source, table)
+    if unit is None and table.header:
+        unit = split_header(table.header[index])[1]
+    return _column(channel, index, unit, wish.scale, source, table, axis)
 
 
-def _find_header(table: TextTable, channel: str, wanted: str) -> int:
+def _find_header(table: Table, channel: str, wanted: str) -> int:
     if table.header is None:
         raise UserError(
             f"The mapping takes '{channel}' from the header {wanted!r}, but {table.path} has no header; "
@@ -180,24 +252,33 @@ def _find_header(table: TextTable, channel: str, wanted: str) -> int:
 
 
 def _column(
-    channel: str, index: int, unit: str | None, scale: float, source: str, table: TextTable
+    channel: str,
+    index: int,
+    unit: str | None,
+    scale: float,
+    source: str,
+    table: Table,
+    axis: Axis | None,
 ) -> Column:
     target = CHANNEL_UNITS.get(channel)
     if target is None:
         return Column(channel, index, unit or "", unit or "", scale, source)
+    if not unit and axis is not None:
+        return Column(channel, index, "", target, scale, source)
     if not unit:
         unit = _ASSUMED_UNIT.get(target, target)
         source += ", unit assumed"
-    times = factor(unit, target)
+    times = factor(unit, target) if axis is None else axis.factor(unit, target)
     if times is None:
+        along_a_line = {"rad": FACTORS["m"], "N m": FACTORS["N"]}.get(target, {}) if axis is not None else {}
         raise UserError(
             f"{table.path}, column {index + 1} is taken as '{channel}' in '{unit}'; it should be in one of "
-            f"{', '.join(FACTORS[target])}."
+            f"{', '.join([*FACTORS[target], *along_a_line])}."
         )
     return Column(channel, index, unit, target, times * scale, source)
 
 
-def _refuse_twice(columns: tuple[Column, ...] | list[Column], table: TextTable) -> None:
+def _refuse_twice(columns: tuple[Column, ...], table: Table) -> None:
     seen: dict[str, Column] = {}
     for column in columns:
         other = seen.setdefault(column.channel, column)
@@ -235,15 +316,11 @@ def _read_mapping(mapping: str) -> dict[str, _Wish]:
 
 
 def _file(path: Path) -> dict[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8")
-        data = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
-    except OSError as error:
-        raise UserError(f"The mapping file {path} cannot be read ({error.strerror}).") from None
-    except ValueError as error:
-        raise UserError(f"The mapping file {path} is not {path.suffix[1:].upper()} ({error}).") from None
-    if not isinstance(data, dict) or not data:
-        raise UserError(f'The mapping file {path} holds no columns; it should read like "time": 1.')
+    text = read_text(path, "a mapping file such as COLUMNS.toml")
+    where, advice = f"The mapping file {path}", "it should read like time = 1"
+    data = read_object(text, where, advice, toml=path.suffix.lower() == ".toml")
+    if not data:
+        raise UserError(f"{where} holds no columns; {advice}.")
     return data
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import h5py
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.plain_data import read_object
 from fingerlab.core.units import same_unit
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.format import (
@@ -20,13 +20,25 @@ from fingerlab.sessions.format import (
     FINGER_PHASES,
     FORMAT_MAJOR,
     FORMAT_NAME,
+    LEAST_RATE,
+    MOST_RATE,
     PHASES,
     REQUIRED_CHANNELS,
     REQUIRED_ROOT_ATTRIBUTES,
     REQUIRED_RUN_ATTRIBUTES,
 )
-from fingerlab.sessions.hdf5 import DatasetFacts, FileReader, attributes_of, datasets_of, open_hdf5
+from fingerlab.sessions.hdf5 import (
+    MOST_RUNS,
+    DatasetFacts,
+    FileReader,
+    attributes_of,
+    datasets_of,
+    open_hdf5,
+)
 from fingerlab.sessions.model import Run, Session
+
+MOST_SAMPLES_A_BYTE, FREE_SAMPLES = 8, 1 << 24
+"""Real recordings, packed as tightly as HDF5 can, have up to one; small sessions are not asked."""
 
 
 def open_session(path: str | Path) -> Session:
@@ -43,8 +55,11 @@ def open_session(path: str | Path) -> Session:
     with open_hdf5(path) as file:
         root = attributes_of(file)
         _check_root(root, file, path)
-        rig = read_rig(root["rig"], f"{path}, attribute 'rig'")
-        runs = tuple(_read_run(file["runs"][name], name, path) for name in sorted(file["runs"], key=_order))
+        rig = Rig.from_json(root["rig"], f"{path}, attribute 'rig'")
+        names = sorted(file["runs"], key=_order)
+        if len(names) > MOST_RUNS:
+            raise UserError(f"{path} holds {len(names)} runs; a session has at most {MOST_RUNS}.")
+        runs = tuple(_read_run(file["runs"][name], name, path) for name in names)
     if not runs:
         raise UserError(f"{path} holds no runs; a session has at least one group such as /runs/001.")
     for run in runs:
@@ -53,6 +68,9 @@ def open_session(path: str | Path) -> Session:
                 f"{path}: run {run.name} is '{run.phase}' but the rig text has no 'finger'; "
                 "it should hold the finger's masses, lengths, inertias and stiffnesses."
             )
+    samples = sum(run.length * len(run.units) for run in runs)
+    if samples > max(FREE_SAMPLES, MOST_SAMPLES_A_BYTE * path.stat().st_size):
+        raise UserError(f"{path} is too small for the {samples} samples that it says it holds; record again.")
     title, created = str(root.pop("title")), str(root.pop("created"))
     return Session(path, title, created, rig, runs, root)
 
@@ -61,18 +79,6 @@ def _whole(path: Path) -> Path:
     from fingerlab.sessions.repair import repaired  # it writes sessions, which needs what is above
 
     return repaired(path)
-
-
-def read_rig(text: Any, where: str) -> Rig:
-    """The rig from its JSON text; ``where`` opens the sentence of an error.
-
-    Raises:
-        UserError: the text is not JSON or holds something else than finite numbers.
-    """
-    try:
-        return Rig.from_json(text, where)
-    except (TypeError, ValueError) as error:
-        raise UserError(f"{where} holds something else than a number ({error}); use numbers in SI.") from None
 
 
 def content_hash(session: Session) -> str:
@@ -153,24 +159,15 @@ def _rate(value: Any, where: str) -> float:
         rate = float(value)
     except (TypeError, ValueError):
         rate = math.nan
-    if not (math.isfinite(rate) and rate > 0):
-        raise UserError(f"{where} has sample_rate_hz {value!r}; it should be a positive number.")
+    if not LEAST_RATE <= rate <= MOST_RATE:
+        said = "a positive number" if not rate > 0 else f"{LEAST_RATE:g} to {MOST_RATE:g}"
+        raise UserError(f"{where} has sample_rate_hz {value!r}; it should be {said}.")
     return rate
 
 
 def _trajectory(text: Any, where: str) -> dict[str, Any]:
-    try:
-        trajectory = json.loads(text)
-    except (TypeError, ValueError) as error:
-        raise UserError(
-            f"{where} has a trajectory that is not JSON ({error}); it should read like "
-            '{"kind": "sine", "amplitude_deg": 15, "frequency_hz": 1}.'
-        ) from None
-    if not isinstance(trajectory, dict):
-        raise UserError(
-            f"{where} has a trajectory that is not a JSON object; it should hold at least 'kind'."
-        )
-    return trajectory
+    advice = 'it should read like {"kind": "sine", "amplitude_deg": 15, "frequency_hz": 1}'
+    return read_object(text, f"{where} has a trajectory that", advice)
 
 
 def _channels(group: h5py.Group, phase: str, where: str) -> tuple[dict[str, str], int]:

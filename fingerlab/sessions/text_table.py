@@ -17,16 +17,19 @@ from typing import TextIO
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import shown
 from fingerlab.sessions.model import Array
 
 BLOCK_LINES = 1 << 16
 """Lines read together: about 4 MB of text with seven columns."""
 
 _SAMPLE_LINES = 200
+MOST_LETTERS = 120
+"""Of a column's title."""
 _CANDIDATES = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (None, "."), (None, ","))
 """Separators (None is any white space) and decimal signs, in the order in which they are preferred."""
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*([eE][+-]?\d+)?|\.\d+([eE][+-]?\d+)?|nan|inf)", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf)", re.IGNORECASE | re.ASCII)
 SEPARATOR_WORDS = {"\t": "tab", ";": "semicolon", ",": "comma", None: "space"}
 
 
@@ -67,7 +70,7 @@ def inspect_table(path: str | Path) -> TextTable:
     first = _cells(lines[0], separator)
     header = None
     if not any(_is_number(cell, decimal) for cell in first):
-        header = tuple(cell.strip().strip('"') for cell in first)
+        header = tuple(shown(cell.strip().strip('"'), MOST_LETTERS) for cell in first)
         if len(lines) == 1:
             raise UserError(f"{path} holds a header but no rows; it should hold one row a sample.")
     return TextTable(path, encoding, separator, decimal, header, len(first))
@@ -124,7 +127,8 @@ def _fault(block: Sequence[tuple[int, str]], table: TextTable) -> UserError:
             if not _is_number(cell, table.decimal):
                 word = "comma" if table.decimal == "," else "point"
                 return UserError(
-                    f"{table.path}, line {number}, column {index + 1} holds {cell.strip()!r}; "
+                    f"{table.path}, line {number}, column {index + 1} holds "
+                    f"{shown(cell.strip(), MOST_LETTERS)!r}; "
                     f"it should be a number with a decimal {word}."
                 )
     return UserError(f"{table.path} cannot be read as a table near line {block[0][0]}.")
@@ -181,6 +185,8 @@ def _open(path: Path, encoding: str) -> TextIO:
 def _encoding(path: Path) -> str:
     """Encoding by the file's first bytes; older programs wrote the degree sign in the Windows code page."""
     try:
+        if not path.is_file():
+            raise OSError(0, "it is no file" if path.exists() else "it does not exist")
         with path.open("rb") as file:
             start = file.read(1 << 16)
     except OSError as error:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
@@ -12,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import read_text
+from fingerlab.core.plain_data import read_object
 from fingerlab.rig.constants import Rig
 from fingerlab.twin.effects import check_effects
 
@@ -89,12 +90,7 @@ def load_preset(source: str | Path = PRACTICE) -> Preset:
         text = (files("fingerlab.resources") / "rigs" / f"{source}.toml").read_text(encoding="utf-8")
     else:
         name = Path(source).stem
-        try:
-            text = Path(source).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise UserError(
-                f"{source} cannot be read as a preset ({error}); give 'practice', 'as-built' or a TOML file."
-            ) from None
+        text = read_text(Path(source), "a preset: 'practice', 'as-built' or a TOML file")
     return parse_preset(text, name)
 
 
@@ -104,10 +100,7 @@ def parse_preset(text: str, name: str) -> Preset:
     Raises:
         UserError: as for ``load_preset``.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise UserError(f"The preset {name} is not TOML ({error}).") from None
+    data = read_object(text, f"The preset {name}", "see that of the practice rig for an example", toml=True)
     unknown = set(data) - set(SECTIONS) - {"title", "rig", "effects"}
     if unknown:
         raise UserError(

@@ -47,11 +47,13 @@ def child_environment() -> dict[str, str]:
     """This process's environment without what would lead another Python astray.
 
     A ``PYTHONPATH`` (as robot middleware sets it) would put other versions before the locked ones; pip's
-    settings for other targets would install elsewhere than into the environment.
+    settings for other targets would install elsewhere than into the environment; what lies in the current
+    folder, maybe beside a stranger's sessions, would be imported.
     """
     astray = {"PYTHONPATH", "PYTHONHOME", "PIP_TARGET", "PIP_PREFIX", "PIP_REQUIRE_HASHES", "PIP_QUIET"}
     kept = {name: value for name, value in os.environ.items() if name.upper() not in astray}
     kept["PIP_USER"] = "0"
+    kept["PYTHONSAFEPATH"] = "1"
     return kept
 
 

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from .display import qt_platform, why_none
 from .environment import prepare
@@ -16,6 +17,7 @@ from .practice import practise
 
 USAGE = """\
 python start.py                 open FingerLab (without a display: practise from the command line)
+python start.py FILE...         open it with these session files
 python start.py test [ARGS]     run every test, or what pytest's ARGS choose
 python start.py COMMAND [ARGS]  run a command, as 'fingerlab COMMAND'; --help after it explains it
 
@@ -46,20 +48,28 @@ def _run(places: Places, arguments: list[str]) -> int:
         os.environ["QT_QPA_PLATFORM"] = "offscreen"
         os.chdir(places.root)
         return _become(places, ["-m", "pytest", *(arguments[1:] or EVERY_TEST)])
-    if arguments:
+    files = bool(arguments) and Path(arguments[0]).suffix.lower() == ".h5" and Path(arguments[0]).is_file()
+    if arguments and not files:
         prepare(places, "app", "")
         return _become(places, ["-m", "fingerlab", *arguments])
     platform = qt_platform()
+    if files and not platform:
+        raise SetupError(
+            f"{why_none()}, so that no window can show {arguments[0]}; "
+            f"'python start.py diagnose {arguments[0]}' says what is missing from its model."
+        )
     prepare(places, "app", platform)
     if not platform:
         return practise(places, why_none())
-    return _become(places, ["-m", "fingerlab"])
+    return _become(places, ["-m", "fingerlab", *arguments])
 
 
 def _become(places: Places, arguments: list[str]) -> int:
     """Hand over to the environment's Python; returns only where the system cannot replace a process."""
     command = [str(places.python), *arguments]
     environment = child_environment()
+    if "pytest" in arguments:  # tests start modules of the folder of tests
+        del environment["PYTHONSAFEPATH"]
     if sys.platform != "win32":
         sys.stdout.flush()
         sys.stderr.flush()

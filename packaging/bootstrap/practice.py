@@ -34,7 +34,7 @@ def practise(places: Places, reason: str) -> int:
         print(f"The session {session} is there from an earlier start and is used again.", flush=True)
     else:
         seed = str(secrets.randbelow(100_000))
-        simulate = ["simulate", "--protocol", "thesis", "--hidden", "--seed", seed, "--out", str(session)]
+        simulate = ["simulate", "--protocol", "thesis", "--practice", "--seed", seed, "--out", str(session)]
         steps.append(simulate)
     steps.append(["diagnose", str(session)])
     if not page.exists():
@@ -44,7 +44,10 @@ def practise(places: Places, reason: str) -> int:
         if code != 0:
             return code
     print(f"\nThe report page: {page}")
+    print(f"Put what was found into the model: python start.py diagnose {_quoted(str(session))} --add EFFECT")
     print(f"The hidden effect: python start.py reveal {_quoted(str(session))}")
+    print("With recordings of your own: python start.py diagnose FILE, or python start.py import --help")
+    print("With a display, python start.py opens the window; its Model lab does the same by hand.")
     print(f"Remove {places.output} to practise on another session.", flush=True)
     return 0
 

@@ -197,7 +197,7 @@ BAD_SESSIONS = {
     "no rig": (changed(no_rig), "lacks the attribute 'rig'"),
     "rig is not JSON": (changed(bad_rig), "attribute 'rig' is not JSON"),
     "rig of words": (changed(rig_of_words), "holds 'gear_ratio' = 'four'; it should be a finite number"),
-    "tolerance of words": (changed(rig_tolerance_of_words), "use numbers in SI"),
+    "tolerance of words": (changed(rig_tolerance_of_words), "= 'small'; it should be a share"),
     "rig without finger": (
         changed(rig_without_finger),
         "run 001 is 'on_air' but the rig text has no 'finger'",

@@ -151,7 +151,7 @@ def test_refusals_write_nothing(session_file: Path, model_file: Path, tmp_path: 
         tmp_path / "x.json",
     )
     assert "does not exist" in refused(capsys, "predict", session_file, "--model", tmp_path / "absent.json")
-    assert "not a model file" in refused(capsys, "predict", session_file, "--model", session_file)
+    assert "give a model file" in refused(capsys, "predict", session_file, "--model", session_file)
     assert "threshold" in refused(capsys, "fit", session_file, "--threshold", "15")
     assert run_command("fit", tmp_path / "absent.h5") == 2
     assert {p: p.read_bytes() for p in tmp_path.iterdir()} == before

@@ -156,7 +156,7 @@ def test_every_command_has_help(word, capsys):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["frobnicate"], "There is no command 'frobnicate'; the commands are simulate,"),
+        (["frobnicate"], "There is no command and no file 'frobnicate'; the commands are simulate,"),
         (["--frobnicate"], "No such option"),
         (["info"], "Missing argument"),
         (["info", "a.h5", "b.h5"], "unexpected extra argument"),

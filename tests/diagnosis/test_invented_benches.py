@@ -12,6 +12,7 @@ import pytest
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
+from fingerlab.diagnosis.score.calibration import Odds
 from fingerlab.effects import CATALOGUE
 from fingerlab.sessions.model import Run, Session
 
@@ -109,10 +110,16 @@ def test_a_second_look_finds_the_edge_of_a_stop_between_the_points_of_the_grid()
     assert best.parameters["stop_pip"].value == pytest.approx(0.5, rel=0.1)
 
 
+def odds_of(result: Diagnosis) -> Odds:
+    """What the evidence says, before it is set against trials."""
+    assert result.odds is not None
+    return result.odds
+
+
 def test_where_nothing_is_missing_nothing_is_found() -> None:
     result = diagnosed(None)
     assert result.verdict == "nothing_missing"
-    assert result.probability_nothing > 0.95
+    assert odds_of(result).nothing > 0.95
     assert result.set == UNSEEN
     assert [s.added for s in result.path] == [None]
     assert result.final_model == ()
@@ -134,16 +141,18 @@ def test_what_could_not_show_is_told_and_keeps_its_share() -> None:
     assert found.in_set
     assert not found.detectable
     # One of all the effects against nothing, 0.45 to 0.5 before anything was seen, and nothing was seen.
-    assert found.probability == pytest.approx(
-        0.45 / len(CATALOGUE) / 0.5 * result.probability_nothing, rel=0.35
-    )
+    odds = odds_of(result)
+    told = odds.hidden[odds.effects.index("load_cell_gain")]
+    assert told == pytest.approx(0.45 / len(CATALOGUE) / 0.5 * odds.nothing, rel=0.35)
     assert "could not show" in found.explanation
 
 
 def test_what_could_have_shown_is_not_thought_to_be_there() -> None:
+    odds = odds_of(diagnosed(None))
+    told = dict(zip(odds.effects, odds.found + odds.hidden, strict=True))
     for candidate in diagnosed(None).candidates:
         if candidate.detectable:
-            assert candidate.probability < 2e-3, candidate.effect
+            assert told[candidate.effect] < 2e-3, candidate.effect
 
 
 def test_a_group_of_two_runs_raises_no_alarm() -> None:
@@ -175,7 +184,7 @@ def test_a_torque_of_no_known_mechanism_is_not_in_the_catalogue() -> None:
     result = diagnose([made.session(made.Bench(missing=Missing(strange=4e-3)))], with_curves=False)
     assert result.verdict == "not_in_catalogue"
     assert result.set == ()
-    assert result.probability_unknown > 0.9
+    assert odds_of(result).unknown > 0.9
     assert min(c.score for c in result.candidates) > 2
 
 

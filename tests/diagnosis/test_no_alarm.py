@@ -22,6 +22,7 @@ def test_nothing_missing_is_said_so(seed: int) -> None:
     session = simulated_session(load_preset(), "rich", shortened(), seed)
     result = diagnose([session], with_curves=False)
     assert result.verdict == "nothing_missing"
-    assert result.probability_nothing > 0.8
+    assert result.odds is not None
+    assert result.odds.nothing > 0.8
     assert len(result.set) <= 3  # what a short rich protocol could not show
     assert result.score < 1.5

@@ -126,8 +126,20 @@ def fill(shelf: Path) -> None:
     shutil.copy(ROOT / "docs" / "own_effect_example.py", shelf / "my-effects")
     (shelf / "recordings").mkdir()
     shutil.copy(shelf / "session.h5", shelf / "recordings")
+    _axis(shelf / "axis.csv")
     _steps(shelf / "steps.txt", [(9.81 * 0.1 * k + 5.317) / 11.194 for k in range(11)])
     _steps(shelf / "angles.txt", [2.5 + angle / 40.0 for angle in (0.0, 30.0, 60.0, 90.0)])
+
+
+def _axis(path: Path) -> None:
+    """A log of one axis at 250 Hz, 8 s: ms, degrees, N m; a rotor and friction of 40 mN m."""
+    time = np.arange(2000) / 250.0
+    angle = 0.5 * np.sin(2 * np.pi * time)
+    speed = np.pi * np.cos(2 * np.pi * time)
+    torque = -2e-4 * (2 * np.pi) ** 2 * angle + 0.04 * np.tanh(speed / 0.02)
+    torque = torque + np.random.default_rng(2).normal(0.0, 5e-4, len(time))
+    table = np.stack((1000 * time, np.degrees(angle), torque), axis=1)
+    np.savetxt(path, table, "%.6f", delimiter=",", header="t,q,tau", comments="")
 
 
 def _steps(path: Path, volts: list[float]) -> None:

@@ -102,7 +102,7 @@ def test_inline_json_and_toml_say_the_same(tmp_path):
         ("time=1:s:0", "scales 'time' by '0'"),
         ("time=1:s:x", "scales 'time' by 'x'"),
         ("mcp angle=1", "names the channel 'mcp angle'"),
-        ("none.json", "mapping file none.json cannot be read"),
+        ("none.json", "none.json cannot be read"),
     ],
 )
 def test_a_mapping_that_does_not_fit(tmp_path, mapping, sentence):

@@ -103,7 +103,7 @@ def test_without_display_the_job_runs_on_a_practice_session(checkout: Checkout) 
     assert "there is no display" in first.stdout
     assert f"The report page: {page}" in first.stdout
     simulate, diagnose, report = [call["arguments"] for call in checkout.calls()]
-    assert simulate[:5] == ["simulate", "--protocol", "thesis", "--hidden", "--seed"]
+    assert simulate[:5] == ["simulate", "--protocol", "thesis", "--practice", "--seed"]
     assert simulate[5].isdigit()
     assert simulate[6:] == ["--out", session]
     assert diagnose == ["diagnose", session]
@@ -132,7 +132,16 @@ def test_with_a_display_the_application_opens(checkout: Checkout) -> None:
         # The Wayland libraries may be missing here: what is asked is only whether the display was seen.
         started = checkout.start(XDG_RUNTIME_DIR=str(checkout.root.parent), WAYLAND_DISPLAY="wl")
     assert "no window is opened" not in started.stdout
-    assert checkout.calls()[0] == {
+    session = checkout.root.parent / "recorded.h5"
+    session.touch()
+    assert checkout.start(str(session), QT_QPA_PLATFORM="minimal").returncode == 0
+    without = checkout.start(str(session))
+    assert without.returncode == 1
+    assert f"no window can show {session}" in without.stderr
+    session.unlink()
+    calls = checkout.calls()
+    assert calls[-1]["arguments"] == [str(session)]
+    assert calls[0] == {
         "program": "fingerlab",
         "arguments": [],
         "cwd": str(checkout.root.parent.resolve()),

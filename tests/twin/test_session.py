@@ -17,7 +17,7 @@ from fingerlab.sessions import open_session
 from fingerlab.twin.effects import EFFECTS
 from fingerlab.twin.preset import load_preset, parse_preset
 from fingerlab.twin.protocols import PROTOCOLS, RunPlan, single_run
-from fingerlab.twin.session import pick_hidden, reveal_session, seal, unseal, write_session
+from fingerlab.twin.session import PRACTISED, pick_hidden, reveal_session, seal, unseal, write_session
 
 SHORT = [
     RunPlan(
@@ -90,6 +90,16 @@ def reveal_dry(seed: int) -> bool:
     return bool(pick_hidden(["on_air", "contact"], _hidden_rng(seed)))
 
 
+def test_practice_always_hides_an_effect_that_the_protocols_show() -> None:
+    rng = np.random.default_rng(0)
+    drawn = [pick_hidden(["on_air", "contact"], rng, practice=True) for _ in range(300)]
+    assert {name for effects in drawn for name in effects} == set(PRACTISED)
+    for effects in drawn:
+        ((name, values),) = effects.items()
+        first = EFFECTS[name].parameters[0]
+        assert min(EFFECTS[name].defaults()[first.name], first.high) <= values[first.name] <= first.high
+
+
 def test_hidden_session_has_the_effect_that_it_reveals(tmp_path: Path) -> None:
     seed = next(s for s in range(40) if reveal_dry(s))
     write_session(tmp_path / "sealed.h5", load_preset(), "short", SHORT, {}, seed, hidden=True)
@@ -157,6 +167,7 @@ def test_a_recording_that_was_not_simulated_has_nothing_to_reveal(make_session: 
     [
         ([], "--protocol"),
         (["--protocol", "rich", "--hidden", "--effect", "backlash"], "--hidden"),
+        (["--protocol", "rich", "--practice", "--effect", "backlash"], "--practice picks"),
         (["--protocol", "rich", "--phase", "on_air"], "--phase"),
         (["--trajectory", "{}"], "--phase"),
         (["--trajectory", "{", "--phase", "on_air"], "not JSON"),

@@ -6,17 +6,35 @@ tab need know of it.
 
 from __future__ import annotations
 
+import re
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, QPoint, Qt
 from PySide6.QtGui import QContextMenuEvent, QGuiApplication
-from PySide6.QtWidgets import QApplication, QFileDialog, QMenu, QWidget
+from PySide6.QtWidgets import (
+    QApplication,
+    QDialog,
+    QDialogButtonBox,
+    QFileDialog,
+    QFormLayout,
+    QLineEdit,
+    QMenu,
+    QWidget,
+)
 
 from fingerlab.core.errors import UserError
 
+from ..widgets.fields import choice, number
+from ..widgets.layout import described, vbox
 from ..widgets.series import ShowsSeries
 from .context import ApplicationContext
+from .settings import Settings
+
+if TYPE_CHECKING:
+    from ..widgets.plot_figure import Paper
 
 # What draws and writes plots is imported late: without it the window opens sooner.
 ENDINGS = {".png": "Picture", ".svg": "Vector picture", ".pdf": "Vector picture", ".csv": "Numbers"}
@@ -31,6 +49,7 @@ class PlotMenu(QObject):
         super().__init__(window)
         self._window, self._context = window, context
         self.menu: QMenu | None = None
+        self.dialog: SavePlotDialog | None = None
 
     def offer(self, event: QContextMenuEvent) -> bool:
         """The menu of the plot under the mouse, or of that with the keyboard; False where there is none."""
@@ -98,10 +117,18 @@ class PlotMenu(QObject):
         self._context.say(f"Copied as numbers: {_words(plot)}")
 
     def ask_and_save(self, plot: QWidget) -> None:
-        """Ask where; the ending says in which format."""
+        """Ask how large and how fine, then where; the ending says in which format."""
+        from ..widgets.plot_figure import paper_of
+
+        self.dialog = SavePlotDialog(self._window, paper_of(plot), self._context.settings)
+        self.dialog.accepted.connect(lambda dialog=self.dialog: self.save_as(plot, dialog.paper))
+        self.dialog.open()
+
+    def save_as(self, plot: QWidget, paper: Paper) -> None:
+        """Ask where, and write the plot on ``paper``."""
         from ..widgets.plot_export import save_plot
 
-        proposed = Path(self._context.settings.folder()) / f"{plot.objectName() or 'plot'}.png"
+        proposed = Path(self._context.settings.folder()) / f"{file_name(paper.title or _words(plot))}.png"
         name, chosen = QFileDialog.getSaveFileName(self._window, "Save the plot", str(proposed), FORMATS)
         if not name:
             return
@@ -109,11 +136,83 @@ class PlotMenu(QObject):
         if not path.suffix and "*" in chosen:
             path = path.with_suffix(chosen.partition("*")[2].rstrip(")"))
         try:
-            save_plot(plot, path)
+            save_plot(plot, path, paper)
         except UserError as error:
             self._context.tell(str(error))
             return
         self._context.say(f"Saved {path}")
+
+
+SIZES = {
+    "screen": ("As on the screen", None),
+    "column": ("One column, 85 mm wide", 85.0),
+    "page": ("Text width, 170 mm wide", 170.0),
+}
+"""Of a figure, with its width in mm; journals' usual columns."""
+SMALLEST_MM, LARGEST_MM = 30.0, 1000.0
+FINENESS = {"192": "192, for the screen", "300": "300, for print", "600": "600, for fine print"}
+
+
+class SavePlotDialog(QDialog):
+    """How large, how fine and under which title a figure is saved; what was chosen last is offered again."""
+
+    def __init__(self, parent: QWidget, shown: Paper, settings: Settings) -> None:
+        super().__init__(parent)
+        self.setObjectName("savePlot")
+        self.setWindowTitle("Save the plot – FingerLab")
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self._shown, self._settings = shown, settings
+        self.title = described(QLineEdit(shown.title), "plotTitle", accessible="Title over the figure")
+        words = {key: title for key, (title, _) in SIZES.items()}
+        self.size_choice = choice("plotSize", words, "Size: of the figure on paper.")
+        self.width_mm = number("plotWidth", shown.width, SMALLEST_MM, LARGEST_MM, 1, 5, "Width in mm.")
+        self.height_mm = number("plotHeight", shown.height, SMALLEST_MM, LARGEST_MM, 1, 5, "Height in mm.")
+        self.fineness = choice("plotDots", FINENESS, "Dots per inch: of a PNG; SVG and PDF are lines.")
+        form = QFormLayout()
+        for label, field in (
+            ("&Title", self.title),
+            ("&Size", self.size_choice),
+            ("&Width, mm", self.width_mm),
+            ("&Height, mm", self.height_mm),
+            ("&Dots per inch (PNG)", self.fineness),
+        ):
+            form.addRow(label, field)
+        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Cancel)
+        save = buttons.addButton("&Save…", QDialogButtonBox.ButtonRole.AcceptRole)
+        save.setDefault(True)
+        buttons.accepted.connect(self.accept)
+        buttons.rejected.connect(self.reject)
+        vbox(self, form, buttons, spacing=8)
+        self.size_choice.currentIndexChanged.connect(self._resize)
+        size, dots = settings.figure()
+        self.size_choice.setCurrentIndex(max(self.size_choice.findData(size), 0))
+        self.fineness.setCurrentIndex(max(self.fineness.findData(dots), 0))
+
+    @property
+    def paper(self) -> Paper:
+        """What was chosen."""
+        dots = float(self.fineness.currentData())
+        return replace(
+            self._shown,
+            width=self.width_mm.value(),
+            height=self.height_mm.value(),
+            dots_per_inch=dots,
+            title=self.title.text().strip(),
+        )
+
+    def accept(self) -> None:
+        self._settings.set_figure(self.size_choice.currentData(), self.fineness.currentData())
+        super().accept()
+
+    def _resize(self) -> None:
+        wide = SIZES[self.size_choice.currentData()][1] or self._shown.width
+        self.width_mm.setValue(wide)
+        self.height_mm.setValue(self._shown.height * wide / self._shown.width)
+
+
+def file_name(title: str) -> str:
+    """A name for the file: the words of a title, without what a file system refuses."""
+    return re.sub(r"[^\w.-]+", "-", title).strip("-.").lower() or "plot"
 
 
 def plot_at(watched: QObject | None) -> QWidget | None:

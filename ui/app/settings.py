@@ -86,6 +86,14 @@ class Settings:
     def set_library(self, folder: Path) -> None:
         self._store.setValue("library", str(folder))
 
+    def figure(self) -> tuple[str, str]:
+        """Size and dots per inch that a figure was saved with last, by key; empty before the first."""
+        size, _, dots = str(self._store.value("figure", "")).partition(" ")
+        return size, dots
+
+    def set_figure(self, size: str, dots: str) -> None:
+        self._store.setValue("figure", f"{size} {dots}")
+
     def heights(self, name: str) -> tuple[int, ...]:
         """Heights of a splitter's parts, px, as the user left them; empty where there are none to trust."""
         return self._sizes(f"heights/{name}")

@@ -120,15 +120,25 @@ class PlanePlot(QuietPlot):
         lhs, on_line, half = 1e3 * shown.lhs, 1e3 * shown.line, 1e3 * shown.half
         colours = colours_of(self)
         points = pg.ScatterPlotItem(
-            shown.tension, lhs, size=3, pen=pg.mkPen(None), brush=tint(colours.measured, 0.35)
+            shown.tension,
+            lhs,
+            size=3,
+            pen=pg.mkPen(None),
+            brush=tint(colours.measured, 0.35),
+            name="samples",
         )
         plot.addItem(points)
         self.draw_band(shown.x, on_line, half, tint(colours.modelled, 0.3))
-        plot.addItem(pg.PlotCurveItem(shown.x, on_line, pen=self.pen("modelled", 2.0), antialias=True))
+        own = {"pen": self.pen("modelled", 2.0), "name": "line of this run"}
+        plot.addItem(pg.PlotCurveItem(shown.x, on_line, antialias=True, **own))
         if shown.pooled is not None:
             plot.addItem(
                 pg.PlotCurveItem(
-                    shown.x, 1e3 * shown.pooled, pen=self.pen("candidate", 2.0, True), antialias=True
+                    shown.x,
+                    1e3 * shown.pooled,
+                    pen=self.pen("candidate", 2.0, True),
+                    antialias=True,
+                    name="line of all runs",
                 )
             )
         (left, right), (low, high) = span_of(shown.x), span_of(np.concatenate([lhs, on_line]))
@@ -180,7 +190,12 @@ class RunBars(QuietPlot):
             brush = getattr(colours, REGION_COLOURS[region])
             plot.addItem(
                 pg.BarGraphItem(
-                    x=place[good], height=heights[good], width=0.9 * width, brush=brush, pen=pg.mkPen(None)
+                    x=place[good],
+                    height=heights[good],
+                    width=0.9 * width,
+                    brush=brush,
+                    pen=pg.mkPen(None),
+                    name=REGION_TITLES[region],
                 )
             )
         together = np.concatenate(everything)

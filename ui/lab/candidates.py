@@ -27,20 +27,32 @@ from PySide6.QtWidgets import (
 
 from fingerlab.core.text import percent
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.report.diagnosis_words import suspects
+from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed, suspects
 
 from ..widgets.fields import set_usable
 from ..widgets.labels import WholeLabel
 from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
 from ..widgets.theme import Colours, colours_of, large_font, small_font, tint
-from .result_words import NOTHING, OUTCOME_TITLES, UNKNOWN, best_choice, set_help, set_words, verdict_headline
+from .result_words import (
+    NOTHING,
+    OUTCOME_TITLES,
+    UNKNOWN,
+    bench_words,
+    best_choice,
+    set_help,
+    set_words,
+    verdict_headline,
+)
 
 Index = QModelIndex | QPersistentModelIndex
 
 
 @dataclass(frozen=True)
 class CandidateRow:
-    """``key`` is an effect id, or ``nothing_missing`` or ``not_in_catalogue``."""
+    """``key`` is an effect id, or ``nothing_missing`` or ``not_in_catalogue``.
+
+    ``replaces``: titles of the model's effects in whose place it would be; empty: beside them.
+    """
 
     key: str
     title: str
@@ -48,13 +60,22 @@ class CandidateRow:
     in_set: bool
     detectable: bool
     remark: str = ""
+    replaces: str = ""
 
 
 def rows_of(diagnosis: Diagnosis) -> list[CandidateRow]:
     """All rows, the verdict's first, then by probability, what the data cannot show last."""
     many = len(suspects(diagnosis)) > 1
     rows = [
-        CandidateRow(c.effect, c.title, c.probability, c.in_set and many, c.detectable, _remark(c.detectable))
+        CandidateRow(
+            c.effect,
+            c.title,
+            c.probability,
+            c.in_set and many,
+            c.detectable,
+            _remark(c.detectable),
+            listed([in_sentence(effect_title(name)) for name in c.replaces]),
+        )
         for c in diagnosis.candidates
     ]
     rows += [
@@ -107,7 +128,8 @@ class CandidateList(QAbstractListModel):
 
 
 def _spoken(row: CandidateRow) -> str:
-    text = f"{row.title}: probability {percent(row.probability)}"
+    instead = f" in place of {row.replaces}" if row.replaces else ""
+    text = f"{row.title}{instead}: probability {percent(row.probability)}"
     if row.in_set:
         text += ", cannot be told apart from the others that are marked"
     return f"{text}, {row.remark}" if row.remark else text
@@ -212,6 +234,7 @@ class CandidatesPanel(QWidget):
         super().__init__(parent)
         self.verdict = described(WholeLabel(), "verdict", font=large_font(), role="heading")
         self.set_text = described(WholeLabel(), "setText", font=small_font(), role="muted")
+        self.bench = described(WholeLabel(), "bench", font=small_font(), role="muted")
         self.list = CandidateList(self)
         self.view = described(CandidateView(), "candidates", accessible="Candidates, best first")
         self.view.setModel(self.list)
@@ -231,7 +254,7 @@ class CandidatesPanel(QWidget):
         self._update_button()
 
     def _layout(self) -> None:
-        layout = vbox(self, self.verdict, self.set_text, (self.view, 1), margins=FLUSH, spacing=4)
+        layout = vbox(self, self.verdict, self.set_text, self.bench, (self.view, 1), margins=FLUSH, spacing=4)
         row = hbox(None, self.add_button, Spacer(1))
         layout.addLayout(row)
 
@@ -241,6 +264,10 @@ class CandidatesPanel(QWidget):
         self.verdict.setText(verdict_headline(diagnosis) if diagnosis is not None else "")
         self.set_text.setText(set_words(diagnosis) if diagnosis is not None else "")
         self.set_text.setToolTip(set_help(diagnosis) if diagnosis is not None else "")
+        text, every = bench_words(diagnosis) if diagnosis is not None else ("", "")
+        self.bench.setText(text)
+        self.bench.setToolTip(every)
+        self.bench.setVisible(bool(text))
         if diagnosis is not None:
             self.choose(best_choice(diagnosis))
         self._update_button()
@@ -282,6 +309,9 @@ class CandidatesPanel(QWidget):
         else:
             why = ""
         set_usable(self.add_button, not why)
-        help_text = f"Refit with {row.title} in the model (Enter)." if row is not None else ""
+        gone = row.replaces if row is not None else ""
+        self.add_button.setText("&Exchange in model" if gone else "Add &to model")
+        there = f"in place of {gone}" if gone else "in the model"
+        help_text = f"Refit with {row.title} {there} (Enter)." if row is not None else ""
         self.add_button.setToolTip(why or help_text)
         self.add_button.setAccessibleDescription(why or help_text)

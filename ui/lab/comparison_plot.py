@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal
-from PySide6.QtGui import QColor, QKeyEvent, QPainter
+from PySide6.QtCore import QEvent, QPointF, Qt, Signal
+from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.diagnosis.answer.results import Comparison, Failure
 
 from ..widgets.plots import (
+    Cursor,
     DecimatedCurve,
+    Tints,
     bottom_axis_height,
     colour_plot,
     label_left,
@@ -24,39 +25,6 @@ from ..widgets.plots import (
 from ..widgets.theme import colours_of, line, tint
 from .comparison_curves import MARGIN, ScaledComparison, describe, largest, limits, scaled, values_at
 from .result_words import equation_text, failure_words
-
-
-class Tints(pg.GraphicsObject):
-    """Lies behind the curves."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.stretches: tuple[tuple[float, float], ...] = ()
-        self._colour = QColor(Qt.GlobalColor.transparent)
-        self.setZValue(-20)
-
-    def show_stretches(self, stretches: Sequence[tuple[float, float]]) -> None:
-        """From where to where on the horizontal axis, each."""
-        self.stretches = tuple(stretches)
-        self.update()
-
-    def set_colour(self, colour: QColor) -> None:
-        """With its transparency."""
-        self._colour = colour
-        self.update()
-
-    def viewRangeChanged(self) -> None:
-        self.prepareGeometryChange()
-
-    def boundingRect(self) -> QRectF:
-        return QRectF(self.viewRect())
-
-    def paint(self, painter: QPainter, *_: Any) -> None:
-        view = self.viewRect()
-        for start, stop in self.stretches:
-            if stop > view.left() and start < view.right():
-                painter.fillRect(QRectF(start, view.top(), stop - start, view.height()), self._colour)
-
 
 AXIS_WIDTH = 72
 LEAST_HEIGHT = 168
@@ -114,7 +82,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         self.zero = pg.InfiniteLine(angle=0, movable=False)
         self.stretches = [pg.LinearRegionItem((0, 0), movable=False) for _ in range(2)]
         self.places = [Tints(), Tints()]
-        self.cursors = [pg.InfiniteLine(angle=90, movable=False) for _ in range(2)]
+        self.cursors = [Cursor(angle=90, movable=False) for _ in range(2)]
         for plot, stretch, cursor in zip((self.top, self.bottom), self.stretches, self.cursors, strict=True):
             stretch.setZValue(-20)
             stretch.hide()
@@ -189,6 +157,13 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
             for plot in (self.top, self.bottom):
                 plot.getViewBox().setLimits(xMin=start, xMax=stop, minXRange=SHORTEST_VIEW)
             self.top.setXRange(start, stop, padding=0)
+
+    def shows_whole(self) -> bool:
+        """Whether the whole run is in view."""
+        if self._shown is None or not len(self._shown.time):
+            return True
+        start, stop = self.top.viewRange()[0]
+        return bool(start <= self._shown.time[0] and stop >= self._shown.time[-1])
 
     def show_stretch(self) -> None:
         """The worst stretch, with as much again on either side."""

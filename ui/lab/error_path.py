@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PySide6.QtCore import QEvent, QRectF, QSize, Qt, Signal
@@ -11,7 +13,7 @@ from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter, QPaintEve
 from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QSizePolicy, QToolTip, QWidget
 
 from fingerlab.core.text import r2_text, score_text
-from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, listed
 
 from ..widgets.fields import set_usable
 from ..widgets.layout import FLUSH, Spacer, hbox, vbox
@@ -19,6 +21,9 @@ from ..widgets.series import Series
 from ..widgets.theme import Colours, colours_of, small_font, tint
 from .controller import ModelHistory
 from .result_words import FLOOR_HELP, SCORE_HELP, error_texts
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BAR_WIDTH = 40.0
 MIN_COLUMN = 96.0
@@ -37,15 +42,24 @@ class ErrorBar:
 def bars_of(history: ModelHistory) -> list[ErrorBar]:
     """What was done, then what the present diagnosis would add."""
     done = history.done
-    bars = [
-        ErrorBar(
-            f"+ {effect_title(step.last_added)}" if step.last_added else "Nominal", step.diagnosis.score, True
-        )
-        for step in done
-    ]
-    suggested = [step for step in history.now.diagnosis.path if step.added is not None]
-    bars += [ErrorBar(f"+ {effect_title(str(step.added))}", step.score, False) for step in suggested]
+    bars = []
+    for before, step in zip((None, *done), done, strict=False):
+        came, gone = step.change_from(before) if before is not None else (step.added, ())
+        bars.append(ErrorBar(_change_title(came, gone) or "Nominal", step.diagnosis.score, True))
+    for suggested in history.now.diagnosis.path:
+        if suggested.added is not None:
+            gone = (suggested.removed,) if suggested.removed else ()
+            bars.append(ErrorBar(_change_title((suggested.added,), gone), suggested.score, False))
     return bars
+
+
+def _change_title(came: Sequence[str], gone: Sequence[str]) -> str:
+    """``+ Coulomb friction``, ``Stribeck friction for Coulomb friction``; empty where nothing changed."""
+    new = " + ".join(map(effect_title, came))
+    old = " + ".join(map(effect_title, gone))
+    if new and old:
+        return f"{new} for {in_sentence(old)}"
+    return f"+ {new}" if new else f"− {old}" if old else ""
 
 
 class ErrorPath(QWidget):
@@ -92,6 +106,14 @@ class ErrorPath(QWidget):
             for name, first, bars in parts
             if bars
         ]
+
+    def draw_figure(self, figure: Figure) -> None:
+        """The bars with their names and numbers, for paper."""
+        from fingerlab.report.figure_style import CANDIDATE, RESIDUAL, draw_score_bars
+
+        names = [bar.title if bar.tried else f"{bar.title} (would be)" for bar in self.bars]
+        colours = [RESIDUAL if bar.tried else CANDIDATE for bar in self.bars]
+        draw_score_bars(figure, names, [bar.score for bar in self.bars], colours)
 
     def event(self, event: QEvent) -> bool:
         if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
@@ -249,15 +271,27 @@ class PathPanel(QWidget):
         can_redo = history is not None and history.can_redo
         set_usable(self.undo, can_undo)
         set_usable(self.redo, can_redo)
-        added = history.now.last_added if history is not None else None
+        before = history.before if history is not None else None
         undone = history.undone() if history is not None else None
         self.undo.setToolTip(
-            f"Take {_named(added)} out again (Ctrl+Z)." if added else "Nothing was added yet."
+            f"{_in_words(before.change_from(history.now))} (Ctrl+Z)."
+            if history is not None and before is not None
+            else "Nothing was added yet."
         )
         self.redo.setToolTip(
-            f"Add {_named(undone)} again (Ctrl+Shift+Z)." if undone else "Nothing was undone."
+            f"{_in_words(undone.change_from(history.now))} (Ctrl+Shift+Z)."
+            if history is not None and undone is not None
+            else "Nothing was undone."
         )
 
 
-def _named(effect: str) -> str:
-    return in_sentence(effect_title(effect))
+def _in_words(change: tuple[tuple[str, ...], tuple[str, ...]]) -> str:
+    """What taking or taking back a step does."""
+    came, gone = change
+    if came and gone:
+        return f"Put {_named(came)} in place of {_named(gone)} again"
+    return f"Add {_named(came)} again" if came else f"Take {_named(gone)} out again"
+
+
+def _named(effects: Sequence[str]) -> str:
+    return listed([in_sentence(effect_title(effect)) for effect in effects])

@@ -51,8 +51,8 @@ class FingerprintPlot(pg.PlotWidget):
         self.floor_band.setZValue(-10)
         self.zero = pg.InfiniteLine(angle=0, movable=False)
         self.bars = pg.ErrorBarItem(beam=0.0)
-        self.points = pg.ScatterPlotItem(size=6, pxMode=True)
-        self.curve = pg.PlotCurveItem(connect="finite", antialias=True)
+        self.points = pg.ScatterPlotItem(size=6, pxMode=True, name="mean residual, 90 % interval")
+        self.curve = pg.PlotCurveItem(connect="finite", antialias=True, name="the effect's own curve")
         self.alike: dict[str, pg.PlotCurveItem] = {}
         self.empty = pg.TextItem("This effect has no fingerprint on these data.", anchor=(0.5, 0.5))
         self.empty.setFont(small_font())
@@ -131,7 +131,9 @@ class FingerprintPlot(pg.PlotWidget):
         """The curve of a look-alike; its values on the screen."""
         known = np.isfinite(other.curve)
         y: Array = other.curve[known] * up
-        self.alike[title] = item = pg.PlotCurveItem(other.centre[known] * across, y, antialias=True)
+        self.alike[title] = item = pg.PlotCurveItem(
+            other.centre[known] * across, y, antialias=True, name=title
+        )
         item.setPen(self._dotted())
         item.setZValue(1)  # seen where it lies on the effect's own
         self.getPlotItem().addItem(item, ignoreBounds=True)

@@ -6,10 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QButtonGroup, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QButtonGroup, QFrame, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
+
+from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.models.project import project_path
+from fingerlab.report.diagnosis_words import better_sentence, exchange_words
 
 from ..widgets.fields import set_usable
-from ..widgets.labels import header_name, heading, remark
+from ..widgets.labels import WholeLabel, header_name, heading, remark
 from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
 from ..widgets.theme import large_font
 
@@ -51,6 +55,34 @@ class LabHeader(QWidget):
         self.reveal.setVisible(practice)
         self.report.setVisible(ready)
         self.report.setToolTip("The whole comparison as one self-contained page (Ctrl+S).")
+
+
+class BetterModelBanner(QFrame):
+    """That another model of these recordings is better, unseen while none is. Signal ``exchange_asked``."""
+
+    exchange_asked = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("betterModel")
+        self.text = described(WholeLabel(), "betterModelText")
+        self.button = described(QPushButton("E&xchange"), "exchange", primary="true")
+        self.button.clicked.connect(self.exchange_asked)
+        hbox(self, (self.text, 1), self.button, margins=(8, 4, 8, 4), spacing=8)
+        self.show_diagnosis(None)
+
+    def show_diagnosis(self, diagnosis: Diagnosis | None) -> None:
+        """Say which model is better and by how much; nothing where the present one is not beaten."""
+        better = diagnosis.better if diagnosis is not None else None
+        self.setVisible(better is not None)
+        if diagnosis is None or better is None:
+            return
+        self.text.setText(better_sentence(diagnosis))
+        self.button.setToolTip(f"Refit with {exchange_words(better)} (Ctrl+Z takes it back).")
+
+    def set_busy(self, busy: bool) -> None:
+        """While the model is being refitted nothing can be exchanged."""
+        set_usable(self.button, not busy)
 
 
 START_WIDTH = 520
@@ -112,7 +144,8 @@ class LabStartPage(QWidget):
             if widget is not None:
                 widget.deleteLater()
         for path in paths[:5]:
-            button = QPushButton(path.name.replace("&", "&&"))
+            kept = " – with your models and notes" if project_path([path]).is_file() else ""
+            button = QPushButton(path.name.replace("&", "&&") + kept)
             button.setProperty("step", "true")
             button.setToolTip(str(path))
             button.setAccessibleName(f"Open {path.name} again")

@@ -8,6 +8,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QStackedWidget, QWidget
 
 from fingerlab.diagnosis.answer.where import Profile, stretches_in, worst_run
+from fingerlab.models.project import View
 from fingerlab.report.diagnosis_words import bin_words, not_shown
 
 from ..widgets.layout import FLUSH, Panes, Spacer, hbox, vbox
@@ -17,7 +18,7 @@ from .comparison_plot import ComparisonPlot
 from .controller import LabController, ModelStep
 from .error_path import PathPanel
 from .evidence import EvidencePanel
-from .lab_frame import StepsColumn
+from .lab_frame import BetterModelBanner, StepsColumn
 from .result_words import NOTHING, UNKNOWN, best_choice, equation_text, find_candidate, step_results
 from .truth import TruthPanel
 from .where import WherePanel
@@ -28,10 +29,11 @@ STEPS_WIDTH = 152
 class LabView(QWidget):
     """Steps at the left; plots above, candidates and evidence in the middle, error path below.
 
-    Signal ``report_asked``.
+    Signals ``report_asked``; ``looked_elsewhere``: another equation, run or time is shown.
     """
 
     report_asked = Signal()
+    looked_elsewhere = Signal()
 
     def __init__(self, controller: LabController, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -45,6 +47,7 @@ class LabView(QWidget):
         self.where = WherePanel()
         self.truth = TruthPanel()
         self.path = PathPanel()
+        self.better = BetterModelBanner()
         self._shown_step: ModelStep | None = None
         self._build()
         self._connect()
@@ -57,7 +60,8 @@ class LabView(QWidget):
         for panel in (self.evidence, self.where, self.truth):
             self.right.addWidget(panel)
         middle = QWidget()
-        hbox(middle, (self.candidates, 4), (self.right, 5), margins=(0, 4, 0, 4), spacing=16)
+        beside = hbox(None, (self.candidates, 4), (self.right, 5), margins=FLUSH, spacing=16)
+        vbox(middle, self.better, (beside, 1), margins=(0, 4, 0, 4), spacing=4)
         parts = ((upper, 11), (middle, 9), (self.path, 4))
         self.panes = Panes("model_lab", parts, (360, 272, 100))
         self.steps.setFixedWidth(STEPS_WIDTH)
@@ -69,12 +73,15 @@ class LabView(QWidget):
     def _connect(self) -> None:
         self.steps.chosen.connect(self.go_to)
         self.bar.changed.connect(self._show_comparison)
+        self.bar.changed.connect(self.looked_elsewhere)
+        self.plot.top.getViewBox().sigXRangeChanged.connect(lambda *_: self.looked_elsewhere.emit())
         self.plot.pointed.connect(self.legend.values.setText)
         self.plot.stretch_named.connect(self.legend.name_stretch)
         self.plot.place_named.connect(self.legend.name_place)
         self.where.place_chosen.connect(self._on_place)
         self.candidates.chosen.connect(self._on_candidate)
         self.candidates.add_asked.connect(self.controller.add)
+        self.better.exchange_asked.connect(self.controller.exchange)
         self.path.undo_asked.connect(self.controller.undo)
         self.path.redo_asked.connect(self.controller.redo)
         self.truth.report_asked.connect(self.report_asked)
@@ -89,6 +96,7 @@ class LabView(QWidget):
             self.bar.show_comparisons((), (), None)
             self.plot.show_comparison(None, None, keep_view=False)
             self.candidates.show_diagnosis(None)
+            self.better.show_diagnosis(None)
             self.evidence.show_choice(None, None)
             self.where.show_equation((), None)
             self.path.show_history(None)
@@ -103,6 +111,7 @@ class LabView(QWidget):
         wanted = (failure.equation, failure.run) if first_look and failure is not None else None
         self.bar.show_comparisons(diagnosis.comparisons, self.controller.sessions, wanted)
         self.candidates.show_diagnosis(diagnosis)
+        self.better.show_diagnosis(diagnosis)
         self.evidence.show_choice(best_choice(diagnosis), diagnosis)
         self.path.show_history(history)
         pressed = any(run.phase == "contact" for one in self.controller.sessions for run in one.runs)
@@ -142,6 +151,23 @@ class LabView(QWidget):
             (target if target.isEnabled() else self.candidates.view).setFocus()
         else:
             self.truth.report.setFocus()
+
+    @property
+    def looked_at(self) -> View:
+        """The equation, run and time that are shown, for the project."""
+        comparison = self.bar.comparison()
+        if comparison is None:
+            return View()
+        start, stop = self.plot.top.viewRange()[0]
+        whole = self.plot.shows_whole()
+        ends = (0.0, 0.0) if whole else (float(start), float(stop))
+        return View(comparison.equation, comparison.run, *ends)
+
+    def look_at(self, view: View) -> None:
+        """Show what was shown before; what is not there any more leaves all as it is."""
+        self.bar.go_to(view.equation, view.run)
+        if view.stop > view.start:
+            self.plot.top.setXRange(view.start, view.stop, padding=0)
 
     def show_what_gave_it_away(self, effects: Sequence[str]) -> None:
         """The fingerprint of a revealed effect, as it was while no model had it."""
@@ -208,3 +234,4 @@ class LabView(QWidget):
 
     def _on_activity(self) -> None:
         self.candidates.set_busy(self.controller.tasks.busy)
+        self.better.set_busy(self.controller.tasks.busy)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import traceback
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import SignalInstance
+from PySide6.QtCore import QTimer, SignalInstance
 from PySide6.QtWidgets import QFileDialog, QStackedWidget
 
 from fingerlab.core.errors import UserError
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
     from .lab_view import LabView
 
+GLANCE_MS = 400
+"""A view that has stayed so long is kept."""
 REPORT_FILTER = "Web page (*.html);;PDF (*.pdf)"
 
 
@@ -46,6 +49,10 @@ class ModelLabTab(Tab):
         self.header = self.bar = LabHeader()
         self.commands = self._commands()
         self._shown = self._waits = False
+        self._glance = QTimer(self)
+        self._glance.setSingleShot(True)
+        self._glance.setInterval(GLANCE_MS)
+        self._glance.timeout.connect(self._keep_view)
         self._connect()
         self._refresh()
 
@@ -60,6 +67,8 @@ class ModelLabTab(Tab):
         self.waiting.compare_asked.connect(self.controller.compare)
         for signal in self._changes():
             signal.connect(self._refresh)
+        self.controller.restored.connect(self._on_restored)
+        self.controller.kept_badly.connect(context.tell)
         context.tasks.progressed.connect(self._on_progress)
         context.tasks.started.connect(lambda title: self.empty.show_practice(title == practice.TITLE))
         context.tasks.ended.connect(lambda _how: self.empty.show_practice(False))
@@ -80,6 +89,7 @@ class ModelLabTab(Tab):
         view.panes.remember(self.context.settings)
         self.pages.addWidget(view)
         view.report_asked.connect(self.save_report)
+        view.looked_elsewhere.connect(self._glance.start)
         view.truth.hand_asked.connect(self.actions.hand_experiment)
         view.truth.predict_asked.connect(self.actions.predict)
         view.truth.save_asked.connect(self.actions.ask_and_save)
@@ -128,6 +138,9 @@ class ModelLabTab(Tab):
                 "&Predict the force with this model", lambda: self.view.truth.predict.click(), None, compared
             ),
             Command("Save &model…", self.actions.ask_and_save, "Ctrl+Shift+M", compared),
+            Command("&Open a saved model…", self.open_model, None, lambda: bool(self.controller.sessions)),
+            Command("Models &tried…", self.show_tried, None, compared),
+            Command("&Notes…", self.show_notes, None, compared),
             Command("&Save report page…", self.save_report, "Ctrl+S", compared),
             SEPARATOR,
             Command("&Practise on a hidden effect", self.practise),
@@ -135,6 +148,60 @@ class ModelLabTab(Tab):
             SEPARATOR,
             Command("&Own effects…", self.show_own_effects),
         )
+
+    def open_model(self) -> None:
+        """Show the open sessions with the effects of a saved model."""
+        name, _ = QFileDialog.getOpenFileName(
+            self.widget, "Open a saved model", self.context.settings.folder(), result_actions.MODELS
+        )
+        if not name:
+            return
+        try:
+            self.controller.wanted = result_actions.effects_of(Path(name))
+        except UserError as error:
+            self.context.tell(str(error))
+            return
+        self.controller.compare()
+
+    def show_tried(self) -> None:
+        """Every model that was tried on these sessions; one can be shown again."""
+        from .project_dialogs import TriedDialog
+
+        project, history = self.controller.project, self.controller.history
+        if project is not None and history is not None:
+            dialog = TriedDialog(self.pages, project.tried, history.now.added)
+            dialog.chosen.connect(self.controller.go_to)
+            dialog.open()
+
+    def show_notes(self) -> None:
+        """Notes that are kept with the project."""
+        from .project_dialogs import NotesDialog
+
+        controller = self.controller
+        if controller.project is None:
+            return
+        place = controller.project_path.name
+        dialog = NotesDialog(self.pages, controller.project.notes, place)
+        dialog.noted.connect(self._keep_notes)
+        dialog.open()
+
+    def _keep_notes(self, text: str) -> None:
+        if self.controller.project is not None:
+            self.controller.keep_project(replace(self.controller.project, notes=text))
+
+    def _keep_view(self) -> None:
+        project = self.controller.project
+        if project is not None and self.controller.history is not None:
+            looked_at = self.view.looked_at
+            if looked_at != project.view:
+                self.controller.keep_project(replace(project, view=looked_at))
+
+    def _on_restored(self) -> None:
+        project = self.controller.project
+        if project is not None:
+            self.view.look_at(project.view)
+            kept = self.controller.project_path.name
+            self.context.say(f"As you left it: models, notes and view are from {kept}")
 
     def show_own_effects(self) -> None:
         """The folder of own effects, and which of its files may be run."""
@@ -154,8 +221,15 @@ class ModelLabTab(Tab):
 
     def on_hidden(self) -> None:
         self._shown = False
+        self._keep_view()
+
+    def can_close(self) -> bool:
+        self._keep_view()
+        return True
 
     def on_session_opened(self, sessions: tuple[Session, ...]) -> None:
+        self._keep_view()
+        self._glance.stop()
         if sessions and self._view is None:
             self._make_view()  # so that it hears of them
         self.controller.take(sessions)
@@ -190,6 +264,8 @@ class ModelLabTab(Tab):
             sealed = [session for session in self.controller.sessions if practice.is_sealed(session)]
             self.context.tell(" ".join(practice.reveal(session, model) for session in sealed))
             self.view.show_what_gave_it_away([e for s in sealed for e in practice.hidden_effects(s)])
+            if sealed and self.controller.project is not None:
+                self.controller.keep_project(replace(self.controller.project, revealed=True))
         except UserError as error:
             self.context.tell(str(error), traceback.format_exc())
 

@@ -54,7 +54,7 @@ def simulate(progress: Progress, cancelled: IsCancelled) -> Path:
             raise Cancelled
         progress(share, what)
 
-    write_session(path, preset, PROTOCOL, plans, {}, new_seed(), hidden=True, progress=report)
+    write_session(path, preset, PROTOCOL, plans, {}, new_seed(), practice=True, progress=report)
     return path
 
 

@@ -54,6 +54,23 @@ CONTACT_FORCE_N = 0.8
 """Mean force of a proposed contact run that names no offset, as in a protocol (assumed)."""
 
 
+def effects_of(path: Path) -> tuple[str, ...]:
+    """Ids of the effects of a model file that the Model lab, or ``diagnose --save``, has written.
+
+    Raises:
+        UserError: it is no such file.
+    """
+    from fingerlab.models.file import DIAGNOSIS_METHOD, load_model
+
+    model = load_model(path)
+    if model.method != DIAGNOSIS_METHOD:
+        raise UserError(
+            f"{path.name} is a fit by {model.method}, which has no effects; open it in Predict, "
+            "or give a model that the Model lab has saved."
+        )
+    return model.effects
+
+
 class ResultActions(QObject):
     """Acts on the controller's present diagnosis."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import exp
 from typing import Any
 
 from fingerlab.core.text import decimals_for, fixed, percent, score_text, screen_unit
@@ -20,10 +21,13 @@ from fingerlab.report.diagnosis_words import (
     PHASE_WORDS,
     UNKNOWN_WORDS,
     effect_title,
+    exchange_words,
+    holds,
     in_sentence,
     left_open,
     listed,
     not_shown,
+    rivalled,
     would_show,
 )
 from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
@@ -150,6 +154,9 @@ def best_choice(diagnosis: Diagnosis) -> str:
 
 def verdict_headline(diagnosis: Diagnosis) -> str:
     """The verdict in as few words as it can be said."""
+    if diagnosis.better is not None:
+        chance = percent(1.0 / (1.0 + exp(-diagnosis.better.log_odds))).replace(" ", NO_BREAK)
+        return f"Rather {exchange_words(diagnosis.better)}, {chance}"
     if diagnosis.verdict == NOTHING:
         seen = " that these data could show" if not_shown(diagnosis) else ""
         return f"{'Nothing more' if diagnosis.model else 'Nothing'} is missing{seen}"
@@ -166,6 +173,15 @@ def set_words(diagnosis: Diagnosis) -> str:
     """
     floor = "" if diagnosis.repeats else " No motion repeats: the floor is what the best model leaves."
     return _set_words(diagnosis) + floor
+
+
+def bench_words(diagnosis: Diagnosis) -> tuple[str, str]:
+    """What was found of the bench itself: the first of it, and all of it a line each; empty: nothing."""
+    texts = [finding.text for finding in diagnosis.bench]
+    if not texts:
+        return "", ""
+    more = f" And {len(texts) - 1} more." if len(texts) > 1 else ""
+    return f"The bench: {texts[0]}{more}", "\n".join(texts)
 
 
 def _set_words(diagnosis: Diagnosis) -> str:
@@ -226,8 +242,14 @@ def step_results(diagnosis: Diagnosis, history: ModelHistory) -> dict[str, str]:
         results["missing"] = f"{'nothing more' if history.now.added else 'nothing'}{seen}"
     if history.now.added:
         results["add"] = " + ".join(effect_title(effect) for effect in history.now.added)
-    if diagnosis.verdict == NOTHING:
+    if diagnosis.better is not None:
+        results["true"] = "no, another is better"
+    elif rivalled(diagnosis) and diagnosis.verdict == NOTHING:
+        results["true"] = "perhaps, as is another"
+    elif holds(diagnosis):
         results["true"] = "yes, as far as seen" if not_shown(diagnosis) else "yes, on held-out runs"
+    elif diagnosis.verdict == NOTHING:
+        results["true"] = "too much is left"
     elif history.now.added or diagnosis.verdict == UNKNOWN:
         results["true"] = "not yet"
     return results

@@ -10,7 +10,15 @@ from PySide6.QtWidgets import QHeaderView, QPushButton, QTableWidgetItem, QVBoxL
 
 from fingerlab.core.text import score_text
 from fingerlab.diagnosis.answer.results import HeldOutRuns
-from fingerlab.report.diagnosis_words import PHASE_WORDS, effect_title, in_sentence, listed
+from fingerlab.report.diagnosis_words import (
+    PHASE_WORDS,
+    as_good_sentence,
+    effect_title,
+    holds,
+    in_sentence,
+    listed,
+    rivalled,
+)
 
 from ..widgets.labels import WholeLabel
 from ..widgets.layout import ButtonRows, described
@@ -144,8 +152,14 @@ class TruthPanel(QWidget):
         diagnosis = history.now.diagnosis
         names = [in_sentence(effect_title(effect)) for effect in history.now.added]
         model = "The nominal model" if not names else f"The model with {listed(names)}"
-        if diagnosis.verdict == NOTHING:
+        if diagnosis.better is not None:
+            self.title.setText("Not true: another model is better")
+        elif rivalled(diagnosis) and diagnosis.verdict == NOTHING:
+            self.title.setText("Perhaps true: another model is as good")
+        elif holds(diagnosis):
             self.title.setText("True, as far as these recordings can show")
+        elif diagnosis.verdict == NOTHING:
+            self.title.setText("Not shown to be true: too much is left")
         elif diagnosis.verdict == UNKNOWN:
             self.title.setText("Not true yet, and the catalogue cannot make it so")
         else:
@@ -153,7 +167,9 @@ class TruthPanel(QWidget):
         misses = f"{model} misses runs held out of the fit by {score_text(diagnosis.score)} times the floor"
         before = f"; the nominal model missed them by {score_text(history.first.diagnosis.score)} times"
         self.held_out.setText(f"{misses}{before if names else ''}.{_force_words(history)}")
-        self.next.setText(next_experiment_words(diagnosis))
+        self.next.setText(
+            " ".join(filter(None, (as_good_sentence(diagnosis), next_experiment_words(diagnosis))))
+        )
         self.runs.show_runs(history.first.diagnosis.held_out, diagnosis.held_out)
         proposed = diagnosis.next_experiment is not None
         self.hand.setEnabled(proposed)

@@ -162,11 +162,13 @@ class WantedView(QObject):
         run = next(run for run in session.runs if run.name == name)
 
         def work(progress: Progress, cancelled: IsCancelled) -> TorquePlan | str:
+            from fingerlab.diagnosis.signals.scales import find_scales
             from fingerlab.prediction.inverse import needed_torque
             from fingerlab.prediction.target import pose_of_run, wanted_force
 
             try:
-                return needed_torque(wanted_force(settings), predictor, pose_of_run(run), session.rig, file)
+                pose = pose_of_run(run, find_scales([session]))
+                return needed_torque(wanted_force(settings), predictor, pose, session.rig, file)
             except UserError as error:
                 return str(error)  # stands beside the fields that it is about
 

@@ -13,7 +13,7 @@ from PySide6.QtGui import QColor, QPainter
 
 from fingerlab.library.reviewing import Marker
 
-from ..widgets.plots import DecimatedCurve, bottom_axis_height
+from ..widgets.plots import Cursor, DecimatedCurve, bottom_axis_height
 from ..widgets.series import round_ticks
 from ..widgets.theme import Colours, line, tint
 from .overlays import GLYPHS
@@ -114,7 +114,7 @@ class ReviewPane:
             {"label": "A", "labelOpts": {"position": 0.06}},
             {"label": "B", "labelOpts": {"position": 0.06}},
         )
-        self.cursors = [pg.InfiniteLine(angle=90, movable=True, **name) for name in names]
+        self.cursors = [Cursor(angle=90, movable=True, **name) for name in names]
         self.markers: list[pg.InfiniteLine] = []
         self.legend = pg.TextItem(anchor=(0, 0))
         self.legend.setParentItem(plot.getViewBox())

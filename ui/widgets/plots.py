@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, Qt
-from PySide6.QtGui import QColor, QFontMetricsF, QKeyEvent
+from PySide6.QtCore import QEvent, QRectF, Qt
+from PySide6.QtGui import QColor, QFontMetricsF, QKeyEvent, QPainter
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.core.text import ScreenUnit, with_minus
@@ -109,6 +109,42 @@ class DecimatedCurve(pg.PlotCurveItem):
         self._shown = (first, last, buckets)
         x, y = envelope(self._x[first:last], self._y[first:last], buckets)
         self.setData(x, y)
+
+
+class Cursor(pg.InfiniteLine):
+    """A line that the reader moves; no part of what is shown, so that no figure has it."""
+
+
+class Tints(pg.GraphicsObject):
+    """Lies behind the curves."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stretches: tuple[tuple[float, float], ...] = ()
+        self.colour = QColor(Qt.GlobalColor.transparent)
+        self.setZValue(-20)
+
+    def show_stretches(self, stretches: Sequence[tuple[float, float]]) -> None:
+        """From where to where on the horizontal axis, each."""
+        self.stretches = tuple(stretches)
+        self.update()
+
+    def set_colour(self, colour: QColor) -> None:
+        """With its transparency."""
+        self.colour = colour
+        self.update()
+
+    def viewRangeChanged(self) -> None:
+        self.prepareGeometryChange()
+
+    def boundingRect(self) -> QRectF:
+        return QRectF(self.viewRect())
+
+    def paint(self, painter: QPainter, *_: Any) -> None:
+        view = self.viewRect()
+        for start, stop in self.stretches:
+            if stop > view.left() and start < view.right():
+                painter.fillRect(QRectF(start, view.top(), stop - start, view.height()), self.colour)
 
 
 EDGE_PX = 2.0

@@ -8,11 +8,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
 from fingerlab.sessions.model import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,14 @@ class ShowsSeries(Protocol):
 
     def shown_series(self) -> list[Series]:
         """What is shown now, to be saved as CSV."""
+
+
+@runtime_checkable
+class ShowsFigure(Protocol):
+    """A plot that draws its own figure for paper, since it is more than curves."""
+
+    def draw_figure(self, figure: Figure) -> None:
+        """Axes and all, on an empty figure; its title comes from elsewhere."""
 
 
 def envelope(x: Array, y: Array, buckets: int) -> tuple[Array, Array]:

@@ -58,6 +58,11 @@ def colours_of(widget: QWidget) -> Colours:
     return _schemes()["dark" if dark else "light"]
 
 
+def light_colours() -> Colours:
+    """The colours for paper, whatever the window has."""
+    return _schemes()["light"]
+
+
 def apply_appearance(app: QApplication, appearance: Appearance) -> None:
     """Give the application the light or the dark colours; ``system`` asks the desktop which."""
     hints = QGuiApplication.styleHints()

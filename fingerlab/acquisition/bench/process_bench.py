@@ -20,6 +20,7 @@ from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import COLUMNS, Ring
 from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.parallel import own_code_only
 from fingerlab.core.progress import Progress
 from fingerlab.sessions.recording_files import VERIFYING, WRITING
 
@@ -41,6 +42,7 @@ class ProcessBench(Bench):
     amplifier is enabled; otherwise the motor is stopped.
     """
 
+    @own_code_only()
     def __init__(
         self, device: DeviceSource, settings: LoopSettings, rescue: Path, rate_hz: float = 1000.0
     ) -> None:

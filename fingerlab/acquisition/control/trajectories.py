@@ -31,7 +31,6 @@ sends the current that makes the torque, and holds no position.
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -41,6 +40,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.plain_data import read_object
 from fingerlab.sessions.model import Array
 from fingerlab.sessions.text_table import inspect_table, read_blocks
 
@@ -389,13 +389,11 @@ WAVES: dict[str, Callable[[Mapping[str, Any], float, str], Callable[[Array], Arr
 
 def _object(source: str | Mapping[str, Any], where: str) -> Mapping[str, Any]:
     if isinstance(source, str):
-        try:
-            source = json.loads(source)
-        except ValueError as error:
-            raise UserError(
-                f'{where} is not JSON ({error}); it should look like {{"kind": "sine", "amplitude_deg": 15, '
-                f'"frequency_hz": 1, "offset_deg": 22}}.'
-            ) from None
+        return read_object(
+            source,
+            where,
+            'it should look like {"kind": "sine", "amplitude_deg": 15, "frequency_hz": 1, "offset_deg": 22}',
+        )
     if not isinstance(source, Mapping):
         raise UserError(f"{where} is not a JSON object with 'kind', 'amplitude_deg' and the like.")
     return source

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.settings import BINS, NARROW_RATE_HZ, SHOWN_STRETCHES, SLACK_SPREAD_M, Z90
 from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, decimate
+from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects.base import COORDINATE_UNITS, Effect, Row
 from fingerlab.effects.transmission import winding_state
 from fingerlab.physics import nominal
@@ -32,6 +33,11 @@ ROW_EQUATIONS = {
     Row.TIP: "tip_depth",
 }
 ROW_UNITS = {Row.MCP: "N m", Row.PIP: "N m", Row.CABLE: "m", Row.BENCH: "N m", Row.TIP: "m"}
+
+
+RunOffsets = Mapping[tuple[str, str], Array]
+"""What a run's own constants add to the residuals, (5,) over ``Row``, by session and run."""
+OffsetsOf = Callable[[FittedModel], RunOffsets]
 
 
 @dataclass(frozen=True)
@@ -86,21 +92,54 @@ class Display:
         )  # fmt: skip
         self.stretches.append(kept)
 
-    def curves(self, reduced: Reduced, evidence: Evidence) -> Curves:
-        """Comparisons of the model as given, and the fingerprint of every effect tried beside it."""
+    def curves(self, reduced: Reduced, evidence: Evidence, offsets: OffsetsOf) -> Curves:
+        """Comparisons of the model as given, and the fingerprint of every effect tried beside it.
+
+        ``offsets``: what the constants of every run add to a model's residuals.
+        """
         groups = {g.key: g for g in reduced.groups}
         comparisons: list[Comparison] = []
+        before = offsets(evidence.base)
         for kept in self.stretches:
-            comparisons += _comparisons(reduced, evidence.base, groups[kept.key], kept)
+            comparisons += _comparisons(reduced, evidence.base, groups[kept.key], kept, before)
         prints = {}
         for fitted in evidence.candidates:
             one = fitted.last_effect
-            drawn = _fingerprint(one, evidence.base, fitted, groups, self.stretches, reduced.on_bench)
+            both = before, offsets(fitted)
+            drawn = _fingerprint(one, evidence.base, fitted, groups, self.stretches, reduced.on_bench, both)
             if drawn is not None:
                 prints[one.id] = drawn
         best = int(np.argmax(evidence.probabilities)) if evidence.candidates else -1
         slack = best >= 0 and evidence.candidates[best].model.slack_free
-        return Curves(tuple(comparisons), prints, _failure(comparisons, self.stretches, slack))
+        scales = reduced.layout.scales
+        failure = _failure(comparisons, self.stretches, slack, scales.time)
+        if scales != SI:
+            comparisons = [_told_comparison(one, scales) for one in comparisons]
+            prints = {name: _told_print(one, scales) for name, one in prints.items()}
+        return Curves(tuple(comparisons), prints, failure)
+
+
+def _told_comparison(one: Comparison, scales: Scales) -> Comparison:
+    """In SI, where the fit has reduced units."""
+    size = scales.of(one.unit)
+    places = {name: values * scales.of(_unit_of_place(name)) for name, values in one.coordinates.items()}
+    return replace(
+        one, time=one.time * scales.time, measured=one.measured * size, modelled=one.modelled * size,
+        floor=one.floor * size, coordinates=places,
+    )  # fmt: skip
+
+
+def _unit_of_place(name: str) -> str:
+    return COORDINATE_UNITS[name.removesuffix(" mcp").removesuffix(" pip")]
+
+
+def _told_print(one: Fingerprint, scales: Scales) -> Fingerprint:
+    """In SI, where the fit has reduced units."""
+    size = scales.of(one.value_unit)
+    return replace(
+        one, centre=one.centre * scales.of(one.coordinate_unit), mean=one.mean * size, low=one.low * size,
+        high=one.high * size, curve=one.curve * size,
+    )  # fmt: skip
 
 
 def _coordinates(motion: Motion) -> dict[str, Array]:
@@ -129,19 +168,13 @@ def _coordinates(motion: Motion) -> dict[str, Array]:
     return {name: narrowed[i] for i, name in enumerate(wide)}
 
 
-def _residuals(fitted: FittedModel, group: Group, kept: Kept) -> dict[Row, Array]:
-    """Residual of every equation over a stretch, in the fit's own units (N, m or N m)."""
-    h, _ = fitted.model.coefficients(fitted.fit.values, group)
-    rows = fitted.model.rows
-    columns = kept.columns[:, fitted.model.pick.signals]
-    return {row: columns[:, rows == row] @ h[rows == row] for row in Row if np.any(rows == row)}
-
-
-def _residual(fitted: FittedModel, group: Group, kept: Kept, row: Row) -> Array:
-    """As :func:`_residuals`, of one equation: a fingerprint is drawn for each of dozens of effects."""
+def _residual(fitted: FittedModel, group: Group, kept: Kept, row: Row, offsets: RunOffsets) -> Array:
+    """Residual of an equation over a stretch less the run's own constant, in the fit's units (N, m, N m)."""
     h, _ = fitted.model.coefficients(fitted.fit.values, group)
     chosen = fitted.model.rows == row
-    return np.asarray(kept.columns[:, fitted.model.pick.signals[chosen]] @ h[chosen], dtype=float)
+    own = offsets.get((kept.session, kept.run))
+    found = np.asarray(kept.columns[:, fitted.model.pick.signals[chosen]] @ h[chosen], dtype=float)
+    return found if own is None else found - own[row]
 
 
 def _arms(fitted: FittedModel, group: Group) -> tuple[float, float]:
@@ -166,8 +199,11 @@ def _measured(fitted: FittedModel, group: Group, kept: Kept, row: Row) -> Array:
     return np.asarray(kept.columns[:, fitted.model.pick.signals[chosen]] @ h[chosen], dtype=float)
 
 
-def _comparisons(reduced: Reduced, fitted: FittedModel, group: Group, kept: Kept) -> list[Comparison]:
-    residuals = _residuals(fitted, group, kept)
+def _comparisons(
+    reduced: Reduced, fitted: FittedModel, group: Group, kept: Kept, offsets: RunOffsets
+) -> list[Comparison]:
+    present = [row for row in Row if np.any(fitted.model.rows == row)]
+    residuals = {row: _residual(fitted, group, kept, row, offsets) for row in present}
     noise = floor_covariance(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
 
     def one(equation: str, measured: Array, modelled: Array, unit: str, variance: float) -> Comparison:
@@ -223,8 +259,12 @@ def _fingerprint(
     groups: Mapping[GroupKey, Group],
     stretches: Iterable[Kept],
     bench: bool,
+    offsets: tuple[RunOffsets, RunOffsets],
 ) -> Fingerprint | None:
-    """The base model's residual over the effect's own coordinate, with what the effect explains."""
+    """The base model's residual over the effect's own coordinate, with what the effect explains.
+
+    ``offsets`` of the runs beside the base model and beside the fitted one.
+    """
     row = Row.BENCH if bench else effect.equation
     places, residuals, explained = [], [], []
     for kept in stretches:
@@ -234,7 +274,8 @@ def _fingerprint(
         group = groups[kept.key]
         if group.on_bench != bench:  # one axis cannot hold two equations
             continue
-        before, after = _residual(base, group, kept, row), _residual(fitted, group, kept, row)
+        before = _residual(base, group, kept, row, offsets[0])
+        after = _residual(fitted, group, kept, row, offsets[1])
         scale = 1.0 if row in (Row.CABLE, Row.BENCH, Row.TIP) else _arms(base, group)[int(row)]
         # Torque of the joint in the direction of its angle, whichever way the cable pulls.
         places.append(where)
@@ -274,9 +315,9 @@ def _binned(effect: Effect, row: Row, place: Array, residual: Array, explained: 
 
 
 def _failure(
-    comparisons: Iterable[Comparison], stretches: Iterable[Kept], slack_counts: bool
+    comparisons: Iterable[Comparison], stretches: Iterable[Kept], slack_counts: bool, second: float
 ) -> Failure | None:
-    """The half second in which an equation misses most, in floors."""
+    """The half second in which an equation misses most, in floors; ``second`` s to a reduced one."""
     worst: tuple[float, Comparison, int] | None = None
     length = int(0.5 * NARROW_RATE_HZ)
     for c in comparisons:
@@ -294,7 +335,7 @@ def _failure(
     if worst is None:
         return None
     floors, c, k = float(np.sqrt(worst[0])), worst[1], worst[2]
-    start, stop = float(c.time[k]), float(c.time[k + length - 1])
+    start, stop = second * float(c.time[k]), second * float(c.time[k + length - 1])
     moment = _moment(_stretch_of(c, stretches), slice(k, k + length))
     place = f"{EQUATION_TITLES[c.equation]} of run {c.run} at {start:.1f} to {stop:.1f} s"
     text = f"{place}: {moment}; the model misses {floors:.1f} times the floor there"

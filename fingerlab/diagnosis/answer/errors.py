@@ -13,6 +13,7 @@ from fingerlab.diagnosis.fit.noise import floor_covariance
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
+from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array, Run, Session
 
@@ -35,11 +36,12 @@ def equation_errors(reduced: Reduced, fitted: FittedModel) -> dict[str, Equation
     for family, unit in FAMILY_UNITS.items():
         if family in sums:
             error, floor, spread, count = sums[family]
+            size = reduced.layout.scales.of(unit)
             result[family] = EquationError(
                 unit,
-                float(np.sqrt(error / count)),
+                size * float(np.sqrt(error / count)),
                 float(1.0 - error / max(spread, 1e-30)),
-                float(np.sqrt(floor / count)),
+                size * float(np.sqrt(floor / count)),
             )
     return result
 
@@ -129,7 +131,7 @@ def held_out_runs(
                 runs=tuple(run.name for run in runs),
                 phase=runs[0].phase,
                 cable=runs[0].cable,
-                trajectory=runs[0].trajectory,
+                trajectory=as_recorded(runs[0]).trajectory,
                 score=float(np.sqrt(1.0 + max(float(misfit), 0.0) / max(float(count), 1.0))),
             )
         )

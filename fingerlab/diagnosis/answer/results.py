@@ -10,6 +10,7 @@ from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 if TYPE_CHECKING:
+    from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds
     from fingerlab.diagnosis.score.evidence import Verdict
 
 EQUATION_TITLES = {
@@ -77,7 +78,10 @@ class Fingerprint:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect of the catalogue, judged on these sessions. ``score`` is the whole model's with it added."""
+    """One effect of the catalogue, judged on these sessions.
+
+    ``score`` is the whole model's with it added, in place of those that it ``replaces`` (ids), if any.
+    """
 
     effect: str
     title: str
@@ -89,14 +93,42 @@ class Candidate:
     explanation: str
     detectable: bool
     fingerprint: Fingerprint | None = None
+    replaces: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class PathStep:
-    """One step of the error path; ``added`` is None for the model as given."""
+    """One step of the error path; ``added`` is None for the model as given, ``removed`` what it replaces."""
 
     added: str | None
     score: float
+    removed: str | None = None
+
+
+@dataclass(frozen=True)
+class OtherModel:
+    """A model of the same recordings with given effects exchanged for others.
+
+    Attributes:
+        removed, added: ids of effects, against the model as given. effects: ids of all that it holds.
+        score: held out, in the floors of the model as given.
+        log_odds: against the model as given or, where that is likelier, the end of the path from it.
+    """
+
+    removed: tuple[str, ...]
+    added: tuple[str, ...]
+    effects: tuple[str, ...]
+    score: float
+    log_odds: float
+
+    def to_json(self) -> dict[str, Any]:
+        """The object of ``cli.md``, "better_model"."""
+        return {
+            "remove": list(self.removed),
+            "add": list(self.added),
+            "score": self.score,
+            "log_odds": self.log_odds,
+        }
 
 
 @dataclass(frozen=True)
@@ -113,6 +145,24 @@ class HeldOutRuns:
     cable: str
     trajectory: Mapping[str, Any]
     score: float
+
+
+@dataclass(frozen=True)
+class BenchFinding:
+    """What the recordings say of the bench itself, which is no matter of physics.
+
+    Attributes:
+        kind: "moving_zero", "spikes", "lost_samples", "skew", "missing_channel".
+        channel: that it is about. size: how much of it, in ``unit``. runs: that show it.
+        text: a sentence with what to do about it.
+    """
+
+    kind: str
+    channel: str
+    size: float
+    unit: str
+    runs: tuple[str, ...]
+    text: str
 
 
 @dataclass(frozen=True)
@@ -138,6 +188,9 @@ class Diagnosis:
     ``parameters`` are those of the model as given, ``final_parameters`` those of ``final_model``: all
     unknowns, an effect's own as ``effect.gain``, those of a cable routing as ``name@routing``. ``repeats``:
     some motion came again, which tells the floor; else it is what the last model of the path leaves.
+    ``better``: with given effects exchanged, and likelier than ``model`` and what may be missing beside it;
+    the path leads there. ``as_good``: others that these data cannot tell from the best.
+    ``calibration`` says what the probabilities were learned from, ``odds`` what they were before.
     """
 
     sessions: tuple[str, ...]
@@ -159,6 +212,11 @@ class Diagnosis:
     failure: Failure | None = None
     held_out: tuple[HeldOutRuns, ...] = ()
     repeats: bool = True
+    bench: tuple[BenchFinding, ...] = ()
+    better: OtherModel | None = None
+    as_good: tuple[OtherModel, ...] = ()
+    calibration: CalibratedAnswer | None = None
+    odds: Odds | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The object of ``cli.md``, "diagnose --json", ready for ``json.dumps``."""
@@ -181,13 +239,25 @@ class Diagnosis:
                     "equations": list(c.equations),
                     "explanation": c.explanation,
                     "detectable": c.detectable,
+                    **({"replaces": list(c.replaces)} if c.replaces else {}),
                 }
                 for c in self.candidates
             ],
             "set": list(self.set),
-            "path": [{"added": step.added, "score": step.score} for step in self.path],
+            "path": [
+                {
+                    "added": step.added,
+                    **({"removed": step.removed} if step.removed else {}),
+                    "score": step.score,
+                }
+                for step in self.path
+            ],
             "final_model": list(self.final_model),
             "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
             "seconds": self.seconds,
             "floor_from_repetition": self.repeats,
+            "bench": [vars(one) | {"runs": list(one.runs)} for one in self.bench],
+            "better_model": None if self.better is None else self.better.to_json(),
+            "as_good_models": [one.to_json() for one in self.as_good],
+            "calibration": None if self.calibration is None else self.calibration.to_json(),
         }

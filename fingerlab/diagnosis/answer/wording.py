@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from fingerlab.core.text import in_sentence
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel, own_keys
 from fingerlab.diagnosis.settings import MOST_NAMED, Z90
@@ -26,7 +29,7 @@ SCREEN_UNITS = {
 
 
 def deviations(fitted: FittedModel, heat: float) -> dict[str, float]:
-    """Standard deviation of every unknown, given what else is unknown; SI units."""
+    """Standard deviation of every unknown, given what else is unknown; in the model's units."""
     spread = fitted.fit.deviations * np.sqrt(heat)
     return dict(zip((u.key for u in fitted.model.unknowns), (float(s) for s in spread), strict=True))
 
@@ -41,22 +44,28 @@ def parameters(fitted: FittedModel, effect: Effect, heat: float) -> dict[str, Pa
         gain, value = gains[key], float(values[key])
         low = max(gain.low, value - Z90 * spread[key])
         high = min(gain.high, value + Z90 * spread[key])
-        result[name] = ParameterEstimate(value, gain.unit, low, high)
+        result[name] = _told(fitted, gain.unit, value, low, high)
     choice = next(c for c in fitted.choices if c.effect is effect)
     for name, unit in effect.shape_units.items():
         grid = sorted({float(s[name]) for s in effect.shapes})
         value = float(effect.shapes[choice.shape][name])
         at = grid.index(value)
-        result[name] = ParameterEstimate(value, unit, grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)])
+        result[name] = _told(fitted, unit, value, grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)])
     return result
+
+
+def _told(fitted: FittedModel, unit: str, value: float, low: float, high: float) -> ParameterEstimate:
+    """A number of a model, which is in reduced units, in SI."""
+    size = fitted.model.layout.scales.of(unit)
+    return ParameterEstimate(value * size, unit, low * size, high * size)
 
 
 def every_parameter(fitted: FittedModel, heat: float) -> dict[str, ParameterEstimate]:
     """All unknowns of the model by key, SI, with 90 % intervals that no bound cuts."""
     spread = deviations(fitted, heat)
     return {
-        u.key: ParameterEstimate(
-            float(v), u.parameter.unit, float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
+        u.key: _told(
+            fitted, u.parameter.unit, float(v), float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
         )
         for u, v in zip(fitted.model.unknowns, fitted.fit.values, strict=True)
     }
@@ -69,9 +78,9 @@ def would_have_shown(fitted: FittedModel, effect: Effect, least: float) -> str:
         least: multiple of its typical strength (see ``evidence.least_strength``).
     """
     names = {key: name for name, key in own_keys(fitted, effect).items()}
-    gains = {u.key: u.parameter for u in fitted.model.unknowns}
+    gains, told = {u.key: u.parameter for u in fitted.model.unknowns}, fitted.model.layout.scales.of
     said = [
-        f"{_title(effect, names[key])} {_amount(least * strength, gains[key].unit)}"
+        f"{_title(effect, names[key])} {_amount(least * strength * told(gains[key].unit), gains[key].unit)}"
         for key, strength in fitted.sensitivity.strengths.items()
         if least * strength <= MOST_NAMED * max(abs(gains[key].high), abs(gains[key].low))
     ]
@@ -97,11 +106,19 @@ def quantity(estimate: ParameterEstimate) -> str:
     return f"{round(value, digits):.{places}f} ± {round(half, digits):.{places}f}{shown}"
 
 
-def explanation(evidence: Evidence, fitted: FittedModel, effect: Effect, shown: bool, least: float) -> str:
+def explanation(
+    evidence: Evidence,
+    fitted: FittedModel,
+    effect: Effect,
+    shown: bool,
+    least: float,
+    replaced: Sequence[str] = (),
+) -> str:
     """One or two plain sentences with the evidence in numbers.
 
     Args:
         shown: whether it would have shown at a typical strength. least: the multiple of that from which on.
+        replaced: ids of the effects of the base in whose place it is in ``fitted``.
     """
     fall = f"{evidence.base.score:.2f} to {fitted.score:.2f} floors"
     said = _said(fitted, effect)
@@ -111,14 +128,21 @@ def explanation(evidence: Evidence, fitted: FittedModel, effect: Effect, shown: 
         return (
             f"{said} These data could not show it at a plausible strength{from_there}; {effect.reveal} would."
         )
-    if fitted.misfit > evidence.base.misfit * 0.98:
+    if fitted.misfit > evidence.base.misfit * 0.98 and not replaced:
         return f"{said} Nothing of that is seen: the held-out error goes from {fall}."
     numbers = [
         f"{_title(effect, name)} {quantity(p) if name not in effect.shape_units else _grid_value(p)}"
         for name, p in parameters(fitted, effect, evidence.temperature).items()
     ]
     found = f" ({'; '.join(numbers)})" if numbers else ""
-    return f"{said[:-1]}{found}. With it the held-out error goes from {fall}."
+    there = f" in place of {_in_sentence(evidence.base, replaced)}" if replaced else ""
+    return f"{said[:-1]}{found}. With it{there} the held-out error goes from {fall}."
+
+
+def _in_sentence(fitted: FittedModel, names: Sequence[str]) -> str:
+    """Titles of some of the model's effects as they stand inside a sentence."""
+    titles = {c.effect.id: c.effect.title for c in fitted.choices}
+    return " and ".join(in_sentence(titles.get(name, name)) for name in names)
 
 
 def _said(fitted: FittedModel, effect: Effect) -> str:

@@ -20,6 +20,7 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
 from fingerlab.diagnosis.settings import LIFTED_M, SLIP_STIFFNESSES, TIP_STIFFNESS, USUAL_SPREAD, WIDE_RATE_HZ
+from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects.base import Effect, Gain, Row, Scale
 from fingerlab.effects.contact_compliance import SIDEWAYS_STIFFNESSES
 from fingerlab.effects.joints import lateral_levers
@@ -101,6 +102,7 @@ class Layout:
     base: IntArray = field(repr=False)  # indices of the features without an owner
     signals: IntArray = field(repr=False)  # (features,): which signal a feature is; some are the same one
     arm_spread: float = USUAL_SPREAD  # of the ratio of flexion to extension arms
+    scales: Scales = SI  # the reduced units in which all of it is told
 
     @cached_property
     def _rows(self) -> IntArray:

@@ -27,6 +27,7 @@ from fingerlab.diagnosis.settings import (
     WIDE_RATE_HZ,
 )
 from fingerlab.diagnosis.signals.filters import decimate
+from fingerlab.diagnosis.signals.scales import SI, Scales, scaled_trajectory
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
@@ -48,10 +49,10 @@ class Proposal:
     motion: Motion
     seconds: float = DURATION_S
 
-    def to_json(self, separates: list[str], expected: float) -> dict[str, Any]:
-        """The proposal as in ``cli.md``, with the two answers that it separates and by how much."""
+    def to_json(self, separates: list[str], expected: float, scales: Scales = SI) -> dict[str, Any]:
+        """The proposal as in ``cli.md``, in SI, with the two answers that it separates and by how much."""
         return {
-            "trajectory": {**self.trajectory, "duration_s": self.seconds},
+            "trajectory": scaled_trajectory({**self.trajectory, "duration_s": self.seconds}, scales),
             "phase": self.phase,
             "cable": self.cable,
             "separates": separates,

@@ -65,7 +65,8 @@ def propose(
     if best is None or best[1].expected < LEAST_SEPARATION:
         return None
     proposal, found = best
-    return proposal.to_json([first.last_effect.id, found.other], found.expected)
+    separates = [first.last_effect.id, found.other]
+    return proposal.to_json(separates, found.expected, scorer.reduced.layout.scales)
 
 
 def reveal(
@@ -95,7 +96,8 @@ def reveal(
     if best is None or not best[1].other:
         return None
     proposal, found = best
-    return proposal.to_json([found.other, "nothing_missing"], found.expected)
+    separates = [found.other, "nothing_missing"]
+    return proposal.to_json(separates, found.expected, scorer.reduced.layout.scales)
 
 
 @dataclass(frozen=True)

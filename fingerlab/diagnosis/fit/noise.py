@@ -21,6 +21,7 @@ import numpy as np
 from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
+from fingerlab.diagnosis.gram.state_law import left_out_variance
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.settings import (
     LEAST_DEPTH_SPREAD_M,
@@ -89,7 +90,8 @@ def _factor(products: Array) -> Array:
 def fill_missing_noise(reduced: Reduced) -> None:
     """Groups without a repeated cycle take the noise of the others with the same equations, per sample.
 
-    A bench that never repeats takes that of the current, which is the same in a finger's runs.
+    A bench that never repeats takes that of the current, which is the same in a finger's runs; without those,
+    what no law of its state would tell of the torque.
     """
     for on_bench in (False, True):
         alike = [g for g in reduced.groups if g.on_bench == on_bench]
@@ -99,7 +101,7 @@ def fill_missing_noise(reduced: Reduced) -> None:
             pooled = sum((g.noise for g in known[1:]), known[0].noise) / total
             _give(alike, pooled * total, total)
         elif on_bench and alike:
-            variance = torque_noise(reduced)
+            variance = torque_noise(reduced) or max(left_out_variance(g.state_products) for g in alike)
             signal = _signal(reduced.layout, Row.BENCH, None)
             noise = np.zeros((reduced.layout.signal_count,) * 2)
             noise[signal, signal] = variance

@@ -21,6 +21,7 @@ from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import ARMS, LOSSES, TORQUE_ZERO
 from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, feature_weights
+from fingerlab.diagnosis.gram.run_constants import taken_up
 from fingerlab.diagnosis.gram.sums import Group, Sums
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
@@ -185,10 +186,21 @@ class Fitter:
         if (i, part) not in self._parts:
             if i not in self._weight:
                 self._weight[i] = self._of_products(self.weights[self.data.groups[i].key])
-            self._parts[i, part] = self.data.weighted(
-                i, part, self.model, self._weight[i], partial(self._less, i)
-            )
+            found = self.data.weighted(i, part, self.model, self._weight[i], partial(self._less, i))
+            if self.data.constants is not None:
+                found = self._without_constants(found, i, part)
+            self._parts[i, part] = found
         return self._parts[i, part]
+
+    def _without_constants(self, found: Weighted, i: int, part: FoldNumbers | None) -> Weighted:
+        """The same with the runs' own constants integrated out."""
+        weights = self.weights[self.data.groups[i].key]
+        told = self.data.by_constants(i, part, weights, self.standing(i), [self.model.pick])
+        if told is None:
+            return found
+        grip, (pull,) = told
+        taken = taken_up(pull, grip, pull)
+        return Weighted(found.curvature - taken, found.matrix - taken)
 
     def _of_products(self, weights: Array) -> Array:
         """Weight of each product of the model's features, (k, k), from that of the equations, (5, 5)."""

@@ -13,10 +13,11 @@ from functools import cached_property
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import IntArray
+from fingerlab.diagnosis.equations.features import IntArray, Pick
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import SET_DOWN
 from fingerlab.diagnosis.fit.noise import change_of_weight, encoder_spread, log_widening, noise_of_a_sample
+from fingerlab.diagnosis.gram.run_constants import Offsets, RunConstants, RunTotals
 from fingerlab.diagnosis.gram.sums import Group, Sums, total
 from fingerlab.diagnosis.settings import HELD_SHARE, LEAST_REPEATS, SET_DOWN_N, SLACK_SPREAD_M, WANDER
 from fingerlab.diagnosis.signals.conditions import GroupKey
@@ -74,8 +75,10 @@ class Data:
     Models", 1987, section 2.2): a tension that carries current noise would otherwise hide cable stretch.
     """
 
-    def __init__(self, groups: Sequence[Group]) -> None:
+    def __init__(self, groups: Sequence[Group], constants: RunConstants | None = None) -> None:
+        """``constants``: that every run has of its own; None: there are none."""
         self.groups = groups
+        self.constants = constants
         self._noise = [noise_of_a_sample(g) for g in groups]
         self._taut_noise = [
             noise if g.taut_noise is None else g.taut_noise
@@ -145,6 +148,45 @@ class Data:
         if whole:
             self._kept[id(model), i] = model, found  # with the model, so that its identity stays its own
         return found
+
+    def by_constants(
+        self, i: int, part: FoldNumbers | None, weights: Array, at_rest: Array, picks: Sequence[Pick]
+    ) -> tuple[Array, list[Array]] | None:
+        """What ``taken_up`` needs to take the runs' own constants out of products of some features.
+
+        How well the constants are known, and for each of the ``picks`` its products with them; None: the runs
+        of group ``i`` have none. ``weights`` (5, 5) of the equations, ``at_rest`` on top where the motor
+        stands.
+        """
+        totals = self.totals(i, part)
+        if self.constants is None or not totals:
+            return None
+        key = self.groups[i].key
+        grip = self.constants.grip(key, totals, weights, at_rest)
+        return grip, [self.constants.pull(key, totals, pick, weights, at_rest) for pick in picks]
+
+    def offsets(
+        self, i: int, part: FoldNumbers | None, model: Model, told: Array, weights: Array, at_rest: Array
+    ) -> Offsets | None:
+        """The constants of the runs of group ``i`` beside the residuals that a model leaves; None: none.
+
+        Args:
+            told: coefficients of the model's active features, (k,). weights, at_rest: see ``by_constants``.
+        """
+        found = self.by_constants(i, part, weights, at_rest, [model.pick])
+        if self.constants is None or found is None:
+            return None
+        grip, (pull,) = found
+        spreads = self.constants.spreads
+        sources = spreads * np.einsum("rst,rkt,k->rs", grip, pull, told)
+        deviations = spreads * np.sqrt(np.einsum("rss->rs", grip))
+        rows = sources @ self.constants.shares[self.groups[i].key].T
+        return Offsets(tuple(t.number for t in self.totals(i, part)), sources, deviations, rows)
+
+    def totals(self, i: int, part: FoldNumbers | None) -> list[RunTotals]:
+        """Sums of the signals over the runs of some folds of group ``i``, or of all."""
+        folds = self.groups[i].folds
+        return [t for k in (range(len(folds)) if part is None else part) for t in folds[k].totals]
 
     def standing(self, i: int, weights: Array) -> Array:
         """How the encoder's step changes the weights of group ``i`` where the motor stands, (5, 5)."""

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -21,13 +21,23 @@ from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of, of_the_user
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.gram.decimation import Decimated
+from fingerlab.diagnosis.gram.run_constants import RunConstants
 from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, run_sums
 from fingerlab.diagnosis.gram.sums import Group, Reduced, RunSums, add_among, empty
 from fingerlab.diagnosis.settings import MOST_CLOSER, TASKS_AHEAD
-from fingerlab.diagnosis.signals.conditions import Fold, GroupKey, deal_runs, group_key, runs_to_analyse
+from fingerlab.diagnosis.signals.conditions import (
+    Fold,
+    GroupKey,
+    deal_runs,
+    group_key,
+    repeated_motions,
+    runs_to_analyse,
+)
+from fingerlab.diagnosis.signals.scales import Scales, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
+from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import told_frequency
 
@@ -37,25 +47,67 @@ class Reduction:
 
     A pass over effects that the first one knew reads no run and forms no column again. What comes out does
     not depend on what was asked in between.
+
+    Attributes:
+        constants: that every run has of its own, as was found; None: none.
+        settled: whether they were looked for.
+        repairs: samples that were put right, by number of the run and channel; samples: that it has.
     """
 
-    def __init__(self, sessions: Sequence[Session], executor: Executor | None = None) -> None:
+    def __init__(
+        self, sessions: Sequence[Session], executor: Executor | None = None, scales: Scales | None = None
+    ) -> None:
         """``executor``: a second process (``core.parallel``) that takes a share of the runs.
+
+        ``scales``: those to use; None: the machine's own.
 
         Raises:
             UserError: there is nothing to analyse.
         """
-        self.sessions = tuple(sessions)
-        self._pairs, self._on_bench = runs_to_analyse(sessions)
-        self._executor = executor
+        self._given = tuple(sessions)
+        self._on_bench = runs_to_analyse(sessions)[1]
+        self._executor, self._scales = executor, scales
         self._asked: list[_Key] | None = None
+        self.constants: RunConstants | None = None
+        self.settled = False
+        self.repairs: dict[int, Mapping[str, int]] = {}
+        self.samples: dict[int, float] = {}
         self._forget()
+
+    @cached_property
+    def scales(self) -> Scales:
+        """The machine's scales; all that comes out of here is in their reduced units."""
+        return self._scales or find_scales(self._given)
+
+    @cached_property
+    def sessions(self) -> tuple[Session, ...]:
+        """The sessions in reduced units."""
+        return reduced_sessions(self._given, self.scales)
+
+    @cached_property
+    def _pairs(self) -> list[tuple[Session, Run]]:
+        return runs_to_analyse(self.sessions)[0]
 
     def _forget(self) -> None:
         self._cache = SegmentCache(self._executor)
         self._first: dict[bool, Layout] = {}
         self._closer: dict[tuple[_Key, ...], Reduced] = {}
         self._asked = None
+
+    @property
+    def rig(self) -> Rig:
+        """The first session's rig, in SI."""
+        return self._given[0].rig
+
+    @property
+    def runs(self) -> list[tuple[str, str]]:
+        """Session and name of each run that is analysed."""
+        return [(str(session.path), run.name) for session, run in self._pairs]
+
+    @property
+    def motions(self) -> list[int | None]:
+        """For each run a number that runs told just the same motion share; None: nothing tells it."""
+        return repeated_motions([run for _, run in self._pairs])
 
     def begin(self, catalogue: Sequence[Effect], watch: Watch = SILENT, read: bool = False) -> None:
         """Make sure that the first pass is over this catalogue; one over another one is forgotten.
@@ -98,7 +150,8 @@ class Reduction:
             self._closer[key] = self._reduced(acting, self._layouts(acting), watch, None, anew=True)
         known = self._closer[key]
         # Noise is limited in place by whoever asks.
-        return replace(known, groups=[replace(g, noise=g.noise.copy()) for g in known.groups])
+        groups = [replace(g, noise=g.noise.copy()) for g in known.groups]
+        return replace(known, groups=groups, constants=self.constants)
 
     def _acting(self, effects: Sequence[Effect]) -> list[Effect]:
         """Those that can act in these runs."""
@@ -122,7 +175,8 @@ class Reduction:
             known = next(self._cache.segments(number), None)
             motion = known.motion if known is not None else next(segments_of(run, session.rig))
             beside = len(set(kinds)) == 2
-            layouts[on_bench] = layout_of(motion.glimpse(), session, effects, beside_finger=beside)
+            found = layout_of(motion.glimpse(), session, effects, beside_finger=beside)
+            layouts[on_bench] = replace(found, scales=self.scales)
         return layouts
 
     def _reduced(
@@ -151,13 +205,14 @@ class Reduction:
             key = group_key(run)
             if key not in groups:
                 groups[key] = _empty_group(run, whole, dealt[key])
-            _add(groups[key], places[number], sums)
+            _add(groups[key], places[number], sums, number)
             seen += sums.senses
+            self.repairs[number], self.samples[number] = sums.repairs, sums.samples
         check_senses(seen)
         for group in groups.values():
             remove_common_trend(group)
         radius = 1.0 if self._on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
-        return Reduced(whole, list(groups.values()), self._on_bench, radius)
+        return Reduced(whole, list(groups.values()), self._on_bench, radius, self.constants)
 
 
 _Key = tuple[str, object, tuple[tuple[tuple[str, float], ...], ...]]
@@ -180,14 +235,19 @@ def _joined(finger: Layout, *bench: Layout) -> Layout:
     )
 
 
-def reduce_sessions(sessions: Sequence[Session], effects: Sequence[Effect], watch: Watch = SILENT) -> Reduced:
-    """One pass over the data, of which nothing is kept.
+def reduce_sessions(
+    sessions: Sequence[Session],
+    effects: Sequence[Effect],
+    watch: Watch = SILENT,
+    scales: Scales | None = None,
+) -> Reduced:
+    """One pass over the data, of which nothing is kept; ``scales``: as of :class:`Reduction`.
 
     Raises:
         UserError: nothing to analyse, a run that cannot be read, or channels whose sense is turned.
         Cancelled: the user asked for it.
     """
-    return Reduction(sessions).of(effects, watch)
+    return Reduction(sessions, scales=scales).of(effects, watch)
 
 
 def _empty_group(run: Run, layout: Layout, dealt: list[Fold]) -> Group:
@@ -196,10 +256,11 @@ def _empty_group(run: Run, layout: Layout, dealt: list[Fold]) -> Group:
     return Group(group_key(run), run.cable_sign, folds, np.zeros((size, size)), dealt=dealt)
 
 
-def _add(group: Group, k: int, found: RunSums) -> None:
-    """Add a run to fold ``k`` of its group."""
+def _add(group: Group, k: int, found: RunSums, number: int) -> None:
+    """Add the run of this number to fold ``k`` of its group."""
     fold = group.folds[k]
     fold.runs.append(found.run)
+    fold.totals.append(found.run_totals(number, len(fold.products)))
     for part in found.parts:
         fold.add(part.sums, part.live)
         if part.noise is not None:
@@ -210,6 +271,7 @@ def _add(group: Group, k: int, found: RunSums) -> None:
         whole[live] = trend
         group.trends.setdefault((group.dealt[k].condition, number), []).append(whole)
     group.encoder_variance = max(group.encoder_variance, found.encoder_variance)
+    group.state_products += [found.state_products] if found.state_products else []
 
 
 def remove_common_trend(group: Group) -> None:

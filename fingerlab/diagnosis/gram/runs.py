@@ -18,6 +18,7 @@ import numpy as np
 from fingerlab.diagnosis.equations.columns import Asked, effect_columns
 from fingerlab.diagnosis.equations.features import BoolArray, IntArray
 from fingerlab.diagnosis.gram.decimation import Decimated, decimated_columns, fill, repeating_bases
+from fingerlab.diagnosis.gram.state_law import state_products
 from fingerlab.diagnosis.gram.sums import Part, RunSums, Sums
 from fingerlab.diagnosis.settings import MOST_BYTES
 from fingerlab.diagnosis.signals.segments import segments_of, senses
@@ -131,15 +132,18 @@ def run_sums(
         motion = low.wide
         sense = senses(run, motion)
         result.senses += [] if sense is None else [sense]
+        result.repairs.update(motion.repairs)
+        result.samples += (len(motion.time) - motion.lead) * run.sample_rate_hz / motion.sample_rate_hz
         live = np.ascontiguousarray(low.columns.T[low.live])
-        part = _products(low, live)
+        part, totals = _products(low, live)
         repeating = repeating_bases(low, run, asked.seek_cycle)
         if repeating is None:
-            result.add(Part(low.live + asked.start, part))
+            result.add(Part(low.live + asked.start, part, totals))
+            result.state_products += state_products(low) if motion.finger is None else []
         else:
             cyclic, trend = live @ repeating[0], live @ repeating[1]
             noise = part.products - cyclic @ cyclic.T
-            result.add(Part(low.live + asked.start, part, noise, len(low.time) - cyclic.shape[1]))
+            result.add(Part(low.live + asked.start, part, totals, noise, len(low.time) - cyclic.shape[1]))
             result.trends.append((low.live + asked.start, trend))
         result.encoder_variance = (motion.radius * motion.position_step) ** 2 / 12.0
         if keep is not None:
@@ -166,11 +170,11 @@ def _decimated(
         cache.keep(number, found)
 
 
-def _products(low: Decimated, live: Array) -> Sums:
-    """Sums over one stretch, of its live signals, (live, n)."""
+def _products(low: Decimated, live: Array) -> tuple[Sums, Array]:
+    """Sums over one stretch, of products of its live signals, (live, n), and of these, (3, live)."""
     taut = int(low.taut.sum())
     loose, still = live[:, ~low.taut], live[:, low.taut & low.rest]
-    return Sums(
+    sums = Sums(
         live @ live.T,
         loose @ loose.T if loose.shape[1] else None,
         taut,
@@ -178,3 +182,4 @@ def _products(low: Decimated, live: Array) -> Sums:
         still @ still.T if still.shape[1] else None,
         still.shape[1],
     )
+    return sums, np.stack([signals.sum(axis=1) for signals in (live, loose, still)])

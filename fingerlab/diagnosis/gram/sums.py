@@ -7,6 +7,7 @@ says nothing at moments when the cable may be slack.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from fingerlab.diagnosis.equations.features import IntArray, Layout, Pick
+from fingerlab.diagnosis.gram.run_constants import RunConstants, RunTotals
 from fingerlab.diagnosis.signals.conditions import Fold, GroupKey
 from fingerlab.diagnosis.signals.segments import Senses
 from fingerlab.effects.base import Row
@@ -35,6 +37,7 @@ class Sums:
     rest: Array | None = None
     rest_samples: int = 0
     runs: list[str] = field(default_factory=list)  # names of the runs that hold the samples
+    totals: list[RunTotals] = field(default_factory=list)  # of every one of them
 
     @property
     def samples(self) -> int:
@@ -55,6 +58,7 @@ class Sums:
         self.taut_samples += other.taut_samples
         self.slack_samples += other.slack_samples
         self.runs += other.runs
+        self.totals += other.totals
 
     def of(self, pick: Pick, noise: Array | None = None, taut_noise: Array | None = None) -> Array:
         """Products of features, (k, k), as the equations see them: none of the cable at slack moments.
@@ -147,11 +151,12 @@ def empty(size: int) -> Sums:
 class Part:
     """Sums over one or more stretches in which the same signals are ``live``, and of those alone.
 
-    ``noise`` is None where nothing repeats.
+    ``totals`` (3, live) as in :class:`RunTotals`; ``noise`` is None where nothing repeats.
     """
 
     live: IntArray
     sums: Sums
+    totals: Array
     noise: Array | None = None
     noise_samples: float = 0.0
 
@@ -161,7 +166,8 @@ class RunSums:
     """Sums of signal products over one run.
 
     ``trends`` holds for each stretch that repeats its live signals and their slow trends, (live, degrees);
-    ``senses`` what its free stretches say of the channels' signs.
+    ``senses`` what its free stretches say of the channels' signs; ``repairs`` counts samples that were put
+    right, by channel, and ``samples`` all that were read.
     """
 
     run: str
@@ -169,17 +175,30 @@ class RunSums:
     trends: list[tuple[IntArray, Array]] = field(default_factory=list)
     senses: list[Senses] = field(default_factory=list)
     encoder_variance: float = 0.0
+    state_products: list[Array] = field(default_factory=list)
+    """Of a motor alone whose motion does not come again: see ``state_law``, one for each block."""
+    repairs: Counter[str] = field(default_factory=Counter)
+    samples: float = 0.0
 
     def add(self, part: Part) -> None:
         """Count another stretch; what is alike is added up, so that a long run takes no more room."""
         for mine in self.parts:
             if np.array_equal(mine.live, part.live) and (mine.noise is None) == (part.noise is None):
                 mine.sums.add(part.sums)
+                mine.totals += part.totals
                 if mine.noise is not None and part.noise is not None:
                     mine.noise += part.noise
                 mine.noise_samples += part.noise_samples
                 return
         self.parts.append(part)
+
+    def run_totals(self, number: int, signals: int) -> RunTotals:
+        """Sums of all ``signals`` over the run, which has this ``number``."""
+        values, counts = np.zeros((3, signals)), np.zeros(3)
+        for part in self.parts:
+            values[:, part.live] += part.totals
+            counts += (part.sums.samples, part.sums.slack_samples, part.sums.rest_samples)
+        return RunTotals(number, values, counts)
 
 
 @dataclass
@@ -201,6 +220,8 @@ class Group:
     dealt: list[Fold] = field(default_factory=list)
     trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)
     """While runs are read: slow trends by condition and stretch, (signals, degrees) for each run."""
+    state_products: list[list[Array]] = field(default_factory=list)
+    """Of each run of a motor alone whose motion does not come again: see ``state_law``."""
 
     def __post_init__(self) -> None:
         self.dealt = self.dealt or [Fold(0, k) for k in range(len(self.folds))]
@@ -258,9 +279,13 @@ class Group:
 
 @dataclass
 class Reduced:
-    """All that the diagnosis needs of the sessions; ``on_bench``: all runs are of the motor alone."""
+    """All that the diagnosis needs of the sessions; ``on_bench``: all runs are of the motor alone.
+
+    ``constants`` are those that every run has of its own; None: none was found.
+    """
 
     layout: Layout
     groups: list[Group]
     on_bench: bool
     radius: float  # of the pulley, m; 1 on a bench without one
+    constants: RunConstants | None = None

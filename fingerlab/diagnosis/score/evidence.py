@@ -7,18 +7,20 @@ than a verdict needs, "nothing is missing" is no answer about that effect.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
+from fingerlab.diagnosis.score.calibration import Odds
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.selection import (
     charge,
     contact_charge,
     least_explained,
     log_odds_among,
+    much_left,
     temperature,
 )
 from fingerlab.diagnosis.settings import (
@@ -26,7 +28,9 @@ from fingerlab.diagnosis.settings import (
     CONTACT_CHARGE,
     CONTACT_SHARE,
     DECIDING_LOG_ODDS,
+    DOUBTED,
     IMPOSSIBLE,
+    LEAST_PROBABILITY,
     MOST_ODDS,
     MOST_UNDETECTED,
     NOT_BORNE_OUT,
@@ -79,6 +83,13 @@ class Evidence:
     def posterior(self) -> Array:
         """Probability of each candidate's last effect, found or not, (candidates,)."""
         return self.probabilities + self.undetected if len(self.undetected) else self.probabilities
+
+    @property
+    def odds(self) -> Odds:
+        """The same as plain numbers, to be set against trials."""
+        effects = tuple(t.last_effect.id for t in self.candidates)
+        hidden = self.undetected if len(self.undetected) else np.zeros(len(effects))
+        return Odds(effects, self.probabilities, hidden, self.nothing, self.unknown)
 
     @property
     def best(self) -> FittedModel:
@@ -169,6 +180,43 @@ def borne_out(evidence: Evidence, last: FittedModel) -> Evidence:
     found, none, other = _shared(logs)
     shares = found * shares_of(evidence.log_odds)
     return replace(evidence, probabilities=shares, nothing=none, unknown=other, logs=logs)
+
+
+def with_rivals(evidence: Evidence, log_odds: Mapping[str, float]) -> Evidence:
+    """The evidence with a share for every effect that may be the right one in place of a given one.
+
+    Args:
+        log_odds: by the effect's id, of the model with it exchanged, against the model as given and all that
+            may be missing beside it.
+    """
+    if not log_odds:
+        return evidence
+    shares = shares_of_rivals(log_odds)
+    kept = 1.0 - sum(shares.values())
+    exchanged = np.array([shares.get(t.last_effect.id, 0.0) for t in evidence.candidates])
+    probabilities = kept * evidence.probabilities + exchanged
+    odds = np.log(np.maximum(probabilities, LEAST_PROBABILITY))
+    return replace(
+        evidence,
+        probabilities=probabilities,
+        log_odds=odds - odds.max(),
+        nothing=kept * evidence.nothing,
+        unknown=kept * evidence.unknown,
+    )
+
+
+def shares_of_rivals(log_odds: Mapping[str, float]) -> dict[str, float]:
+    """Probability of each of some models that exclude each other and one more, against which the odds are."""
+    total = float(np.logaddexp.reduce([0.0, *log_odds.values()]))
+    return {name: float(np.exp(odds - total)) for name, odds in log_odds.items()}
+
+
+def doubted(evidence: Evidence) -> Evidence:
+    """The evidence where the model as given leaves so much that something is missing: known or not."""
+    if evidence.verdict != "nothing_missing" or not much_left(evidence.base):
+        return evidence
+    nothing = DOUBTED * evidence.nothing
+    return replace(evidence, nothing=nothing, unknown=evidence.unknown + evidence.nothing - nothing)
 
 
 def beside_others(evidence: Evidence, beside: Evidence) -> Evidence:

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from operator import attrgetter
 
 import numpy as np
@@ -26,6 +28,7 @@ from fingerlab.diagnosis.fit.noise import (
 )
 from fingerlab.diagnosis.fit.solver import Fitter, LeftOut, starting_arms, surprise
 from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, change, own_to_a_run
+from fingerlab.diagnosis.gram.run_constants import Offsets, RunConstants
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel, sensitivity
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, SETTLED
@@ -51,10 +54,24 @@ class Scorer:
             self._arms = starting_arms(reduced.layout, reduced.groups)
             fill_missing_noise(reduced)
             list(threads.map(limit_noise, reduced.groups))
-        self.data = Data(reduced.groups)
+        self.data = Data(reduced.groups, reduced.constants)
         self._models: dict[tuple[object, ...], Model] = {}
         self._fitters: dict[tuple[object, ...], Fitter] = {}
         self._fitters_weights: tuple[bytes, ...] = ()
+
+    @cached_property
+    def bare(self) -> FittedModel:
+        """The nominal model with its nuisances alone, under its own weights."""
+        return self.fit_reweighted([])
+
+    def with_constants(self, constants: RunConstants) -> Scorer:
+        """The same on sessions whose runs have these constants of their own."""
+        other = copy(self)
+        other.reduced = replace(self.reduced, constants=constants)
+        other.data = Data(self.reduced.groups, constants)
+        other._fitters, other._fitters_weights = {}, ()
+        other.__dict__.pop("bare", None)
+        return other
 
     @property
     def first_weights(self) -> Weights:
@@ -196,7 +213,7 @@ class Scorer:
                         one = self._square(fitter, left.values, i, (k,), left if k in unseen else None)
                         scored.setdefault((i, fold.condition), []).append(one)
                         if residuals:
-                            products[group.key] += self._products(fitted.model, left.values, i, k)
+                            products[group.key] += self._products(fitter, left.values, i, k)
         misfits = np.array([np.sum(scored[i, c], axis=0) for i, g in enumerate(groups) for c in g.conditions])
         means = {g.key: products[g.key] / max(g.samples, 1) for g in groups} if residuals else {}
         found = self._scored(fitted, fitter, misfits=misfits, in_sample=np.zeros((0, 2)), held_out=True)
@@ -269,14 +286,31 @@ class Scorer:
             square -= allowance(own, h, sums, fitter.model.coefficients(values, group)[1], left)
         return square, EFFECTIVE_SHARE * group.equations * fold.samples
 
-    def _products(self, model: Model, values: Array, i: int, k: int) -> Array:
+    def run_offsets(self, fitted: FittedModel) -> list[Offsets]:
+        """The constants that the runs of every group have of their own beside a scored model."""
+        fitter = self._fitter(fitted)
+        found = [self._offsets(fitter, fitted.fit.values, i, None) for i in range(len(self.reduced.groups))]
+        return [one for one in found if one is not None]
+
+    def _offsets(self, fitter: Fitter, values: Array, i: int, part: FoldNumbers | None) -> Offsets | None:
+        if self.data.constants is None:
+            return None
+        group, model = self.reduced.groups[i], fitter.model
+        told, weights = model.features(values, group), fitter.weights[group.key]
+        return self.data.offsets(i, part, model, told, weights, fitter.standing(i))
+
+    def _products(self, fitter: Fitter, values: Array, i: int, k: int) -> Array:
         """Sums of residual products over a fold, (5, 5); slack moments count where they are charged."""
-        group = self.reduced.groups[i]
+        group, model = self.reduced.groups[i], fitter.model
         fold = group.folds[k]
         products, slack = fold.of(model.pick), fold.slack(model.pick)
         if slack is not None and not model.slack_free:
             products = products + slack
-        return row_covariance(model, values, group, products, 1.0)
+        found = row_covariance(model, values, group, products, 1.0)
+        offsets = self._offsets(fitter, values, i, (k,))
+        if offsets is None:
+            return found
+        return offsets.taken_off(found, model, model.features(values, group), self.data.totals(i, (k,)))
 
 
 def _model_key(law: str, choices: Sequence[Choice]) -> tuple[object, ...]:

@@ -23,6 +23,7 @@ from fingerlab.diagnosis.settings import (
     CORRELATED_VALUES,
     COST_OF_A_GAIN,
     DECIDING_LOG_ODDS,
+    EARNED_MOST,
     EARNED_SHARE,
     EXCESS_SPREAD,
     LEAST_DIFFERENCE,
@@ -82,7 +83,8 @@ def freedom(fitted: FittedModel) -> int:
 
 def charge(base: FittedModel, fitted: FittedModel) -> float:
     """What is added to a model's misfit for the unknowns that its last effect brings."""
-    earned = EARNED_SHARE * freedom(fitted) * max(max(base.misfit, 0.0) - fitted.misfit, 0.0)
+    fall = max(max(base.misfit, 0.0) - fitted.misfit, 0.0)
+    earned = EARNED_SHARE * freedom(fitted) * min(fall, EARNED_MOST * base.count)
     return earned + max(fitted.widening - base.widening, 0.0)
 
 

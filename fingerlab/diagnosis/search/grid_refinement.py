@@ -38,7 +38,7 @@ from fingerlab.effects.base import Effect, Shape
 
 def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:
     """All effects in, each at the point of its grid that fits best beside the others; own weights."""
-    fitted = scorer.fit_reweighted([])
+    fitted = scorer.bare
     for one in effects:
         choices = list(fitted.choices)
         shapes = [scorer.fit([*choices, Choice(one, i)], fitted, 3) for i in range(len(one.shapes))]

@@ -18,6 +18,7 @@ from fingerlab.diagnosis.equations.features import Feature
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.solver import Fitter, bounded_step
 from fingerlab.diagnosis.fit.weights import Data, Weights, feature_weights
+from fingerlab.diagnosis.gram.run_constants import taken_up
 from fingerlab.diagnosis.score.evidence import Evidence, judge
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -65,15 +66,16 @@ class ScoreTest:
             h, jacobian = model.coefficients(values, group)
             still = EFFECTIVE_SHARE * fitter.standing(i)
             every = self.layout.every
-            self.groups.append(
-                (
-                    raw,
-                    weights,
-                    clean.across(h[None], model.pick, weights, every, still)[0],
-                    raw.across(jacobian[:, self.free].T, model.pick, weights, every, still),
-                    model.unit_coefficients(values, group),
-                )
-            )
+            pull = clean.across(h[None], model.pick, weights, every, still)[0]
+            cross = raw.across(jacobian[:, self.free].T, model.pick, weights, every, still)
+            own = data.by_constants(i, None, base.weights[group.key], fitter.standing(i), (model.pick, every))
+            if own is not None:
+                grip, (mine, theirs) = own
+                of_all = taken_up(mine, grip, theirs)
+                pull, cross = pull - h @ of_all, cross - jacobian[:, self.free].T @ of_all
+            unit = model.unit_coefficients(values, group)
+            taken = None if own is None else (own[0], own[1][1])
+            self.groups.append((raw, weights, pull, cross, unit, taken))
 
     def best_point(self, effect: Effect) -> PredictedGain:
         """The effect's grid point whose first step lowers the cost most, and by how much."""
@@ -93,9 +95,12 @@ class ScoreTest:
         slope = np.zeros(len(gains))
         shared = np.zeros((len(self.free), len(gains)))
         theirs = self.layout.every[places]
-        for raw, weights, pull, cross, unit in self.groups:
+        for raw, weights, pull, cross, unit, own in self.groups:
             columns = pick * unit[places][:, None]
-            curvature += columns.T @ (raw.of(theirs) * feature_weights(weights, theirs.rows)) @ columns
+            among = raw.of(theirs) * feature_weights(weights, theirs.rows)
+            if own is not None:
+                among -= taken_up(own[1][:, places], own[0], own[1][:, places])
+            curvature += columns.T @ among @ columns
             slope += pull[places] @ columns
             shared += cross[:, places] @ columns
         taken = self.inverse @ shared

@@ -13,6 +13,8 @@ from fingerlab.diagnosis.score.evidence import (
     beside_others,
     borne_out,
     distrusted,
+    doubted,
+    with_rivals,
     with_undetected,
 )
 from fingerlab.diagnosis.score.fitted_model import FittedModel
@@ -27,6 +29,7 @@ from fingerlab.diagnosis.search.grid_refinement import (
 )
 from fingerlab.diagnosis.search.next_effect import judge_all, rescore
 from fingerlab.diagnosis.search.path import forward_selection
+from fingerlab.diagnosis.search.rivals import Given, Rival, extended, find_rivals, odds_of_rivals
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, LEAST_FALL_BEYOND, LONGEST_PATH, NEARLY_RIGHT
 from fingerlab.effects.base import Effect
 
@@ -55,12 +58,16 @@ class Stages:
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of the sessions: which effects there are, and which of them are ``given``."""
+    """What is asked of the sessions: which effects there are, and which of them are ``given``.
+
+    ``alone``: the given effects without the rest of the catalogue, at the shapes found, and what fitted them.
+    """
 
     reduction: Reduction
     catalogue: Sequence[Effect]
     given: Sequence[Effect]
     stages: Stages
+    alone: tuple[Scorer, FittedModel] | None = None
 
 
 @dataclass(frozen=True)
@@ -71,13 +78,21 @@ class Found:
         scorer: on the whole catalogue.
         evidence: for one effect more than the model as given.
         path: models from the one as given to all that is missing.
+            Where a rival is clearly better, it leads there: its first step is an exchange.
         refined: what scored the path where its shapes were refined; None: they were not.
+        rivals: models with a given effect exchanged that the data prefer, or hardly tell from it; best first.
     """
 
     scorer: Scorer
     evidence: Evidence
     path: Sequence[FittedModel]
     refined: Scorer | None
+    rivals: Sequence[Rival] = ()
+
+    @property
+    def better(self) -> Rival | None:
+        """The rival that the path leads to, if one is clearly better."""
+        return self.rivals[0] if self.rivals and self.rivals[0].better else None
 
 
 @dataclass(frozen=True)
@@ -122,13 +137,33 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
         evidence = rescore(scorer, evidence, weights)
         path = [evidence.base, *path[1:]]
     evidence = borne_out(evidence, path[-1])
+    rivals: list[Rival] = []
+    if question.alone is not None:
+        path = [evidence.base, *path[1:]]
+        rivals = _rivals(question, Given(scorer, path[0], *question.alone), path, refined or scorer)
+        evidence = with_rivals(evidence, odds_of_rivals(rivals))
+        if rivals and rivals[0].better:
+            path, refined = [evidence.base, *rivals[0].steps], rivals[0].scorer
+    evidence = doubted(evidence)
     candidates = (_with_no_turn(scorer, evidence.base, one) for one in evidence.candidates)
     evidence = replace(
         evidence,
         base=scorer.with_sensitivity(evidence.base),
         candidates=tuple(map(scorer.with_sensitivity, candidates)),
     )
-    return Found(scorer, with_undetected(evidence), path, refined)
+    return Found(scorer, with_undetected(evidence), path, refined, rivals)
+
+
+def _rivals(
+    question: Question, given: Given, path: Sequence[FittedModel], path_scorer: Scorer
+) -> list[Rival]:
+    """The rivals of the model as given and its path; a better one with what is missing beside it."""
+    watch = question.stages.part(0.97, 0.99)
+    rivals = find_rivals(question.reduction, given, path, path_scorer, watch)
+    if not (rivals and rivals[0].better and asks_for_more(rivals[0].fitted)):
+        return rivals
+    first = extended(question.reduction, question.catalogue, rivals[0], path[0].weights, watch)
+    return [first, *rivals[1:]]
 
 
 def _path(

@@ -79,6 +79,29 @@ def _close(one: object, other: object, difference: float) -> bool:
     return abs(one - other) <= max(difference, SAME_SHARE * max(abs(one), abs(other)))
 
 
+def repeated_motions(runs: Sequence[Run]) -> list[int | None]:
+    """For each run a number that runs told just the same motion share; None: nothing tells it.
+
+    Stricter than the conditions: all that the trajectories say must agree, not only what usually matters.
+    """
+    seen: list[Run] = []
+    found: list[int | None] = []
+    for run in runs:
+        if not all(isinstance(run.trajectory.get(name), int | float) for name in TOLD[:2]):
+            found.append(None)
+            continue
+        place = next((k for k, other in enumerate(seen) if _told_the_same(run, other)), len(seen))
+        if place == len(seen):
+            seen.append(run)
+        found.append(place)
+    return found
+
+
+def _told_the_same(one: Run, other: Run) -> bool:
+    mine, theirs = ({k: v for k, v in run.trajectory.items() if k not in TOLD} for run in (one, other))
+    return group_key(one) == group_key(other) and mine == theirs and _alike(one.trajectory, other.trajectory)
+
+
 GroupKey = tuple[str, str]
 
 

@@ -26,6 +26,8 @@ from fingerlab.diagnosis.settings import (
     USUAL_INERTIA,
 )
 from fingerlab.diagnosis.signals.filters import derivative_kernels, differentiate
+from fingerlab.diagnosis.signals.repairs import BRIDGED, bridged, without_spikes
+from fingerlab.diagnosis.signals.scales import as_recorded, scales_of
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Rig
@@ -51,10 +53,8 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
     rate = run.sample_rate_hz
     first = int(SETTLING_S * rate)
     if run.length - first < SHORTEST_STRETCH_S * rate:
-        raise UserError(
-            f"Run {run.name} lasts {run.length / rate:.1f} s; "
-            f"a diagnosis needs at least {SETTLING_S + SHORTEST_STRETCH_S:g} s."
-        )
+        lasts = as_recorded(run).seconds
+        raise UserError(f"Run {run.name} lasts {lasts:.1f} s; a diagnosis needs at least {_least(run)}.")
     length = int(LONGEST_STRETCH_S * rate)
     none = True
     for start in range(first, run.length, length):
@@ -65,9 +65,13 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
                 yield motion
     if none:
         raise UserError(
-            f"Run {run.name} has so many gaps that no {SETTLING_S + SHORTEST_STRETCH_S:g} s of it are whole; "
-            "record it again, or leave it out."
+            f"Run {run.name} has so many gaps that no {_least(run)} of it are whole; record it again, or "
+            "leave it out."
         )
+
+
+def _least(run: Run) -> str:
+    return f"{(SETTLING_S + SHORTEST_STRETCH_S) * scales_of(run).time:g} s"
 
 
 def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int) -> Iterator[Motion]:
@@ -77,9 +81,19 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
     extra = "load_torque" if on_bench else "endpoint_force" if run.phase == "contact" else ""
     names += [extra] if run.has(extra) else []
     samples = run.load(["time", *names], start - lead, stop)  # the file is opened once
+    samples, lost_samples = bridged(samples, run.sample_rate_hz)
     for piece, its_lead in _whole(samples["time"], run.sample_rate_hz, lead):
         mine = {name: values[piece] for name, values in samples.items()}
+        repairs = {BRIDGED: lost_samples} if lost_samples else {}
+        for name in names:
+            if name != "endpoint_force":
+                _check_numbers(run, name, mine[name], start - lead + piece.start)
+            mine[name], spikes = without_spikes(mine[name])
+            counted = int(np.sum(spikes >= its_lead))
+            repairs |= {name: counted} if counted else {}
         motion = _motion(run, rig, start - lead + piece.start, mine, on_bench, its_lead)
+        motion = replace(motion, repairs=repairs)
+        lost_samples = 0  # told once
         lost = float(mine["time"][0] - samples["time"][0]) - piece.start / run.sample_rate_hz
         yield replace(motion, time=motion.time + lost) if piece.start else motion
 
@@ -115,7 +129,6 @@ def _motion(
     kernels, step = derivative_kernels(run.sample_rate_hz)
 
     def read(name: str) -> Array:
-        _check_numbers(run, name, samples[name], first)
         return differentiate(samples[name], kernels, step)
 
     position, torque = read("motor_position"), read("motor_torque")
@@ -219,6 +232,7 @@ class Senses:
     follows: tuple[float, float]
     tension: float
     pushes: float
+    newton: float = 1.0  # what a tension is multiplied by to be told
 
 
 def senses(run: Run, motion: Motion) -> Senses | None:
@@ -244,7 +258,9 @@ def senses(run: Run, motion: Motion) -> Senses | None:
         return None
     follows = tuple(_follows(motion, angle) for angle in (motion.joints.mcp, motion.joints.pip))
     pull = motion.tension[motion.lead :]
-    return Senses(run.name, run.cable, (follows[0], follows[1]), float(pull.mean()), float(np.mean(pull < 0)))
+    newton = scales_of(run).of("N")
+    mean, pushes = float(pull.mean()), float(np.mean(pull < 0))
+    return Senses(run.name, run.cable, (follows[0], follows[1]), mean, pushes, newton)
 
 
 def _follows(motion: Motion, angle: Array) -> float:
@@ -279,7 +295,8 @@ def check_senses(seen: Sequence[Senses]) -> None:
     if all(one.tension < PUSHES_N and one.pushes > ALWAYS for one in seen):
         raise UserError(
             f"The motor's torque would push the cable in every free run (run {first.run}: "
-            f"{first.tension:.3g} N on average), which no cable can; turn the sign of motor_torque."
+            f"{first.tension * first.newton:.3g} N on average), which no cable can; turn the sign of "
+            "motor_torque."
         )
 
 

@@ -6,7 +6,7 @@ import dataclasses
 import json
 import math
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +74,7 @@ def record(
     effects: Mapping[str, float | None],
     seed: int,
     duration_s: float | None = None,
+    kept: Sequence[int] | None = None,
 ) -> dict[str, Any]:
     """Take a session with the named effects in the bench.
 
@@ -81,6 +82,7 @@ def record(
         path: file to write; must not exist. protocol: ``rich`` or ``thesis``.
         effects: catalogue id -> strength in the unit of ``effects.EFFECTS``, or None to draw one.
         seed: same seed, same bench, same noise. duration_s: of each run; 20 s and 30 s as a rule.
+        kept: numbers of the protocol's runs that are taken; None: all.
 
     Returns:
         What was put in: protocol, seed, strength by effect, and the true bench.
@@ -94,11 +96,12 @@ def record(
         EFFECTS[name].change(bench, strengths[name], own)
     plans, seconds = PROTOCOLS[protocol]
     seconds = duration_s or seconds
+    taken = plans() if kept is None else [plans()[i] for i in kept]
     press = find_press(bench)
     with SessionWriter(
         path, json.dumps(NOMINAL), f"second engine, {protocol}", created=CREATED, float32=True
     ) as writer:
-        for plan in plans():
+        for plan in taken:
             wave = {**press, **plan.trajectory}
             wear = 1.0 + bench.wander * float(np.clip(rng.standard_normal(), -2, 2))
             channels = _take(bench, plan, command(wave, seconds), wear, rng)

@@ -52,9 +52,6 @@ class Trial:
         )
 
 
-HEADER = "protocol seed truth / verdict / rank / in set / score nominal, final / model | set"
-
-
 def blind_trial(
     effects: Mapping[str, float | None],
     seed: int,

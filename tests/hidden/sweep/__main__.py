@@ -19,13 +19,14 @@ from tests.hidden.sweep.table import markdown, summary
 from tests.hidden.sweep.trials import Trial, nothing, outside, pairs, singles
 
 KINDS = ("rich", "thesis", "after", "pairs", "outside", "engine")
+POPULATION = "population"
 
 
-def _one(trial: Trial) -> dict[str, object]:
+def _one(trial: Trial, recordings: Path | None, own_size: bool) -> dict[str, object]:
     from tests.hidden.sweep.running import run  # what it brings is asked for by the processes that need it
 
     with threadpool_limits(limits=1, user_api="blas"):
-        return run(trial)
+        return run(trial, recordings, own_size)
 
 
 def trials(kinds: set[str], ids: list[str], seeds: list[int]) -> list[Trial]:
@@ -52,9 +53,23 @@ def trials(kinds: set[str], ids: list[str], seeds: list[int]) -> list[Trial]:
 
 
 @click.command()
-@click.option("--kind", "kinds", multiple=True, type=click.Choice(KINDS), help="Repeatable; default all.")
+@click.option(
+    "--kind",
+    "kinds",
+    multiple=True,
+    type=click.Choice([*KINDS, POPULATION]),
+    help="Repeatable; default all but the population.",
+)
 @click.option("--effect", "effects", multiple=True, help="Only these effects; default the whole catalogue.")
 @click.option("--seeds", default=5, show_default=True, help="Seeds for each effect and protocol.")
+@click.option("--first", default=1, show_default=True, help="First seed of the population.")
+@click.option("--count", default=600, show_default=True, help="Benches of the population.")
+@click.option("--own-size", is_flag=True, help="Leave the population's benches at the thesis' size.")
+@click.option(
+    "--recordings",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Keep the population's sessions in this folder, and take them from there when they are there.",
+)
 @click.option("--jobs", default=-1, show_default=True, help="Processes; -1 is one for each core.")
 @click.option("--results", default="hidden-effects.jsonl", type=click.Path(path_type=Path), show_default=True)
 @click.option(
@@ -62,11 +77,17 @@ def trials(kinds: set[str], ids: list[str], seeds: list[int]) -> list[Trial]:
 )
 @click.option("--command", default="python -m tests.hidden.sweep", hidden=True)
 def main(
-    kinds: tuple[str, ...], effects: tuple[str, ...], seeds: int, jobs: int, results: Path,
-    table: Path | None, command: str,
+    kinds: tuple[str, ...], effects: tuple[str, ...], seeds: int, first: int, count: int, own_size: bool,
+    recordings: Path | None, jobs: int, results: Path, table: Path | None, command: str,
 ) -> None:  # fmt: skip
     """Run blind trials, and say how often the diagnosis was right."""
     wanted = trials(set(kinds or KINDS), list(effects) or list(EFFECTS), [101 + s for s in range(seeds)])
+    if POPULATION in kinds:
+        from tests.hidden.sweep.surroundings import population
+
+        wanted += population(first, count)
+    if recordings is not None:
+        recordings.mkdir(parents=True, exist_ok=True)
     known: dict[str, dict[str, object]] = {}
     if results.exists():
         for line in results.read_text(encoding="utf-8").splitlines():
@@ -75,7 +96,9 @@ def main(
     left = [t for t in wanted if t.key not in known]
     console = Console(stderr=True)
     with results.open("a", encoding="utf-8") as file:
-        work = Parallel(n_jobs=jobs, return_as="generator_unordered")(delayed(_one)(t) for t in left)
+        work = Parallel(n_jobs=jobs, return_as="generator_unordered")(
+            delayed(_one)(t, recordings, own_size) for t in left
+        )
         for entry in track(work, "Blind trials", total=len(left), console=console):
             file.write(json.dumps(entry) + "\n")
             file.flush()

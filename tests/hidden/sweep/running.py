@@ -16,6 +16,7 @@ from click.testing import CliRunner
 from fingerlab.cli.main import cli
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.diagnosis.score.calibration import session_features
 from fingerlab.prediction import fit_extended, predict_extended
 from fingerlab.sessions import Session, open_session
 from tests.hidden.sweep.trials import Trial
@@ -26,12 +27,18 @@ LEAST_PROBABILITY = 1e-300
 """Odds are counted down to here; beyond, a probability is zero in double precision."""
 
 
-def run(trial: Trial) -> dict[str, Any]:
+def run(trial: Trial, recordings: Path | None = None, own_size: bool = False) -> dict[str, Any]:
     """Record, diagnose, and keep what was said; a failure is a result, too.
+
+    Args:
+        recordings: folder in which sessions of varied benches are kept, and taken from when they are there.
+        own_size: leave varied benches at the thesis' size.
 
     With ``proposed``, the proposed experiment is recorded on the same bench wherever the set has more than
     one member or the first is wrong, and both sessions are diagnosed together: ``after``.
     """
+    if trial.varied:
+        return _run_varied(trial, recordings, own_size)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "session.h5"
         try:
@@ -45,6 +52,24 @@ def run(trial: Trial) -> dict[str, Any]:
         except Exception as error:  # the sweep goes on, and the table counts it as wrong
             return {"trial": asdict(trial), "failed": f"{type(error).__name__}: {error}"}
     return result
+
+
+def _run_varied(trial: Trial, recordings: Path | None, own_size: bool) -> dict[str, Any]:
+    """The same for a bench of the population: its session may be there already, and one diagnosis is made."""
+    from tests.hidden.sweep.surroundings import open_varied, record_varied, surroundings
+
+    about: dict[str, Any] = {"trial": asdict(trial), "surroundings": asdict(surroundings(trial))}
+    with tempfile.TemporaryDirectory() as folder:
+        kept = Path(folder) if recordings is None else recordings
+        path = kept / f"{trial.seed}.h5"
+        try:
+            if not path.exists():
+                record_varied(trial, path)
+            session = open_session(path) if own_size else open_varied(trial, path)
+            said = diagnose([session], with_curves=False, left_out=trial.left_out)
+            return {**about, **told(trial, said), **features(session, said)}
+        except Exception as error:  # the sweep goes on, and the table counts it as wrong
+            return {**about, "failed": f"{type(error).__name__}: {error}"}
 
 
 def _settled(trial: Trial, said: Diagnosis) -> bool:
@@ -129,6 +154,24 @@ def simulate(*arguments: str) -> None:
     done = CliRunner().invoke(cli, ["simulate", *arguments])
     if done.exit_code != 0:
         raise RuntimeError(str(done.exception or done.output.strip().splitlines()[-1]))
+
+
+def features(session: Session, said: Diagnosis) -> dict[str, Any]:
+    """What a calibration is fitted to, so that it can be fitted again without a trial: odds and session."""
+    assert said.odds is not None
+    odds = said.odds
+    usual, kind = session_features(session.runs, said.errors.values(), said.score, said.path[-1].score)
+    return {
+        "odds": {
+            "effects": list(odds.effects),
+            "found": odds.found.tolist(),
+            "hidden": odds.hidden.tolist(),
+            "nothing": odds.nothing,
+            "unknown": odds.unknown,
+        },
+        "session": usual,
+        "phases": kind,
+    }
 
 
 def told(trial: Trial, said: Diagnosis) -> dict[str, Any]:

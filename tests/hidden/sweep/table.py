@@ -287,12 +287,17 @@ def markdown(entries: Sequence[Entry], command: str, before: str = "") -> str:
         "# Hidden effects: what the diagnosis finds without being told", "",
         f"Made by `{command}`. Every session is recorded on a bench with tolerances, noise and",
         "the effect at 0.6 to 1.6 times its default strength; the diagnosis sees the file alone.", "",
-        *kept_by_hand(before), "", *_table([["what", "figure"], *map(list, figures(entries))]), "",
-        "## By effect", "", *_table(by_effect(entries)),
+        *kept_by_hand(before), "", *markdown_table([["what", "figure"], *map(list, figures(entries))]), "",
+        "## By effect", "", *markdown_table(by_effect(entries)),
     ]  # fmt: skip
     missed = not_found(entries)
     if len(missed) > 1:
-        lines += ["", "## Pairs and effects outside the catalogue that were missed", "", *_table(missed)]
+        lines += [
+            "",
+            "## Pairs and effects outside the catalogue that were missed",
+            "",
+            *markdown_table(missed),
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -305,6 +310,6 @@ def kept_by_hand(text: str) -> list[str]:
     return lines[lines.index(start) : lines.index(stop) + 1]
 
 
-def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+def markdown_table(rows: Sequence[Sequence[str]]) -> list[str]:
     head, *rest = ["| " + " | ".join(row) + " |" for row in rows]
     return [head, "|" + "---|" * len(rows[0]), *rest]

@@ -18,10 +18,12 @@ class Trial:
     """One blind trial.
 
     Attributes:
-        source: ``twin`` or ``engine``. protocol: ``rich`` or ``thesis``.
+        source: ``twin`` or ``engine``. protocol: ``rich`` or ``thesis``; ``short`` or ``motor-bench`` of
+            varied benches.
         effects: ids put into the bench. seed: of the bench, its noise and the strengths.
         left_out: effects taken out of the catalogue, so that nothing in it is right.
         proposed: whether the proposed experiment is recorded too, and diagnosed with the session.
+        varied: whether the seed draws size, rate, runs, noise and dirt, too (``surroundings``).
     """
 
     source: str
@@ -30,6 +32,7 @@ class Trial:
     seed: int
     left_out: tuple[str, ...] = ()
     proposed: bool = False
+    varied: bool = False
 
     @property
     def key(self) -> str:

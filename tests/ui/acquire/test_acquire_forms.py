@@ -156,6 +156,7 @@ def test_a_torque_given_point_by_point_can_be_chosen(rig: Rig, tmp_path: Path) -
     assert motion.settings() == {"kind": "torque", "file": str(table)}
 
 
+@pytest.mark.qt_log_ignore("This plugin does not support")  # dialogs, on a screen that is none
 def test_every_form_is_whole_and_every_live_plot_is_saved(rig: Rig, tmp_path: Path) -> None:
     panel = rig.tab.panel
     save_each_plot(rig.window, tmp_path / "plots", 4)

@@ -6,9 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QApplication
 
+from fingerlab.cli import main
 from fingerlab.ui.app import application, window
 from fingerlab.ui.app import tab_registry as registry
 from fingerlab.ui.app.settings import Settings
@@ -49,3 +51,16 @@ def test_a_session_named_on_the_command_line_is_opened_and_closing_ends_the_prog
         timer.stop()
     assert set(seen) == {"invented.h5 – FingerLab"}
     assert settings.recent() == [session_file.resolve()]
+
+
+def test_a_file_in_place_of_a_command_opens_the_window_with_it(
+    session_file: Path,
+    monkeypatch,  # type: ignore[no-untyped-def]
+) -> None:
+    opened: list[list[str]] = []
+    monkeypatch.setattr(application, "run", lambda arguments: opened.append(arguments) or 0)
+    for arguments in ([str(session_file)], [str(session_file)] * 2, []):
+        with pytest.raises(SystemExit) as ended:
+            main(arguments)
+        assert ended.value.code == 0
+        assert opened.pop() == arguments

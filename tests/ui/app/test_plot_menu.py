@@ -27,6 +27,8 @@ from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.widgets.plots import DecimatedCurve, QuietPlot
 from fingerlab.ui.widgets.theme import colours_of
 
+from ..saving import press_save
+
 pytestmark = pytest.mark.qt_log_ignore("This plugin does not support")  # menus, on a screen that is none
 
 TIME = np.arange(60_000) / 1000.0
@@ -96,6 +98,8 @@ def save(monkeypatch: pytest.MonkeyPatch, window: MainWindow, plot: QWidget, pat
     plot.setFocus()
     keys = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
     QTest.keyClick(window, Qt.Key.Key_S, keys)
+    assert window.plots.dialog is not None
+    press_save(window.plots.dialog)
 
 
 def test_numbers_of_a_long_curve_are_all_there_with_name_and_unit(
@@ -134,11 +138,10 @@ def test_a_picture_on_the_clipboard_shows_the_curve(qtbot: QtBot, window: MainWi
     menu = right_click(qtbot, window, plot)
     QTest.keyClick(menu, Qt.Key.Key_C)
     image = QGuiApplication.clipboard().image()
-    assert image.width() == 2 * plot.width()
-    ink = colours_of(plot).measured
-    found = [image.pixelColor(x, y).name() for x in range(image.width() // 2, image.width() // 2 + 4)
-             for y in range(image.height())]  # fmt: skip
-    assert ink in found
+    assert image.width() == pytest.approx(2 * plot.width(), abs=1)
+    column = [image.pixelColor(image.width() // 2, y).lightness() for y in range(image.height())]
+    assert min(column) < 60  # the curve, nearly black
+    assert image.pixelColor(1, 1).name() == "#ffffff"
 
 
 @pytest.mark.parametrize("name", ["long", "dots", "live"])
@@ -159,7 +162,37 @@ def test_vector_pictures_are_lines_and_letters(
     assert b"/Subtype /Image" not in content
     assert b"/Font" in content
     read = QImage(str(png))
-    assert (read.width(), read.height()) == (2 * plot.width(), 2 * plot.height())
+    assert (read.width(), read.height()) == pytest.approx(
+        (2 * plot.width(), 2 * max(plot.height(), 60 / 25.4 * 96)), abs=1
+    )
+
+
+def test_size_title_and_fineness_are_what_was_asked_and_are_offered_again(
+    window: MainWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    proposed = []
+
+    def ask(_parent: object, _title: str, path: str, _kinds: str) -> tuple[str, str]:
+        proposed.append(Path(path).name)
+        return str(tmp_path / "asked.png"), ""
+
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", staticmethod(ask))
+    window.plots.ask_and_save(plots_of(window).long)
+    dialog = window.plots.dialog
+    assert dialog is not None
+    dialog.title.setText("Force, run 3: $5 a newton")
+    dialog.size_choice.setCurrentIndex(dialog.size_choice.findData("column"))
+    dialog.fineness.setCurrentIndex(dialog.fineness.findData("600"))
+    tall = dialog.height_mm.value()
+    press_save(dialog)
+    image = QImage(str(tmp_path / "asked.png"))
+    assert (image.width(), image.height()) == pytest.approx((85 / 25.4 * 600, tall / 25.4 * 600), abs=1)
+    assert proposed == ["force-run-3-5-a-newton.png"]
+    window.plots.ask_and_save(plots_of(window).dots)
+    assert window.plots.dialog is not None
+    assert window.plots.dialog.width_mm.value() == 85
+    assert window.plots.dialog.fineness.currentData() == "600"
+    window.plots.dialog.reject()
 
 
 def test_another_ending_and_a_plot_without_curves_are_one_sentence(

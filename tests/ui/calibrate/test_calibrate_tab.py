@@ -371,6 +371,7 @@ def test_what_was_accepted_counts_at_the_next_connection(
     assert opened.calibrations == tmp_path / "rig"
 
 
+@pytest.mark.qt_log_ignore("This plugin does not support")  # dialogs, on a screen that is none
 def test_every_page_of_the_wizard_is_whole_and_its_plots_are_saved(bench: Bench, tmp_path: Path) -> None:
     look(bench.window)
     bench.click("start-load-cell")

@@ -136,6 +136,7 @@ def test_a_fit_that_is_not_possible_is_one_sentence(qtbot: QtBot, window: MainWi
     assert fit_of(window).found is None
 
 
+@pytest.mark.qt_log_ignore("This plugin does not support")  # dialogs, on a screen that is none
 def test_every_plot_is_saved_in_every_format(analysed: MainWindow, tmp_path: Path) -> None:
     save_each_plot(analysed, tmp_path / "plots", 5)  # two speeds, the plane, R2 and delays
     bars = fit_of(analysed).view.r2.shown_series()

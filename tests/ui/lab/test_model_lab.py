@@ -312,6 +312,7 @@ def test_recent_files_are_offered_at_the_next_start(opened: MainWindow, make_win
     assert lab_of(again).view.isVisible()
 
 
+@pytest.mark.qt_log_ignore("This plugin does not support")  # dialogs, on a screen that is none
 def test_every_plot_is_saved_in_every_format(opened: MainWindow, tmp_path: Path) -> None:
     save_each_plot(opened, tmp_path / "missing", 3)  # curves, fingerprint, error path
     QTest.keyClick(opened, Qt.Key.Key_F3)

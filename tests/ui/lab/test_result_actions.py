@@ -14,6 +14,7 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import EquationError, HeldOutRuns
 from fingerlab.models.file import load_model
+from fingerlab.models.project import project_path
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import single_run
@@ -43,6 +44,7 @@ def pressed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def window(qtbot: QtBot, make_window: Any, pressed: Path) -> MainWindow:
     tabs = tuple(e for e in lab_with(invented_diagnosis) if e.key in ("predict", "model_lab"))
     made: MainWindow = make_window(tab="model_lab", tabs=tabs)
+    project_path([pressed]).unlink(missing_ok=True)  # of the test before
     made.context.open_paths([pressed])
     wait_for_result(qtbot, made)
     QTest.keyClick(made, Qt.Key.Key_F6)
@@ -55,7 +57,7 @@ def test_what_became_of_the_force_is_said_where_the_model_is_judged(qtbot: QtBot
         replace(one, errors={**one.errors, "endpoint_force": EquationError("N", rmse, 0.99, 0.05)})
         for one, rmse in ((invented.nominal_diagnosis("a"), 0.91), (invented.friction_diagnosis("a"), 0.06))
     )
-    panel, history = TruthPanel(), ModelHistory(with_force)
+    panel, history = TruthPanel(), ModelHistory([ModelStep((), with_force)])
     qtbot.addWidget(panel)
     panel.show_history(history)
     assert "The error of the endpoint force on them is 0.910 N (floor 0.050 N)." in panel.held_out.text()
@@ -71,7 +73,7 @@ def test_where_the_panel_is_narrow_buttons_go_on_below_and_a_row_stays_one_line(
     now = replace(invented.nominal_diagnosis("a"), held_out=(told, replace(told, runs=("010",), score=2.0)))
     panel = TruthPanel()
     qtbot.addWidget(panel)
-    panel.show_history(ModelHistory(now))
+    panel.show_history(ModelHistory([ModelStep((), now)]))
     panel.show()
     buttons = (panel.hand, panel.predict, panel.save, panel.report)
     heights = []

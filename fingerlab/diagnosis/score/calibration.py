@@ -1,0 +1,307 @@
+"""From odds to probabilities that are right as often as they say, learned on a population of benches.
+
+The odds of ``evidence`` rest on models none of which is quite the bench's. Their numbers are therefore set
+against trials in which it is known what was missing: a map with few values turns them into probabilities, and
+a set holds every answer whose log odds against the best are such as the truth had in 95 % of the trials with
+that verdict and an effect of that kind (split conformal sets, Mondrian by verdict and effect or family). The
+values stand in ``resources/calibration.json``, which ``python -m tests.hidden.sweep.calibrate`` makes. A
+session that is unlike those of the trials is told as such, and its odds are drawn together.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any, Protocol
+
+import numpy as np
+
+from fingerlab.core.plain_data import structured
+from fingerlab.diagnosis.settings import LEAST_ODDS, MOST_LEFT, UNUSUAL, WIDENING
+from fingerlab.effects import find_effect
+from fingerlab.sessions.model import Array, Run
+
+
+class HeldOutError(Protocol):
+    """What the model as given leaves of one equation, in the equation's unit."""
+
+    @property
+    def rmse(self) -> float: ...
+    @property
+    def r2(self) -> float: ...
+    @property
+    def floor(self) -> float: ...
+
+
+NOTHING, UNKNOWN = "nothing_missing", "not_in_catalogue"
+"""The two answers that are no effect."""
+
+
+@dataclass(frozen=True)
+class Odds:
+    """What the evidence says before it is set against trials; all together 1.
+
+    Attributes:
+        effects: ids. found: probability of each that it is missing and seen, (effects,).
+        hidden: that it is there and could not show, (effects,). nothing, unknown: of the other answers.
+    """
+
+    effects: tuple[str, ...]
+    found: Array
+    hidden: Array
+    nothing: float
+    unknown: float
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        """Everything that can be the truth: the effects, and the two answers that are none."""
+        return (*self.effects, NOTHING, UNKNOWN)
+
+
+@dataclass(frozen=True)
+class ProbabilityMap:
+    """Values of the map from odds to probabilities; log odds are multiplied by a sharpness.
+
+    Attributes:
+        verdict: sharpness among "an effect is seen", "none is seen" and "something unknown".
+        quiet, strange: log odds added for "none is seen" and "something unknown".
+        verdict_lapse: log odds that this verdict says nothing, where the floor is reached in the end; by
+            ``verdict_lapse_left`` more for each unit of the logarithm of what is left. ``base_rates`` of the
+            three hold then.
+        effect: sharpness among the effects. blunt: the same where the law of the truth is far from the
+            bench's; ``lapse`` and ``lapse_left`` are the log odds of that, as before.
+        hidden: log odds added for an effect that could not show, against nothing.
+    """
+
+    verdict: float = 1.0
+    quiet: float = 0.0
+    strange: float = 0.0
+    verdict_lapse: float = -5.0
+    verdict_lapse_left: float = 0.0
+    base_rates: tuple[float, ...] = (0.7, 0.2, 0.1)
+    effect: float = 1.0
+    blunt: float = 0.1
+    lapse: float = -5.0
+    lapse_left: float = 0.0
+    hidden: float = 0.0
+
+    def probabilities(self, odds: Odds, left: float = 1.0, widening: float = 1.0) -> Array:
+        """Probability of each of ``odds.answers``.
+
+        Args:
+            left: error that the path leaves, in floors. widening: divides the log odds of verdict and effect.
+        """
+        more = min(max(math.log(max(left, 1.0)), 0.0), MOST_LEFT)
+        verdict_lapse = _share(self.verdict_lapse + self.verdict_lapse_left * more)
+        lapse = _share(self.lapse + self.lapse_left * more)
+        found, hidden = _logs(odds.found), _logs(odds.hidden)
+        nothing = float(_logs(np.array([odds.nothing]))[0])
+        seen = float(np.logaddexp.reduce(found, initial=LEAST_ODDS))
+        quiet = float(np.logaddexp.reduce(hidden, initial=nothing))
+        unknown = float(_logs(np.array([odds.unknown]))[0])
+        groups = self.verdict / widening * np.array([seen, quiet, unknown])
+        groups += np.array([0.0, self.quiet, self.strange])
+        shares = (1.0 - verdict_lapse) * _softmax(groups)
+        shares += verdict_lapse * np.array(self.base_rates)
+        if not len(found):
+            total = float(shares[1] + shares[2])
+            return np.array([shares[1] / total, shares[2] / total])
+        among = (1.0 - lapse) * _softmax(self.effect / widening * found)
+        among += lapse * _softmax(self.blunt / widening * found)
+        unseen = _softmax(np.array([*(hidden + self.hidden), nothing]))
+        effects = shares[0] * among + shares[1] * unseen[:-1]
+        return np.array([*effects, shares[1] * unseen[-1], shares[2]])
+
+
+def _logs(values: Array) -> Array:
+    return np.log(np.maximum(values, math.exp(LEAST_ODDS)))
+
+
+def _share(log_odds: float) -> float:
+    return 1.0 / (1.0 + math.exp(-log_odds))
+
+
+def _softmax(logs: Array) -> Array:
+    weights = np.exp(logs - logs.max())
+    return np.asarray(weights / weights.sum())
+
+
+@dataclass(frozen=True)
+class SessionFeature:
+    """How a property of sessions lies in the trials: ``middle`` and ``spread`` are of its logarithm.
+
+    The spread is half the width that nine trials in ten have; ``low`` and ``high`` are its ends in ``unit``.
+    """
+
+    title: str
+    unit: str
+    middle: float
+    spread: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class CalibrationTable:
+    """What was learned from trials.
+
+    Attributes:
+        version: of the table. fitted: trials that it was fitted to. judged: trials that judged it, each by
+            a table fitted to others.
+        population: what the trials are, in words.
+        map: from odds to probabilities.
+        thresholds: log odds against the best down to which an answer is in the set, by verdict and effect as
+            "missing_effect/cable_slack", by verdict and family, by verdict, and "any".
+        features: of a session, by name. oddness: the largest distance of a feature from its middle, in
+            spreads, which shares of the trials lie beyond: ``len(oddness)`` values, evenly from all to none.
+        kinds: share of the trials by the phases of their runs.
+        error: expected calibration error. coverage: of the sets; both on the trials that judged it.
+    """
+
+    version: str
+    fitted: int
+    judged: int
+    population: str
+    map: ProbabilityMap
+    thresholds: Mapping[str, float]
+    features: Mapping[str, SessionFeature]
+    oddness: tuple[float, ...]
+    kinds: Mapping[str, float]
+    error: float
+    coverage: float
+
+    def threshold(self, verdict: str, answer: str) -> float:
+        """Log odds against the best (not below 0) down to which an answer is in the set."""
+        found = [self.thresholds[name] for name in groups_of(verdict, answer) if name in self.thresholds]
+        return max(found[0], 0.0)
+
+    def conformal_set(self, verdict: str, answers: Sequence[str], probabilities: Array) -> tuple[str, ...]:
+        """The answers that cannot be ruled out, likeliest first; the likeliest is always among them."""
+        behind = answer_distances(probabilities)
+        order = np.argsort(behind, kind="stable")
+        return tuple(answers[i] for i in order if behind[i] <= self.threshold(verdict, answers[i]))
+
+    def typicality(self, features: Mapping[str, float], kind: str) -> tuple[float, tuple[str, ...]]:
+        """Share of the trials that are no more usual than a session, and what is unusual about it, in words.
+
+        Args:
+            features: as of :func:`session_features`. kind: the phases of its runs, in order, with blanks.
+        """
+        far = {
+            name: abs(math.log(max(value, 1e-12)) - self.features[name].middle) / self.features[name].spread
+            for name, value in features.items()
+            if name in self.features
+        }
+        beyond = np.linspace(1.0, 0.0, len(self.oddness))
+        share = float(np.interp(max(far.values(), default=0.0), self.oddness, beyond))
+        limit = float(np.interp(1.0 - UNUSUAL, 1.0 - beyond, self.oddness))
+        words = [_unusual(self.features[name], features[name]) for name, by in far.items() if by > limit]
+        same = self.kinds.get(kind, 0.0)
+        if self.kinds and same < UNUSUAL:
+            share = min(share, same)
+            told = kind.replace("_", " ") or "no"
+            words.insert(0, f"runs {told} alone")
+        return share, tuple(words)
+
+
+def _unusual(feature: SessionFeature, value: float) -> str:
+    at, low, high = (f"{float(f'{v:.2g}'):g}" for v in (value, feature.low, feature.high))
+    unit = f" {feature.unit}" if feature.unit else ""
+    return f"{feature.title} {at}{unit} (mostly {low} to {high}{unit})"
+
+
+def groups_of(verdict: str, answer: str) -> tuple[str, ...]:
+    """Names of the groups whose trials say how far an answer may lie behind, the narrowest first."""
+    effect = find_effect(answer)
+    family = () if effect is None else (f"{verdict}/{effect.family}",)
+    return (f"{verdict}/{answer}", *family, verdict, "any")
+
+
+def answer_distances(probabilities: Array) -> Array:
+    """Log odds of each answer against the best, turned to be positive, (answers,)."""
+    logs = np.log(np.maximum(probabilities, 1e-300))
+    return np.asarray(logs.max() - logs)
+
+
+@dataclass(frozen=True)
+class CalibratedAnswer:
+    """What a diagnosis says of its own probabilities.
+
+    Attributes:
+        version, fitted, judged, population, error, coverage: as in :class:`CalibrationTable`.
+        typicality: share of the trials that are no more usual than this session, 0 to 1.
+        unusual: what is unusual about it, in words. widening: by how much its log odds were drawn together.
+        cannot_be_ruled_out: the conformal set over effects and "nothing_missing", "not_in_catalogue".
+    """
+
+    version: str
+    fitted: int
+    judged: int
+    population: str
+    error: float
+    coverage: float
+    typicality: float
+    unusual: tuple[str, ...]
+    widening: float
+    cannot_be_ruled_out: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """The object of ``cli.md``, "calibration"."""
+        return {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(self).items()}
+
+
+def session_features(
+    runs: Sequence[Run], errors: Iterable[HeldOutError], score: float, left: float
+) -> tuple[dict[str, float], str]:
+    """What tells of a session whether it is usual, by name as in the table, and the phases of its runs.
+
+    Args:
+        errors: of the model as given, by equation. score: its error in floors. left: what the path leaves.
+    """
+    floors = [e.floor * math.sqrt(max(1.0 - e.r2, 0.0)) / e.rmse for e in errors if e.rmse > 0.0]
+    features = {
+        "runs": float(len(runs)),
+        "seconds": float(np.median([run.seconds for run in runs])),
+        "rate": float(np.median([run.sample_rate_hz for run in runs])),
+        "floor": max((f for f in floors if math.isfinite(f)), default=math.nan),
+        "score": score,
+        "left": left,
+    }
+    phases = sorted({run.phase for run in runs})
+    return {name: v for name, v in features.items() if math.isfinite(v) and v > 0.0}, " ".join(phases)
+
+
+def calibrated(
+    odds: Odds, verdict: str, features: Mapping[str, float], kind: str, table: CalibrationTable | None = None
+) -> tuple[Array, CalibratedAnswer]:
+    """Probability of each of ``odds.answers``, and what is to be said of them.
+
+    Args:
+        verdict: of the odds, as they stand. features, kind: see :meth:`CalibrationTable.typicality`.
+        table: None for the one that comes with the program.
+    """
+    table = table or calibration()
+    share, unusual = table.typicality(features, kind)
+    widening = 1.0 + (WIDENING - 1.0) * min(max(1.0 - share / UNUSUAL, 0.0), 1.0)
+    probabilities = table.map.probabilities(odds, features.get("left", 1.0), widening)
+    kept = table.conformal_set(verdict, odds.answers, probabilities)
+    return probabilities, CalibratedAnswer(
+        table.version, table.fitted, table.judged, table.population, table.error, table.coverage,
+        share, unusual, widening, kept,
+    )  # fmt: skip
+
+
+@cache
+def calibration() -> CalibrationTable:
+    """The table that comes with the program."""
+    text = files("fingerlab.resources").joinpath("calibration.json").read_text(encoding="utf-8")
+    return read_calibration(text)
+
+
+def read_calibration(text: str) -> CalibrationTable:
+    """A table from its JSON text."""
+    return structured(CalibrationTable, json.loads(text))

@@ -1,0 +1,234 @@
+"""Other models of the same recordings: an effect of the model as given exchanged for another.
+
+What is tried beside a model as given says nothing of what would do better in its place: a wrong effect that
+takes up most of what the right one does leaves too little for that one to be missed. So every given effect is
+taken out again, and the effects that promise as much are tried where it stood: by the score test first, then
+by a fit. Whole models are compared, on the same held-out runs and under the same weights; the path from the
+model as given is one of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fingerlab.core.progress import Watch
+from fingerlab.diagnosis.fit.weights import Weights
+from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.score.selection import justified, left_for, log_odds_among
+from fingerlab.diagnosis.search.grid_refinement import can_refine, extend_path, refine_grid
+from fingerlab.diagnosis.search.next_effect import climb_grid, screen
+from fingerlab.diagnosis.settings import (
+    CLOSER_RIVALS,
+    FULL_ITERATIONS,
+    GRID_SHARE,
+    HELD_OUT_TRIALS,
+    PRIOR_EFFECTS,
+    RIVAL_LOG_ODDS,
+    RIVAL_SHARE,
+    SET_LOG_ODDS,
+)
+from fingerlab.effects.base import Effect
+from fingerlab.sessions.model import Array
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another model of the same recordings.
+
+    Attributes:
+        removed: id of the given effect that is not in it. added: ids of those in its place, in order.
+        steps: from the first exchange on, each held out under the weights of the model as given.
+        scorer: what fitted them.
+        log_odds: against the model as given or, where that is likelier, the end of the path from it.
+    """
+
+    removed: str
+    added: tuple[str, ...]
+    steps: tuple[FittedModel, ...]
+    scorer: Scorer
+    log_odds: float = 0.0
+
+    @property
+    def fitted(self) -> FittedModel:
+        """The whole model."""
+        return self.steps[-1]
+
+    @property
+    def better(self) -> bool:
+        """Whether it is clearly the better one."""
+        return self.log_odds >= RIVAL_LOG_ODDS
+
+
+@dataclass(frozen=True)
+class Given:
+    """The model as given, fitted on the whole catalogue's reduction, and on that of its effects alone.
+
+    The more signals a reduction holds, the more carefully their noise is taken away, and the more a model
+    leaves: what the two leave tells how much that makes here.
+    """
+
+    scorer: Scorer
+    fitted: FittedModel
+    alone: Scorer
+    fitted_alone: FittedModel
+
+    def last(self, place: int) -> tuple[FittedModel, Array]:
+        """The model with its effect at ``place`` as its last, and what it leaves more of each condition."""
+        weights, fitted = self.fitted.weights, self.fitted
+        if place < len(fitted.choices) - 1:
+            fitted = scored_under(self.scorer, _with_last(self.scorer, fitted, place), weights)
+        alone = scored_under(self.alone, self.fitted_alone, weights)
+        return fitted, self.fitted.misfits[:, 0] - alone.misfits[:, 0]
+
+
+def find_rivals(
+    reduction: Reduction,
+    given: Given,
+    path: Sequence[FittedModel],
+    path_scorer: Scorer,
+    watch: Watch,
+) -> list[Rival]:
+    """The models with one given effect exchanged that do as well as the path, or nearly; best first.
+
+    Args:
+        path: from the model as given. path_scorer: what fitted its further steps.
+    """
+    end = scored_under(path_scorer, path[-1], given.fitted.weights) if len(path) > 1 else None
+    found: dict[tuple[str, tuple[str, ...]], Rival] = {}
+    choices = given.fitted.choices
+    for place, choice in enumerate(choices):
+        watch.tell(place / len(choices), f"trying others in place of {choice.effect.title.lower()}")
+        for one in _in_place_of(reduction, given, end, path_scorer, place, watch):
+            found[one.removed, one.added] = one
+    return sorted(found.values(), key=lambda one: -one.log_odds)
+
+
+def odds_of_rivals(rivals: Sequence[Rival]) -> dict[str, float]:
+    """The best log odds of each effect that comes in first, by its id."""
+    return {one.added[0]: one.log_odds for one in reversed(rivals)}
+
+
+def extended(
+    reduction: Reduction, catalogue: Sequence[Effect], rival: Rival, weights: Weights, watch: Watch
+) -> Rival:
+    """The rival with what is missing beside it, too.
+
+    Args:
+        weights: of the model as given.
+
+    Raises:
+        Cancelled: the user asked for it.
+    """
+    first = rival.steps[0]
+    without = rival.scorer.fit(first.choices[:-1], first, FULL_ITERATIONS)
+    longer = extend_path(reduction, catalogue, [without, *rival.steps], watch)
+    if longer is None:
+        return rival
+    scorer, steps = longer
+    under = tuple(scored_under(scorer, one, weights) for one in steps[1:])
+    return replace(rival, added=tuple(one.last_effect.id for one in under), steps=under, scorer=scorer)
+
+
+def scored_under(scorer: Scorer, fitted: FittedModel, weights: Weights) -> FittedModel:
+    """The model fitted and held out under these weights."""
+    if fitted.held_out and fitted.weights is weights:
+        return fitted
+    return scorer.score_held_out(scorer.fit(fitted.choices, fitted, FULL_ITERATIONS, weights))
+
+
+def _with_last(scorer: Scorer, fitted: FittedModel, place: int) -> FittedModel:
+    """The model with its effect at ``place`` as its last; not yet scored."""
+    others = [c for k, c in enumerate(fitted.choices) if k != place]
+    return scorer.fit([*others, fitted.choices[place]], fitted, FULL_ITERATIONS)
+
+
+def _leaving_more(fitted: FittedModel, more: Array) -> FittedModel:
+    """The model as if it left so much more of each condition, (conditions,)."""
+    misfits = fitted.misfits.copy()
+    misfits[:, 0] += more
+    return replace(fitted, misfits=misfits)
+
+
+def _in_place_of(
+    reduction: Reduction,
+    given: Given,
+    end: FittedModel | None,
+    path_scorer: Scorer,
+    place: int,
+    watch: Watch,
+) -> list[Rival]:
+    """Models without the given effect at ``place`` that do as well as the model as given and its path."""
+    scorer = given.scorer
+    own, more = given.last(place)
+    without = scorer.score_held_out(scorer.fit(own.choices[:-1], own, FULL_ITERATIONS))
+    known = [own]
+    rivals = _exchanged(reduction, scorer, without, own, watch)
+    if end is not None:
+        known += [end if path_scorer is scorer else _leaving_more(end, more)]
+        spared = _spared(path_scorer, end, place, len(own.choices))
+        rivals += [] if spared is None else [spared]
+    rivals = [
+        one
+        if one.scorer is scorer
+        else replace(one, steps=tuple(_leaving_more(step, more) for step in one.steps))
+        for one in rivals
+    ]
+    odds = _log_odds(without, known, rivals)
+    return [replace(one, log_odds=o) for one, o in zip(rivals, odds, strict=True) if o > -SET_LOG_ODDS]
+
+
+def _exchanged(
+    reduction: Reduction, scorer: Scorer, without: FittedModel, own: FittedModel, watch: Watch
+) -> list[Rival]:
+    """The model with other effects where ``own`` has its last one; those that do not leave far more.
+
+    The given effect stands between the points of its grid; so do those that come near it.
+    """
+    catalogue = [e for e in scorer.reduced.layout.effects if e.id not in own.effect_ids]
+    gained = without.fit.cost - own.fit.cost
+    least = max(own.misfit, 0.0) / max(own.count, 1.0)
+    reach = own.fit.cost + own.count * (left_for(-2.0 * SET_LOG_ODDS, least) - least)
+    beyond = max(reach, own.fit.cost + GRID_SHARE * gained)
+    tried = screen(scorer, without, catalogue, watch, RIVAL_SHARE * gained)[:HELD_OUT_TRIALS]
+    near = [climb_grid(scorer, one) for one in tried if one.fit.cost < own.fit.cost + RIVAL_SHARE * gained]
+    rivals: list[Rival] = []
+    for one in sorted((one for one in near if one.fit.cost < beyond), key=lambda one: one.fit.cost):
+        found, by = one, scorer
+        if len(rivals) < CLOSER_RIVALS and can_refine([one.choices[-1]]):
+            by, closer = refine_grid(reduction, one.choices, watch)
+            found = by.fit(closer.choices, closer, FULL_ITERATIONS, own.weights)
+        if found.fit.cost < reach:
+            name = one.last_effect.id
+            rivals.append(Rival(own.last_effect.id, (name,), (by.score_held_out(found),), by))
+    return rivals
+
+
+def _spared(scorer: Scorer, end: FittedModel, place: int, given: int) -> Rival | None:
+    """The path's end without the given effect at ``place``, if the later ones have made that needless."""
+    choices = list(end.choices)
+    idle = choices.pop(place)
+    shorter = scorer.score_held_out(scorer.fit(choices, end, FULL_ITERATIONS))
+    if justified(shorter, scorer.score_held_out(scorer.fit([*choices, idle], end, FULL_ITERATIONS))):
+        return None
+    fewer = [
+        scorer.score_held_out(scorer.fit(choices[:k], end, FULL_ITERATIONS))
+        for k in range(given, len(choices))
+    ]
+    added = tuple(c.effect.id for c in choices[given - 1 :])
+    return Rival(idle.effect.id, added, (*fewer, shorter), scorer)
+
+
+def _log_odds(without: FittedModel, known: Sequence[FittedModel], rivals: Sequence[Rival]) -> list[float]:
+    """Log odds of whole models against the likeliest known one; every further effect costs its prior."""
+    if not rivals:
+        return []
+    models = [*known, *(one.fitted for one in rivals)]
+    each = float(np.log(PRIOR_EFFECTS / len(without.model.layout.effects)))
+    beyond = np.array([len(one.choices) - len(without.choices) - 1 for one in models])
+    log = log_odds_among(without, models) + each * beyond
+    return [float(odds) for odds in log[len(known) :] - log[: len(known)].max()]

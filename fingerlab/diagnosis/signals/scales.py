@@ -1,0 +1,250 @@
+"""The scales of a machine, and its recordings in units in which it looks like a bench of the thesis' size.
+
+Every tuned number and range of the diagnosis is meant for that bench. So that no verdict depends on how large
+a machine is, a session is read in *reduced units*: torques are told in multiples of ``Scales.torque``,
+lengths and times likewise, and all other units follow (a force is a torque over a length). The scales grow
+with the machine as the units do, so that two machines that differ by size alone give the same numbers. What
+leaves the diagnosis is multiplied by :meth:`Scales.of` its unit and is SI again. Angles and currents stay.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from fingerlab.core.units import FACTORS
+from fingerlab.diagnosis.settings import LEAST_RATE_HZ, MOVING_SHARE, PACE_SAMPLES, USUAL_PACE
+from fingerlab.physics.motion import Motion
+from fingerlab.physics.nominal import JointMotion
+from fingerlab.rig.constants import Finger, Motor, Rig
+from fingerlab.rig.file import CONSTANT_UNITS
+from fingerlab.sessions.format import CHANNEL_UNITS
+from fingerlab.sessions.model import Array, ChannelReader, Run, Session
+from fingerlab.sessions.trajectory import told_frequency
+
+_POWERS = {
+    "N": (1, -1, 0), "m": (0, 1, 0), "s": (0, 0, 1), "kg": (1, -2, 2), "Hz": (0, 0, -1),
+}  # fmt: skip
+"""Powers of torque, length and time in a unit; all others (rad, A, V, turns) have none."""
+
+_SI = {spelling: si for si, table in FACTORS.items() for spelling in table}
+
+
+@cache
+def powers_of(unit: str) -> tuple[int, int, int]:
+    """Powers of torque, length and time in a unit such as ``N m s/rad``; a word that is no unit has none."""
+    total = [0, 0, 0]
+    for k, part in enumerate(unit.split("/")):
+        for token in _SI.get(part.strip(), part).replace("·", " ").replace("*", " ").split():
+            name, _, power = token.partition("^")
+            times = int(power) if power.lstrip("-").isdigit() else 1
+            known = _POWERS.get(name) or _POWERS.get(_SI.get(name, ""), (0, 0, 0))
+            total = [t + (-times if k else times) * p for t, p in zip(total, known, strict=True)]
+    return total[0], total[1], total[2]
+
+
+@dataclass(frozen=True)
+class Scales:
+    """One reduced unit of torque (N m), length (m) and time (s)."""
+
+    torque: float = 1.0
+    length: float = 1.0
+    time: float = 1.0
+
+    def of(self, unit: str) -> float:
+        """What a number in reduced units is multiplied by to be in ``unit``, by the unit's dimension."""
+        a, b, c = powers_of(unit)
+        return float(self.torque**a * self.length**b * self.time**c)
+
+
+SI = Scales()
+"""Reduced units that are SI: those of the thesis' finger."""
+
+REFERENCE = Finger(0.012, 0.013, 0.0225, 0.024, 2.025e-6, 2.496e-6, 0.12, 0.06)
+"""The finger of which everything is a multiple: the thesis' one, as the default rig assumes it."""
+
+
+def find_scales(sessions: Sequence[Session]) -> Scales:
+    """The scales of a machine, from the first finger's constants and from how its motors move.
+
+    Time goes by octaves, so that recordings of one machine agree however fast its motor was told to move.
+    """
+    finger = next((s.rig.finger for s in sessions if s.rig.finger is not None), None)
+    runs = [r for s in sessions for r in s.runs if r.phase != "motor_bench" and r.cable_sign != 0]
+    if finger is None or not runs:
+        return SI
+    return Scales(
+        _relative(_torque_of(finger), _torque_of(REFERENCE)),
+        _relative(_length_of(finger), _length_of(REFERENCE)),
+        _time_of(runs),
+    )
+
+
+def _relative(size: float, usual: float) -> float:
+    return size / usual if math.isfinite(size) and size > 0 else 1.0
+
+
+def _torque_of(finger: Finger) -> float:
+    """Torque of the springs at a radian and of the weights stretched out, N m."""
+    levers = finger.proximal_mass * finger.proximal_half_length
+    levers += finger.distal_mass * (2.0 * finger.proximal_half_length + finger.distal_half_length)
+    return finger.mcp_stiffness + finger.pip_stiffness + finger.gravity * levers
+
+
+def _length_of(finger: Finger) -> float:
+    return finger.proximal_half_length + finger.distal_half_length
+
+
+def _time_of(runs: Sequence[Run]) -> float:
+    paces = [pace for run in runs if (pace := _pace(run)) > 0]
+    if not paces:
+        return 1.0
+    octave = round(math.log2(USUAL_PACE / float(np.median(paces))))
+    slowest = min(run.sample_rate_hz for run in runs)
+    # What is sampled slowly is looked at slowly; the hundredth forgives a rate that is no round number.
+    return float(2.0 ** max(octave, math.ceil(math.log2(LEAST_RATE_HZ / slowest) - 0.01)))
+
+
+def _pace(run: Run) -> float:
+    """Speed over travel of the motor, both root mean square, rad/s per rad; 0 where it does not move.
+
+    Of the strongest lines of its motion, so that neither noise nor the encoder's steps count.
+    """
+    told = told_frequency(run)
+    if told is not None:
+        return 2.0 * math.pi * told
+    if not run.has("motor_position"):
+        return 0.0
+    first = run.length // 10  # the ramp from rest
+    position = run.channel("motor_position", first, min(run.length, first + PACE_SAMPLES))
+    if len(position) < 16 or not np.isfinite(position).all():
+        return 0.0
+    power = np.abs(np.fft.rfft((position - position.mean()) * np.hanning(len(position)))) ** 2
+    order = np.argsort(power)[::-1]
+    together = np.cumsum(power[order])
+    if not together[-1] > 0:
+        return 0.0
+    lines = order[: int(np.searchsorted(together, MOVING_SHARE * together[-1])) + 1]
+    line = 2.0 * math.pi * run.sample_rate_hz / len(position)
+    return line * float(np.sqrt(np.sum(power[lines] * lines.astype(float) ** 2) / np.sum(power[lines])))
+
+
+@dataclass(frozen=True)
+class ReducedRun(Run):
+    """A run in reduced units; its samples are scaled as they are read. ``given`` is the one it stands for."""
+
+    scales: Scales = SI
+    given: Run | None = None
+
+
+@dataclass(frozen=True)
+class ScaledReader:
+    """Channels in reduced units; ``factors`` by channel, 1 where there is none."""
+
+    reader: ChannelReader
+    factors: Mapping[str, float]
+
+    def load(self, names: Sequence[str], start: int, stop: int) -> dict[str, Array]:
+        """Samples in reduced units."""
+        found = self.reader.load(names, start, stop)
+        return {name: values * self.factors.get(name, 1.0) for name, values in found.items()}
+
+
+def as_recorded(run: Run) -> Run:
+    """The run as its file holds it, in SI."""
+    return run.given if isinstance(run, ReducedRun) and run.given is not None else run
+
+
+def scales_of(run: Run) -> Scales:
+    """The units that a run is told in."""
+    return run.scales if isinstance(run, ReducedRun) else SI
+
+
+def reduced_sessions(sessions: Sequence[Session], scales: Scales) -> tuple[Session, ...]:
+    """The sessions in reduced units; as they are where those are SI."""
+    return tuple(sessions if scales == SI else (_reduced(s, scales) for s in sessions))
+
+
+def _reduced(session: Session, scales: Scales) -> Session:
+    runs = tuple(reduced_run(run, scales) for run in session.runs)
+    return replace(session, rig=reduced_rig(session.rig, scales), runs=runs)
+
+
+def reduced_run(run: Run, scales: Scales) -> Run:
+    """A run in reduced units; as it is where those are SI."""
+    if scales == SI:
+        return run
+    factors = {name: 1.0 / scales.of(CHANNEL_UNITS.get(name, unit)) for name, unit in run.units.items()}
+    return ReducedRun(
+        run.name, run.phase, run.cable, run.sample_rate_hz * scales.time,
+        scaled_trajectory(run.trajectory, scales, -1), run.length, run.units,
+        ScaledReader(run.reader, factors), run.attributes, scales, run,
+    )  # fmt: skip
+
+
+def reduced_rig(rig: Rig, scales: Scales) -> Rig:
+    """The rig's constants in reduced units; limits and wiring stay as they are."""
+    if scales == SI:
+        return rig
+    finger = None if rig.finger is None else Finger(**_scaled(vars(rig.finger), scales))
+    return replace(rig, finger=finger, motor=Motor(**_scaled(vars(rig.motor), scales)))
+
+
+def _scaled(constants: Mapping[str, Any], scales: Scales) -> dict[str, Any]:
+    return {
+        name: None if value is None else value / scales.of(CONSTANT_UNITS[name])
+        for name, value in constants.items()
+    }
+
+
+def reduced_motion(motion: Motion, scales: Scales) -> Motion:
+    """A motion in reduced units; as it is where those are SI."""
+    if scales == SI:
+        return motion
+    second = scales.time
+
+    def forced(values: Array | None, unit: str) -> Array | None:
+        return None if values is None else values / scales.of(unit)
+
+    q = motion.joints
+    joints = None if q is None else JointMotion(
+        q.mcp, q.pip, q.mcp_velocity * second, q.pip_velocity * second, q.mcp_acceleration * second**2,
+        q.pip_acceleration * second**2,
+    )  # fmt: skip
+    rig = reduced_rig(Rig(motion.finger, motion.motor), scales)
+    return replace(
+        motion, sample_rate_hz=motion.sample_rate_hz * second, time=motion.time / second,
+        velocity=motion.velocity * second, acceleration=motion.acceleration * second**2,
+        torque=motion.torque / scales.torque, motor=rig.motor, finger=rig.finger, joints=joints,
+        force=forced(motion.force, "N"), load=forced(motion.load, "N m"),
+        inertia_spread=motion.inertia_spread / scales.of("kg m^2"), _memory={},
+    )  # fmt: skip
+
+
+_ENDINGS = {"_hz": "Hz", "_n_m": "N m", "_n": "N", "_s": "s", "load_torque": "N m"}
+"""What the end of a number's name in a trajectory says of its unit; the longest counts."""
+
+
+def scaled_trajectory(trajectory: Mapping[str, Any], scales: Scales, way: int = 1) -> dict[str, Any]:
+    """A trajectory from reduced units in SI (``way`` 1) or the other way (-1), where its names say units."""
+    if scales == SI:
+        return dict(trajectory)
+    return {key: _told(value, scales.of(_unit_of(key)) ** way) for key, value in trajectory.items()}
+
+
+def _unit_of(key: str) -> str:
+    endings = [end for end in _ENDINGS if key.endswith(end)]
+    return _ENDINGS[max(endings, key=len)] if endings else "1"
+
+
+def _told(value: Any, factor: float) -> Any:
+    if factor == 1.0 or isinstance(value, bool):
+        return value
+    if isinstance(value, list | tuple):
+        return [_told(one, factor) for one in value]
+    return float(f"{value * factor:.12g}") if isinstance(value, int | float) else value

@@ -1,0 +1,50 @@
+"""What is wrong with a bench is told with its size and what to do, and does not hide the physics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fingerlab.diagnosis import diagnose
+from fingerlab.sessions.model import Run, Session
+
+from . import closed_form as made
+from .test_run_constants import ZEROS_RAD, spoiled
+
+
+def with_spikes(session: Session, channel: str, every: int) -> Session:
+    """Each ``every``-th sample of a channel off by half a unit."""
+    runs = []
+    for run in session.runs:
+        channels = run.load()
+        channels[channel] = channels[channel] + np.where(np.arange(run.length) % every == 7, 0.5, 0.0)
+        names = {"name": run.name, "phase": run.phase, "cable": run.cable}
+        runs.append(
+            Run.from_arrays(channels, **names, sample_rate_hz=run.sample_rate_hz, trajectory=run.trajectory)
+        )
+    return replace(session, runs=tuple(runs))
+
+
+def test_moved_zeros_and_spikes_are_told_with_their_size_beside_the_effect() -> None:
+    bench = made.Bench(missing=made.Missing(viscous=(3e-3, 2e-3)))
+    session = with_spikes(spoiled(ZEROS_RAD, np.zeros(4), bench), "pip_angle", 1000)
+    found = diagnose([session], with_curves=False)
+    assert found.candidates[0].effect == "viscous_friction"
+    assert found.path[-1].score < 1.3
+    moved, spikes = found.bench
+    assert (moved.kind, moved.channel, moved.unit) == ("moving_zero", "mcp_angle", "rad")
+    # One run of each free motion, four in contact: these alone moved.
+    assert 0.5 < moved.size / ZEROS_RAD.std(ddof=1) < 1.2
+    assert "degrees" in moved.text
+    assert "calibrate" in moved.text
+    seconds = sum(run.seconds - 2.0 for run in session.runs)
+    assert (spikes.kind, spikes.channel) == ("spikes", "pip_angle")
+    assert 0.9 < spikes.size / seconds <= 1.0
+    assert found.to_json()["bench"][1]["runs"] == [run.name for run in session.runs]
+
+
+def test_a_clean_bench_has_no_findings() -> None:
+    found = diagnose([spoiled(np.zeros(4), np.zeros(4), made.Bench())], with_curves=False)
+    assert found.bench == ()
+    assert found.verdict == "nothing_missing"

@@ -1,0 +1,85 @@
+"""Constants that every run has of its own: as a dense Gaussian, found in spoiled runs, and out of the way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fingerlab.diagnosis.equations.features import Pick
+from fingerlab.diagnosis.fit.run_spreads import find_constants
+from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.gram.run_constants import RunConstants, RunTotals, taken_up
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
+from fingerlab.sessions.model import Run, Session
+
+from . import closed_form as made
+
+ZEROS_RAD = np.radians([0.4, -0.5, 0.1, -0.1])
+OFFSETS_NM = np.array([3e-3, -4e-3, 1e-3, -0.5e-3])
+
+
+def test_what_is_integrated_out_is_a_dense_covariance() -> None:
+    """Misfit under the inverse of the whole covariance, written down sample by sample."""
+    rng = np.random.default_rng(3)
+    samples, spreads = 7, np.array([0.3, 0.0, 2.0, 0.5])
+    root = rng.standard_normal((5, 5))
+    weights = root @ root.T + np.eye(5)
+    share = rng.standard_normal((5, 4))
+    residual = rng.standard_normal((samples, 5))
+    # One feature in every equation, each a signal of its own, with coefficient 1.
+    pick = Pick(np.arange(5), np.arange(5))
+    totals = RunTotals(0, np.stack([residual.sum(axis=0), np.zeros(5), np.zeros(5)]), np.array([7.0, 0, 0]))
+    constants = RunConstants(spreads, {("flexion", "free"): share})
+    pull = constants.pull(("flexion", "free"), [totals], pick, weights, None)
+    grip = constants.grip(("flexion", "free"), [totals], weights, None)
+    products = EFFECTIVE_SHARE * (residual.T @ residual) * weights - taken_up(pull, grip, pull)
+    noise = np.kron(np.eye(samples), np.linalg.inv(EFFECTIVE_SHARE * weights))
+    common = np.kron(np.ones((samples, samples)), share @ np.diag(spreads**2) @ share.T)
+    dense = residual.reshape(-1) @ np.linalg.solve(noise + common, residual.reshape(-1))
+    assert products.sum() == pytest.approx(dense, rel=1e-9)
+
+
+def spoiled(zeros: np.ndarray, offsets: np.ndarray, bench: made.Bench) -> Session:
+    """Free runs once each, then one contact run four times; constants on MCP angle and torque of these."""
+    rng = np.random.default_rng(5)
+    session = made.session(bench, 5, contact=0)
+    runs = list(session.runs)
+    for zero, offset in zip(zeros, offsets, strict=True):
+        run = made.contact_run(bench, 1.2, 0.4, 1.0, rng, 10.0, f"{len(runs) + 1:03d}")
+        channels = run.load()
+        channels["mcp_angle"] = channels["mcp_angle"] + zero
+        channels["motor_torque"] = channels["motor_torque"] + offset
+        told = {"kind": "sine", "frequency_hz": 1.0, "amplitude_deg": 2.0}
+        names = {"name": run.name, "phase": run.phase, "cable": run.cable}
+        runs.append(Run.from_arrays(channels, **names, sample_rate_hz=made.RATE, trajectory=told))
+    return replace(session, runs=tuple(runs))
+
+
+def found_in(session: Session) -> RunConstants | None:
+    reduction = Reduction([session])
+    scorer = Scorer(reduction.of([]))
+    bare = scorer.bare
+    return find_constants(
+        scorer.reduced, bare.model, bare.fit.values, bare.weights, session.rig, reduction.motions
+    )
+
+
+def test_a_clean_bench_has_none() -> None:
+    assert found_in(spoiled(np.zeros(4), np.zeros(4), made.Bench())) is None
+
+
+@pytest.mark.parametrize("missing", [made.Missing(), made.Missing(cubic=(0.3, 0.2))])
+def test_moved_zeros_are_told_from_an_offset_whatever_the_law_lacks(missing: made.Missing) -> None:
+    bench = made.Bench(missing=missing)
+    moved = found_in(spoiled(ZEROS_RAD, np.zeros(4), bench))
+    assert moved is not None
+    # Either joint's sensor counts to the spread of both: here one of them moved.
+    assert 0.4 < moved.spreads[0] / ZEROS_RAD.std(ddof=1) < 1.5
+    assert moved.spreads[2] == moved.spreads[3] == 0.0
+    drifting = found_in(spoiled(np.zeros(4), OFFSETS_NM, bench))
+    assert drifting is not None
+    assert 0.6 < drifting.spreads[2] / OFFSETS_NM.std(ddof=1) < 1.6
+    assert drifting.spreads[0] == 0.0

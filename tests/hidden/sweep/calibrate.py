@@ -1,0 +1,400 @@
+"""``python -m tests.hidden.sweep.calibrate``: from trials of the population to the table of probabilities.
+
+Nothing is simulated. The table is read by the diagnosis, the page tells how far it holds: each trial is
+judged by a table that was fitted to others.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from scipy.optimize import minimize
+
+from fingerlab.diagnosis.score.calibration import (
+    NOTHING,
+    UNKNOWN,
+    CalibrationTable,
+    Odds,
+    ProbabilityMap,
+    SessionFeature,
+    answer_distances,
+    calibrated,
+    groups_of,
+)
+from fingerlab.effects import find_effect
+from fingerlab.sessions.model import Array
+from tests.hidden.sweep.table import BINS, kept_by_hand, markdown_table
+
+LEAST_TRIALS = 19
+"""From so many trials on their largest distance bounds 95 % of them."""
+COVERED = 0.95
+OUTCOMES = {NOTHING: "Nothing missing", UNKNOWN: "Outside the catalogue"}
+POPULATION = (
+    "simulated benches of two engines: size over three decades, tolerances, noise, rates, length and number "
+    "of runs, four protocols, a third of them dirty; a fifth with nothing missing"
+)
+
+
+@dataclass(frozen=True)
+class KnownTrial:
+    """A trial as the calibration sees it: what was true, the odds, and the session."""
+
+    seed: int
+    source: str
+    truth: tuple[str, ...]
+    odds: Odds
+    session: dict[str, float]
+    phases: str
+    dirty: bool
+    verdict: str
+
+    @property
+    def kind(self) -> str:
+        """Family of the truth, or the answer that is no effect."""
+        return family(self.truth[0]) if len(self.truth) == 1 else "Two effects"
+
+    @cached_property
+    def places(self) -> list[int]:
+        """Where the truth stands among the answers; an effect that was not even tried stands nowhere."""
+        answers = self.odds.answers
+        return [answers.index(name) for name in self.truth if name in answers]
+
+
+def family(answer: str) -> str:
+    """The group in which a truth is counted."""
+    effect = find_effect(answer)
+    return OUTCOMES[answer] if effect is None else effect.family
+
+
+def read(results: Path) -> tuple[list[KnownTrial], int]:
+    """The trials of a population, and how many more failed."""
+    found, failed = [], 0
+    for line in results.read_text(encoding="utf-8").splitlines():
+        entry = json.loads(line)
+        trial = entry["trial"]
+        if not trial["varied"]:
+            continue
+        if "odds" not in entry:
+            failed += 1
+            continue
+        truth = tuple(trial["effects"]) or (NOTHING,)
+        odds = entry["odds"]
+        found.append(
+            KnownTrial(
+                trial["seed"], trial["source"], (UNKNOWN,) if trial["left_out"] else truth,
+                Odds(
+                    tuple(odds["effects"]), np.array(odds["found"]), np.array(odds["hidden"]),
+                    odds["nothing"], odds["unknown"],
+                ),
+                entry["session"], entry["phases"], bool(entry["surroundings"]["dirt"]), entry["verdict"],
+            )
+        )  # fmt: skip
+    return sorted(found, key=lambda one: one.seed), failed
+
+
+FREE: dict[str, tuple[Callable[[float], float], float, float]] = {
+    "verdict": (math.exp, math.log(0.5), 1.0),
+    "quiet": (float, 0.0, 1.5),
+    "strange": (float, 0.0, 1.5),
+    "verdict_lapse": (float, -4.5, 1.0),
+    "verdict_lapse_left": (float, 1.5, 1.0),
+    "effect": (math.exp, math.log(0.7), 0.7),
+    "blunt": (lambda x: 0.3 / (1.0 + math.exp(-x)), 0.0, 1.0),
+    "lapse": (float, -4.0, 1.0),
+    "lapse_left": (float, 1.5, 1.0),
+    "hidden": (float, 0.0, 1.5),
+}
+"""Values of the map that are fitted: from the whole line to each; there the prior's middle and spread."""
+
+
+def fit_map(trials: Sequence[KnownTrial]) -> ProbabilityMap:
+    """The map under which what was true is likeliest, with a weak prior on its values."""
+    counts = np.array([1.0, 1.0, 1.0])
+    for one in trials:
+        counts[{NOTHING: 1, UNKNOWN: 2}.get(one.truth[0], 0)] += 1.0
+    start = ProbabilityMap(base_rates=tuple((counts / counts.sum()).tolist()))
+
+    def made(free: Array) -> ProbabilityMap:
+        told = zip(FREE.items(), free, strict=True)
+        return replace(start, **{name: to(float(x)) for (name, (to, *_)), x in told})
+
+    def cost(free: Array) -> float:
+        by = made(free)
+        likely = [
+            by.probabilities(one.odds, one.session.get("left", 1.0))[one.places].sum()
+            for one in trials
+            if one.places
+        ]
+        prior = sum(((x - m) / s) ** 2 for x, (_, m, s) in zip(free, FREE.values(), strict=True))
+        return float(-np.log(np.maximum(likely, 1e-6)).sum() + 0.5 * prior)
+
+    begin = np.array([middle for _, middle, _ in FREE.values()])
+    return made(minimize(cost, begin, method="L-BFGS-B", options={"maxiter": 60}).x)
+
+
+FEATURES = {
+    "runs": ("number of runs", ""),
+    "seconds": ("length of a run", "s"),
+    "rate": ("samples a second", "Hz"),
+    "floor": ("noise of the worst equation against its signal", ""),
+    "score": ("error of the model as given", "floors"),
+    "left": ("error that is left in the end", "floors"),
+}
+
+
+def fit_features(trials: Sequence[KnownTrial]) -> tuple[dict[str, SessionFeature], tuple[float, ...]]:
+    """How the sessions lie, and how far out the furthest feature of each is."""
+    found = {}
+    for name, (title, unit) in FEATURES.items():
+        values = np.log([one.session[name] for one in trials if name in one.session])
+        low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
+        found[name] = SessionFeature(
+            title, unit, float(middle), float(max(0.5 * (high - low), 0.05)), math.exp(low), math.exp(high)
+        )
+    far = [
+        max(
+            abs(math.log(v) - found[n].middle) / found[n].spread for n, v in one.session.items() if n in found
+        )
+        for one in trials
+    ]
+    return found, tuple(np.quantile(far, np.linspace(0.0, 1.0, 41)).tolist())
+
+
+def fit_thresholds(trials: Sequence[KnownTrial], table: CalibrationTable) -> dict[str, float]:
+    """Log odds down to which an answer is in the set: by effect where there are enough trials, by family."""
+    groups: dict[str, list[float]] = defaultdict(list)
+    for one in trials:
+        if not one.places:
+            continue
+        behind = float(distances(one, table)[one.places].min())
+        for name in {group for true in one.truth for group in groups_of(one.verdict, true)}:
+            groups[name].append(behind)
+    enough = {name: bound(v) for name, v in sorted(groups.items()) if len(v) >= LEAST_TRIALS}
+    return {"any": 3.0, **enough}
+
+
+def bound(values: Sequence[float]) -> float:
+    """Split conformal: not exceeded by a new value in 95 % of such draws."""
+    place = math.ceil((len(values) + 1) * COVERED)
+    return float(np.sort(values)[min(place, len(values)) - 1])
+
+
+def distances(one: KnownTrial, table: CalibrationTable) -> Array:
+    return answer_distances(calibrated(one.odds, one.verdict, one.session, one.phases, table)[0])
+
+
+def fit_table(trials: Sequence[KnownTrial], version: str) -> CalibrationTable:
+    """Map, features and thresholds of the trials; error and coverage are not known yet."""
+    features, oddness = fit_features(trials)
+    counted: dict[str, float] = defaultdict(float)
+    for one in trials:
+        counted[one.phases] += 1.0 / len(trials)
+    table = CalibrationTable(
+        version, len(trials), 0, POPULATION, fit_map(trials), {"any": 3.0}, features, oddness,
+        dict(sorted(counted.items())), 0.0, 0.0,
+    )  # fmt: skip
+    return replace(table, thresholds=fit_thresholds(trials, table))
+
+
+@dataclass(frozen=True)
+class Answered:
+    """What a table says of a trial: the first answer with its probability, and the set."""
+
+    trial: KnownTrial
+    first: str
+    probability: float
+    set: tuple[str, ...]
+    typicality: float
+
+    @property
+    def right(self) -> bool:
+        return self.first in self.trial.truth
+
+    @property
+    def covered(self) -> bool:
+        return bool(set(self.set) & set(self.trial.truth))
+
+
+def answer(one: KnownTrial, table: CalibrationTable | None) -> Answered:
+    """By a table; None: as the odds stand, without one."""
+    odds = one.odds
+    if table is None:
+        told = np.array([*(odds.found + odds.hidden), odds.nothing, odds.unknown])
+        kept = tuple(n for n, d in zip(odds.answers, answer_distances(told), strict=True) if d <= 3.0)
+        typical = 1.0
+    else:
+        told, said = calibrated(odds, one.verdict, one.session, one.phases, table)
+        kept, typical = said.cannot_be_ruled_out, said.typicality
+    best = int(np.argmax(told))
+    return Answered(one, odds.answers[best], float(told[best]), kept, typical)
+
+
+def calibration_error(said: Sequence[Answered]) -> float:
+    """Expected calibration error over ``BINS``: mean distance of what was told and what share was right."""
+    total = 0.0
+    for low, high in BINS:
+        inside = [a for a in said if low <= a.probability < high]
+        if inside:
+            total += abs(_mean(a.probability for a in inside) - _mean(a.right for a in inside)) * len(inside)
+    return total / max(len(said), 1)
+
+
+def _mean(values: Iterable[float]) -> float:
+    known = list(values)
+    return float(np.mean(known)) if known else math.nan
+
+
+def _percent(values: Iterable[float]) -> str:
+    known = list(values)
+    return f"{100 * np.mean(known):.0f} % of {len(known)}" if known else "-"
+
+
+FOLDS = 4
+
+
+def judged_by_others(trials: Sequence[KnownTrial], version: str) -> list[Answered]:
+    """What is said of each trial by a table that was fitted to the trials of the other folds, by seed."""
+    said = []
+    for fold in range(FOLDS):
+        table = fit_table([t for t in trials if t.seed % FOLDS != fold], version)
+        said += [answer(t, table) for t in trials if t.seed % FOLDS == fold]
+    return said
+
+
+def page(
+    trials: Sequence[KnownTrial],
+    failed: int,
+    said: Sequence[Answered],
+    table: CalibrationTable,
+    command: str,
+    before: str,
+) -> str:
+    """The committed page.
+
+    Args:
+        failed: trials that no diagnosis could be made of. said: of each trial by a table not fitted to it.
+    """
+    columns = {
+        "without calibration": [answer(one, None) for one in trials],
+        "calibrated": list(said),
+        "twin": [a for a in said if a.trial.source == "twin"],
+        "second engine": [a for a in said if a.trial.source == "engine"],
+        "clean": [a for a in said if not a.trial.dirty],
+        "dirty": [a for a in said if a.trial.dirty],
+    }
+    lines = [
+        "# Probabilities and sets that hold their word", "",
+        f"Made by `{command}` from trials of `python -m tests.hidden.sweep --kind population`.",
+        f"Table {table.version} is fitted to {table.fitted} trials; {failed} more could not be diagnosed.",
+        "What stands here of a trial was said by a table that was fitted to the",
+        f"other {FOLDS - 1} of {FOLDS} folds by seed: nothing is judged that was fitted to.",
+        f"The trials are {POPULATION}.", "",
+        *kept_by_hand(before), "",
+        *markdown_table(_summary(columns)), "",
+        "## What was told, and how much of it was right", "",
+        *markdown_table(_reliability(columns["without calibration"], said)), "",
+        "## Sets by what was true", "", *markdown_table(_by_kind(said, table)), "",
+        "## The map", "",
+        *markdown_table([["value", ""], *([k, _plain(v)] for k, v in asdict(table.map).items())]), "",
+        "## What is usual", "",
+        *markdown_table(
+            [["of a session", "nine in ten between"]]
+            + [[f.title, f"{f.low:.3g} and {f.high:.3g} {f.unit}".strip()] for f in table.features.values()]
+        ),
+    ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def _plain(value: Any) -> str:
+    return ", ".join(f"{v:.3f}" for v in value) if isinstance(value, tuple) else f"{value:.3f}"
+
+
+def _summary(columns: dict[str, list[Answered]]) -> list[list[str]]:
+    figures: dict[str, Callable[[list[Answered]], str]] = {
+        "trials": lambda a: str(len(a)),
+        "first answer right": lambda a: _percent(x.right for x in a),
+        "expected calibration error": lambda a: f"{calibration_error(a):.3f}",
+        "log loss of the first answer": lambda a: f"{_log_loss(a):.3f}",
+        "truth in the set": lambda a: _percent(x.covered for x in a),
+        "one answer in the set": lambda a: _percent(len(x.set) == 1 for x in a),
+        "answers in the set, median; mean": lambda a: (
+            f"{np.median([len(x.set) for x in a]):g}; {_mean(len(x.set) for x in a):.1f}" if a else "-"
+        ),
+        "sessions called unusual": lambda a: _percent(x.typicality < 0.05 for x in a),
+    }
+    rows = [["", *columns]]
+    return rows + [[name, *(tell(group) for group in columns.values())] for name, tell in figures.items()]
+
+
+def _log_loss(said: Sequence[Answered]) -> float:
+    told = [a.probability if a.right else 1.0 - a.probability for a in said]
+    return -_mean(math.log(max(p, 1e-6)) for p in told)
+
+
+def _reliability(raw: Sequence[Answered], after: Sequence[Answered]) -> list[list[str]]:
+    rows = [["told between", "without calibration: told, right of", "calibrated: told, right of"]]
+    for low, high in BINS:
+        cells = []
+        for said in (raw, after):
+            inside = [a for a in said if low <= a.probability < high]
+            told = f"{100 * _mean(a.probability for a in inside):.1f} %, " if inside else ""
+            cells.append(f"{told}{_percent(a.right for a in inside)}")
+        rows.append([f"{100 * low:g} and {min(100 * high, 100):g} %", *cells])
+    return rows
+
+
+def _by_kind(after: Sequence[Answered], table: CalibrationTable) -> list[list[str]]:
+    rows = [["truth", "trials", "first right", "in the set", "size, median", "one alone"]]
+    for name in sorted({a.trial.kind for a in after}):
+        group = [a for a in after if a.trial.kind == name]
+        rows.append(
+            [
+                name, str(len(group)), _percent(a.right for a in group), _percent(a.covered for a in group),
+                f"{np.median([len(a.set) for a in group]):g}", _percent(len(a.set) == 1 for a in group),
+            ]
+        )  # fmt: skip
+    return rows
+
+
+@click.command()
+@click.argument("results", type=click.Path(exists=True, path_type=Path))
+@click.option("--table", type=click.Path(path_type=Path), help="Table, such as resources/calibration.json.")
+@click.option("--page", "target", type=click.Path(path_type=Path), help="Page, such as docs/calibration.md.")
+@click.option("--version", default="1", show_default=True)
+@click.option("--command", default="python -m tests.hidden.sweep.calibrate", hidden=True)
+def main(results: Path, table: Path | None, target: Path | None, version: str, command: str) -> None:
+    """Fit the map from odds to probabilities and the sets, and judge both on other trials."""
+    trials, failed = read(results)
+    said = judged_by_others(trials, version)
+    made = replace(
+        fit_table(trials, version), judged=len(said), error=round(calibration_error(said), 4),
+        coverage=round(_mean(a.covered for a in said), 4),
+    )  # fmt: skip
+    before = target.read_text(encoding="utf-8") if target is not None and target.exists() else ""
+    text = page(trials, failed, said, made, command, before)
+    click.echo(text)
+    if table is not None:
+        table.write_text(json.dumps(_rounded(asdict(made)), indent=1) + "\n", encoding="utf-8")
+    if target is not None:
+        target.write_text(text, encoding="utf-8")
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _rounded(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_rounded(v) for v in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,259 @@
+"""Logs of one axis of any machine, as text and as MAT files, become motor-bench runs in SI."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from fingerlab.sessions import check_session, open_session
+from fingerlab.sessions.exporting import export_session
+from fingerlab.sessions.importing import unwrapped
+from tests.cli.calling import run_main
+
+RATE = 500.0
+TIME = np.arange(4000) / RATE
+TURN = 0.6 * np.sin(2 * np.pi * 0.5 * TIME)
+"""Position of the axis, rad."""
+TORQUE = 3.0 * TURN + 1.5 * np.sign(np.cos(2 * np.pi * 0.5 * TIME))
+"""A spring of 3 N m/rad and friction of 1.5 N m."""
+
+
+def written(path: Path, header: str, *columns: np.ndarray, delimiter: str = ",") -> Path:
+    np.savetxt(path, np.stack(columns, axis=1), "%.9f", delimiter=delimiter, header=header, comments="")
+    return path
+
+
+def imported(capsys, path: Path, *options: object):
+    target = path.with_suffix(".h5")
+    code, _, err = run_main(["import", path, "--axis", *options, "--out", target], capsys)
+    assert code == 0, err
+    session = open_session(target)
+    assert check_session(session).errors == ()
+    return session
+
+
+def refused(capsys, path: Path, *options: object) -> str:
+    code, out, err = run_main(["import", path, "--axis", *options, "--out", path.with_suffix(".h5")], capsys)
+    assert (code, out) == (2, "")
+    assert not path.with_suffix(".h5").exists()
+    return err.strip().splitlines()[-1]
+
+
+def test_a_csv_with_units_in_its_header_needs_no_mapping(tmp_path, capsys):
+    header = "t (ms),q [deg],tau_measured (mNm),external load (N cm),temperature (degC)"
+    path = written(tmp_path / "log.csv", header, 1000 * TIME + 5e5, np.degrees(TURN), 1000 * TORQUE,
+                   100 * TORQUE, 20 + TIME)  # fmt: skip
+    session = imported(capsys, path)
+    (run,) = session.runs
+    assert (run.phase, run.cable, run.sample_rate_hz) == ("motor_bench", "none", RATE)
+    assert session.rig.finger is None
+    np.testing.assert_allclose(run.channel("time"), TIME, atol=1e-9)  # counted from the first sample
+    np.testing.assert_allclose(run.channel("motor_position"), TURN, atol=1e-9)
+    np.testing.assert_allclose(run.channel("motor_torque"), TORQUE, atol=1e-9)
+    np.testing.assert_allclose(run.channel("load_torque"), TORQUE, atol=1e-9)
+    assert run.units["temperature"] == "degC"
+    assert not run.has("motor_current")  # what a current would give is not known
+
+
+def test_two_commands_to_a_verdict(tmp_path, capsys):
+    """Friction of 0.04 N m on a rotor of 2e-4 kg m^2: four runs of 3 s, told by name after two commands."""
+    rng = np.random.default_rng(4)
+    files = []
+    for number, frequency in enumerate((0.8, 1.0, 1.3, 1.7)):
+        time = np.arange(1800) / 300.0
+        angle = 0.5 * np.sin(2 * np.pi * frequency * time)
+        speed = np.gradient(angle, time)
+        torque = 2e-4 * np.gradient(speed, time) + 0.04 * np.tanh(speed / 0.02)
+        noisy = torque + rng.normal(0.0, 5e-4, len(time))
+        name = tmp_path / f"{number}.csv"
+        files.append(written(name, "time (s),position (rad),torque (Nm)", time, angle, noisy))
+    assert run_main(["import", *files, "--axis", "--out", tmp_path / "axis.h5"], capsys)[0] == 0
+    code, out, _ = run_main(["diagnose", tmp_path / "axis.h5", "--json", "-"], capsys)
+    found = json.loads(out)
+    assert (code, found["verdict"]) == (0, "missing_effect")
+    (friction,) = [c for c in found["candidates"] if c["effect"] == "motor_coulomb_friction"]
+    assert friction["in_set"]
+    assert friction["parameters"]["coulomb"]["value"] == pytest.approx(0.04, rel=0.03)
+
+
+def test_a_linear_axis_is_told_as_an_arc(tmp_path, capsys):
+    """20 mm on an arc of 10 mm are 2 rad, 100 N at this lever 1 N m; on one of 5 mm 4 rad and 0.5 N m."""
+    path = written(tmp_path / "slide.txt", "zeit;hub;kraft", TIME, 20 * TURN, 100 * TORQUE, delimiter=";")
+    mapping = "time=zeit:s,position=hub:mm,torque=kraft:N"
+    (run,) = imported(capsys, path, "--map", mapping).runs
+    np.testing.assert_allclose(run.channel("motor_position"), 2.0 * TURN, atol=1e-9)
+    np.testing.assert_allclose(run.channel("motor_torque"), 1.0 * TORQUE, atol=1e-9)
+    path.with_suffix(".h5").unlink()
+    (run,) = imported(capsys, path, "--map", mapping, "--radius", 0.005).runs
+    np.testing.assert_allclose(run.channel("motor_position"), 4.0 * TURN, atol=1e-9)
+    np.testing.assert_allclose(run.channel("motor_torque"), 0.5 * TORQUE, atol=1e-9)
+
+
+def test_a_current_needs_its_torque_constant(tmp_path, capsys):
+    path = written(tmp_path / "log.csv", "time (s),encoder (rad),iq (mA)", TIME, TURN, 1000 * TORQUE)
+    mapping = ("--map", "time=1,position=2,current=iq")
+    assert "what an ampere gives at the axis" in refused(capsys, path, *mapping)
+    session = imported(capsys, path, *mapping, "--torque-constant", 0.25)
+    np.testing.assert_allclose(session.runs[0].channel("motor_torque"), 0.25 * TORQUE, atol=1e-9)
+    assert "motor_torque" in json.loads(session.runs[0].attributes["derived"])
+
+
+@pytest.mark.parametrize(
+    ("header", "options", "sentence"),
+    [
+        ("t,q,tau", (), "names no unit of 'time' (column 1) and 'motor_position' (column 2) and "
+         "'motor_torque' (column 3); say them, such as --map time=1:s,position=2:deg,torque=3:Nm."),
+        ("t (s),q (rad),tau", (), "names no unit of 'motor_torque' (column 3); say them, such as "
+         "--map time=1:s,position=2:rad,torque=3:Nm."),
+        ("t (s),q (furlong),tau (Nm)", (), "in 'furlong'; it should be in one of rad, mrad, deg"),
+        ("t (s),q (rad),speed (rad/s)", (), "gives no 'motor_torque'"),
+        ("t (s),q (rad),tau (Nm)", ("--phase", "contact"), "--axis makes runs of phase motor_bench"),
+    ],
+)  # fmt: skip
+def test_nothing_is_assumed_of_a_strange_machine(tmp_path, capsys, header, options, sentence):
+    path = written(tmp_path / "log.csv", header, TIME, TURN, TORQUE)
+    assert sentence in refused(capsys, path, *options)
+
+
+def test_without_a_header_the_mapping_has_to_speak(tmp_path, capsys):
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.stack((TIME, TURN, TORQUE), axis=1), "%.9f", delimiter=",")
+    assert "time=1:s,position=2:deg,torque=3:Nm" in refused(capsys, path)
+    (run,) = imported(capsys, path, "--map", "time=1:s,position=2:rad,torque=3:Nm:-1").runs
+    np.testing.assert_allclose(run.channel("motor_torque"), -TORQUE, atol=1e-9)
+
+
+def test_an_encoder_that_counts_one_turn_only_is_unwrapped(tmp_path, capsys):
+    """A motor at 50 rad/s in 4 s: 200 rad, of which the encoder shows 0 to 360 degrees."""
+    turned = 50.0 * np.arange(2000) / RATE
+    wrapped = np.degrees(turned) % 360.0
+    path = written(tmp_path / "log.csv", "t (s),angle (deg),torque (Nm)", TIME[:2000], wrapped, TORQUE[:2000])
+    (run,) = imported(capsys, path).runs
+    np.testing.assert_allclose(run.channel("motor_position"), turned, atol=1e-8)
+    halves = [unwrapped(np.radians(wrapped[:700]))]  # as a long file is read, block after block
+    halves.append(unwrapped(np.radians(wrapped[700:]), halves[0]))
+    np.testing.assert_allclose(np.concatenate(halves), turned, atol=1e-8)
+
+
+def as_version_73(path: Path, content: dict) -> Path:
+    """Laid out as MATLAB's ``save -v7.3`` does: HDF5 behind a header of 512 bytes, columns first."""
+
+    def put(group, name, value):
+        if isinstance(value, dict):
+            inner = group.create_group(name)
+            inner.attrs["MATLAB_class"] = np.bytes_("struct")
+            for key, one in value.items():
+                put(inner, key, one)
+        elif isinstance(value, str):
+            group[name] = np.array([[ord(c)] for c in value], dtype=np.uint16)
+            group[name].attrs["MATLAB_class"] = np.bytes_("char")
+        else:
+            group[name] = (
+                np.atleast_2d(np.asarray(value, dtype=np.float64)).T if np.ndim(value) < 2 else value.T
+            )
+            group[name].attrs["MATLAB_class"] = np.bytes_("double")
+
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file.create_group("#refs#")
+        for name, value in content.items():
+            put(file, name, value)
+    with path.open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512))
+    return path
+
+
+def as_version_5(path: Path, content: dict) -> Path:
+    savemat(path, content, oned_as="column")
+    return path
+
+
+@pytest.mark.parametrize("save", [as_version_5, as_version_73])
+def test_vectors_of_a_mat_file(tmp_path, capsys, save):
+    content = {"t": TIME, "q": TURN, "tau": TORQUE, "Fs": np.array([RATE]), "comment": "a log"}
+    path = save(tmp_path / "log.mat", content)
+    sentence = refused(capsys, path)
+    assert all(f"'{name}'" in sentence for name in ("time", "motor_position", "motor_torque"))
+    (run,) = imported(capsys, path, "--map", "time=t:s,position=q:rad,torque=tau:Nm").runs
+    np.testing.assert_array_equal(run.channel("motor_position"), TURN)
+    np.testing.assert_array_equal(run.channel("motor_torque"), TORQUE)
+    assert run.sample_rate_hz == RATE
+
+
+@pytest.mark.parametrize("save", [as_version_5, as_version_73])
+def test_each_struct_of_a_mat_file_is_a_run_with_its_units(tmp_path, capsys, save):
+    def log(share):
+        units = {"time": "s", "position": "deg", "torque": "mNm"}
+        return {
+            "time": TIME,
+            "position": np.degrees(TURN),
+            "torque": share * TORQUE,
+            "units": units,
+            "id": "a",
+        }
+
+    path = save(tmp_path / "log.mat", {"slow": log(1.0), "fast": log(2.0)})
+    runs = imported(capsys, path).runs
+    sizes = sorted(float(np.ptp(run.channel("motor_torque"))) for run in runs)
+    assert sizes == pytest.approx([1e-3 * np.ptp(TORQUE), 2e-3 * np.ptp(TORQUE)])
+    np.testing.assert_allclose(runs[0].channel("motor_position"), TURN, atol=1e-12)
+
+
+@pytest.mark.parametrize("save", [as_version_5, as_version_73])
+def test_a_matrix_gives_its_columns_by_number(tmp_path, capsys, save):
+    path = save(tmp_path / "log.mat", {"data": np.stack((TIME, np.degrees(TURN), TORQUE), axis=1)})
+    (run,) = imported(capsys, path, "--map", "time=data_1:s,position=2:deg,torque=3:Nm").runs
+    np.testing.assert_allclose(run.channel("motor_position"), TURN, atol=1e-12)
+
+
+def test_what_is_exported_to_matlab_comes_back(tmp_path, capsys):
+    path = written(tmp_path / "log.csv", "t (s),q (rad),tau (Nm)", TIME, TURN, TORQUE)
+    session = imported(capsys, path)
+    export_session(session, "mat", tmp_path / "out")
+    (run,) = imported(capsys, tmp_path / "out" / "log.mat").runs
+    for name in ("time", "motor_position", "motor_torque"):
+        np.testing.assert_array_equal(run.channel(name), session.runs[0].channel(name))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sentence"),
+    [
+        (
+            "a.mat",
+            b"not matlab at all, but long enough to be looked at " * 9,
+            "is not a MAT file of version 5",
+        ),
+        ("a.mat", b"", "is not a MAT file of version 5 or 7.3"),
+    ],
+)
+def test_what_is_no_mat_file_is_refused_in_one_sentence(tmp_path, capsys, name, content, sentence):
+    path = tmp_path / name
+    path.write_bytes(content)
+    assert sentence in refused(capsys, path)
+
+
+def test_a_mat_file_cut_at_any_place_is_refused_in_one_sentence(tmp_path, capsys):
+    whole = as_version_5(tmp_path / "whole.mat", {"t": TIME[:50], "q": TURN[:50]}).read_bytes()
+    for length in range(0, len(whole), 97):
+        path = tmp_path / "cut.mat"
+        path.write_bytes(whole[:length])
+        assert refused(capsys, path).startswith("fingerlab: ")
+
+
+def test_a_mat_file_takes_nothing_from_other_files(tmp_path, capsys):
+    """External links of an HDF5 file are not followed: they are refused by name."""
+    secret = as_version_73(tmp_path / "other.mat", {"tau": TORQUE})
+    path = as_version_73(tmp_path / "log.mat", {"t": TIME, "q": TURN})
+    with h5py.File(path, "r+") as file:
+        file["tau"] = h5py.ExternalLink(str(secret), "tau")
+    mapping = "time=t:s,position=q:rad,torque=tau:Nm"
+    assert "leads to another file at /tau; it should hold all of itself" in refused(capsys, path, "--map", mapping)
+
+
+def test_a_motor_that_spins_past_half_a_turn_a_sample_is_not_guessed_at():
+    assert math.isclose(float(unwrapped(np.array([0.0, 6.2]))[1]), 6.2 - 2 * np.pi)

@@ -1,0 +1,104 @@
+"""A wrong effect in the model: the Model lab says that another one is better, and exchanges it at a click."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PySide6.QtWidgets import QFrame, QLabel, QPushButton
+from pytestqt.qtbot import QtBot
+
+from fingerlab.diagnosis.answer.results import Diagnosis, OtherModel, PathStep
+from fingerlab.sessions import Session
+from fingerlab.ui.app.window import MainWindow
+from fingerlab.ui.lab.result_words import step_results
+
+from .. import invented
+from ..hands import child, click, lab_of, wait_for_result
+
+PATIENCE = 20_000
+
+
+def wrong_diagnosis(session: str) -> Diagnosis:
+    """Viscous friction was added where Coulomb friction is: its error stays, and the right one is known."""
+    nominal = invented.nominal_diagnosis(session)
+    right, rest = nominal.candidates[0], nominal.candidates[1:]
+    return replace(
+        nominal,
+        model=("viscous_friction",),
+        score=1.6,
+        candidates=(replace(right, score=1.06, replaces=("viscous_friction",)), *rest),
+        set=("coulomb_friction",),
+        path=(PathStep(None, 1.6), PathStep("coulomb_friction", 1.06, "viscous_friction")),
+        better=OtherModel(("viscous_friction",), ("coulomb_friction",), ("coulomb_friction",), 1.06, 5.0),
+    )
+
+
+@pytest.fixture
+def window(qtbot: QtBot, make_window: Any, session_file: Path) -> MainWindow:
+    asked: list[tuple[str, ...]] = []
+
+    def diagnose(sessions: Sequence[Session], added: tuple[str, ...], *_: object) -> Diagnosis:
+        asked.append(added)
+        name = str(sessions[0].path)
+        return wrong_diagnosis(name) if added != ("coulomb_friction",) else invented.friction_diagnosis(name)
+
+    made: MainWindow = make_window(diagnose=diagnose)
+    made.context.open_paths([session_file])
+    wait_for_result(qtbot, made)
+    lab_of(made).controller.add("viscous_friction")
+    qtbot.waitUntil(
+        lambda: lab_of(made).controller.history.can_undo and not made.tasks.busy, timeout=PATIENCE
+    )
+    return made
+
+
+def test_the_banner_names_the_better_model_and_one_click_exchanges_it(
+    qtbot: QtBot, window: MainWindow
+) -> None:
+    lab = lab_of(window)
+    banner = child(window, QFrame, "betterModel")
+    assert banner.isVisible()
+    assert child(window, QLabel, "betterModelText").text() == (
+        "Another model of these recordings is better: Coulomb joint friction in place of viscous joint "
+        "friction takes the error on runs left out of the fit from 1.60 to 1.06 times the bench's own "
+        "repeatability."
+    )
+    assert lab.view.truth.title.text() == "Not true: another model is better"
+    assert child(window, QPushButton, "addToModel").text() == "&Exchange in model"
+    assert lab.view.path.path.bars[-1].title == "Coulomb joint friction for viscous joint friction"
+    click(window, "exchange")
+    qtbot.waitUntil(
+        lambda: lab.controller.history.now.added == ("coulomb_friction",) and not window.tasks.busy,
+        timeout=PATIENCE,
+    )
+    assert not banner.isVisible()
+    assert lab.view.truth.title.text() == "True, as far as these recordings can show"
+    assert lab.view.path.path.bars[-1].title == "Coulomb joint friction for viscous joint friction"
+    click(window, "undo")
+    assert lab.controller.history.now.added == ("viscous_friction",)
+    assert banner.isVisible()
+
+
+def test_adding_what_replaces_an_effect_takes_that_one_out(qtbot: QtBot, window: MainWindow) -> None:
+    lab = lab_of(window)
+    lab.view.candidates.choose("coulomb_friction")
+    click(window, "addToModel")
+    qtbot.waitUntil(lambda: lab.controller.history.now.added == ("coulomb_friction",), timeout=PATIENCE)
+
+
+def test_true_is_not_said_of_what_leaves_too_much_or_is_one_of_two(window: MainWindow) -> None:
+    truth, history = lab_of(window).view.truth, lab_of(window).controller.history
+    fine = invented.friction_diagnosis("invented.h5")
+    other = OtherModel(("coulomb_friction",), ("stribeck_friction",), ("stribeck_friction",), 1.1, -0.5)
+    for diagnosis, title, word in (
+        (replace(fine, score=1.36), "Not shown to be true: too much is left", "too much is left"),
+        (replace(fine, as_good=(other,)), "Perhaps true: another model is as good", "perhaps, as is another"),
+    ):
+        history.push(replace(history.now, diagnosis=diagnosis))
+        truth.show_history(history)
+        assert truth.title.text() == title
+        assert step_results(diagnosis, history)["true"] == word
