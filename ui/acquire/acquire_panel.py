@@ -217,8 +217,7 @@ class AcquirePanel(QWidget):
             (
                 self.motion,
                 row(self.start, self.finish),
-                row(self.back, self.forth),
-                row(self.take_up, self.contact),
+                row(self.back, self.forth, self.take_up, self.contact),
                 self.hand_left,
             ),
             (self.protocol, self.run, self.progress, self.left),
@@ -239,19 +238,20 @@ class AcquirePanel(QWidget):
         )
 
     def _make_by_hand(self, actions: PanelActions) -> None:
-        self.back = ActionButton("◀ Jog", "jogBack", "Unwind slowly for as long as it is held.", _nothing)
-        self.forth = ActionButton("Jog ▶", "jogForth", "Wind slowly for as long as it is held.", _nothing)
-        for button, way in ((self.back, -1), (self.forth, 1)):
+        self.back = ActionButton("◀", "jogBack", "Jog: unwind slowly for as long as it is held.", _nothing)
+        self.forth = ActionButton("▶", "jogForth", "Jog: wind slowly for as long as it is held.", _nothing)
+        for button, way, name in ((self.back, -1, "Jog back"), (self.forth, 1, "Jog on")):
+            button.setAccessibleName(name)
             button.pressed.connect(lambda way=way: actions.jog(way))
             button.released.connect(lambda: actions.jog(0))
         self.take_up = ActionButton(
-            "Take up slack",
+            "Take up",
             "takeUp",
-            "Wind with little current until the joints move; the motor's reference is then there.",
+            "Slack: wind with little current until the joints move; the motor's reference is then there.",
             actions.take_up,
         )
         self.contact = ActionButton(
-            "Find contact",
+            "Contact",
             "findContact",
             "Wind until the fingertip presses the load cell; the motion's offset is then there.",
             actions.contact,
