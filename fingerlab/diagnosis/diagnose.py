@@ -158,7 +158,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         repeats=all(group.repeats for group in scorer.reduced.groups),
         calibration=calibration,
         odds=evidence.odds,
-        bench=bench_findings(reduction, by_last.run_offsets(path[-1]), reduction.rig),
+        bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
     )

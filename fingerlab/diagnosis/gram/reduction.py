@@ -30,9 +30,11 @@ from fingerlab.diagnosis.signals.conditions import (
     GroupKey,
     deal_runs,
     group_key,
+    missing_channels,
     repeated_motions,
     runs_to_analyse,
 )
+from fingerlab.diagnosis.signals.contradictions import Facts, check_channels
 from fingerlab.diagnosis.signals.scales import Scales, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
 from fingerlab.effects import CATALOGUE
@@ -98,6 +100,14 @@ class Reduction:
     def rig(self) -> Rig:
         """The first session's rig, in SI."""
         return self._given[0].rig
+
+    @property
+    def left_aside(self) -> list[tuple[str, tuple[str, ...]]]:
+        """Runs that are not analysed because channels were lost, with these."""
+        kept = set(self.runs)
+        every = [(str(s.path), run) for s in self._given for run in s.runs]
+        lost = [(run.name, missing_channels(run)) for path, run in every if (path, run.name) not in kept]
+        return [(name, channels) for name, channels in lost if channels]
 
     @property
     def runs(self) -> list[tuple[str, str]]:
@@ -197,6 +207,7 @@ class Reduction:
         dealt, places = deal_runs(runs)
         groups: dict[GroupKey, Group] = {}
         seen: list[Senses] = []
+        facts: list[Facts] = []
         each = [asked[run.phase == "motor_bench"] for run in runs]
         parts = sums_in_turn(pairs, effects, whole.signal_count, each, self._cache, keep)
         for number, run in enumerate(runs):
@@ -207,7 +218,9 @@ class Reduction:
                 groups[key] = _empty_group(run, whole, dealt[key])
             _add(groups[key], places[number], sums, number)
             seen += sums.senses
+            facts += [] if sums.facts is None else [sums.facts]
             self.repairs[number], self.samples[number] = sums.repairs, sums.samples
+        check_channels(facts)
         check_senses(seen)
         for group in groups.values():
             remove_common_trend(group)

@@ -8,8 +8,9 @@ effect more needs only the effect's own products and how much of them the model'
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -118,12 +119,17 @@ def _picks(features: list[Feature], names: list[str]) -> Array:
 
 
 def screen(
-    scorer: Scorer, base: FittedModel, effects: Sequence[Effect], watch: Watch, least: float = -np.inf
+    scorer: Scorer,
+    base: FittedModel,
+    effects: Sequence[Effect],
+    watch: Watch,
+    least: float = -np.inf,
+    shapes: Mapping[str, int] = MappingProxyType({}),
 ) -> list[FittedModel]:
     """The base model with each effect that it does not hold yet, after a few steps; best first.
 
     Each effect stands at the point of its grid with the largest predicted gain; one with less than ``least``
-    is left out.
+    is left out. One whose gain no step tells stands where ``shapes`` says, or is tried at every point.
     """
     given = base.choices
     test = ScoreTest(scorer.data, base)
@@ -135,9 +141,11 @@ def screen(
         watch.tell(number / len(rest), f"trying {effect.title.lower()}")
         point, start = points[effect.id], base
         iterations = SCREEN_ITERATIONS if point.gain >= hopeful else 1
-        if point.gain == np.inf and len(effect.shapes) > 1:
-            shapes = [_first_try(scorer, base, Choice(effect, i)) for i in range(len(effect.shapes))]
-            start = min(shapes, key=_cost)
+        if point.gain == np.inf and effect.id in shapes:
+            point = PredictedGain(shapes[effect.id], np.inf)
+        elif point.gain == np.inf and len(effect.shapes) > 1:
+            everywhere = [_first_try(scorer, base, Choice(effect, i)) for i in range(len(effect.shapes))]
+            start = min(everywhere, key=_cost)
             point = PredictedGain(start.choices[-1].shape, np.inf)
         fitted = scorer.fit([*given, Choice(effect, point.shape)], start, iterations)
         # Without the effect the tip may have seemed to do what it does not.

@@ -25,6 +25,7 @@ from fingerlab.diagnosis.settings import (
     SHORTEST_STRETCH_S,
     USUAL_INERTIA,
 )
+from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, FINGER_CHANNELS
 from fingerlab.diagnosis.signals.filters import derivative_kernels, differentiate
 from fingerlab.diagnosis.signals.repairs import BRIDGED, bridged, without_spikes
 from fingerlab.diagnosis.signals.scales import as_recorded, scales_of
@@ -32,9 +33,6 @@ from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Run, whole_pieces
-
-FINGER_CHANNELS = ("motor_position", "motor_torque", "mcp_angle", "pip_angle")
-BENCH_CHANNELS = ("motor_position", "motor_torque")
 
 
 def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
