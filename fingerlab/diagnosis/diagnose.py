@@ -84,6 +84,7 @@ def diagnose(
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
         reduction = kept or Reduction(sessions, executor)
+        catalogue = reduction.suited(catalogue)
         reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
         if given:
             settle_constants(reduction, Scorer(reduction.of([])))

@@ -320,7 +320,7 @@ class Scorer:
 
 def _model_key(law: str, choices: Sequence[Choice]) -> tuple[object, ...]:
     """What tells models on the same sessions apart."""
-    return (law, *((c.effect.id, c.shape) for c in choices))
+    return (law, *((c.effect.id, c.shape, c.effect.widened) for c in choices))
 
 
 def explained(own: Array, h: Array, sums: Weighted) -> float:
