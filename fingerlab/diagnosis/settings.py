@@ -21,6 +21,16 @@ PACE_SAMPLES = 65536
 """So many samples of a run tell its pace at most."""
 LEAST_RATE_HZ = 100.0
 """Samples in a reduced second at least: the friction of a motion is lost on fewer; assumed."""
+QUICKER_OCTAVES = 1
+"""By so many octaves short runs are looked at more quickly than their pace asks for, at most; assumed."""
+USUAL_TORQUE_SPREAD = 0.04
+"""Standard deviation of the torque of the thesis' motor alone, N m: what its size is taken by where no finger
+tells; assumed."""
+BAND_OVER_HALF = 1.25
+"""Cutoff over the frequency below which half of the torque's variance is, if a motor turns on; assumed."""
+USUAL_TRAVEL = 0.2
+"""A motor that moves further has travelled this far, root mean square, rad, as far as its pace is concerned:
+16 degrees to either side, as in the thesis' protocol."""
 
 # ## Which part of a run is looked at, and how finely
 
@@ -28,6 +38,8 @@ LONGEST_STRETCH_S = 60.0
 """A longer run is cut, so that memory does not grow with its length, s."""
 SETTLING_S = 2.0
 """Left out at the start of a run: the ramp from rest (1.5 s on the bench) and the end of its transient, s."""
+SETTLING_SHARE = 1.0 / 3.0
+"""... and of a short run no more than this share: it has a shorter start, or little to spare; assumed."""
 SHORTEST_STRETCH_S = 2.0
 """A stretch that is shorter is left out, s; assumed: at either end the filters take a share of it."""
 USUAL_INERTIA = 2e-4
@@ -75,6 +87,19 @@ PUSHES_N = -0.5
 ALWAYS = 0.9
 """Share of a run in which a cable would have to push to be called turned; assumed."""
 
+# ## Channels that contradict each other
+
+ANOTHER_UNIT = 20.0
+"""A ratio that is off by such a factor is a matter of units (57.3 or 1000), not of a bench; assumed."""
+OFF_CURRENT = 1.5
+"""... for the torque over what the current makes of it, which are one measurement."""
+OPPOSITE = 0.9
+"""A motor whose position and command correlate below minus this turns against it; assumed."""
+DEAD_SHARE = 0.02
+"""A joint that moves by less than this share of the other one does not move; assumed."""
+LEAST_ARM_M, LARGEST_ARM_M = 0.001, 0.08
+"""A joint's moment arm lies between, m: twice beyond what a fit allows."""
+
 # ## Runs of one condition
 
 SAME_SHARE = 0.15
@@ -114,6 +139,9 @@ STIFFNESS = 1e7
 
 SLACK_TENSION_N = 0.12
 """Below this tension the cable may be slack, N; assumed: a few times the noise of the current at 8 Hz."""
+SLACK_NOISES = 4.5
+"""... or below so many times what it differs by from its mean over 36 ms, at the median: on a bench with
+soft springs the same current's noise is a larger share of what the cable carries."""
 INERTIA_SPREADS = 2.0
 """... and more where the rotor speeds up: its inertia may be off by so many standard deviations."""
 AT_REST_DEG = 0.1
@@ -147,6 +175,8 @@ LEAST_DEPTH_SPREAD_M = 3e-5
 by as much."""
 WANDER = 0.05
 """Friction differs from run to run by this share, one standard deviation; assumed ("some per cent")."""
+MOST_WANDER = 3.0
+"""... and by no more than so many of them: a friction that does depends on something, such as the load."""
 SET_DOWN_N = 0.02
 """Force along the load cell's face that a tip which sticks is set down with, from run to run, one standard
 deviation; assumed: a tenth of what friction of 0.2 holds at 1 N."""
@@ -179,6 +209,8 @@ TOLD_OFFSET = 3.0
 """A zero is said to move that moves by so many times what it is known to; assumed."""
 TOLD_SHARE = 0.4
 """... and by this share of what the zero that moves most does; assumed."""
+TOLD_SKEW_S = 4e-4
+"""From here on a skew between the channels is told, s: friction that no model holds makes 0.3 ms of it."""
 SPREADS = (1e-5, 0.5)
 """Between these a spread is sought: from half a thousandth of a degree to half a turn's sixth, and in N m on
 the scale of the thesis' motor; assumed."""
@@ -191,6 +223,8 @@ AT_ONCE = 64
 """So many signals are filtered together: they fit into the processor's cache."""
 MOST_CLOSER = 8
 """So many reductions of refined grids are kept, each of a few megabytes."""
+MOST_LOOKED_AT = 40
+"""Runs from which the shapes of an effect are read beforehand, at most: evenly among all."""
 TASKS_AHEAD = 2
 """Runs that a second process is given at a time: one at work and one waiting."""
 MOST_BYTES = 96_000_000
@@ -242,6 +276,8 @@ CONTACT_SHARE = 0.6
 NEXT_SHARE = 0.4
 """A second effect must explain more of what is left: the first one's own law is never quite the plant's
 (where a joint sticks, say), and a partner that only mends that law is not missing physics."""
+FAR_LEFT = 3.0
+"""Squared score above one beyond which that does not hold: a friction's own law leaves less; assumed."""
 DECIDING_LOG_ODDS = 5.0
 """Log odds that decide (about 150 to 1)."""
 MUCH = 1.0
@@ -341,12 +377,42 @@ HOPEFUL_SHARE = 0.1
 """An effect whose first step lowers the cost by less than this share of the best's is fitted no further."""
 SAME_COST_SHARE = 1e-3
 """Effects whose costs differ by less than this share leave the same noise, and set the same weights."""
+AT_BOUND = 0.999
+"""Share of a bound from which on a value stands at it."""
+MOST_WIDENED = 3
+"""Times that an assumed range is made ten times as wide, at most."""
 SCREEN_ITERATIONS = 3
 """Steps of a fit that only tells whether an effect is worth more."""
 LONGEST_PATH = 4
 """At most this many effects are added."""
 STEP_GAIN = 0.25
 """An effect that promises less than this share of what a further step must reach is no candidate for it."""
+FAR = 8.0
+"""Squared score above one from which on many effects are looked for together: no usual path ends there but
+for something outside of the catalogue."""
+MOST_EFFECTS = 10
+"""So many are added together on a bench that is far from its model; ``as-built`` lacks as many."""
+FAMILIES_OF_MANY = ("Joint friction", "Cable", "Motor and gearbox", "Contact")
+"""Of these they are: what a bench's makers weighed or calibrated (springs, masses, sensors) is nearer to what
+the rig file says than what nobody measured; assumed."""
+SETTLING_ROUNDS = 4
+"""Times that such a model is fitted and weighed again by what it misses."""
+LEAST_GAIN_OF_MANY = 0.4
+"""Twice the log likelihood of each independent value that the first of many effects gain at least, every
+equation seen as closely as it is explained: 1.2 for one of three, half of its error; found on the as-built
+bench."""
+LEAST_SHARE_OF_MANY = 0.35
+"""... and the share of the misfit that later ones explain; found there, too."""
+NEARLY_AS_GOOD = 0.75
+"""Share of the best's gain from which on the plainer of two laws that are alike is taken; assumed."""
+NEEDLESS_SHARE = 0.15
+"""An effect without which the misfit, or the squared score, rises by no larger share is needless beside the
+others; assumed: what many laws that are nearly right leave moves by as much."""
+TOO_CLOSE = 0.9
+"""... and from which on laws that are not alike cannot be told apart, so that none is added; assumed."""
+FAR_SHARE = 0.1
+"""Many effects together must leave less than this share of the misfit: several together can imitate one that
+nobody knows; assumed."""
 RUNNERS_UP = 2
 """So many other beginnings are tried where a way ends with much left."""
 LOOKING_ITERATIONS = 3

@@ -48,3 +48,32 @@ def test_a_clean_bench_has_no_findings() -> None:
     found = diagnose([spoiled(np.zeros(4), np.zeros(4), made.Bench())], with_curves=False)
     assert found.bench == ()
     assert found.verdict == "nothing_missing"
+
+
+def test_a_channel_that_is_lost_in_a_run_costs_that_run_and_is_told() -> None:
+    session = made.session(made.Bench(), 4, contact=0)
+    first = session.runs[0]
+    names = {"name": first.name, "phase": first.phase, "cable": first.cable}
+    left = {name: values for name, values in first.load().items() if name != "pip_angle"}
+    without = Run.from_arrays(left, **names, sample_rate_hz=first.sample_rate_hz, trajectory=first.trajectory)
+    found = diagnose([replace(session, runs=(without, *session.runs[1:]))], with_curves=False)
+    assert found.verdict == "nothing_missing"
+    (lost,) = found.bench
+    assert (lost.kind, lost.channel, lost.runs) == ("missing_channel", "pip_angle", (first.name,))
+
+
+def test_a_skew_between_the_channels_is_told() -> None:
+    """Joint angles a sample late: in the closed form they were read at once."""
+    session = made.session(made.Bench(), 4, contact=0)
+    runs = []
+    for run in session.runs:
+        channels = run.load()
+        for name in ("mcp_angle", "pip_angle"):
+            channels[name] = np.interp(channels["time"] - 6e-4, channels["time"], channels[name])
+        names = {"name": run.name, "phase": run.phase, "cable": run.cable}
+        runs.append(
+            Run.from_arrays(channels, **names, sample_rate_hz=run.sample_rate_hz, trajectory=run.trajectory)
+        )
+    (skew,) = diagnose([replace(session, runs=tuple(runs))], with_curves=False).bench
+    assert (skew.kind, skew.unit) == ("skew", "s")
+    assert 5e-4 < skew.size < 7e-4

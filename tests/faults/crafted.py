@@ -77,7 +77,7 @@ def judged(kind: str, command: Sequence[str], folder: Path, path: Path) -> Outco
         faults = list(_faults(code, out, err))
         if (code != 0 and made) or any(name not in ASKED_FOR for name in made):
             faults.append(f"wrote {', '.join(made)}")
-        if _snapshot(folder) != before:
+        if _snapshot(folder) != before and "says that it is open" not in kind:  # that one is repaired
             faults.append("changed the folder")
         if kind.startswith("way out") and code != 2:
             faults.append("followed")

@@ -60,3 +60,15 @@ def test_two_effects_that_hide_each_other_are_both_found(
     assert answer["verdict"] == "missing_effect"
     assert {step["added"] for step in answer["path"]} - {None} == truth
     assert answer["path"][-1]["score"] < 0.5 * answer["score"]
+
+
+def test_a_wrong_effect_that_was_added_is_offered_for_the_right_one(tmp_path: Path) -> None:
+    path = tmp_path / "stribeck.h5"
+    run("simulate", "--protocol", "rich", "--effect", "stribeck_friction", "--seed", "31", "--out", path)
+    answer = run("diagnose", path, "--add", "coulomb_friction")
+    better = answer["better_model"]
+    assert answer["verdict"] == "missing_effect"
+    assert (better["remove"], better["add"]) == (["coulomb_friction"], ["stribeck_friction"])
+    assert better["score"] < answer["score"]
+    assert answer["path"][1]["removed"] == "coulomb_friction"
+    assert answer["final_model"] == answer["set"] == ["stribeck_friction"]

@@ -252,7 +252,9 @@ def test_a_mat_file_takes_nothing_from_other_files(tmp_path, capsys):
     with h5py.File(path, "r+") as file:
         file["tau"] = h5py.ExternalLink(str(secret), "tau")
     mapping = "time=t:s,position=q:rad,torque=tau:Nm"
-    assert "leads to another file at /tau; it should hold all" in refused(capsys, path, "--map", mapping)
+    assert "leads to another file at /tau; it should hold all of itself" in refused(
+        capsys, path, "--map", mapping
+    )
 
 
 def test_a_motor_that_spins_past_half_a_turn_a_sample_is_not_guessed_at():

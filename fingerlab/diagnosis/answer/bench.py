@@ -8,9 +8,11 @@ import numpy as np
 
 from fingerlab.core.text import fixed
 from fingerlab.diagnosis.answer.results import BenchFinding
+from fingerlab.diagnosis.equations.coefficients import DELAY
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import SOURCES, Offsets
-from fingerlab.diagnosis.settings import LEAST_SPIKES, TOLD_OFFSET, TOLD_SHARE
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.settings import LEAST_SPIKES, TOLD_OFFSET, TOLD_SHARE, TOLD_SKEW_S
 from fingerlab.diagnosis.signals.repairs import BRIDGED
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array
@@ -18,13 +20,54 @@ from fingerlab.sessions.model import Array
 SENSORS = {"mcp_angle": "MCP sensor", "pip_angle": "PIP sensor", "motor_position": "motor's encoder"}
 
 
-def bench_findings(reduction: Reduction, offsets: Sequence[Offsets], rig: Rig) -> tuple[BenchFinding, ...]:
+def bench_findings(
+    reduction: Reduction, last: FittedModel, offsets: Sequence[Offsets]
+) -> tuple[BenchFinding, ...]:
     """All of it, what weighs most first.
 
     Args:
-        offsets: the constants that the runs have of their own, beside the last model of the path. rig: in SI.
+        last: model of the path. offsets: the constants that the runs have of their own beside it.
     """
-    return (*_moved(reduction, offsets, rig), *_spikes(reduction), *_lost(reduction))
+    return (
+        *_channels(reduction),
+        *_moved(reduction, offsets, reduction.rig),
+        *_skew(reduction, last),
+        *_spikes(reduction),
+        *_lost(reduction),
+    )
+
+
+def _channels(reduction: Reduction) -> list[BenchFinding]:
+    """Runs that are left aside because a channel was lost."""
+    lost = reduction.left_aside
+    result = []
+    for channel in sorted({name for _, names in lost for name in names}):
+        runs = tuple(run for run, names in lost if channel in names)
+        them = "it is" if len(runs) == 1 else "they are"
+        text = (
+            f"Channel '{channel}' was lost in {_count(len(runs), 'run')} ({', '.join(runs[:5])}"
+            f"{', ...' if len(runs) > 5 else ''}); {them} left aside: look at its cable, and record again."
+        )
+        result.append(BenchFinding("missing_channel", channel, float(len(runs)), "runs", runs, text))
+    return result
+
+
+def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
+    """Joint angles that were not read at the instant of the motor's channels."""
+    place = last.model.index.get(DELAY)
+    if place is None or last.model.delayed:
+        return []
+    seconds = reduction.scales.of("s")
+    late, unsure = float(last.fit.values[place]), float(last.fit.deviations[place])
+    if abs(late) < max(TOLD_SKEW_S, TOLD_OFFSET * unsure):
+        return []
+    at_least = "at least " if abs(late) >= last.model.high[place] * 0.99 else ""
+    text = (
+        f"The joint angles come {at_least}{_number(abs(late) * seconds * 1e3)} ms "
+        f"{'after' if late > 0 else 'before'} the motor's channels: "
+        "read all channels at one instant, or correct their times."
+    )
+    return [BenchFinding("skew", "mcp_angle", late * seconds, "s", (), text)]
 
 
 def _moved(reduction: Reduction, offsets: Sequence[Offsets], rig: Rig) -> list[BenchFinding]:

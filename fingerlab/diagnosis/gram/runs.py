@@ -21,6 +21,7 @@ from fingerlab.diagnosis.gram.decimation import Decimated, decimated_columns, fi
 from fingerlab.diagnosis.gram.state_law import state_products
 from fingerlab.diagnosis.gram.sums import Part, RunSums, Sums
 from fingerlab.diagnosis.settings import MOST_BYTES
+from fingerlab.diagnosis.signals.contradictions import facts_of
 from fingerlab.diagnosis.signals.segments import segments_of, senses
 from fingerlab.effects.base import Effect
 from fingerlab.physics.motion import Motion
@@ -130,6 +131,8 @@ def run_sums(
     result = RunSums(run.name)
     for low in _decimated(number, session, run, effects, asked, cache):
         motion = low.wide
+        if asked.first and result.facts is None:
+            result.facts = facts_of(run, motion, session.rig)
         sense = senses(run, motion)
         result.senses += [] if sense is None else [sense]
         result.repairs.update(motion.repairs)

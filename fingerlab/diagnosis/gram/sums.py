@@ -17,6 +17,7 @@ import numpy as np
 from fingerlab.diagnosis.equations.features import IntArray, Layout, Pick
 from fingerlab.diagnosis.gram.run_constants import RunConstants, RunTotals
 from fingerlab.diagnosis.signals.conditions import Fold, GroupKey
+from fingerlab.diagnosis.signals.contradictions import Facts
 from fingerlab.diagnosis.signals.segments import Senses
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
@@ -174,6 +175,7 @@ class RunSums:
     parts: list[Part] = field(default_factory=list)
     trends: list[tuple[IntArray, Array]] = field(default_factory=list)
     senses: list[Senses] = field(default_factory=list)
+    facts: Facts | None = None  # what its channels say of each other; on a first reading
     encoder_variance: float = 0.0
     state_products: list[Array] = field(default_factory=list)
     """Of a motor alone whose motion does not come again: see ``state_law``, one for each block."""
@@ -220,6 +222,9 @@ class Group:
     dealt: list[Fold] = field(default_factory=list)
     trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)
     """While runs are read: slow trends by condition and stretch, (signals, degrees) for each run."""
+    noise_told: bool = False
+    """The noise is of the torque alone, as runs left out told it: it is not limited by what so many signals
+    happen to hold in so few samples."""
     state_products: list[list[Array]] = field(default_factory=list)
     """Of each run of a motor alone whose motion does not come again: see ``state_law``."""
 

@@ -10,7 +10,7 @@ point.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from fingerlab.core.errors import UserError
@@ -58,6 +58,7 @@ def fit_refined(
         UserError: an effect does not apply to these runs, or a run cannot be read.
         Cancelled: the user asked for it.
     """
+    effects = reduction.suited(effects)
     scorer = Scorer(reduction.of(effects, watch))
     for one in effects:
         if one not in scorer.reduced.layout.effects:
@@ -65,27 +66,44 @@ def fit_refined(
     fitted = fit_effects(scorer, effects)
     if not can_refine(fitted.choices):
         return scorer, fitted
-    return refine_grid(reduction, fitted.choices, watch)
+    return refine_grid(reduction, fitted, watch)
 
 
 def refine_grid(
     reduction: Reduction,
-    found: Sequence[Choice],
+    found: FittedModel,
     watch: Watch = SILENT,
 ) -> tuple[Scorer, FittedModel]:
     """The effects at the best of the shapes around those found, under their own model's weights.
 
-    Args:
-        found: effects that apply to these sessions, each at a point of its grid.
+    Raises:
+        Cancelled: the user asked for it.
+    """
+    choices = [_following(c, found.values) for c in found.choices]
+    finer = [_finer(c) for c in choices]
+    scorer = Scorer(reduction.closer(finer, watch))
+    places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
+    fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)])
+    return scorer, _at_best_shapes(scorer, fitted)
+
+
+def refine_last(
+    reduction: Reduction, fitted: FittedModel, watch: Watch = SILENT
+) -> tuple[Scorer, FittedModel]:
+    """The model with its last effect at the best of the shapes around it, all else and the weights as before.
 
     Raises:
         Cancelled: the user asked for it.
     """
-    finer = [_finer(c) for c in found]
-    scorer = Scorer(reduction.closer(finer, watch))
-    places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, found, strict=True)]
-    fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)])
-    return scorer, _at_best_shapes(scorer, fitted)
+    *others, last = [*at_found_shapes(fitted)[:-1], _finer(fitted.choices[-1])]
+    scorer = Scorer(reduction.closer([*others, last], watch))
+    given = [Choice(one) for one in others]
+    tried = [
+        scorer.fit_same_law([*given, Choice(last, i)], fitted, LOOKING_ITERATIONS)
+        for i in range(len(last.shapes))
+    ]
+    best = min(tried, key=lambda one: one.fit.cost)
+    return scorer, scorer.fit(best.choices, best, FULL_ITERATIONS)
 
 
 def _at_best_shapes(scorer: Scorer, fitted: FittedModel) -> FittedModel:
@@ -128,7 +146,7 @@ def refine_path(
     """
     chosen = list(path)
     while True:
-        scorer, last = refine_grid(reduction, chosen[-1].choices, watch)
+        scorer, last = refine_grid(reduction, chosen[-1], watch)
         by_id = {c.effect.id: c for c in last.choices}
         kept = [[by_id[name] for name in step.effect_ids if name in by_id] for step in chosen]
         steps = [scorer.score_held_out(scorer.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
@@ -198,7 +216,7 @@ def break_ties(
     refined: list[tuple[Scorer, FittedModel]] = []
     for candidate in (evidence.candidates[i] for i in tied):
         if can_refine(candidate.choices):
-            refined.append(refine_grid(reduction, candidate.choices, watch))
+            refined.append(refine_grid(reduction, candidate, watch))
         else:
             alone = scorer.fit_reweighted(candidate.choices, candidate, weights)
             refined.append((scorer, alone))
@@ -244,6 +262,15 @@ def with_shapes_of(catalogue: Sequence[Effect], found: Sequence[Effect]) -> list
 def can_refine(choices: Sequence[Choice]) -> bool:
     """Whether any of the effects has shapes between the points of its grid."""
     return any(len(_finer(c).shapes) > 1 for c in choices)
+
+
+def _following(choice: Choice, values: Mapping[str, float]) -> Choice:
+    """The choice with what its shape takes from other unknowns of the model."""
+    effect = choice.effect
+    taken = {name: sum(values.get(k, 0.0) for k in keys) for name, keys in effect.follows.items()}
+    if not taken:
+        return choice
+    return Choice(replace(effect, shapes=tuple({**shape, **taken} for shape in effect.shapes)), choice.shape)
 
 
 def _finer(choice: Choice) -> Effect:

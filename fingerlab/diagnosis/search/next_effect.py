@@ -8,8 +8,9 @@ effect more needs only the effect's own products and how much of them the model'
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from fingerlab.diagnosis.fit.solver import Fitter, bounded_step
 from fingerlab.diagnosis.fit.weights import Data, Weights, feature_weights
 from fingerlab.diagnosis.gram.run_constants import taken_up
 from fingerlab.diagnosis.score.evidence import Evidence, judge
-from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import much_left
 from fingerlab.diagnosis.settings import (
@@ -28,6 +29,7 @@ from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,
     HELD_OUT_TRIALS,
     HOPEFUL_SHARE,
+    MOST_WIDENED,
     SAME_COST_SHARE,
     SCREEN_ITERATIONS,
     WEAK_PRIOR,
@@ -118,12 +120,17 @@ def _picks(features: list[Feature], names: list[str]) -> Array:
 
 
 def screen(
-    scorer: Scorer, base: FittedModel, effects: Sequence[Effect], watch: Watch, least: float = -np.inf
+    scorer: Scorer,
+    base: FittedModel,
+    effects: Sequence[Effect],
+    watch: Watch,
+    least: float = -np.inf,
+    shapes: Mapping[str, int] = MappingProxyType({}),
 ) -> list[FittedModel]:
     """The base model with each effect that it does not hold yet, after a few steps; best first.
 
     Each effect stands at the point of its grid with the largest predicted gain; one with less than ``least``
-    is left out.
+    is left out. One whose gain no step tells stands where ``shapes`` says, or is tried at every point.
     """
     given = base.choices
     test = ScoreTest(scorer.data, base)
@@ -135,14 +142,28 @@ def screen(
         watch.tell(number / len(rest), f"trying {effect.title.lower()}")
         point, start = points[effect.id], base
         iterations = SCREEN_ITERATIONS if point.gain >= hopeful else 1
-        if point.gain == np.inf and len(effect.shapes) > 1:
-            shapes = [_first_try(scorer, base, Choice(effect, i)) for i in range(len(effect.shapes))]
-            start = min(shapes, key=_cost)
+        if point.gain == np.inf and effect.id in shapes:
+            point = PredictedGain(shapes[effect.id], np.inf)
+        elif point.gain == np.inf and len(effect.shapes) > 1:
+            everywhere = [_first_try(scorer, base, Choice(effect, i)) for i in range(len(effect.shapes))]
+            start = min(everywhere, key=_cost)
             point = PredictedGain(start.choices[-1].shape, np.inf)
         fitted = scorer.fit([*given, Choice(effect, point.shape)], start, iterations)
         # Without the effect the tip may have seemed to do what it does not.
-        candidates.append(scorer.with_best_law(fitted, SCREEN_ITERATIONS))
+        candidates.append(off_its_bounds(scorer, scorer.with_best_law(fitted, SCREEN_ITERATIONS)))
     return sorted(candidates, key=_cost)
+
+
+def off_its_bounds(scorer: Scorer, fitted: FittedModel, iterations: int = SCREEN_ITERATIONS) -> FittedModel:
+    """The model; where its last effect stands at an assumed bound, fitted again with a wider range."""
+    for _ in range(MOST_WIDENED):
+        names = at_assumed_bounds(fitted)
+        if not names:
+            break
+        *given, last = fitted.choices
+        wider = Choice(last.effect.wider(names), last.shape)
+        fitted = scorer.fit([*given, wider], fitted, iterations)
+    return fitted
 
 
 def _first_try(scorer: Scorer, base: FittedModel, choice: Choice) -> FittedModel:
@@ -217,7 +238,7 @@ def _cost(fitted: FittedModel) -> float:
 
 def _at_its_best(scorer: Scorer, fitted: FittedModel, every: bool) -> FittedModel:
     """The model with its last effect at the best grid point, or every effect."""
-    climbed = climb_grid(scorer, fitted)
+    climbed = off_its_bounds(scorer, climb_grid(scorer, fitted), FULL_ITERATIONS)
     return _readjusted(scorer, climbed) if every else climbed
 
 

@@ -9,7 +9,7 @@ model as given is one of them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, left_for, log_odds_among
-from fingerlab.diagnosis.search.grid_refinement import can_refine, extend_path, refine_grid
+from fingerlab.diagnosis.search.grid_refinement import can_refine, extend_path, refine_last
 from fingerlab.diagnosis.search.next_effect import climb_grid, screen
 from fingerlab.diagnosis.settings import (
     CLOSER_RIVALS,
@@ -91,19 +91,22 @@ def find_rivals(
     given: Given,
     path: Sequence[FittedModel],
     path_scorer: Scorer,
+    beside: Sequence[FittedModel],
     watch: Watch,
 ) -> list[Rival]:
     """The models with one given effect exchanged that do as well as the path, or nearly; best first.
 
     Args:
         path: from the model as given. path_scorer: what fitted its further steps.
+        beside: the model as given with every effect beside it, each at the best point of its grid there.
     """
+    shapes = {one.last_effect.id: one.choices[-1].shape for one in beside}
     end = scored_under(path_scorer, path[-1], given.fitted.weights) if len(path) > 1 else None
     found: dict[tuple[str, tuple[str, ...]], Rival] = {}
     choices = given.fitted.choices
     for place, choice in enumerate(choices):
         watch.tell(place / len(choices), f"trying others in place of {choice.effect.title.lower()}")
-        for one in _in_place_of(reduction, given, end, path_scorer, place, watch):
+        for one in _in_place_of(reduction, given, end, path_scorer, place, shapes, watch):
             found[one.removed, one.added] = one
     return sorted(found.values(), key=lambda one: -one.log_odds)
 
@@ -160,6 +163,7 @@ def _in_place_of(
     end: FittedModel | None,
     path_scorer: Scorer,
     place: int,
+    shapes: Mapping[str, int],
     watch: Watch,
 ) -> list[Rival]:
     """Models without the given effect at ``place`` that do as well as the model as given and its path."""
@@ -167,7 +171,7 @@ def _in_place_of(
     own, more = given.last(place)
     without = scorer.score_held_out(scorer.fit(own.choices[:-1], own, FULL_ITERATIONS))
     known = [own]
-    rivals = _exchanged(reduction, scorer, without, own, watch)
+    rivals = _exchanged(reduction, scorer, without, own, shapes, watch)
     if end is not None:
         known += [end if path_scorer is scorer else _leaving_more(end, more)]
         spared = _spared(path_scorer, end, place, len(own.choices))
@@ -178,12 +182,19 @@ def _in_place_of(
         else replace(one, steps=tuple(_leaving_more(step, more) for step in one.steps))
         for one in rivals
     ]
+    # What would not be missing if neither were there is no rival: then the given effect is idle, too.
+    rivals = [one for one in rivals if justified(without, one.steps[0])]
     odds = _log_odds(without, known, rivals)
     return [replace(one, log_odds=o) for one, o in zip(rivals, odds, strict=True) if o > -SET_LOG_ODDS]
 
 
 def _exchanged(
-    reduction: Reduction, scorer: Scorer, without: FittedModel, own: FittedModel, watch: Watch
+    reduction: Reduction,
+    scorer: Scorer,
+    without: FittedModel,
+    own: FittedModel,
+    shapes: Mapping[str, int],
+    watch: Watch,
 ) -> list[Rival]:
     """The model with other effects where ``own`` has its last one; those that do not leave far more.
 
@@ -194,14 +205,13 @@ def _exchanged(
     least = max(own.misfit, 0.0) / max(own.count, 1.0)
     reach = own.fit.cost + own.count * (left_for(-2.0 * SET_LOG_ODDS, least) - least)
     beyond = max(reach, own.fit.cost + GRID_SHARE * gained)
-    tried = screen(scorer, without, catalogue, watch, RIVAL_SHARE * gained)[:HELD_OUT_TRIALS]
+    tried = screen(scorer, without, catalogue, watch, RIVAL_SHARE * gained, shapes)[:HELD_OUT_TRIALS]
     near = [climb_grid(scorer, one) for one in tried if one.fit.cost < own.fit.cost + RIVAL_SHARE * gained]
     rivals: list[Rival] = []
     for one in sorted((one for one in near if one.fit.cost < beyond), key=lambda one: one.fit.cost):
         found, by = one, scorer
         if len(rivals) < CLOSER_RIVALS and can_refine([one.choices[-1]]):
-            by, closer = refine_grid(reduction, one.choices, watch)
-            found = by.fit(closer.choices, closer, FULL_ITERATIONS, own.weights)
+            by, found = refine_last(reduction, one, watch)
         if found.fit.cost < reach:
             name = one.last_effect.id
             rivals.append(Rival(own.last_effect.id, (name,), (by.score_held_out(found),), by))

@@ -13,6 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.settings import FOLDS, MOST_FOLDS, SAME_DIFFERENCE, SAME_SHARE
 from fingerlab.sessions.model import Run, Session
@@ -108,6 +110,8 @@ GroupKey = tuple[str, str]
 def runs_to_analyse(sessions: Sequence[Session]) -> tuple[list[tuple[Session, Run]], bool]:
     """Finger runs of all sessions and the motor-bench runs beside them; whether there are only the latter.
 
+    A run that lacks a channel is left aside where others of its kind have it.
+
     Raises:
         UserError: there is no run at all, or finger runs without the finger's constants.
     """
@@ -118,13 +122,41 @@ def runs_to_analyse(sessions: Sequence[Session]) -> tuple[list[tuple[Session, Ru
         for session, _ in finger:
             if session.rig.finger is None:
                 raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
-        return finger + bench, False
+        return _with_all_channels(finger) + _with_all_channels(bench), False
     if not bench:
         names = ", ".join(str(s.path) for s in sessions)
         raise UserError(
             f"{names} holds no run with a cable and no motor-bench run; there is nothing to compare."
         )
-    return bench, True
+    return _with_all_channels(bench), True
+
+
+FINGER_CHANNELS = ("motor_position", "motor_torque", "mcp_angle", "pip_angle")
+BENCH_CHANNELS = ("motor_position", "motor_torque")
+
+
+def needed_channels(run: Run) -> tuple[str, ...]:
+    """Channels that a run of its phase cannot be analysed without."""
+    if run.phase == "motor_bench":
+        return BENCH_CHANNELS
+    return (*FINGER_CHANNELS, "endpoint_force") if run.phase == "contact" else FINGER_CHANNELS
+
+
+def missing_channels(run: Run) -> tuple[str, ...]:
+    """Those that a run lacks, or of which nothing was read halfway through it."""
+    missing = [name for name in needed_channels(run) if not run.has(name)]
+    if run.phase == "contact" and run.has("endpoint_force") and run.length:
+        middle = run.length // 2
+        if np.isnan(run.channel("endpoint_force", middle, middle + 1)).all():
+            missing.append("endpoint_force")
+    return tuple(missing)
+
+
+def _with_all_channels(pairs: list[tuple[Session, Run]]) -> list[tuple[Session, Run]]:
+    """Those whose channels are all there; all where none has them, for then there is something to be said."""
+    whole = [pair for pair in pairs if not missing_channels(pair[1])]
+    kinds = {group_key(run) for _, run in whole}
+    return [p for p in pairs if p in whole or group_key(p[1]) not in kinds]
 
 
 def group_key(run: Run) -> GroupKey:

@@ -1,0 +1,78 @@
+"""Models with an effect exchanged: what their odds make of the probabilities, and how they are told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fingerlab.diagnosis.answer.results import OtherModel, PathStep
+from fingerlab.diagnosis.score.evidence import doubted, judge, with_rivals
+from fingerlab.effects import CATALOGUE
+from fingerlab.report import diagnosis_words as words
+from tests.ui import invented
+
+from .invented import at_score
+
+OTHERS = [name for name in CATALOGUE if name not in ("transport_delay", "cable_slack")]
+
+
+def judged(base: float):
+    """Evidence where no effect changes anything."""
+    return judge(at_score(base), [at_score(base, name) for name in OTHERS])
+
+
+def test_a_model_three_times_as_likely_takes_three_quarters() -> None:
+    before = judged(1.1)
+    after = with_rivals(before, {"stribeck_friction": float(np.log(3.0))})
+    place = OTHERS.index("stribeck_friction")
+    assert after.nothing == pytest.approx(before.nothing / 4)
+    assert after.unknown == pytest.approx(before.unknown / 4)
+    assert after.probabilities[place] == pytest.approx(0.75 + before.probabilities[place] / 4)
+    assert after.probabilities.sum() + after.nothing + after.unknown == pytest.approx(1.0)
+    assert after.verdict == "missing_effect"
+    assert after.best.last_effect.id == "stribeck_friction"
+
+
+def test_two_models_as_likely_as_the_one_given_leave_it_a_third() -> None:
+    before = judged(1.1)
+    after = with_rivals(before, {"stribeck_friction": 0.0, "backlash": 0.0})
+    assert after.nothing == pytest.approx(before.nothing / 3)
+    assert with_rivals(before, {}) is before
+
+
+@pytest.mark.parametrize("score", [1.45, 1.6])
+def test_nothing_is_not_missing_where_a_third_of_a_floor_is_left(score: float) -> None:
+    evidence = replace(judged(1.1), base=at_score(score))
+    assert evidence.verdict == "nothing_missing"
+    after = doubted(evidence)
+    assert after.verdict == "not_in_catalogue"
+    assert after.nothing + after.unknown == pytest.approx(evidence.nothing + evidence.unknown)
+    assert doubted(judged(1.1)).verdict == "nothing_missing"
+
+
+def test_an_exchange_is_told_with_its_figures() -> None:
+    wrong = replace(
+        invented.friction_diagnosis("s.h5"),
+        score=1.6,
+        better=OtherModel(("coulomb_friction",), ("stribeck_friction",), ("stribeck_friction",), 1.06, 3.0),
+        path=(PathStep(None, 1.6), PathStep("stribeck_friction", 1.06, "coulomb_friction")),
+    )
+    assert words.verdict_sentence(wrong).startswith(
+        "Another model of these recordings is better: Stribeck joint friction in place of Coulomb joint "
+        "friction takes the error on runs left out of the fit from 1.60 to 1.06 times the bench's own "
+        "repeatability. It is 20 times as likely."
+    )
+    assert "Stribeck joint friction in place of Coulomb joint friction to 1.06" in words.path_sentence(wrong)
+    told = wrong.to_json()
+    assert told["better_model"] == {
+        "remove": ["coulomb_friction"],
+        "add": ["stribeck_friction"],
+        "score": 1.06,
+        "log_odds": 3.0,
+    }
+    assert told["path"][1] == {"added": "stribeck_friction", "removed": "coulomb_friction", "score": 1.06}
+    assert invented.friction_diagnosis("s.h5").to_json()["better_model"] is None
+    same = replace(wrong, better=OtherModel(("coulomb_friction",), ("stribeck_friction",), (), 1.6, 3.0))
+    assert "leaves about the same error" in words.better_sentence(same)
