@@ -127,6 +127,9 @@ STIFFNESS = 1e7
 
 SLACK_TENSION_N = 0.12
 """Below this tension the cable may be slack, N; assumed: a few times the noise of the current at 8 Hz."""
+SLACK_NOISES = 4.5
+"""... or below so many times what it differs by from its mean over 36 ms, at the median: on a bench with
+soft springs the same current's noise is a larger share of what the cable carries."""
 INERTIA_SPREADS = 2.0
 """... and more where the rotor speeds up: its inertia may be off by so many standard deviations."""
 AT_REST_DEG = 0.1
@@ -362,6 +365,32 @@ LONGEST_PATH = 4
 """At most this many effects are added."""
 STEP_GAIN = 0.25
 """An effect that promises less than this share of what a further step must reach is no candidate for it."""
+FAR = 8.0
+"""Squared score above one from which on many effects are looked for together: no usual path ends there but
+for something outside of the catalogue."""
+MOST_EFFECTS = 10
+"""So many are added together on a bench that is far from its model; ``as-built`` lacks as many."""
+FAMILIES_OF_MANY = ("Joint friction", "Cable", "Motor and gearbox", "Contact")
+"""Of these they are: what a bench's makers weighed or calibrated (springs, masses, sensors) is nearer to what
+the rig file says than what nobody measured; assumed."""
+SETTLING_ROUNDS = 4
+"""Times that such a model is fitted and weighed again by what it misses."""
+LEAST_GAIN_OF_MANY = 0.4
+"""Twice the log likelihood of each independent value that the first of many effects gain at least, every
+equation seen as closely as it is explained: 1.2 for one of three, half of its error; found on the as-built
+bench."""
+LEAST_SHARE_OF_MANY = 0.35
+"""... and the share of the misfit that later ones explain; found there, too."""
+NEARLY_AS_GOOD = 0.75
+"""Share of the best's gain from which on the plainer of two laws that are alike is taken; assumed."""
+NEEDLESS_SHARE = 0.15
+"""An effect without which the misfit, or the squared score, rises by no larger share is needless beside the
+others; assumed: what many laws that are nearly right leave moves by as much."""
+TOO_CLOSE = 0.9
+"""... and from which on laws that are not alike cannot be told apart, so that none is added; assumed."""
+FAR_SHARE = 0.1
+"""Many effects together must leave less than this share of the misfit: several together can imitate one that
+nobody knows; assumed."""
 RUNNERS_UP = 2
 """So many other beginnings are tried where a way ends with much left."""
 LOOKING_ITERATIONS = 3

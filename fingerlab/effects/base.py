@@ -145,6 +145,8 @@ class Effect:
             finger": it has them, but alone it is what the bench's own equation fits.
         special: how the fit treats it where it is not a column: "delay" or "slack".
         relaxes: nuisances that this effect sets free (the same terms without the tight prior).
+        follows: numbers of a shape that are the sum of other unknowns of the model, and those unknowns' keys;
+            grid refinement takes them from the model, on the coarse grid they are missing.
         turns: by how much (rad) the load cell's face is turned against the finger at a point of ``shapes``;
             what the tip does along the face turns with it.
         family: one of ``FAMILIES``. formula: what is printed of it.
@@ -169,6 +171,7 @@ class Effect:
     bench: bool | Literal["beside a finger"] = False
     special: Literal["", "delay", "slack"] = ""
     relaxes: Mapping[str, Parameter] = field(default_factory=dict)
+    follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     turns: Callable[[Shape], float] | None = None
     family: str = FAMILIES[-1]
     formula: Formula | None = None

@@ -9,14 +9,19 @@ from fingerlab.effects.example import Example
 from fingerlab.effects.grids import HALF_OCTAVE, either, every, times
 from fingerlab.effects.transmission import USUAL_STICKING_DEG, WINDING_TRAVELS_DEG, pull_terms, winding_state
 from fingerlab.physics.friction_states import friction_state, rubbing_forces
-from fingerlab.physics.motion import Motion
+from fingerlab.physics.motion import Motion, nothing
 from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
 
-HELD_TRAVELS_DEG = (0.1, 0.2)
+CABLES = {"extension": -1, "flexion": 1}
+"""Each has a sheath of its own: on the back of the hand a cable bends over the knuckles, in the palm it may
+run nearly straight."""
+HELD_TRAVELS_DEG = (0.1, 0.2, 0.8)
 """Travel over which a cable that is held in its sheath slides at a tension of REFERENCE_PULL_N, degrees at
 the pulley; assumed: what a stiff cable of 2e-5 m/N stretches under its friction on a pulley of 10 to 15 mm. A
-gearbox, whose friction also grows with the load, winds up by more."""
+gearbox, whose friction also grows with the load, winds up by more, and so does a cable in a soft glove."""
+BEYOND = "rotor_inertia"
+"""Inertia of the motor beyond the rig file's, kg m^2: what it takes never reaches the sheath."""
 
 REFERENCE_PULL_N = 5.0
 """Tension at which the travel of a friction that grows with the load is told, N: what sticks has one spring,
@@ -31,9 +36,10 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
     """
     travel, sharpness = shape["travel_deg"], shape.get("sharpness", 0.0)
     held = bool(shape.get("held", 0.0))
+    inertia = (motion.motor.inertia or 0.0) + shape.get(BEYOND, 0.0)
 
     def lost() -> Array:
-        cable = motion.tension - (motion.motor.inertia or 0.0) * motion.inertial_pull
+        cable = motion.tension - inertia * motion.inertial_pull
         if not held:
             return cable * winding_state(motion, travel, sharpness)
         limit = np.maximum(cable, 0.0)
@@ -43,8 +49,23 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 
         return friction_state(motion.position, float(np.radians(travel)), sharpness, stops)
 
-    terms = pull_terms("loss", motion.remember(("sheath", travel, sharpness, held), lost))
+    law = travel, sharpness, held, inertia
+    mine = motion.remember(("sheath", *law), lost)
+    others = motion.remember(("another sheath", *law), lambda: nothing(len(mine)))
+    terms = [
+        term
+        for cable, sign in CABLES.items()
+        for term in pull_terms(cable, mine if motion.cable_sign == sign else others)
+    ]
     return [t for t in terms if shape["stretch_behind"] or t.row != Row.CABLE]
+
+
+def _share(cable: str) -> Parameter:
+    return Parameter(
+        "1", 0.0, 0.7, 0.05, "assumed: friction of 0.2 over 200 degrees of bends",
+        f"share of the tension lost in the {cable} cable's sheath",
+        varies_between_runs=True, holds_at_rest=True, cable=cable,
+    )  # fmt: skip
 
 
 def _sheath(travel: float, stretch_behind: float, held: float = 0.0) -> Shape:
@@ -58,10 +79,11 @@ def _sheath_closer(shape: Shape) -> Sequence[Shape]:
     held = _sheath(travel if shape["held"] else HELD_TRAVELS_DEG[0] * 2**0.5, 1.0, held=1.0)
     following = _sheath(USUAL_STICKING_DEG if shape["held"] else travel, 1.0)
     behind = either("stretch_behind", (1.0, 0.0))
-    return [
+    shapes = [
         *every(times("travel_deg"), behind)(held),
         *every(times("travel_deg", HALF_OCTAVE), behind)(following),
     ]
+    return [{**one, BEYOND: shape[BEYOND]} for one in shapes] if BEYOND in shape else shapes
 
 
 EFFECT = Effect(
@@ -69,17 +91,7 @@ EFFECT = Effect(
     title="Sheath (capstan) friction",
     family="Cable",
     acts_on=("joint_torque", "motor_torque"),
-    gains={
-        "loss": Parameter(
-            "1",
-            0.0,
-            0.5,
-            0.05,
-            title="share of the tension lost in the sheath",
-            varies_between_runs=True,
-            holds_at_rest=True,
-        )
-    },
+    gains={cable: _share(cable) for cable in CABLES},
     columns=columns,
     coordinate="tension times direction of travel",
     equation=Row.PIP,
@@ -92,21 +104,22 @@ EFFECT = Effect(
     ),
     shape_units={"travel_deg": "deg"},
     closer=_sheath_closer,
+    follows={BEYOND: (BEYOND, "motor_inertia.inertia")},
     formula=Formula(
         equation=r"T_m = T + \mu\,T\,z(\theta_m;\delta)",
         symbols=(
-            "T_m: tension from the motor; T: what the sheath leaves of it. μ: share that the sheath "
-            "takes. z: friction state of the winding, −1 to 1. The cable's stretch lies before or "
-            "behind the sheath, and what sticks may keep its friction while the tension changes "
+            "T_m: tension from the motor; T: what the sheath leaves of it. μ: share that this "
+            "cable's sheath takes. z: friction state of the winding, −1 to 1. The cable's stretch lies "
+            "before or behind the sheath, and what sticks may keep its friction while the tension changes "
             '(theory, "Friction that sticks"); all are tried.'
         ),
         source=("Euler 1769 and Eytelwein 1808 for a small angle of wrap; sheaths: Kaneko, Do et al. 2013."),
-        values={"loss": r"\mu", "travel_deg": r"\delta"},
+        values={**dict.fromkeys(CABLES, r"\mu"), "travel_deg": r"\delta"},
         alike=("load_dependent_friction", "motor_coulomb_friction", "coulomb_friction"),
     ),
     example=Example(
         _sheath(0.3, stretch_behind=1.0),
         {"torque": 0.02, "position": [0.0, 0.1]},
-        {"MCP loss": [0.0, 2.0], "PIP loss": [0.0, 2.0], "CABLE loss": [0.0, 2.0]},
+        {f"{row} extension": [0.0, 2.0] for row in ("MCP", "PIP", "CABLE")},
     ),
 )

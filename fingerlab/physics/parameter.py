@@ -49,6 +49,7 @@ class Parameter:
             losses that one such parameter makes small at all joints and routings do.
         open: of a nuisance, whether nothing is known of it before a run tells; its prior then hardly counts.
         phase: of a nuisance, the phase of a run that alone can tell it; empty: any.
+        cable: the one that alone can tell it; empty: any. A model has it where a run has that cable.
         limits: narrower limits at a point of the grid of shapes, where the law holds only near that point.
     """
 
@@ -68,6 +69,7 @@ class Parameter:
     degenerate_with: str = ""
     open: bool = False
     phase: str = ""
+    cable: str = ""
     limits: Callable[[Mapping[str, float]], Limits] | None = None
 
     def at(self, shape: Mapping[str, float]) -> Parameter:

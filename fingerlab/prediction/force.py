@@ -203,13 +203,18 @@ def _columns(
     """All columns, the motor's channels as late as the fit has found them."""
     yield from base_columns(motion)
     delayed = any(one.special == "delay" for one in effects)
+    cable = CABLE_NAMES[motion.cable_sign]
     weights, _ = delay_weights(values.get(DELAY, 0.0), delayed)
     for feature, column in shifted_columns(motion):
         late = [weights[k] * _late(column, int(k), motion.sample_rate_hz) for k in np.flatnonzero(weights)]
         yield feature, sum(late[1:], late[0])
     for one in effects:
+        others = {name for name, gain in one.gains.items() if gain.cable not in ("", cable)}
         for term in one.columns(motion, one.shapes[0]):
-            yield Feature(term.row, term.gain, term.constant, term.scale, owner=one.id), term.values
+            if term.gain in others:
+                continue
+            known = Feature(term.row, term.gain, term.constant, term.scale, owner=one.id)
+            yield known, term.values
         yield from turned_columns(motion, one, 0)
 
 

@@ -36,6 +36,9 @@ UNEXPLAINED = 1.25
 NEARLY_AS_LIKELY = 1.1
 """Log odds (three to one) below which "True" is not said of one of two models; assumed."""
 
+TOLD = 3.0
+"""Log odds (twenty to one) from which on one model is told from another without a further recording."""
+
 _JOINT_ENDINGS = {"mcp": "MCP", "pip": "PIP"}
 
 
@@ -326,7 +329,8 @@ def next_experiment_words(diagnosis: Diagnosis) -> str:
         return sentence
     if diagnosis.verdict == "nothing_missing" and not not_shown(diagnosis):
         return "No further recording is called for."
-    if diagnosis.verdict == "missing_effect" and len(diagnosis.set) < 2:
+    told = diagnosis.better is None or diagnosis.better.log_odds > TOLD
+    if diagnosis.verdict == "missing_effect" and len(diagnosis.set) < 2 and told:
         return "No further recording is needed to tell what is missing."
     return "No recording is known that would tell more."
 

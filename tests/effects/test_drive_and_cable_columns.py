@@ -245,3 +245,13 @@ def check_angle_error(terms: list[Term], gain: str, error: dict[str, np.ndarray]
         (cable,) = [t for t in terms if t.row == Row.CABLE and t.gain == f"{gain}_{joint}"]
         assert cable.scale == f"arm_{joint}"
         assert cable.values == pytest.approx(-error[joint])
+
+
+def test_each_cable_has_a_sheath_of_its_own() -> None:
+    """The palmar cable's share says nothing of the dorsal one: its column is empty there, and no other is."""
+    motion = moving()
+    for sign, own in ((-1, "extension"), (1, "flexion")):
+        for shape in CATALOGUE["capstan_friction"].shapes:
+            terms = CATALOGUE["capstan_friction"].columns(replace(motion, cable_sign=sign, _memory={}), shape)
+            assert {t.gain for t in terms if np.any(t.values)} == {own}
+            assert {t.gain for t in terms} == {"extension", "flexion"}

@@ -10,6 +10,7 @@ import json
 import re
 import sys
 from collections.abc import Iterator
+from html import escape
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,6 +21,7 @@ import fingerlab
 import fingerlab.diagnosis
 import fingerlab.prediction
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import percent
 from fingerlab.sessions import file_hash
 from tests.docs.console import console_lines
 from tests.docs.shelf import ROOT, Remembered, run, stop_the_clock
@@ -107,7 +109,7 @@ def test_a_diagnosis_prints_its_answer_and_its_numbers(story: dict[str, Any]) ->
     assert max(len(line) for line in text.splitlines()) <= 90
     page = diagnosis._repr_html_()
     assert page.count("<table>") == page.count("</table>") == 2
-    assert "&gt; 99 %" in page
+    assert escape(percent(diagnosis.result.candidates[0].probability)) in page
     assert diagnosis.path[0] == (None, pytest.approx(diagnosis.score, rel=1e-6))
     assert json.dumps(diagnosis.to_json(), allow_nan=False)
     assert diagnosis.candidate("motor_presliding").in_set

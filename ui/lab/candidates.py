@@ -310,7 +310,7 @@ class CandidatesPanel(QWidget):
             why = ""
         set_usable(self.add_button, not why)
         gone = row.replaces if row is not None else ""
-        self.add_button.setText("&Exchange in model" if gone else "Add &to model")
+        self.add_button.setText("Exchange in &the model" if gone else "Add &to model")
         there = f"in place of {gone}" if gone else "in the model"
         help_text = f"Refit with {row.title} {there} (Enter)." if row is not None else ""
         self.add_button.setToolTip(why or help_text)

@@ -192,6 +192,8 @@ def _set_words(diagnosis: Diagnosis) -> str:
         shown = would_show(diagnosis)
         return f"{text} The proposed run would show {_named(shown)}." if shown else text
     titles = [in_sentence(effect_title(name)) for name in diagnosis.set]
+    if diagnosis.better is not None and len(titles) < 2:
+        return f"That the model is right as it is: {percent(diagnosis.probability_nothing)}."
     if len(titles) < 2:
         return "Told apart from every other effect." if titles else "No effect is called for."
     return f"Cannot be told apart here: {listed(titles)}."

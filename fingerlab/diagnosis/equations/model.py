@@ -150,7 +150,11 @@ class Model:
         """Gains of the last effect that its law at hand uses; others of its laws may have more."""
         effect, shape = self.choices[-1].effect, self.choices[-1].shape
         used = {self.layout.features[i].parameter for i in self.layout.indices(effect.id, shape)}
-        return [name for name in effect.gains if name in used or effect.special]
+        return [
+            name
+            for name in effect.gains
+            if effect.special or (name in used and f"{effect.id}.{name}" in self.index)
+        ]
 
     def _features_of_gains(self, meant: Callable[[Parameter], bool]) -> list[BoolArray]:
         owned = [(self.layout.features[i].owner, self.layout.features[i].parameter) for i in self.active]
@@ -191,6 +195,7 @@ def build(
     special = {c.effect.special for c in choices}
     relaxed = {name: gain for c in choices for name, gain in c.effect.relaxes.items()}
     delayed = "delay" in special
+    cables = {"", *(CABLE_NAMES[g.cable_sign] for g in groups)}
     unknowns = _bench_unknowns(layout, groups, relaxed, absent, choices)
     active = _bench_features(layout, absent, delayed)
     for choice in choices:
@@ -199,6 +204,7 @@ def build(
         unknowns += [
             Unknown(name, gain, effect=choice.effect.id)
             for name, gain in choice.effect.gains_at(choice.shape).items()
+            if gain.cable in cables
         ]
         active += list(layout.indices(choice.effect.id, choice.shape))
     index = {u.key: i for i, u in enumerate(unknowns)}

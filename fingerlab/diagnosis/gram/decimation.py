@@ -22,6 +22,7 @@ from fingerlab.diagnosis.settings import (
     INERTIA_SPREADS,
     NARROW_RATE_HZ,
     REST_REACH,
+    SLACK_NOISES,
     SLACK_TENSION_N,
     TREND_DEGREE,
 )
@@ -45,7 +46,8 @@ def taut_moments(motion: Motion, inner: slice) -> BoolArray:
     pull = (motion.torque - (motion.motor.inertia or 0.0) * motion.acceleration) / motion.radius
     pull -= INERTIA_SPREADS * motion.inertia_spread * np.abs(motion.acceleration) / motion.radius
     smooth = np.convolve(pull, np.ones(9) / 9, mode="same")  # 36 ms: the tension's own noise is then small
-    loose = (smooth < SLACK_TENSION_N)[inner]
+    noise = float(np.median(np.abs(pull - smooth)[inner])) if len(pull[inner]) else 0.0
+    loose = (smooth < max(SLACK_TENSION_N, SLACK_NOISES * noise))[inner]
     # A slack cable hangs through by millimetres, the taut one is known to micrometres: no window that
     # holds a slack moment anywhere but at its very ends may pass for taut.
     reach = np.ones(2 * (NARROW_HALF - NARROW_HALF // 8) + 1)
@@ -149,8 +151,6 @@ def repeating_bases(low: Decimated, run: Run, seek: bool = False) -> tuple[Array
     ``seek`` a cycle in the motion itself where the run does not tell it. None where there is no cycle that
     repeats often enough.
     """
-    if not bool(low.taut.all()):
-        return None
     frequency = told_frequency(run)
     if frequency is None and seek:
         frequency = _sought(low, run)

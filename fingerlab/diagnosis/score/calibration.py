@@ -39,6 +39,8 @@ class HeldOutError(Protocol):
 
 NOTHING, UNKNOWN = "nothing_missing", "not_in_catalogue"
 """The two answers that are no effect."""
+AN_EFFECT = "any effect"
+"""The group of all effects, where one of them or its family has too few trials of its own."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ class ProbabilityMap:
         groups = self.verdict / widening * np.array([seen, quiet, unknown])
         groups += np.array([0.0, self.quiet, self.strange])
         shares = (1.0 - verdict_lapse) * _softmax(groups)
-        shares += verdict_lapse * np.array(self.base_rates)
+        shares += verdict_lapse * np.array(self.base_rates) / sum(self.base_rates)
         if not len(found):
             total = float(shares[1] + shares[2])
             return np.array([shares[1] / total, shares[2] / total])
@@ -154,8 +156,8 @@ class CalibrationTable:
             a table fitted to others.
         population: what the trials are, in words.
         map: from odds to probabilities.
-        thresholds: log odds against the best down to which an answer is in the set, by verdict and effect as
-            "missing_effect/cable_slack", by verdict and family, by verdict, and "any".
+        thresholds: log odds against the best down to which an answer is in the set, by the names of
+            :func:`groups_of`.
         features: of a session, by name. oddness: the largest distance of a feature from its middle, in
             spreads, which shares of the trials lie beyond: ``len(oddness)`` values, evenly from all to none.
         kinds: share of the trials by the phases of their runs.
@@ -217,8 +219,8 @@ def _unusual(feature: SessionFeature, value: float) -> str:
 def groups_of(verdict: str, answer: str) -> tuple[str, ...]:
     """Names of the groups whose trials say how far an answer may lie behind, the narrowest first."""
     effect = find_effect(answer)
-    family = () if effect is None else (f"{verdict}/{effect.family}",)
-    return (f"{verdict}/{answer}", *family, verdict, "any")
+    wider = () if effect is None else (f"{verdict}/{effect.family}", f"{verdict}/{AN_EFFECT}")
+    return (f"{verdict}/{answer}", *wider, verdict, "any")
 
 
 def answer_distances(probabilities: Array) -> Array:

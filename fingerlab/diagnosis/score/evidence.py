@@ -182,6 +182,33 @@ def borne_out(evidence: Evidence, last: FittedModel) -> Evidence:
     return replace(evidence, probabilities=shares, nothing=none, unknown=other, logs=logs)
 
 
+def begun_by(evidence: Evidence, path: Sequence[FittedModel]) -> Evidence:
+    """The evidence when a path of many effects leaves little of what is missed: its first effect is missing.
+
+    Which is first depends on the others, which single effects do not have beside them.
+    """
+    first, last, count = path[1].last_effect.id, path[-1], max(path[-1].count, 1.0)
+    heat = temperature(last.misfit, count)
+    share = np.log(PRIOR_EFFECTS / max(len(evidence.candidates), 1)) - DECIDING_LOG_ODDS
+    effects = -0.5 * max(last.misfit, 0.0) / heat + (len(path) - 1) * share
+    zero = max(path[0].misfit, 0.0)
+    unexplained = (1.0 - UNKNOWN_SHARE) * zero
+    unknown = -0.5 * unexplained / heat + np.log(PRIOR_UNKNOWN)
+    logs = np.array([effects, -0.5 * zero / heat + np.log(PRIOR_NOTHING), unknown])
+    found, none, other = _shared(logs)
+    odds = np.array([0.0 if t.last_effect.id == first else IMPOSSIBLE for t in evidence.candidates])
+    shares = found * shares_of(odds)
+    return replace(
+        evidence,
+        probabilities=shares,
+        log_odds=odds,
+        nothing=none,
+        unknown=other,
+        temperature=heat,
+        logs=logs,
+    )
+
+
 def with_rivals(evidence: Evidence, log_odds: Mapping[str, float]) -> Evidence:
     """The evidence with a share for every effect that may be the right one in place of a given one.
 

@@ -10,7 +10,7 @@ point.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from fingerlab.core.errors import UserError
@@ -65,25 +65,23 @@ def fit_refined(
     fitted = fit_effects(scorer, effects)
     if not can_refine(fitted.choices):
         return scorer, fitted
-    return refine_grid(reduction, fitted.choices, watch)
+    return refine_grid(reduction, fitted, watch)
 
 
 def refine_grid(
     reduction: Reduction,
-    found: Sequence[Choice],
+    found: FittedModel,
     watch: Watch = SILENT,
 ) -> tuple[Scorer, FittedModel]:
     """The effects at the best of the shapes around those found, under their own model's weights.
 
-    Args:
-        found: effects that apply to these sessions, each at a point of its grid.
-
     Raises:
         Cancelled: the user asked for it.
     """
-    finer = [_finer(c) for c in found]
+    choices = [_following(c, found.values) for c in found.choices]
+    finer = [_finer(c) for c in choices]
     scorer = Scorer(reduction.closer(finer, watch))
-    places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, found, strict=True)]
+    places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
     fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)])
     return scorer, _at_best_shapes(scorer, fitted)
 
@@ -147,7 +145,7 @@ def refine_path(
     """
     chosen = list(path)
     while True:
-        scorer, last = refine_grid(reduction, chosen[-1].choices, watch)
+        scorer, last = refine_grid(reduction, chosen[-1], watch)
         by_id = {c.effect.id: c for c in last.choices}
         kept = [[by_id[name] for name in step.effect_ids if name in by_id] for step in chosen]
         steps = [scorer.score_held_out(scorer.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
@@ -217,7 +215,7 @@ def break_ties(
     refined: list[tuple[Scorer, FittedModel]] = []
     for candidate in (evidence.candidates[i] for i in tied):
         if can_refine(candidate.choices):
-            refined.append(refine_grid(reduction, candidate.choices, watch))
+            refined.append(refine_grid(reduction, candidate, watch))
         else:
             alone = scorer.fit_reweighted(candidate.choices, candidate, weights)
             refined.append((scorer, alone))
@@ -263,6 +261,15 @@ def with_shapes_of(catalogue: Sequence[Effect], found: Sequence[Effect]) -> list
 def can_refine(choices: Sequence[Choice]) -> bool:
     """Whether any of the effects has shapes between the points of its grid."""
     return any(len(_finer(c).shapes) > 1 for c in choices)
+
+
+def _following(choice: Choice, values: Mapping[str, float]) -> Choice:
+    """The choice with what its shape takes from other unknowns of the model."""
+    effect = choice.effect
+    taken = {name: sum(values.get(k, 0.0) for k in keys) for name, keys in effect.follows.items()}
+    if not taken:
+        return choice
+    return Choice(replace(effect, shapes=tuple({**shape, **taken} for shape in effect.shapes)), choice.shape)
 
 
 def _finer(choice: Choice) -> Effect:

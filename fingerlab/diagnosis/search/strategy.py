@@ -10,6 +10,7 @@ from fingerlab.diagnosis.fit.weights import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import (
     Evidence,
+    begun_by,
     beside_others,
     borne_out,
     distrusted,
@@ -30,7 +31,8 @@ from fingerlab.diagnosis.search.grid_refinement import (
 from fingerlab.diagnosis.search.next_effect import judge_all, rescore
 from fingerlab.diagnosis.search.path import forward_selection
 from fingerlab.diagnosis.search.rivals import Given, Rival, extended, find_rivals, odds_of_rivals
-from fingerlab.diagnosis.settings import FULL_ITERATIONS, LEAST_FALL_BEYOND, LONGEST_PATH, NEARLY_RIGHT
+from fingerlab.diagnosis.search.several import path_of_many
+from fingerlab.diagnosis.settings import FAR, FULL_ITERATIONS, LEAST_FALL_BEYOND, LONGEST_PATH, NEARLY_RIGHT
 from fingerlab.effects.base import Effect
 
 
@@ -124,18 +126,26 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     effects = scorer.reduced.layout.effects
     base = fit_effects(scorer, question.given)
     evidence = judge_all(scorer, base, effects, question.stages.part(0.4, 0.7))
-    evidence, path, first = _path(question, scorer, evidence)
-    evidence, weights = _judged_beside(scorer, evidence, path, effects)
-    if len(path) == 1 and evidence.verdict == "missing_effect":
-        evidence = distrusted(evidence)
-    refined, path = _refined(question, path, first)
-    if refined is not None:
-        refined, path = _restarted(question, evidence.best, refined, path)
+    many = _many(question, scorer, evidence)
+    refined: Scorer | None
+    if many is not None:
+        refined, path = many
         weights = path[-1].weights
+    else:
+        evidence, path, first = _path(question, scorer, evidence)
+        evidence, weights = _judged_beside(scorer, evidence, path, effects)
+        if len(path) == 1 and evidence.verdict == "missing_effect":
+            evidence = distrusted(evidence)
+        refined, path = _refined(question, path, first)
+        if refined is not None:
+            refined, path = _restarted(question, evidence.best, refined, path)
+            weights = path[-1].weights
     if refined is not None or len(path) > 2:
         # Every score of an answer is told in the floors of the same, last model.
         evidence = rescore(scorer, evidence, weights)
         path = [evidence.base, *path[1:]]
+    if many is not None:
+        evidence = begun_by(evidence, path)
     evidence = borne_out(evidence, path[-1])
     rivals: list[Rival] = []
     if question.alone is not None:
@@ -169,6 +179,14 @@ def _rivals(
         return rivals
     first = extended(question.reduction, question.catalogue, rivals[0], path[0].weights, watch)
     return [first, *rivals[1:]]
+
+
+def _many(question: Question, scorer: Scorer, evidence: Evidence) -> tuple[Scorer, list[FittedModel]] | None:
+    """The path of many effects where no single one leaves a bench near its model; None: there is none."""
+    if scorer.reduced.on_bench or evidence.least_left < FAR:
+        return None
+    watch = question.stages.part(0.7, 0.95)
+    return path_of_many(question.reduction, question.catalogue, scorer, evidence.base, watch)
 
 
 def _path(

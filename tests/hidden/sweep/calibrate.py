@@ -329,10 +329,20 @@ def _summary(columns: dict[str, list[Answered]]) -> list[list[str]]:
         "answers in the set, median; mean": lambda a: (
             f"{np.median([len(x.set) for x in a]):g}; {_mean(len(x.set) for x in a):.1f}" if a else "-"
         ),
+        "verdict of a missing effect: effects in the set, median; one alone": _effects_in_sets,
         "sessions called unusual": lambda a: _percent(x.typicality < 0.05 for x in a),
     }
     rows = [["", *columns]]
     return rows + [[name, *(tell(group) for group in columns.values())] for name, tell in figures.items()]
+
+
+def _effects_in_sets(said: list[Answered]) -> str:
+    sizes = [
+        sum(find_effect(name) is not None for name in a.set)
+        for a in said
+        if a.trial.verdict == "missing_effect"
+    ]
+    return f"{np.median(sizes):g}; {_percent(n <= 1 for n in sizes)}" if sizes else "-"
 
 
 def _log_loss(said: Sequence[Answered]) -> float:

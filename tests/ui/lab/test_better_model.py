@@ -68,7 +68,7 @@ def test_the_banner_names_the_better_model_and_one_click_exchanges_it(
         "repeatability."
     )
     assert lab.view.truth.title.text() == "Not true: another model is better"
-    assert child(window, QPushButton, "addToModel").text() == "&Exchange in model"
+    assert child(window, QPushButton, "addToModel").text() == "Exchange in &the model"
     assert lab.view.path.path.bars[-1].title == "Coulomb joint friction for viscous joint friction"
     click(window, "exchange")
     qtbot.waitUntil(

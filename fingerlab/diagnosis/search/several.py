@@ -1,0 +1,198 @@
+"""Many effects at once: a bench that is far from its model, where no effect explains much while others miss.
+
+The path adds one effect at a time, and each must explain a good share of what is left. On a bench that
+lacks a dozen things, the first steps change what the others look like more than they explain: beside a
+cable that gives by millimetres, an error of the torque by half counts for nothing. Here every equation
+counts first as far as it is missed, so that none drowns the others, and then as far as it repeats. What the
+others have made needless is dropped in the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fingerlab.core.progress import Watch
+from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.search.grid_refinement import at_found_shapes, refine_grid, with_shapes_of
+from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid
+from fingerlab.diagnosis.settings import (
+    FAMILIES_OF_MANY,
+    FAR_SHARE,
+    FRONT,
+    FULL_ITERATIONS,
+    LEAST_GAIN_OF_MANY,
+    LEAST_SHARE_OF_MANY,
+    MOST_EFFECTS,
+    NEARLY_AS_GOOD,
+    NEEDLESS_SHARE,
+    SCREEN_ITERATIONS,
+    SETTLING_ROUNDS,
+    TOO_CLOSE,
+)
+from fingerlab.effects.base import Effect
+
+EQUATIONS = 3
+"""Of a finger, beside the tip's."""
+
+
+def path_of_many(
+    reduction: Reduction,
+    catalogue: Sequence[Effect],
+    scorer: Scorer,
+    base: FittedModel,
+    watch: Watch,
+) -> tuple[Scorer, list[FittedModel]] | None:
+    """A path of many effects that leaves a small share of what is missed; None: there is none.
+
+    Args:
+        scorer: on the whole catalogue. base: the model as given.
+
+    Returns:
+        What scores it, and its models; what is missed most comes first, all under the last one's weights.
+
+    Raises:
+        Cancelled: the user asked for it.
+    """
+    keep = len(base.choices)
+    start = _settled(scorer, base)
+    fitted = _longer(scorer, start, keep, watch, roughly=True)
+    fitted = _longer(scorer, scorer.fit_reweighted(fitted.choices, fitted), keep, watch)
+    if len(fitted.choices) == keep:
+        return None
+    scorer, fitted = _between_points(reduction, catalogue, fitted, watch)
+    fitted = _longer(scorer, fitted, keep, watch)
+    fitted = _without_needless(scorer, scorer.score_held_out(fitted), keep)
+    found = _in_order(scorer, fitted, keep)
+    return (scorer, found) if found[-1].misfit < FAR_SHARE * found[0].misfit else None
+
+
+def _longer(
+    scorer: Scorer, fitted: FittedModel, keep: int, watch: Watch, roughly: bool = False
+) -> FittedModel:
+    """The model with effect after effect, while each explains enough."""
+    while len(fitted.choices) - keep < MOST_EFFECTS:
+        many = len(fitted.choices) - keep
+        watch.tell(many / MOST_EFFECTS, f"several effects together: {many + 1}")
+        more = _with_one_more(scorer, fitted, roughly)
+        if more is None:
+            break
+        fitted = more
+    return fitted
+
+
+def _settled(scorer: Scorer, fitted: FittedModel) -> FittedModel:
+    """The model under weights by which each equation counts as far as the model misses it."""
+    for _ in range(SETTLING_ROUNDS):
+        weights = scorer.misfit_weights(fitted)
+        fitted = scorer.fit_same_law(fitted.choices, fitted, SCREEN_ITERATIONS, weights)
+    return fitted
+
+
+def _with_one_more(scorer: Scorer, fitted: FittedModel, roughly: bool) -> FittedModel | None:
+    """The model with the effect that makes the recordings likeliest; None where none explains enough."""
+
+    def settled(one: FittedModel) -> FittedModel:
+        return _settled(scorer, one) if roughly else scorer.fit_reweighted(one.choices, one)
+
+    tried = [settled(one) for one in _promising(scorer, fitted)]
+    if not tried:
+        return None
+    chosen = _plainest(scorer, fitted, tried)
+    if chosen is None:
+        return None
+    best = settled(climb_grid(scorer, chosen))
+    if roughly:
+        gain = scorer.deviance(fitted) - scorer.deviance(best)
+        return best if gain > LEAST_GAIN_OF_MANY * EQUATIONS * scorer.data.count else None
+    best = scorer.score_held_out(best)
+    left = scorer.score_held_out(fitted).misfit
+    explains = left - best.misfit > LEAST_SHARE_OF_MANY * left
+    return best if explains and scorer.deviance(best) < scorer.deviance(fitted) else None
+
+
+def _promising(scorer: Scorer, fitted: FittedModel) -> list[FittedModel]:
+    """The model with each effect of which one step promises most, and with those of which none tells."""
+    every = [e for e in scorer.reduced.layout.effects if e.id not in fitted.effect_ids]
+    effects = [e for e in every if e.family in FAMILIES_OF_MANY]
+    test = ScoreTest(scorer.data, fitted)
+    points = {e.id: test.best_point(e) for e in effects}
+    order = sorted(effects, key=lambda e: -points[e.id].gain)
+    untold = sum(points[e.id].gain == float("inf") for e in order)
+    result = []
+    for effect in order[: untold + FRONT]:
+        point = points[effect.id]
+        shapes = range(len(effect.shapes)) if point.gain == float("inf") else [point.shape]
+        one = [
+            scorer.fit_same_law([*fitted.choices, Choice(effect, i)], fitted, SCREEN_ITERATIONS)
+            for i in shapes
+        ]
+        result.append(min(one, key=lambda m: m.fit.cost))
+    return result
+
+
+def _plainest(scorer: Scorer, base: FittedModel, tried: Sequence[FittedModel]) -> FittedModel | None:
+    """The likeliest, or a plainer one that does nearly as well; None where they cannot be told apart.
+
+    A constant of every model set free is plainer than any law, and of laws that are alike the one that stands
+    first in the catalogue.
+    """
+    gains = {t.last_effect.id: scorer.deviance(base) - scorer.deviance(t) for t in tried}
+    best = max(gains.values())
+    near = [t for t in tried if gains[t.last_effect.id] >= NEARLY_AS_GOOD * best]
+    first = max(near, key=lambda t: gains[t.last_effect.id]).last_effect
+    freed = [t for t in near if t.last_effect.relaxes]
+    alike = [t for t in near if t.last_effect is first or _alike(first, t.last_effect)]
+    tied = [t for t in near if t not in alike and gains[t.last_effect.id] >= TOO_CLOSE * best]
+    if tied and not freed:
+        return None
+    order = [e.id for e in scorer.reduced.layout.effects]
+    return min(freed or alike, key=lambda t: order.index(t.last_effect.id))
+
+
+def _alike(one: Effect, other: Effect) -> bool:
+    named = [(one, other), (other, one)]
+    return any(a.formula is not None and b.id in a.formula.alike for a, b in named)
+
+
+def _between_points(
+    reduction: Reduction, catalogue: Sequence[Effect], fitted: FittedModel, watch: Watch
+) -> tuple[Scorer, FittedModel]:
+    """The model with refined shapes, and what scores it and every other effect beside it."""
+    refined = refine_grid(reduction, fitted, watch)[1]
+    given = at_found_shapes(refined)
+    scorer = Scorer(reduction.of(with_shapes_of(catalogue, given), watch))
+    return scorer, scorer.fit_reweighted([Choice(one) for one in given], refined)
+
+
+def _without_needless(scorer: Scorer, fitted: FittedModel, keep: int) -> FittedModel:
+    """The model less the effects of which the others leave nothing to explain."""
+    while len(fitted.choices) > keep + 1:
+        idlest = min(_each_left_out(scorer, fitted, keep), key=lambda one: one.misfit)
+        if idlest.misfit > (1.0 + NEEDLESS_SHARE) * max(fitted.misfit, 0.0) + NEEDLESS_SHARE * fitted.count:
+            break
+        fitted = scorer.score_held_out(scorer.fit_reweighted(idlest.choices, idlest))
+    return fitted
+
+
+def _each_left_out(scorer: Scorer, fitted: FittedModel, keep: int) -> list[FittedModel]:
+    """The model without each of its effects beyond the first ``keep``, under its weights."""
+    choices = fitted.choices
+    return [
+        scorer.score_held_out(scorer.fit([*choices[:i], *choices[i + 1 :]], fitted, FULL_ITERATIONS))
+        for i in range(keep, len(choices))
+    ]
+
+
+def _in_order(scorer: Scorer, fitted: FittedModel, keep: int) -> list[FittedModel]:
+    """The path to a model that ends with what is missed least, its effects in that order."""
+    order, rest = list[Choice](), fitted
+    while len(rest.choices) > keep:
+        shorter = min(_each_left_out(scorer, rest, keep), key=lambda one: one.misfit)
+        order[:0] = [c for c in rest.choices if c not in shorter.choices]
+        rest = shorter
+    choices = [*rest.choices, *order]
+    ends = range(keep, len(choices) + 1)
+    return [scorer.score_held_out(scorer.fit(choices[:k], fitted, FULL_ITERATIONS)) for k in ends]
