@@ -96,6 +96,8 @@ class Slot(IntEnum):
     PUT_OFF = 31  # window: 1 asks that the session being written is left for later
     GUARDIAN_READY = 32  # guardian: 1 when its own stop was tried and works, -1 when it does not
     HOLD = 33  # loop: samples for which the device holds a set value
+    GAPS = 34  # recorder: gaps in the run that it writes or wrote last
+    DROPPED = 35  # recorder: samples that are missing in them
     EMERGENCY_STOP = 40  # loop: Input
     AMPLIFIER_READY = 41  # loop: Input
     DEAD_MAN = 42  # loop: 1 where the device has one
@@ -122,6 +124,8 @@ class Text(IntEnum):
     DEVICE = 3  # loop: what it drives
     GUARDIAN = 4  # guardian: why it could not stop the motor
     SLEEP = 5  # recorder's process: why sleep could not be held off
+    SENSORS = 6  # loop: which sensor of the set-up gives volts that are no measurement
+    RUN = 7  # recorder: what the run that it wrote last is worth
 
 
 class Number(IntEnum):

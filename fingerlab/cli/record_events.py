@@ -98,11 +98,12 @@ class Observer:
 
     def look(self, driver: ProtocolDriver) -> None:
         """To be called many times a second."""
-        from fingerlab.acquisition.bench.bench import notices
+        from fingerlab.acquisition.bench.bench import Kind, notices
 
         before, self._status = self._status, self._bench.status()
         for notice in notices(before, self._status, self._bench.rate_hz):
-            self._events.tell("warning", {"about": notice.kind.value, "sentence": notice.sentence})
+            if notice.kind is not Kind.RUN:  # told with the run's end
+                self._events.tell("warning", {"about": notice.kind.value, "sentence": notice.sentence})
             self._say(notice.sentence)
         self._tell_runs(driver)
         if not self._events.wanted:
@@ -122,7 +123,9 @@ class Observer:
             told = {"run": driver.number, "phase": run.phase, "cable": run.cable, **run.attributes}
             self._events.tell("run", {**told, "trajectory": dict(run.trajectory)})
         if self._recording and not driver.recording:
-            self._events.tell("run_ended", {"run": driver.number, "samples": self._status.recorded})
+            now = self._status
+            ended = {"run": driver.number, "samples": now.recorded, "gaps": now.gaps, "missing": now.dropped}
+            self._events.tell("run_ended", {**ended, "verdict": now.verdict})
         self._recording = driver.recording
 
     def _tell_progress(self, driver: ProtocolDriver) -> None:

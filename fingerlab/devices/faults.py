@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from fingerlab.core.errors import UserError
 from fingerlab.devices.protocol import LINES, RAW_CHANNELS
@@ -12,17 +14,23 @@ from fingerlab.devices.protocol import LINES, RAW_CHANNELS
 
 @dataclass(frozen=True)
 class SensorFault:
-    """A sensor that goes dead (NaN) or sticks at its last reading.
+    """A sensor that goes dead (NaN), or does one of the following instead.
 
     Attributes:
         channel: one of ``RAW_CHANNELS``. start: first cycle, counted like ``Sample.index``.
-        cycles: how long, infinite by default. stuck: sticks instead of going dead.
+        cycles: how long, infinite by default. stuck: sticks at its last reading.
+        level: reads this (V), as a wire that is off or shorted does. noise: V rms beside it, or beside where
+            it sticks. drift: V a cycle by which it wanders off. turned: its sense is the other way.
     """
 
     channel: str
     start: int
     cycles: float = math.inf
     stuck: bool = False
+    level: float | None = None
+    noise: float = 0.0
+    drift: float = 0.0
+    turned: bool = False
 
     def __post_init__(self) -> None:
         if self.channel not in RAW_CHANNELS:
@@ -55,6 +63,7 @@ class Faults:
     Attributes:
         unplug_at: from this cycle on the device no longer answers, and its outputs fall to zero.
         sensors: dead or sticking sensors.
+        swapped: pairs of channels whose cables are exchanged.
         encoder_jumps: cycle -> counts by which the encoder jumps there.
         late: cycle -> s by which the program learns of that cycle too late.
         lost: cycle -> how many cycles before it nobody saw.
@@ -66,6 +75,7 @@ class Faults:
 
     unplug_at: int | None = None
     sensors: tuple[SensorFault, ...] = ()
+    swapped: tuple[tuple[str, str], ...] = ()
     encoder_jumps: Mapping[int, float] = field(default_factory=dict)
     late: Mapping[int, float] = field(default_factory=dict)
     lost: Mapping[int, int] = field(default_factory=dict)
@@ -78,6 +88,8 @@ class Faults:
 SLOW_S, SKIPPED, CLOCK_S = 0.05, 5, -3600.0
 HELD = 5000
 """Cycles for which the emergency stop is held and the amplifier is not ready: 5 s, then it can be reset."""
+NOISE, DRIFT = 3e-3, 2e-4
+"""V rms of an input with nothing on it; V a cycle, 8 degrees a second."""
 JUMP_COUNTS = 480.0
 """Counts; 20 degrees of the bench's encoder."""
 
@@ -90,8 +102,8 @@ class FaultKind:
     make: Callable[[int], Faults]
 
 
-def _sensor(channel: str, stuck: bool) -> Callable[[int], Faults]:
-    return lambda cycle: Faults(sensors=(SensorFault(channel, cycle, stuck=stuck),))
+def _sensor(channel: str, **how: Any) -> Callable[[int], Faults]:
+    return lambda cycle: Faults(sensors=(SensorFault(channel, cycle, **how),))
 
 
 def _line(line: str, on: bool) -> Callable[[int], Faults]:
@@ -100,14 +112,32 @@ def _line(line: str, on: bool) -> Callable[[int], Faults]:
 
 FAULT_KINDS: dict[str, FaultKind] = {
     "unplugged": FaultKind("the device is unplugged", lambda cycle: Faults(unplug_at=cycle)),
-    "dead-load-cell": FaultKind("the load cell goes dead", _sensor("force_volts", False)),
-    "stuck-load-cell": FaultKind("the load cell sticks", _sensor("force_volts", True)),
-    "dead-mcp": FaultKind("the MCP sensor goes dead", _sensor("mcp_volts", False)),
-    "stuck-mcp": FaultKind("the MCP sensor sticks", _sensor("mcp_volts", True)),
-    "dead-pip": FaultKind("the PIP sensor goes dead", _sensor("pip_volts", False)),
-    "stuck-pip": FaultKind("the PIP sensor sticks", _sensor("pip_volts", True)),
-    "dead-current": FaultKind("the current monitor goes dead", _sensor("current_volts", False)),
-    "stuck-encoder": FaultKind("the encoder sticks", _sensor("encoder_counts", True)),
+    "dead-load-cell": FaultKind("the load cell goes dead", _sensor("force_volts")),
+    "stuck-load-cell": FaultKind("the load cell sticks", _sensor("force_volts", stuck=True)),
+    "dead-mcp": FaultKind("the MCP sensor goes dead", _sensor("mcp_volts")),
+    "stuck-mcp": FaultKind("the MCP sensor sticks", _sensor("mcp_volts", stuck=True)),
+    "dead-pip": FaultKind("the PIP sensor goes dead", _sensor("pip_volts")),
+    "stuck-pip": FaultKind("the PIP sensor sticks", _sensor("pip_volts", stuck=True)),
+    "dead-current": FaultKind("the current monitor goes dead", _sensor("current_volts")),
+    "load-cell-off": FaultKind(
+        "the load cell's wire comes off", _sensor("force_volts", level=0.0, noise=NOISE)
+    ),
+    "mcp-short": FaultKind(
+        "the MCP sensor is shorted to its supply", _sensor("mcp_volts", level=5.0, noise=NOISE)
+    ),
+    "pip-noise": FaultKind("the PIP sensor gives noise only", _sensor("pip_volts", stuck=True, noise=NOISE)),
+    "mcp-drift": FaultKind("the MCP sensor drifts", _sensor("mcp_volts", drift=DRIFT)),
+    "current-off": FaultKind(
+        "the current monitor's wire comes off", _sensor("current_volts", level=0.0, noise=NOISE)
+    ),
+    "encoder-turned": FaultKind(
+        "two of the encoder's wires are swapped", _sensor("encoder_counts", turned=True)
+    ),
+    "swapped-sensors": FaultKind(
+        "the cables of load cell and MCP sensor are swapped",
+        lambda cycle: Faults(swapped=(("force_volts", "mcp_volts"),)),
+    ),
+    "stuck-encoder": FaultKind("the encoder sticks", _sensor("encoder_counts", stuck=True)),
     "encoder-jump": FaultKind(
         "the encoder jumps by 20°", lambda cycle: Faults(encoder_jumps={cycle: JUMP_COUNTS})
     ),
@@ -144,12 +174,16 @@ class FaultySensors:
         self._jumped = 0.0
         self._jumps = dict(faults.encoder_jumps)
         self._held: dict[SensorFault, float] = {}
+        self._noise = random.Random(1)
 
     def spoil(self, index: int, raw: tuple[float, ...]) -> tuple[float, ...]:
         """The raw values of cycle ``index`` as they arrive."""
-        if not self._faults.sensors and not self._faults.encoder_jumps:
+        if not self._faults.sensors and not self._faults.encoder_jumps and not self._faults.swapped:
             return raw
         values = list(raw)
+        for one, other in self._faults.swapped:
+            i, k = RAW_CHANNELS.index(one), RAW_CHANNELS.index(other)
+            values[i], values[k] = values[k], values[i]
         for cycle in [c for c in self._jumps if c <= index]:
             self._jumped += self._jumps.pop(cycle)
         values[-1] += self._jumped
@@ -157,5 +191,15 @@ class FaultySensors:
             if not fault.start <= index < fault.start + fault.cycles:
                 continue
             k = RAW_CHANNELS.index(fault.channel)
-            values[k] = self._held.setdefault(fault, values[k]) if fault.stuck else math.nan
+            values[k] = self._spoilt(fault, index, values[k])
         return tuple(values)
+
+    def _spoilt(self, fault: SensorFault, index: int, value: float) -> float:
+        held = self._held.setdefault(fault, value)
+        if fault.drift:
+            return value + fault.drift * (index - fault.start)
+        if fault.turned:
+            return 2.0 * held - value
+        level = held if fault.stuck else math.nan if fault.level is None else fault.level
+        noise = self._noise.gauss(0.0, fault.noise) if fault.noise else 0.0
+        return level + (round(noise) if fault.channel == RAW_CHANNELS[-1] else noise)

@@ -118,6 +118,15 @@ class DeadMan(Protocol):
 
 
 @runtime_checkable
+class CountsOn(Protocol):
+    """The encoder may be counted on while nothing is sampled."""
+
+    @property
+    def counted_on(self) -> bool:
+        """Whether the counts since the last ``start`` go on from those before it."""
+
+
+@runtime_checkable
 class SetUpBySoftware(Protocol):
     """A simulated bench, on which nobody changes cable and load cell by hand."""
 
@@ -163,6 +172,11 @@ class OutputReadBack(Protocol):
 def cycles_per_command(device: Device) -> int:
     """How many cycles a command stays: 1, or the block of a device that is read in blocks."""
     return device.cycles_per_command if isinstance(device, ReadInBlocks) else 1
+
+
+def counted_on(device: Device) -> bool:
+    """Whether the encoder went on being counted over the device's last new start."""
+    return isinstance(device, CountsOn) and device.counted_on
 
 
 def safety_lines(device: Device) -> SafetyLines:

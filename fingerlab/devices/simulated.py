@@ -193,11 +193,12 @@ class SimulatedRig:
         self._index = -1
         self._origin = self._skew = 0.0
         self._zero = 0.0
+        self._counting = self.counted_on = False
         self._sensors = FaultySensors(faults)
         self._unplug_at = math.inf if faults.unplug_at is None else faults.unplug_at
         self._steps_clock, self._spoils = (
             bool(faults.clock_steps),
-            bool(faults.sensors or faults.encoder_jumps),
+            bool(faults.sensors or faults.encoder_jumps or faults.swapped),
         )
         self._jumps = bool(faults.lost or faults.late)
         self._low, self._high = self._daq.command.low, self._daq.command.high
@@ -280,7 +281,7 @@ class SimulatedRig:
 
     def open(self) -> None:
         self._answer()
-        self._open = True
+        self._open, self._counting = True, False
         self._output, self._enabled = 0.0, False
 
     def start(self) -> None:
@@ -293,8 +294,10 @@ class SimulatedRig:
             raise DeviceFault("The simulated bench ran away; open it again.")
         self._output, self._enabled, self._running = 0.0, False, True
         self._index = -1
-        self._zero = 0.0
-        self._zero = self.bench.raw()[4]  # counts are cumulative from arming
+        self.counted_on = self._counting
+        if not self._counting:
+            self._counting = True
+            self._zero = self.bench.raw()[4]  # counts are cumulative from arming
         self._sensors = FaultySensors(self._faults)
         self._origin = self._now() + 1.0 / self.rate_hz
 

@@ -42,6 +42,7 @@ class AnalogInput:
         gain: SI unit of the quantity a volt. offset: SI unit. sign: +1 or -1.
         low, high: range asked of the card, V.
         wiring: ``default`` (the card's own), ``rse``, ``nrse``, ``diff`` or ``pseudodiff``.
+        valid_low, valid_high: V between which the reading lies while sensor, supply and cable are well.
     """
 
     terminal: str
@@ -51,6 +52,8 @@ class AnalogInput:
     low: float = -10.0
     high: float = 10.0
     wiring: Wiring = "default"
+    valid_low: float = -10.0
+    valid_high: float = 10.0
 
     def quantity(self, volts: Any) -> Any:
         """Volts (number or array) as the quantity in SI."""
@@ -186,9 +189,9 @@ class Daq:
     timing: Timing = "auto"
     rate_hz: float = 1000.0
     block: int = 10
-    load_cell: AnalogInput = AnalogInput("ai0", 11.194, -5.317)
-    mcp: AnalogInput = AnalogInput("ai1", _KMA210_GAIN, -2.5 * _KMA210_GAIN)
-    pip: AnalogInput = AnalogInput("ai2", _KMA210_GAIN, -2.5 * _KMA210_GAIN)
+    load_cell: AnalogInput = AnalogInput("ai0", 11.194, -5.317, valid_low=0.4, valid_high=4.6)
+    mcp: AnalogInput = AnalogInput("ai1", _KMA210_GAIN, -2.5 * _KMA210_GAIN, valid_low=0.2, valid_high=4.8)
+    pip: AnalogInput = AnalogInput("ai2", _KMA210_GAIN, -2.5 * _KMA210_GAIN, valid_low=0.2, valid_high=4.8)
     current_monitor: AnalogInput = AnalogInput("ai3", 1.25, sign=-1)
     encoder: Encoder = Encoder()
     command: CommandOutput = CommandOutput()
@@ -249,6 +252,23 @@ class Limits:
     stuck_time: float = _limit(0.5, "s", "assumed")
     stuck_travel: float = _limit(math.radians(10.0), "rad", "assumed: more than the cable's dead travel")
     stuck_torque: float = _limit(0.15, "N m", "assumed: presses the load cell with newtons")
+    pull: float = _limit(1.0, "N", "assumed: a fingertip presses a load cell and cannot pull at it")
+    tare: float = _limit(
+        1.5, "N", "FC2231 data sheet: 0.05 V at no load, 0.6 N, and a plate of less than 100 g (assumed)"
+    )
+    reference_shift: float = _limit(
+        math.radians(60.0), "rad", "assumed: a sensor mounted further off ends within the joint's range"
+    )
+    follow_travel: float = _limit(
+        math.radians(25.0), "rad", "assumed: twice the dead travel of a cable that is hung in by hand"
+    )
+    joint_jump: float = _limit(
+        0.1, "rad", "assumed: a sample at 100 rad/s, twice what the pulley can give it"
+    )
+    drift_angle: float = _limit(
+        math.radians(15.0), "rad", "assumed: rubbing joints come to rest within 9 degrees of where they were"
+    )
+    drift_force: float = _limit(0.5, "N", "assumed: ten times what the load cell reads otherwise at rest")
     late_time: float = _limit(0.02, "s", "assumed: the motor may not run 20 ms without the loop")
     late_cycles: float = _limit(50.0, "cycles", "assumed: one after the other")
     window_time: float = _limit(0.5, "s", "assumed: a frozen window, not a long frame")
@@ -376,6 +396,8 @@ def _check_channel(channel: Any, where: str) -> None:
         raise UserError(f"{where} has a scaling of {gain:g}; nothing could be read from it.")
     if not isinstance(channel, Encoder) and not channel.low < channel.high:
         raise UserError(f"{where} low is not below high; give the range in volts.")
+    if isinstance(channel, AnalogInput) and not channel.valid_low < channel.valid_high:
+        raise UserError(f"{where} valid_low is not below valid_high; give them in volts.")
     if isinstance(channel, CommandOutput) and not channel.low <= 0 <= channel.high:
         raise UserError(f"{where} leaves out 0 V; without it the motor cannot be stopped.")
 

@@ -135,7 +135,7 @@ def _plain_values(section: Any, units: Mapping[str, str], where: str) -> Any:
             sources[name] = str(entry["source"])
         if isinstance(entry["value"], str | bool):
             return entry["value"]
-        default = "V" if name.endswith((".low", ".high")) else ""
+        default = "V" if name.endswith((".low", ".high", "_low", "_high")) else ""
         bare = {key: value for key, value in entry.items() if key != "source"}
         return _constant(units.get(name, default), bare, f"{where} {name}")[0]
 

@@ -46,7 +46,7 @@ class Driven:
         """Submit a command and cycle until it is answered; the refusal, or an empty text."""
         self._number += 1
         self.loop.submit(self._number, command)
-        self.cycles(300, lambda: self.board[Slot.ACK] == self._number)
+        self.cycles(6000, lambda: self.board[Slot.ACK] == self._number)
         assert self.board[Slot.ACK] == self._number
         return self.board.text(Text.ANSWER)
 

@@ -47,6 +47,7 @@ class FakeDevice:
         self.index = -1
         self.zero = 0.0
         self.held: dict[int, float] = {}
+        self.side = -1.0  # joints under the extension cable, which the loop has without being told another
 
     def open(self) -> None:
         self.volts, self.enabled = 0.0, False
@@ -93,7 +94,7 @@ class FakeDevice:
         self.make_safe()
 
     def set_up(self, phase: str, cable: str | None, load_torque: float) -> None:
-        self.phase = phase
+        self.phase, self.side = phase, -1.0 if cable == "extension" else 1.0
 
     def _move(self) -> None:
         self.current = self.volts if self.enabled else 0.0
@@ -110,8 +111,8 @@ class FakeDevice:
         force = max(0.0, 4.0 * (self.position - 0.5))
         raw = [
             (force + 5.317) / 11.194 + 0.02 * wiggle,
-            (0.4 * self.position) / (math.pi / 4.5) + 2.5 + 0.1 * wiggle,
-            (0.6 * self.position) / (math.pi / 4.5) + 2.5 + 0.1 * wiggle,
+            (0.4 * self.side * self.position) / (math.pi / 4.5) + 2.5 + 0.1 * wiggle,
+            (0.6 * self.side * self.position) / (math.pi / 4.5) + 2.5 + 0.1 * wiggle,
             -self.current / 1.25 + wiggle,
             math.floor((self.position - self.zero) / RADIANS_PER_COUNT),
         ]

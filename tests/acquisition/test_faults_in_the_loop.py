@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fingerlab.acquisition.bench.loop import STOOD_STILL
+from fingerlab.acquisition.control.believing import safety_checks
 from fingerlab.acquisition.control.commands import (
     Disable,
     Enable,
@@ -24,10 +25,11 @@ from fingerlab.acquisition.control.commands import (
     Tare,
 )
 from fingerlab.acquisition.control.machine import Mode
-from fingerlab.acquisition.control.safety import safety_checks
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.status import Slot
 from fingerlab.devices.protocol import DeviceFault
 from fingerlab.rig.daq import Limits
+from fingerlab.rig.file import default_rig
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
 
@@ -96,7 +98,9 @@ def test_the_first_sample_beyond_a_limit_takes_the_current_away(name: str) -> No
     while beyond(name, bench.column(column), limit)[-1]:  # begin on the safe side
         bench.cycles(1)
     inside = len(bench.column(column))
-    bench.loop._safety = safety_checks(narrow, 1000.0, cable=True, finger=True, force=True)
+    bench.loop._safety = safety_checks(
+        narrow, 1000.0, BenchUnits.from_rig(default_rig()), SetUp("contact", "flexion"), proves_drive=True
+    )
     bench.cycles(1100, lambda: bool(bench.board[Slot.FAULTS]))
     outside = beyond(name, bench.column(column)[inside:], limit)
     assert outside.any(), "the motion reaches the limit"

@@ -22,6 +22,7 @@ from fingerlab.acquisition.control.commands import (
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.status import Number, Slot
+from tests.acquisition import fake_device
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
 
@@ -130,11 +131,25 @@ def test_initialise_sets_predefined_values_and_tare_the_load_cell() -> None:
     assert bench.column("endpoint_force")[-50:].mean() == pytest.approx(0.0, abs=5e-3)
 
 
-def test_initialising_a_moving_motor_is_refused() -> None:
+def test_initialising_waits_until_the_motor_stands() -> None:
+    """A swing of 1 rad from end to end falls to the 1 degree that counts as rest within 4 / 1.67 s."""
     device = FakeDevice()
     bench = Driven(device)
     device.position = 0.5  # the spring swings it
+    assert bench.ask(Initialise(position=0.1)) == ""
+    assert 1800 < bench.board[Slot.INDEX] < 3400
+    assert bench.loop.machine.mode is Mode.INITIALISED
+    bench.cycles(1)
+    assert bench.column("motor_position")[-1] == pytest.approx(0.1, abs=math.radians(0.5))
+
+
+def test_initialising_a_motor_that_never_stands_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fake_device, "FRICTION", 0.0)
+    device = FakeDevice()
+    bench = Driven(device)
+    device.position = 0.5
     assert "not at rest" in bench.ask(Initialise())
+    assert 5000 <= bench.board[Slot.INDEX] < 5600
     assert bench.loop.machine.mode is Mode.IDLE
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import product
 
+import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
@@ -23,7 +24,7 @@ class AnyOrder(RuleBasedStateMachine):
     def happens(self, event: Event) -> None:
         before, self.machine = self.machine, self.machine.after(event)
         if event in (Event.FAULT, Event.STOP):
-            self.enabled_by_hand = self.asked_to_move = self.referenced = False
+            self.enabled_by_hand = self.asked_to_move = False
             self.stop_pressed = self.stop_pressed or event is Event.STOP
             assert not self.machine.command_allowed
             assert not self.machine.enable_allowed
@@ -31,6 +32,8 @@ class AnyOrder(RuleBasedStateMachine):
             self.stop_pressed = False
         elif event is Event.INITIALISE and not self.machine.enable_allowed and before.mode is not Mode.FAULT:
             self.referenced = True
+        elif event is Event.FORGET and not self.machine.enable_allowed:
+            self.referenced = False
         elif event is Event.ENABLE and self.referenced and not self.stop_pressed:
             self.enabled_by_hand = True
         elif event is Event.DISABLE:
@@ -56,11 +59,23 @@ AnyOrder.TestCase.settings = settings(max_examples=80, stateful_step_count=50, d
 TestAnyOrder = AnyOrder.TestCase
 
 
-def test_no_way_from_a_fault_to_current_in_fewer_than_four_events() -> None:
-    reached = {Machine(Mode.FAULT), Machine(Mode.FAULT, True)}
+@pytest.mark.parametrize(("referenced", "least"), [(True, 3), (False, 4)])
+def test_no_way_from_a_fault_to_current_but_by_reset_enable_and_run(referenced: bool, least: int) -> None:
+    reached = {Machine(Mode.FAULT, latched, referenced=referenced) for latched in (False, True)}
     for steps in range(1, 5):
         reached = {machine.after(event) for machine, event in product(reached, Event)}
-        assert any(machine.command_allowed for machine in reached) == (steps == 4)
+        assert any(machine.command_allowed for machine in reached) == (steps >= least)
+
+
+def test_references_outlast_a_stop_and_a_fault_but_not_a_counter_that_stood_still() -> None:
+    running = Machine()
+    for event in (Event.INITIALISE, Event.ENABLE, Event.RUN):
+        running = running.after(event)
+    assert running.after(Event.STOP).mode is Mode.INITIALISED
+    assert running.after(Event.STOP).after(Event.FORGET).mode is Mode.IDLE
+    fault = running.after(Event.FAULT)
+    assert fault.after(Event.RESET).mode is Mode.INITIALISED
+    assert fault.after(Event.FORGET).after(Event.RESET).mode is Mode.IDLE
 
 
 def test_stop_and_fault_are_known_everywhere_and_take_the_current_away() -> None:

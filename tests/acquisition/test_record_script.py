@@ -289,7 +289,7 @@ def test_an_emergency_stop_ends_the_recording_and_is_in_events_and_file(
     assert set(stop.tolist()) == {0.0, 1.0}
     first = int(np.argmax(stop))
     assert np.all(stop[first:] == 1.0)
-    assert 2000 < first < 4000
+    assert 1500 < first < 4000
     assert (rig.driven_current, rig.enabled) == (0.0, False)
 
 

@@ -375,3 +375,21 @@ def test_a_disk_that_lies_is_found_out(bench: Bench, monkeypatch: pytest.MonkeyP
         bench.recorder.close()
     monkeypatch.undo()
     assert open_session(bench.path).runs[0].length == 500  # the recording was kept
+
+
+def test_what_a_run_is_worth_is_told_when_it_ends(bench: Bench) -> None:
+    bench.begin(0, 2000)
+    bench.publish(2001)
+    assert bench.board.text(Text.RUN) == "Run 1: 2.0 s, nothing missing; usable."
+    bench.begin(bench.index + 1, bench.index + 5024)
+    for skip in (20, 3, 0, 0, 0):
+        bench.publish(1000, skip)
+    assert (bench.board[Slot.GAPS], bench.board[Slot.DROPPED]) == (2, 23)
+    assert bench.board.text(Text.RUN) == (
+        "Run 2: 5.0 s, 2 gaps with 23 samples missing; "
+        "usable, piece by piece between them (the longest 4.0 s)."
+    )
+    bench.begin(bench.index + 1, bench.index + 6005)
+    for _ in range(4):
+        bench.publish(1500, 1)
+    assert bench.board.text(Text.RUN).startswith("Run 3: 6.0 s, 4 gaps with 4 samples missing; not usable")

@@ -7,6 +7,8 @@ from dataclasses import fields
 
 import pytest
 
+from fingerlab.acquisition.control.believing import safety_checks
+from fingerlab.acquisition.control.commands import SetUp
 from fingerlab.acquisition.control.safety import (
     EncoderJump,
     EncoderStuck,
@@ -17,12 +19,15 @@ from fingerlab.acquisition.control.safety import (
     Safety,
     Stuck,
     Watchdog,
-    safety_checks,
 )
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.core.errors import UserError
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import Limits, limits_table
-from fingerlab.rig.file import parse_rig
+from fingerlab.rig.file import default_rig, parse_rig
+
+UNITS = BenchUnits.from_rig(default_rig())
+PRESS, ALONE = SetUp("contact", "flexion"), SetUp("motor_bench", "none")
 
 
 def healthy(index: int = 0, position: float = 0.4) -> Reading:
@@ -37,7 +42,7 @@ def healthy(index: int = 0, position: float = 0.4) -> Reading:
 
 @pytest.fixture
 def safety() -> Safety:
-    return safety_checks(Limits(), 1000.0, cable=True, finger=True, force=True)
+    return safety_checks(Limits(), 1000.0, UNITS, PRESS)
 
 
 def test_a_healthy_bench_has_no_fault(safety: Safety) -> None:
@@ -58,7 +63,7 @@ def test_a_healthy_bench_has_no_fault(safety: Safety) -> None:
         ("current", -3.0, "current"),
         ("torque", -0.4, "torque"),
         ("speed", -20.0, "speed"),
-        ("force", -10.0, "force"),
+        ("force", -1.0, "force"),
         ("mcp", math.radians(-60), "MCP"),
         ("pip", math.radians(-70), "PIP"),
         ("position", math.radians(-20), "position"),
@@ -88,7 +93,7 @@ def test_a_sensor_that_gives_no_number_is_a_fault_at_once(safety: Safety, attrib
 
 
 def test_without_a_finger_its_sensors_are_not_asked() -> None:
-    safety = safety_checks(Limits(), 1000.0, cable=True, finger=False, force=False)
+    safety = safety_checks(Limits(), 1000.0, UNITS, ALONE)
     reading = healthy()
     reading.mcp = reading.pip = reading.force = math.nan
     assert safety.fault(reading) is None
@@ -113,7 +118,7 @@ def test_a_rise_over_lost_cycles_took_their_time_too() -> None:
 
 def test_a_motor_without_a_cable_may_accelerate_as_its_torque_lets_it() -> None:
     """A chirp of 25 degrees to 4 Hz takes J a = 3e-4 * 276 = 0.083 N m, and 2 pi 4 times that a second."""
-    safety = safety_checks(Limits(), 1000.0, cable=False, finger=False, force=False)
+    safety = safety_checks(Limits(), 1000.0, UNITS, ALONE)
     for k in range(1000):
         reading = healthy(k)
         reading.torque = 0.083 * math.sin(8.0 * math.pi * 1e-3 * k)
@@ -122,8 +127,8 @@ def test_a_motor_without_a_cable_may_accelerate_as_its_torque_lets_it() -> None:
 
 
 def test_the_tensions_rise_is_among_the_checks_of_every_experiment_with_a_cable() -> None:
-    for finger, force in ((True, True), (False, False)):
-        safety, faults = safety_checks(Limits(), 1000.0, cable=True, finger=finger, force=force), []
+    for set_up in (PRESS, SetUp("free", "extension")):
+        safety, faults = safety_checks(Limits(), 1000.0, UNITS, set_up), []
         for k in range(30):
             reading = healthy(k)
             reading.tension = 2.5 * k  # 2500 N/s

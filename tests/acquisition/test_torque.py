@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.control.commands import Approach, Enable, Finish, Initialise, Start
+from fingerlab.acquisition.control.commands import Approach, Enable, Finish, Initialise, SetUp, Start
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.control.motion import FREE_SPEED
 from fingerlab.acquisition.control.trajectories import read_trajectory
@@ -74,7 +74,8 @@ def test_the_position_loop_takes_over_without_a_jump_and_brings_the_motor_to_res
 def test_a_motor_without_a_load_is_braked(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fake_device, "SPRING", 0.0)
     monkeypatch.setattr(fake_device, "FRICTION", 0.0)
-    bench = Driven(FakeDevice(), Limits(position_high=1e3, mcp_high=1e3, pip_high=1e3, force=1e6))
+    bench = Driven(FakeDevice(), Limits(position_high=1e3))
+    assert bench.ask(SetUp("motor_bench", "none")) == ""
     bench.run({**PULL, "torque_n_m": [0.05, 0.05, 0.05, 0.05], "ramp_s": 0.1})
     bench.cycles(2000)
     speed = bench.column("motor_speed")

@@ -7,12 +7,16 @@ import math
 import numpy as np
 import pytest
 
+from fingerlab.acquisition.control.commands import Enable, Release, Reset
+from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.control.trajectories import read_trajectory
+from fingerlab.acquisition.status import Slot
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.protocol import Device, DeviceFault, Sample, cycles_per_command
 from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation
+from tests.acquisition.driving import Driven
 
-from .card_bench import BUFFERED, SINGLE, assert_safe, bench, rig_with, running
+from .card_bench import BUFFERED, SINGLE, assert_safe, bench, failing, rig_with, running
 from .loops import SINE, follow
 from .virtual_card import Card, InProcessChannel, Servicer, SimplePlant
 
@@ -168,11 +172,57 @@ def test_enable_and_stop(text: str) -> None:
     assert (card.volts, card.line) == (2.0, True)
     assert device.make_safe()
     assert_safe(card)
-    assert not card.tasks
+    assert [task.kind for task in card.tasks.values()] == ["ci"]  # the encoder counts on
     assert device.make_safe()
     device.close()
     device.close()
+    assert not card.tasks
     assert_safe(card)
+
+
+@pytest.mark.parametrize("text", [SINGLE, BUFFERED])
+def test_the_encoder_counts_on_over_a_stop_and_what_was_not_read_is_not_taken_for_new(text: str) -> None:
+    """25 counts a cycle under 0.25 V; then somebody turns the wheel by 700 while the clock stands."""
+    card, device, _ = running(text)
+    device.set_enable(True)
+    for _ in range(95):
+        last = device.exchange(0.25)
+    card.pass_time(3)  # edges that nobody has read
+    turned = card.plant.wheel
+    assert device.make_safe()
+    assert not device.counted_on
+    card.plant.wheel += 700.0
+    device.start()
+    assert device.counted_on
+    assert device.exchange(0.0).raw[4] == turned + 700.0
+    assert turned >= last.raw[4]
+    card.hooks["ReadAnalogF64"] = failing(-200279)
+    with pytest.raises(DeviceFault):
+        [device.exchange(0.0) for _ in range(11)]
+    card.hooks.clear()
+    device.make_safe()
+    device.start()
+    assert not device.counted_on  # nobody knows what the driver's error did to the counter
+
+
+@pytest.mark.parametrize("how", ["stop", "fault"])
+def test_the_reference_is_kept_over_a_stop_and_a_fault(how: str) -> None:
+    card, device, _ = bench(plant=SimulatedBench(Simulation(seed=2), rig_with().daq))
+    driven = Driven(device)
+    driven.run(endless=True)
+    driven.cycles(2400)
+    before = driven.column("motor_position")[-1]
+    if how == "stop":
+        driven.board[Slot.STOP_REQUESTS] += 1
+    else:
+        driven.loop.lose("The recorder has ended.", farewell=False)
+    driven.cycles(800)
+    assert driven.ask(Release() if how == "stop" else Reset()) == ""
+    assert driven.loop.machine.mode is Mode.INITIALISED
+    truth = card.plant.stream.now[0]
+    assert driven.column("motor_position")[-1] == pytest.approx(truth, abs=1.5e-3)  # two counts
+    assert abs(truth - before) > math.radians(1.0)  # it has run on to where the springs hold it
+    assert driven.ask(Enable()) == ""
 
 
 def test_stopping_alone_would_not_have_been_enough() -> None:

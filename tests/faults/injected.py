@@ -220,7 +220,11 @@ FAULTS = [
 
 
 class Rotor(FakeDevice):
-    """The fake bench's rotor and sensors on the card's connector."""
+    """The fake bench's rotor and sensors on the card's connector, under the flexion cable."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.side = 1.0
 
     def advance(self, volts: float, enabled: bool) -> None:
         """One cycle under the set value."""

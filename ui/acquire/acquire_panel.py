@@ -63,6 +63,9 @@ class PanelActions:
     reset: Callable[[], Any]
     start: Callable[[], Any]
     finish: Callable[[], Any]
+    jog: Callable[[int], Any]
+    take_up: Callable[[], Any]
+    contact: Callable[[], Any]
     protocol: Callable[[], Any]
     record: Callable[[], Any]
     pause: Callable[[], Any]
@@ -70,6 +73,10 @@ class PanelActions:
     write: Callable[[], Any]
     later: Callable[[], Any]
     details: Callable[[], Any]
+
+
+def _nothing() -> None:
+    """What acts while it is held does nothing when it was clicked."""
 
 
 class _Value:
@@ -191,6 +198,7 @@ class AcquirePanel(QWidget):
         self.finish = ActionButton(
             "To &rest", "finish", "Bring the motor to rest softly (Ctrl+Backspace).", actions.finish
         )
+        self._make_by_hand(actions)
         self.run = ActionButton(
             "Run &protocol",
             "runProtocol",
@@ -206,7 +214,12 @@ class AcquirePanel(QWidget):
         self.left = ElidedLabel()
         self.left.setObjectName("protocolLeft")
         for entries in (
-            (self.motion, row(self.start, self.finish), self.hand_left),
+            (
+                self.motion,
+                row(self.start, self.finish),
+                row(self.back, self.forth, self.take_up, self.contact),
+                self.hand_left,
+            ),
             (self.protocol, self.run, self.progress, self.left),
         ):
             page = QWidget()
@@ -222,6 +235,26 @@ class AcquirePanel(QWidget):
             heading("Motion"),
             row(self.by_hand, self.by_protocol),
             self.pages,
+        )
+
+    def _make_by_hand(self, actions: PanelActions) -> None:
+        self.back = ActionButton("◀", "jogBack", "Jog: unwind slowly for as long as it is held.", _nothing)
+        self.forth = ActionButton("▶", "jogForth", "Jog: wind slowly for as long as it is held.", _nothing)
+        for button, way, name in ((self.back, -1, "Jog back"), (self.forth, 1, "Jog on")):
+            button.setAccessibleName(name)
+            button.pressed.connect(lambda way=way: actions.jog(way))
+            button.released.connect(lambda: actions.jog(0))
+        self.take_up = ActionButton(
+            "Take up",
+            "takeUp",
+            "Slack: wind with little current until the joints move; the motor's reference is then there.",
+            actions.take_up,
+        )
+        self.contact = ActionButton(
+            "Contact",
+            "findContact",
+            "Wind until the fingertip presses the load cell; the motion's offset is then there.",
+            actions.contact,
         )
 
     def _make_recording(self, actions: PanelActions) -> None:
@@ -319,6 +352,7 @@ class AcquirePanel(QWidget):
             (self.finish, Event.FINISH),
         ):
             button.refuse(hands_off or controller.refusal(event))
+        self._refresh_by_hand(hands_off)
         latched = controller.status is not None and controller.status.latched
         self.release.refuse(
             hands_off or (controller.refusal(Event.RELEASE) if latched else "No stop is latched.")
@@ -338,6 +372,23 @@ class AcquirePanel(QWidget):
             set_usable(field, not fixed and controller.status is not None)
             field.setToolTip(fixed or help_text)
         self._refresh_recording()
+
+    def _refresh_by_hand(self, hands_off: str) -> None:
+        controller = self._controller
+        drives = hands_off or controller.refusal(Event.RUN)
+        for button in (self.back, self.forth):
+            if not button.isDown():
+                button.refuse(drives)
+        finger = controller.set_up.phase in ("on_air", "contact") and controller.set_up.cable != "none"
+        self.take_up.refuse(
+            hands_off
+            or controller.refusal(Event.ENABLE)
+            or ("" if finger else "Only a cable that is fixed to a finger has slack.")
+        )
+        presses = controller.set_up.phase == "contact"
+        self.contact.refuse(
+            drives or ("" if presses else "Choose the phase Contact: only then is there a load cell.")
+        )
 
     def _refresh_recording(self) -> None:
         recording = self._recording

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from threading import Event
@@ -15,6 +16,7 @@ from fingerlab.acquisition.control.commands import (
     Disable,
     Enable,
     Finish,
+    Jog,
     Release,
     Reset,
     SetUp,
@@ -23,6 +25,7 @@ from fingerlab.acquisition.control.commands import (
     initial_of,
 )
 from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.protocols.driver import find_contact, take_up_slack
 from fingerlab.acquisition.protocols.steps import countdown, prompt_of
 from fingerlab.core.errors import UserError
 from fingerlab.sessions.recording_files import recording_folder
@@ -56,6 +59,8 @@ from .session_writing import DetailsDialog, SessionDetails
 TEXT_TABLES = (".csv", ".txt", ".tsv")
 Choices = tuple[tuple[str, str], ...]
 LOOKING = "Looking for devices"
+JOG_SPEED = math.radians(10.0)
+"""rad/s (assumed: a degree in a tenth of a second, as one lets go of a button)."""
 AFTER_PICTURE_MS = 30
 LONGEST_WAIT_S = 2.0
 """Looking for devices imports much, which would take the processor from the tab's first picture: it waits."""
@@ -86,6 +91,7 @@ class AcquireTab(Tab):
         self._looked = False
         self._painted = Event()
         self._mark_at: int | None = None
+        self._jogging = False
         self._lasts_s: float | None = None
         self._moves: Mapping[str, Any] | None = None
         self._build()
@@ -121,6 +127,9 @@ class AcquireTab(Tab):
             reset=lambda: ask("Resetting the fault", Reset()),
             start=self._start,
             finish=lambda: ask("Coming to rest", Finish()),
+            jog=self._jog,
+            take_up=self._take_up,
+            contact=self._find_contact,
             protocol=lambda: self.protocol.start(),
             record=self._toggle_record,
             pause=lambda: recording.pause(not recording.paused),
@@ -221,6 +230,38 @@ class AcquireTab(Tab):
     def _toggle_enable(self) -> None:
         on = self.controller.mode in (Mode.ENABLED, Mode.RUNNING, Mode.STOPPING)
         self.controller.ask("Switching the amplifier", Disable() if on else Enable())
+
+    def _jog(self, way: int) -> None:
+        """Turn one way or the other, or hold; asked for again where a button was let go unseen."""
+        self._jogging = way != 0
+        self.controller.doing = "by hand"
+        self._lasts_s = None
+        self.controller.ask("Jogging", Jog(way * JOG_SPEED))
+
+    def _take_up(self) -> None:
+        initial = self.panel.initial.command()
+
+        def told(slack: float) -> None:
+            self.context.say(
+                f"Slack of {math.degrees(slack):.1f}° taken up; the motor's reference is there now"
+            )
+
+        self.controller.doing = "taking up the slack"
+        self.controller.do(
+            "Taking up the slack", lambda bench: take_up_slack(bench, initial), told, long=True
+        )
+
+    def _find_contact(self) -> None:
+        force = self.panel.protocol.force.value()
+
+        def told(angle: float) -> None:
+            degrees = round(math.degrees(angle), 2)
+            self.panel.motion.numbers["offset_deg"].setValue(degrees)
+            self.context.say(f"The fingertip presses at {degrees:g}°, which is the offset now")
+
+        self._lasts_s = None
+        self.controller.doing = "finding the contact"
+        self.controller.do("Finding the contact", lambda bench: find_contact(bench, force), told, long=True)
 
     def _start(self) -> None:
         motion, controller = self.panel.motion, self.controller
@@ -348,9 +389,12 @@ class AcquireTab(Tab):
         self.panel.history.given("initial")
 
     def _on_tick(self) -> None:
+        if self._jogging and not (self.panel.back.isDown() or self.panel.forth.isDown()):
+            self._jog(0)  # a dialog or another window took the mouse
         if not self.widget.isVisible():
             return
-        self.plots.tick(self.controller.numbers_due)
+        status = self.controller.status
+        self.plots.tick(self.controller.numbers_due, live=status is not None and not status.loop_ended)
         if self.controller.numbers_due:
             self.comparison.show_errors()
             self.panel.refresh()

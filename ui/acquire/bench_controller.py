@@ -330,7 +330,7 @@ class BenchController(QObject):
         if before is None or self.bench is None:
             return
         for notice in notices(before, now, self.bench.rate_hz):
-            if notice.kind is Kind.LOST:
+            if notice.kind in (Kind.LOST, Kind.RUN):
                 self.context.say(notice.sentence)
                 continue
             if notice.kind is Kind.STOPPED:

@@ -108,8 +108,11 @@ class LivePlots(QWidget):
             for pane in self.panes.values():
                 pane.show_marks(self._marks)
 
-    def tick(self, numbers: bool = True) -> None:
-        """New samples may be there; ``numbers``: show the readings and the scroll bar, too."""
+    def tick(self, numbers: bool = True, live: bool = True) -> None:
+        """New samples may be there; ``numbers``: show the readings and the scroll bar, too.
+
+        Without a ``live`` device no reading is shown: the last one is none of now.
+        """
         history = self.history
         if history is None or not self.isVisible():
             return
@@ -120,7 +123,7 @@ class LivePlots(QWidget):
             return
         for pane in self.panes.values():
             for column, reading in pane.readings.items():
-                reading.show_value(history.value(column, history.stop - 1))
+                reading.show_value(history.value(column, history.stop - 1) if live else math.nan)
         if self._cursors is not None and not self.held:
             self._tell_cursors()
         self._show_scroll(history)

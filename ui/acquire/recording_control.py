@@ -91,6 +91,8 @@ class RecordingControl(QObject):
             return f"{self.controller.worker.title} is under way."
         if what == "record" and not self.recording and self._load_rests():
             return "The known load rests on its support; start the motion first, which lifts it."
+        if what in ("record", "protocol") and self.controller.status.loop_ended:
+            return "The device is gone; connect it again."
         if what == "record":
             return "A run is being recorded; end it first." if self.recording else ""
         if what in ("end", "pause", "mark"):

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
+from fingerlab.acquisition.bench.steering import LoopSettings
+from fingerlab.acquisition.control.believing import SENSORS, window_fault
 from fingerlab.acquisition.control.commands import Initialise, MoveByHand, Tare, TryOutput
 from fingerlab.acquisition.control.safety import Reading
 from fingerlab.acquisition.control.units import Zeros
 from fingerlab.acquisition.status import Number, SharedStatus, Slot
 from fingerlab.devices.protocol import Device, MovedByHand, OutputReadBack, cycles_per_command
+from fingerlab.rig.daq import Limits
 
-AVERAGE_S = 0.1
-"""Duration of the mean (assumed): noise falls to a tenth."""
+AVERAGE_S = 0.5
+"""Duration of the mean (assumed): a finger that swings at 2 Hz passes its turning points meanwhile."""
+
+LONGEST_WAIT_S = 5.0
+"""For so long a finger may swing before its references are taken (assumed: five times what it needs)."""
 
 REST_POSITION = math.radians(1.0)
 """More than this much motor motion during the mean is not rest (assumed)."""
@@ -23,6 +29,9 @@ REST_ANGLE = math.radians(3.0)
 
 REST_FORCE = 0.5
 """N; the same for the load cell (assumed)."""
+
+REST_CURRENT = 0.3
+"""A that the monitor may show with the amplifier off (assumed: its offset)."""
 
 
 @dataclass
@@ -42,49 +51,133 @@ class _Mean:
         return self.total / self.count
 
 
-@dataclass
-class Averaging:
-    """One initialising or taring that is under way.
+@dataclass(frozen=True)
+class _Wanted:
+    """One reference: its value afterwards, its sensor (as among ``SENSORS``; None for the encoder), words,
+    the spread that still is rest, and how far it may lie from the calibrated zero, SI."""
 
-    Attributes:
-        number: of the command that asked for it. what: the command. samples: how many to take.
+    target: float
+    sensor: int | None
+    words: str
+    rest: float
+    bound: float = math.inf
+
+
+class Averaging:
+    """One initialising or taring that is under way: it waits for standstill, and takes the mean.
+
+    Args:
+        number: of the command that asked for it. what: the command.
+        sensors: raw values that the set-up relies on.
     """
 
-    number: int
-    what: Initialise | Tare
-    samples: int
-    _means: dict[str, _Mean] = field(default_factory=dict)
-    _taken: int = 0
+    def __init__(
+        self,
+        number: int,
+        what: Initialise | Tare,
+        settings: LoopSettings,
+        sensors: tuple[int, ...],
+        period: float,
+    ) -> None:
+        self.number, self.what = number, what
+        self._settings = settings
+        self._sensors = (0,) if isinstance(what, Tare) else sensors
+        self._samples, self._longest = round(AVERAGE_S / period), round(LONGEST_WAIT_S / period)
+        self._wanted = self._references(settings.limits)
+        self._waited = 0
+        self._begin()
 
     def add(self, reading: Reading) -> bool:
         """Take a sample; whether it was the last one."""
-        for name in ("position", "mcp", "pip", "force"):
-            self._means.setdefault(name, _Mean()).add(getattr(reading, name))
-        self._taken += 1
-        return self._taken >= self.samples
+        for name in ("position", "mcp", "pip", "force", "current"):
+            self._means[name].add(getattr(reading, name))
+        for k in self._sensors:
+            self._volts[k].add(reading.raw[k])
+        self._waited += 1 + reading.lost
+        if self._moving() and self._waited < self._longest:
+            self._begin()
+        return self._means["position"].count >= self._samples
 
     def finish(self, zeros: Zeros) -> str:
         """Set the references, or say why not."""
-        wanted = self._wanted()
-        for name, (_, words, rest) in wanted.items():
-            mean = self._means[name]
-            if not math.isfinite(mean.value):
-                return f"The {words} gives no number; check its cable."
-            if mean.high - mean.low > rest:
-                return f"The {words} is not at rest; wait until nothing moves and try again."
-        for name, (target, _, _) in wanted.items():
-            setattr(zeros, name, getattr(zeros, name) + target - self._means[name].value)
+        units = self._settings.units
+        for k, volts in self._volts.items():
+            sentence = window_fault(SENSORS[k], units.inputs[k], volts.value)
+            if sentence:
+                return sentence
+        for name, wanted in self._wanted.items():
+            if not math.isfinite(self._means[name].value):
+                return f"The {wanted.words} gives no number; check its cable."
+        moving = self._moving()
+        if moving:
+            return f"The {moving} is not at rest; wait until nothing moves and try again."
+        return self._beyond(zeros) or self._set(zeros)
+
+    def _set(self, zeros: Zeros) -> str:
+        for name, wanted in self._wanted.items():
+            setattr(zeros, name, getattr(zeros, name) + wanted.target - self._means[name].value)
         return ""
 
-    def _wanted(self) -> dict[str, tuple[float, str, float]]:
+    def _beyond(self, zeros: Zeros) -> str:
+        """Which reading cannot be what it is said to be."""
+        for name, wanted in self._wanted.items():
+            by = wanted.target - (self._means[name].value - getattr(zeros, name))
+            if abs(by) > wanted.bound:
+                return _too_far(name, wanted, -by)
+        current = self._means["current"].value
+        if isinstance(self.what, Initialise) and abs(current) > REST_CURRENT:
+            return (
+                f"The current monitor shows {current:.2g} A with the amplifier off; check its cable, and its "
+                "sign and gain in the rig file's [daq]."
+            )
+        limits = self._settings.limits
+        for k, name in ((1, "mcp"), (2, "pip")):
+            if k not in self._sensors or name in self._wanted:
+                continue
+            low, high = getattr(limits, f"{name}_low"), getattr(limits, f"{name}_high")
+            angle = self._means[name].value
+            if not low <= angle <= high:
+                return (
+                    f"The {SENSORS[k]} shows {math.degrees(angle):.3g}°, where its joint can be at "
+                    f"{math.degrees(low):.3g}° to {math.degrees(high):.3g}°; check its cable, and which "
+                    "sensor is on which terminal."
+                )
+        return ""
+
+    def _moving(self) -> str:
+        """What is not at rest, in words."""
+        for name, wanted in self._wanted.items():
+            mean = self._means[name]
+            if mean.high - mean.low > wanted.rest:
+                return wanted.words
+        return ""
+
+    def _begin(self) -> None:
+        self._means = {name: _Mean() for name in ("position", "mcp", "pip", "force", "current")}
+        self._volts = {k: _Mean() for k in self._sensors if self._settings.units.inputs[k] is not None}
+
+    def _references(self, limits: Limits) -> dict[str, _Wanted]:
         if isinstance(self.what, Tare):
-            return {"force": (0.0, "load cell", REST_FORCE)}
-        wanted = {"position": (self.what.position, "motor", REST_POSITION)}
-        for name in ("mcp", "pip"):
+            return {"force": _Wanted(0.0, 0, SENSORS[0], REST_FORCE, limits.tare)}
+        wanted = {"position": _Wanted(self.what.position, None, "motor", REST_POSITION)}
+        for k, name in ((1, "mcp"), (2, "pip")):
             target = getattr(self.what, name)
             if target is not None:
-                wanted[name] = (target, f"{name.upper()} sensor", REST_ANGLE)
+                wanted[name] = _Wanted(target, k, SENSORS[k], REST_ANGLE, limits.reference_shift)
         return wanted
+
+
+def _too_far(name: str, wanted: _Wanted, by: float) -> str:
+    if name == "force":
+        return (
+            f"The load cell shows {by:.3g} N, and at no load at most {wanted.bound:.3g} N; take off what "
+            "lies on it, check its supply and cable, or calibrate it."
+        )
+    return (
+        f"The {wanted.words} is {math.degrees(by):.3g}° off the {math.degrees(wanted.target):.3g}° that it "
+        f"is to be set to, and {math.degrees(wanted.bound):.3g}° at most can be; check its cable, or "
+        "calibrate it."
+    )
 
 
 STAND_COMMANDS = 20

@@ -32,6 +32,9 @@ class Status:
         run_start: index of the first sample of trajectory number ``run``.
         emergency_stop, amplifier_ready: what these inputs tell; lines_at: sample of their last change.
         dead_man: whether the device has one. pressed, unready: as the state machine has it.
+        sensors: which sensor of the set-up cannot be believed, as seen with the amplifier off.
+        gaps, dropped: of the run that is being written or was last, and the samples missing in them.
+        verdict: what the run that was written last is worth.
         sleep: why the machine may fall asleep in spite of the motor being enabled; empty where it may not.
     """
 
@@ -63,6 +66,10 @@ class Status:
     pressed: bool = False
     unready: bool = False
     sleep: str = ""
+    sensors: str = ""
+    gaps: int = 0
+    dropped: int = 0
+    verdict: str = ""
 
 
 class RecorderClient(ABC):
@@ -173,6 +180,10 @@ class Bench(ABC):
             pressed=bool(b[Slot.PRESSED]),
             unready=bool(b[Slot.UNREADY]),
             sleep=b.text(Text.SLEEP),
+            sensors=b.text(Text.SENSORS),
+            gaps=b[Slot.GAPS],
+            dropped=b[Slot.DROPPED],
+            verdict=b.text(Text.RUN),
         )
 
     def approached(self) -> float | None:
@@ -226,6 +237,8 @@ class Kind(Enum):
     UNREAD = "unread"
     LINE = "line"
     SLEEP = "sleep"
+    SENSOR = "sensor"
+    RUN = "run"
 
 
 @dataclass(frozen=True)
@@ -260,9 +273,14 @@ def notices(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
         told.append(Notice(Kind.STOPPED, "The bench was stopped by the operator."))
     if now.recorder and now.recorder != before.recorder:
         told.append(Notice(Kind.RECORDER, now.recorder))
-    if now.recording and now.lost > before.lost:
-        sentence = f"{now.lost - before.lost} cycles lost; the recording has a gap there"
+    if now.recording and now.gaps > before.gaps:
+        gaps = "its first gap" if now.gaps == 1 else f"{now.gaps} gaps"
+        sentence = f"{now.dropped - before.dropped} samples lost; the run has {gaps} and goes on"
         told.append(Notice(Kind.LOST, sentence))
+    if now.recorded_runs > before.recorded_runs:
+        told.append(Notice(Kind.RUN, now.verdict))
+    if now.sensors and now.sensors != before.sensors:
+        told.append(Notice(Kind.SENSOR, now.sensors))
     told.extend(_of_lines(before, now, rate_hz))
     if now.sleep and now.sleep != before.sleep:
         told.append(Notice(Kind.SLEEP, now.sleep))

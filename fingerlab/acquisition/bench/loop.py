@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Callable
 
 from fingerlab.acquisition.bench.at_rest import (
-    AVERAGE_S,
     STOPPED_MEANWHILE,
     Averaging,
     move_by_hand,
@@ -26,8 +25,13 @@ from fingerlab.acquisition.bench.steering import (
     unguarded,
     watchdogs,
 )
+from fingerlab.acquisition.control.believing import (
+    SENSORS,
+    safety_checks,
+    sensors_of,
+    window_fault,
+)
 from fingerlab.acquisition.control.commands import (
-    Approach,
     AtRest,
     Command,
     Disable,
@@ -41,9 +45,10 @@ from fingerlab.acquisition.control.commands import (
     Reset,
     SetUp,
     Tare,
+    Winding,
 )
 from fingerlab.acquisition.control.machine import Event, Interlock, Machine, Mode
-from fingerlab.acquisition.control.safety import Reading, Safety, safety_checks
+from fingerlab.acquisition.control.safety import EncoderFault, Reading, Safety
 from fingerlab.acquisition.control.units import Reader
 from fingerlab.acquisition.ring import Publisher, Ring
 from fingerlab.acquisition.status import SharedStatus, Slot, Text
@@ -54,6 +59,7 @@ from fingerlab.devices.protocol import (
     DeviceFault,
     DeviceLost,
     SetUpBySoftware,
+    counted_on,
     cycles_per_command,
     safety_lines,
 )
@@ -62,6 +68,14 @@ FAREWELL_S = 0.5
 """The loop goes on reading for this long after its window is lost, so that the stop is recorded (assumed)."""
 
 STOOD_STILL = "The control loop stood still; the motor was stopped in its place, connect the device again."
+
+NO_MONITOR = (
+    "The rig file names no terminal for [daq.current_monitor], and without one no motor is driven; "
+    "connect the amplifier's monitor."
+)
+
+SENSORS_S = 0.2
+"""How often the sensors' volts are looked at while the amplifier is off."""
 
 SAFE_TRIES = 50
 """How often zero output is tried before the device is given up."""
@@ -100,8 +114,10 @@ class ControlLoop:
         self._recorder_errors = board[Slot.RECORDER_ERRORS]
         self._dogs = watchdogs(settings, self._period)
         self._faults = self._run = 0
+        self._look_every, self._told = max(1, round(SENSORS_S / self._period)), ""
         self._fit()
         self._safety: Safety
+        self._sensors: tuple[int, ...]
         self._cable: bool
         self._set_up(SetUp())
 
@@ -161,7 +177,7 @@ class ControlLoop:
             # A device that fails in every cycle must not keep the loop from its end.
             self.ended = self.ended or any(isinstance(one, Quit) for _, one in list(self._commands))
             return
-        reading = self._reader.read(sample, self._steering.reference.value)
+        reading = self._reader.read(sample, self._steering.reference.value, self._commanded())
         sentence = self._complaint(reading)
         if sentence:
             self._fault(sentence)
@@ -187,6 +203,7 @@ class ControlLoop:
         errors = self._board[Slot.RECORDER_ERRORS]
         failed, self._recorder_errors = errors != self._recorder_errors, errors
         if not self.machine.enable_allowed:
+            self._look_at_sensors(reading)
             return None
         if failed:
             return self._board.text(Text.RECORDER)
@@ -195,6 +212,22 @@ class ControlLoop:
             if sentence:
                 return sentence
         return self._safety.fault(reading)
+
+    def _commanded(self) -> float:
+        """A that the amplifier is to make; NaN where nothing says that it can."""
+        powered = self._board[Slot.ENABLE_LINE] and not self._held and not self._interlock.settling
+        return self._steering.amps if powered else math.nan
+
+    def _look_at_sensors(self, reading: Reading) -> None:
+        """What is wrong with the volts of the sensors in use, for the board, while the amplifier is off."""
+        if reading.index % self._look_every:
+            return
+        inputs = self.settings.units.inputs
+        faults = (window_fault(SENSORS[k], inputs[k], reading.raw[k]) for k in self._sensors)
+        sentence = next(filter(None, faults), "")
+        if sentence[:20] != self._told[:20]:  # told once, not anew with each volt
+            self._told = sentence
+            self._board.set_text(Text.SENSORS, sentence)
 
     def _fit(self) -> None:
         """What depends on how the device takes its commands, and on the lines that it has."""
@@ -254,7 +287,7 @@ class ControlLoop:
                     return  # answered when the mean is taken
             elif isinstance(command, SetUp):
                 sentence = self._set_up(command)
-            elif isinstance(command, ReadyStart | Approach):
+            elif isinstance(command, ReadyStart | Winding):
                 sentence = self._start(command, reading)
             elif isinstance(command, AtRest):
                 sentence = self._at_rest(command)
@@ -284,7 +317,8 @@ class ControlLoop:
         if refusal:
             return refusal
         if isinstance(command, Enable):
-            refusal = unguarded(self.settings, self._board)
+            refusal = NO_MONITOR if self.settings.units.current is None else ""
+            refusal = refusal or unguarded(self.settings, self._board)
             if refusal:
                 return refusal
             self._safety.reset()
@@ -307,7 +341,7 @@ class ControlLoop:
         self._become(event)
         return ""
 
-    def _start(self, command: ReadyStart | Approach, reading: Reading) -> str:
+    def _start(self, command: ReadyStart | Winding, reading: Reading) -> str:
         refusal = self.machine.refusal(Event.RUN)
         if refusal:
             return refusal
@@ -341,9 +375,12 @@ class ControlLoop:
     def _fault(self, sentence: str, lost: bool = False) -> None:
         """Motor off until the operator resets; with ``lost`` there is no device left, and the loop ends."""
         self.ended = self.ended or lost
+        doubted = isinstance(sentence, EncoderFault)
         if not self._make_safe():
             sentence += " Zero output could not be confirmed: switch the amplifier off by hand."
         self._become(Event.FAULT)
+        if doubted:
+            self._become(Event.FORGET)
         self._forget(sentence)
         self._faults += 1
         self._board.set_text(Text.FAULT, sentence)
@@ -376,7 +413,10 @@ class ControlLoop:
         except (DeviceLost, DeviceFault) as error:
             self._fault(str(error), lost=True)
             return False
-        self._reader.restarted()
+        counted = counted_on(self.device)
+        self._reader.restarted(counted)
+        if not counted:
+            self._become(Event.FORGET)
         return True
 
     def _begin_averaging(self, number: int, command: Initialise | Tare) -> str:
@@ -386,7 +426,7 @@ class ControlLoop:
                 return refusal
         elif self.machine.command_allowed:
             return "The motor is running; reset the load cell at rest, with nothing on it."
-        self._averaging = Averaging(number, command, round(AVERAGE_S / self._period))
+        self._averaging = Averaging(number, command, self.settings, self._sensors, self._period)
         return ""
 
     def _finish_averaging(self) -> None:
@@ -410,10 +450,11 @@ class ControlLoop:
         self._safety = safety_checks(
             self.settings.limits,
             self.device.rate_hz,
-            cable=self._cable,
-            finger=command.phase in ("on_air", "contact"),
-            force=command.phase == "contact",
+            self.settings.units,
+            command,
+            proves_drive=self.settings.proves_drive,
         )
+        self._sensors = sensors_of(command)
         return ""
 
     def _at_rest(self, command: AtRest) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fingerlab.acquisition.control.commands import Approach, Command, Start
+from fingerlab.acquisition.control.commands import Approach, Command, Jog, Start, TakeUp, Winding
 from fingerlab.acquisition.control.motion import (
     Gains,
     PositionLoop,
@@ -35,13 +35,14 @@ CURRENT_MARGIN = 0.95
 class LoopSettings:
     """What the loop has to know of the bench; plain values, so that they travel to its process.
 
-    ``watch_...``: whose silence stops the motor. ``watch_guardian``: none is driven before the guardian has
-    tried that it can stop it.
+    ``proves_drive``: signs and gains of the drive are being found out. ``watch_...``: whose silence stops the
+    motor. ``watch_guardian``: none is driven before the guardian has tried that it can stop it.
     """
 
     units: BenchUnits
     limits: Limits
     gains: Gains = field(default_factory=Gains)
+    proves_drive: bool = False
     watch_window: bool = True
     watch_recorder: bool = True
     watch_guardian: bool = True
@@ -98,6 +99,14 @@ def _check_range(trajectory: Trajectory, limits: Limits) -> None:
         )
 
 
+JOG_MARGIN, JOG_LEAD_S = math.radians(2.0), 0.1
+"""A jog ends so far before the position's limits, and its way of so long before (assumed: coming to a stand
+within 0.5 s, it overshoots by 0.09 s)."""
+
+MOVED_SAMPLES = 20
+"""Samples of a take-up whose mean says where the joints were, and by how many the motion has to be seen."""
+
+
 def gains_within(settings: LoopSettings, hold: int) -> Gains:
     """The position loop's gains for a command every ``hold`` samples, its current below the rig's limit."""
     gains = settings.gains if hold == 1 else slowed(settings.gains, hold)
@@ -144,7 +153,11 @@ class Steering:
         self._pull = TorqueDrive(period, gains, settings.units, settings.limits)
         self._pulling = False  # the trajectory is one of torque
         self._settling = Settling(period)
-        self._approach: Approach | None = None
+        self._limits = settings.limits
+        self._winding: Winding | None = None
+        self._joints: list[float] = []  # of a take-up: both together before it began
+        self._moving = 0
+        self._most = math.inf  # A
 
     def off(self) -> None:
         """No current."""
@@ -156,22 +169,28 @@ class Steering:
         self.reference.value = position
 
     def forget(self) -> None:
-        """The approach that was under way has ended."""
-        self._approach = None
+        """The slow motion that was under way has ended."""
+        self._winding = None
 
-    def start(self, command: ReadyStart | Approach, position: float, moving: bool) -> str:
+    def start(self, command: ReadyStart | Winding, position: float, moving: bool) -> str:
         """Begin at ``position`` (rad), or go over from the motion of this moment; the refusal, or nothing."""
         pulling = isinstance(command, ReadyStart) and command.trajectory.is_torque
         if moving and pulling != self._pulling:
             return "The motor follows a trajectory of another kind (angle or torque); bring it to rest first."
         self._pulling = pulling
-        self._approach = command if isinstance(command, Approach) else None
+        self._winding = None if isinstance(command, ReadyStart) else command
+        self._joints, self._moving = [], 0
+        self._most = command.current if isinstance(command, TakeUp) else math.inf
         self._board[Slot.APPROACHED] = 0
         if not moving:
             self._controller.reset()
             self.reference.begin(position)
         if isinstance(command, Approach):
             self.reference.wind(command.speed, command.limit)
+        elif isinstance(command, TakeUp):
+            self.reference.wind(command.speed, self.reference.value + command.limit)
+        elif isinstance(command, Jog):
+            self._jog(command.speed)
         elif moving:
             self._followed.change(command.trajectory, command.endless)
         else:
@@ -185,8 +204,8 @@ class Steering:
             followed.next()
         if self._pulling:
             self.reference.value = reading.position  # no angle is asked for: the command is where it is
-        if self._approach is not None:
-            self._follow_approach(self._approach, reading)
+        if self._winding is not None:
+            self._follow_winding(self._winding, reading)
         return followed.over
 
     def command(self, reading: Reading) -> None:
@@ -197,12 +216,13 @@ class Steering:
             self.amps = self._pull.current(reading.speed)
         else:
             self.amps = self._controller.command(self.reference.value - reading.position)
+            self.amps = min(max(self.amps, -self._most), self._most)
         units = self._units
         self.volts = min(max(self.amps / units.amps_per_volt, units.low_volts), units.high_volts)
 
     def rest(self, position: float) -> None:
         """Begin a soft stop of a motor at ``position`` (rad)."""
-        self._approach = None
+        self._winding, self._most = None, math.inf
         if self._pulling:  # the position loop takes over where the motor is, with the current that it has
             self._pulling = False
             self._controller.take_over(self.amps)
@@ -219,12 +239,35 @@ class Steering:
         """What the trajectory commands: rad, or N m where it is one of torque."""
         return self._pull.reference if self._pulling else self.reference
 
-    def _follow_approach(self, approach: Approach, reading: Reading) -> None:
-        if reading.force >= approach.force:
+    def _jog(self, speed: float) -> None:
+        here = self.reference.value
+        margin = JOG_MARGIN + JOG_LEAD_S * abs(speed)
+        end = self._limits.position_high - margin if speed > 0 else self._limits.position_low + margin
+        if speed * (end - here) > 0:
+            self.reference.wind(speed, end)
+        else:
+            self.reference.hold(here)
+
+    def _follow_winding(self, winding: Winding, reading: Reading) -> None:
+        if isinstance(winding, Jog):
+            if self.reference.over:
+                self.reference.hold(self.reference.value)
+        elif self._reached(winding, reading):
             # Where the motor is, not where it was told to be: the loop's integral makes the two agree.
             self.reference.hold(reading.position)
             self._board.set_number(Number.APPROACH, reading.position)
             self._board[Slot.APPROACHED] = 1
-            self._approach = None
+            self._winding = None
         elif self.reference.over:
             self._board[Slot.APPROACHED] = -1
+
+    def _reached(self, winding: Approach | TakeUp, reading: Reading) -> bool:
+        if isinstance(winding, Approach):
+            return reading.force >= winding.force
+        both = reading.mcp + reading.pip
+        if len(self._joints) < MOVED_SAMPLES:
+            self._joints.append(both)
+            return False
+        moved = abs(both - sum(self._joints) / MOVED_SAMPLES) >= winding.moved
+        self._moving = self._moving + 1 if moved else 0
+        return self._moving >= MOVED_SAMPLES

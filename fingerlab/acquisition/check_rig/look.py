@@ -157,7 +157,7 @@ def check_settings(rig: Rig) -> LoopSettings:
     # No brake: it would take away the current that is to be measured, and drive on where the encoder's sense
     # is wrong. Current, travel, speed and time are limited without it.
     gains = Gains(derivative=0.0, current_limit=TEST_CURRENT)
-    return LoopSettings(BenchUnits.from_rig(rig), limits, gains)
+    return LoopSettings(BenchUnits.from_rig(rig), limits, gains, proves_drive=True)
 
 
 class BenchFailed(Exception):

@@ -74,6 +74,23 @@ class Approach:
 
 
 @dataclass(frozen=True)
+class TakeUp:
+    """Wind slowly with little current until the joints move by ``moved`` (rad, both together); stay there."""
+
+    moved: float = math.radians(1.0)
+    speed: float = math.radians(10.0)
+    limit: float = math.radians(60.0)
+    current: float = 0.3
+
+
+@dataclass(frozen=True)
+class Jog:
+    """Turn at ``speed`` (rad/s) until the next jog, at most to the position's limits; 0 holds."""
+
+    speed: float
+
+
+@dataclass(frozen=True)
 class Finish:
     """Bring the motor to rest softly; the amplifier stays enabled."""
 
@@ -120,7 +137,10 @@ class Quit:
 AtRest = MoveByHand | TryOutput
 """What is only done with the amplifier off, for the check of a rig."""
 
-Drive = Enable | Disable | Start | Approach | Finish | HoldDeadMan
+Winding = Approach | TakeUp | Jog
+"""Slow motions that end where something is reached, or where they are told to."""
+
+Drive = Enable | Disable | Start | Winding | Finish | HoldDeadMan
 """What lets current flow, or takes it away."""
 
 Command = Initialise | Tare | SetUp | Drive | Release | Reset | AtRest | Quit

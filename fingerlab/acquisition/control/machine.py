@@ -12,15 +12,17 @@ initialised    zero, low       enable (only without latch)     sensors set, ampl
 enabled        zero, high      run, disable                    amplifier on, no current asked for
 running        loop, high      run, finish, disable            a trajectory; ``run`` changes it
 stopping       loop, high      rest, disable                   soft stop on the way to rest
-fault          zero, low       reset (to idle)                 a check, the device or a process failed
+fault          zero, low       reset                           a check, the device or a process failed
 =============  ==============  ==============================  =======================================
 
-From every mode ``fault`` leads to fault, and ``stop`` to idle (a fault stays a fault), with the latch set.
+From every mode ``fault`` leads to fault; ``stop``, which sets the latch, and ``reset`` lead to initialised
+where the sensors still have their references, else to idle. ``forget`` takes the references: the encoder was
+not counted on, or cannot be believed.
 The bench's digital inputs are part of it: ``press`` (the emergency stop) leads to fault from every mode,
 which is not left before ``let_go``; ``unready`` (the amplifier) leads to fault where the amplifier is
 enabled, and holds ``enable`` back where it is not, until ``ready``.
-A latched machine refuses ``enable`` until ``release``. After a fault the operator resets, initialises
-and enables by hand: no event leads from fault to a mode with current in fewer than four steps.
+A latched machine refuses ``enable`` until ``release``. After a fault the operator resets and enables by hand:
+no event leads from fault to a mode with current in fewer than three steps, or four without references.
 An event that a mode does not know changes nothing.
 """
 
@@ -61,6 +63,7 @@ class Event(IntEnum):
     LET_GO = 11
     READY = 12
     UNREADY = 13
+    FORGET = 14
 
 
 _I, _S, _E, _R, _P, _F = (
@@ -87,9 +90,10 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_I, Event.RELEASE): _I,
     (_S, Event.RELEASE): _S,
     (_F, Event.RELEASE): _F,
-    # The device is stopped and started again, and its encoder counts from there: the reference is lost.
-    **{(mode, Event.STOP): _I for mode in Mode if mode is not _F},
-    (_F, Event.STOP): _F,
+    **{(mode, Event.STOP): mode if mode in (_I, _F) else _S for mode in Mode},
+    (_S, Event.FORGET): _I,
+    (_I, Event.FORGET): _I,
+    (_F, Event.FORGET): _F,
     **{(mode, event): _F for mode in Mode for event in (Event.FAULT, Event.PRESS)},
     **{(mode, event): mode for mode in Mode for event in (Event.LET_GO, Event.READY)},
     **{(mode, Event.UNREADY): mode if mode in (_I, _S, _F) else _F for mode in Mode},
@@ -102,6 +106,7 @@ class Machine:
     """Mode and latch; a stop sets the latch, only ``release`` opens it.
 
     Attributes:
+        referenced: the sensors have their references, whatever the mode.
         pressed: the emergency stop is. unready: the amplifier says that it is not ready.
     """
 
@@ -109,6 +114,7 @@ class Machine:
     latched: bool = False
     pressed: bool = False
     unready: bool = False
+    referenced: bool = False
 
     @property
     def command_allowed(self) -> bool:
@@ -132,14 +138,19 @@ class Machine:
         """The machine after the event; itself where the event is not allowed."""
         if not self.allows(event):
             return self
-        latched, pressed, unready = self.latched, self.pressed, self.unready
+        latched, pressed, unready, referenced = self.latched, self.pressed, self.unready, self.referenced
+        mode = TRANSITIONS[self.mode, event]
         if event is Event.STOP or event is Event.RELEASE:
             latched = event is Event.STOP
         elif event is Event.PRESS or event is Event.LET_GO:
             pressed = event is Event.PRESS
         elif event is Event.UNREADY or event is Event.READY:
             unready = event is Event.UNREADY
-        return Machine(TRANSITIONS[self.mode, event], latched, pressed, unready)
+        elif event is Event.INITIALISE or event is Event.FORGET:
+            referenced = event is Event.INITIALISE
+        elif event is Event.RESET and referenced:
+            mode = _S
+        return Machine(mode, latched, pressed, unready, referenced)
 
     def refusal(self, event: Event) -> str:
         """Why the event is not allowed, and what to do, as one sentence; empty where it is allowed."""
@@ -174,6 +185,7 @@ _REFUSALS = {
     Event.REST: "The bench is {mode}; only a soft stop ends at rest.",
     Event.RELEASE: "The bench is {mode}; the stop is released with the amplifier off.",
     Event.RESET: "The bench is {mode}; there is no fault to reset.",
+    Event.FORGET: "The bench is {mode}; references are kept while the amplifier is enabled.",
     **dict.fromkeys((Event.STOP, Event.FAULT, Event.PRESS, Event.LET_GO, Event.READY, Event.UNREADY), ""),
 }
 
@@ -181,7 +193,7 @@ _REFUSALS = {
 CHARGE_COMMANDS = 4
 """Commands after enable until the charge pump of a dead-man is full: two edges that feed it (assumed)."""
 
-PRESSED = "The emergency stop was pressed; release it at its button, then reset, initialise and enable."
+PRESSED = "The emergency stop was pressed; release it at its button, then reset and enable."
 NOT_READY = (
     "The amplifier is no longer ready; look at its supply, its fault light and the emergency stop, then "
     "reset."

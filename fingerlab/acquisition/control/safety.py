@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Protocol
 
-from fingerlab.rig.daq import Limits
-
 
 class Reading:
     """One cycle in SI units, as the checks and the recorder see it. Filled anew each cycle by the loop.
@@ -21,10 +19,12 @@ class Reading:
     Attributes:
         index: sample clock. lost: cycles lost before this one. lateness: s. cycle_time: s, measured.
         position, speed, reference: rad, rad/s, rad. torque, tension: N m, N. current: A.
+        commanded: A that the amplifier was told to make; NaN where it was told nothing.
         mcp, pip: rad. force: N. raw, lines: as the device gave them.
     """
 
     __slots__ = (
+        "commanded",
         "current",
         "cycle_time",
         "force",
@@ -45,11 +45,15 @@ class Reading:
     def __init__(self) -> None:
         self.index = -1
         self.lost = 0
-        self.lateness = self.reference = self.cycle_time = math.nan
+        self.lateness = self.reference = self.commanded = self.cycle_time = math.nan
         self.position = self.speed = self.current = self.torque = self.tension = math.nan
         self.mcp = self.pip = self.force = math.nan
         self.raw: tuple[float, ...] = ()
         self.lines: tuple[float, float] = (math.nan, math.nan)
+
+
+class EncoderFault(str):
+    """A sentence after which the encoder's count says no longer where the motor is."""
 
 
 class Check(Protocol):
@@ -149,17 +153,21 @@ class EncoderJump:
         self._last = reading.position
         if not step > self.limit * (1 + reading.lost):
             return None
-        return (
+        return EncoderFault(
             f"The encoder jumped by {math.degrees(step):.4g}° between two samples, more than the motor can "
             "turn; check its cable, then initialise again."
         )
 
 
 class EncoderStuck:
-    """A motor that is neither blocked nor blind moves its encoder by a count when its current changes.
+    """A motor that is neither blocked nor blind moves its encoder by some counts when its current changes.
 
     Under a steady current it may stand: against the load cell, or where friction holds it at a turning point.
+    An encoder with one of its two wires off counts to and fro by one.
     """
+
+    DITHER = math.radians(0.1)
+    """rad; two counts of the bench's encoder."""
 
     def __init__(self, current: float, change: float, samples: int) -> None:
         self.current, self.change, self.samples = current, change, samples
@@ -169,14 +177,14 @@ class EncoderStuck:
         self._last, self._count, self._from = math.nan, 0, math.nan
 
     def fault(self, reading: Reading) -> str | None:
-        if reading.position != self._last:
+        if not abs(reading.position - self._last) <= self.DITHER:
             self._last, self._count, self._from = reading.position, 0, reading.current
             return None
         self._count += 1 + reading.lost
         still = self._count < self.samples or abs(reading.current) < self.current
         if still or abs(reading.current - self._from) < self.change:
             return None
-        return (
+        return EncoderFault(
             f"The encoder stands still under {reading.current:.3g} A; the encoder is unplugged or the motor "
             "is blocked."
         )
@@ -303,55 +311,3 @@ class Safety:
             if sentence is not None:
                 return sentence
         return None
-
-
-def safety_checks(limits: Limits, rate_hz: float, *, cable: bool, finger: bool, force: bool) -> Safety:
-    """The checks for an experiment.
-
-    Args:
-        rate_hz: control loop's rate, Hz.
-        cable: whether a cable is on the pulley. Without one there is no tension: what the motor's torque
-            would make of it is then its own acceleration, which is limited by torque, current and speed.
-        finger: whether a finger is on the cable, so that its angle sensors are read.
-        force: whether the load cell is read.
-    """
-
-    def samples(seconds: float) -> int:
-        return max(1, round(seconds * rate_hz))
-
-    period = 1.0 / rate_hz
-    checks: list[Check] = [
-        EncoderJump(limits.encoder_jump),
-        Ranges(
-            (
-                Range("position", limits.position_low, limits.position_high, "motor position", "rad"),
-                Range("speed", -limits.speed, limits.speed, "motor speed", "rad/s"),
-                Range("current", -limits.current, limits.current, "motor current", "A"),
-                Range("torque", -limits.torque, limits.torque, "motor torque", "N m"),
-            )
-        ),
-        *([Rise("tension", limits.tension_rise, period, "cable tension", "N/s")] if cable else []),
-        EncoderStuck(
-            limits.encoder_stuck_current, limits.encoder_stuck_change, samples(limits.encoder_stuck_time)
-        ),
-        FollowingError(limits.following_error, samples(limits.following_time)),
-        Late(limits.late_time, round(limits.late_cycles), period),
-    ]
-    stuck = samples(limits.stuck_time)
-    if finger:
-        checks += [
-            Ranges(
-                (
-                    Range("mcp", limits.mcp_low, limits.mcp_high, "MCP angle", "rad"),
-                    Range("pip", limits.pip_low, limits.pip_high, "PIP angle", "rad"),
-                )
-            ),
-            Stuck(1, "position", limits.stuck_travel, stuck, "MCP sensor"),
-            Stuck(2, "position", limits.stuck_travel, stuck, "PIP sensor"),
-        ]
-    if force:
-        checks += [
-            Range("force", -limits.force, limits.force, "endpoint force", "N"),
-            Stuck(0, "torque", limits.stuck_torque, stuck, "load cell"),
-        ]
-    return Safety(tuple(checks))

@@ -17,10 +17,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Line:
-    """quantity = gain * volts + offset, in SI units."""
+    """quantity = gain * volts + offset, in SI units.
+
+    Attributes:
+        low, high: V between which the reading lies while sensor, supply and cable are well.
+    """
 
     gain: float
     offset: float = 0.0
+    low: float = -math.inf
+    high: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -68,6 +74,11 @@ class BenchUnits:
         )
 
     @property
+    def inputs(self) -> tuple[Line | None, Line | None, Line | None, Line | None]:
+        """Load cell, MCP, PIP and current monitor: the order of a device's raw values."""
+        return self.force, self.mcp, self.pip, self.current
+
+    @property
     def radians_per_count(self) -> float:
         """Pulley angle of one encoder count, rad."""
         return 2.0 * math.pi / self.counts_per_turn
@@ -82,7 +93,12 @@ class Zeros:
 
 def _line(channel: AnalogInput) -> Line | None:
     """The sensor's line; None where the bench has no such sensor."""
-    return Line(channel.sign * channel.gain, channel.sign * channel.offset) if channel.terminal else None
+    if not channel.terminal:
+        return None
+    # At the very end of the card's range nothing is measured any more.
+    low = max(channel.valid_low, 0.999 * channel.low if channel.low < 0 else channel.low)
+    high = min(channel.valid_high, 0.999 * channel.high)
+    return Line(channel.sign * channel.gain, channel.sign * channel.offset, low, high)
 
 
 SPEED_CUTOFF_HZ = 60.0
@@ -106,21 +122,25 @@ class Reader:
         self._base = 0
         self._position = math.nan
         self._speed = 0.0
-        self._fresh = False
+        self._fresh = self._counted_on = False
         self._then = clock() if clock else 0.0
         self.reading = Reading()
 
-    def restarted(self) -> None:
-        """The device counts samples and encoder anew; the time that this took is a gap in the samples."""
+    def restarted(self, counted_on: bool) -> None:
+        """The device counts samples anew; the time that this took is a gap in the samples.
+
+        Args:
+            counted_on: the encoder was counted meanwhile; else it is taken to stand where it was.
+        """
         gap = round((self._clock() - self._then) / self._period) if self._clock else 0
         self._base = self.index + 1 + max(gap - 1, 0)
-        self._fresh = True
+        self._fresh, self._counted_on = True, counted_on
 
     def forget_speed(self) -> None:
         """The position has a new reference, which is no motion."""
         self._position = math.nan
 
-    def read(self, sample: Sample, reference: float) -> Reading:
+    def read(self, sample: Sample, reference: float, commanded: float = math.nan) -> Reading:
         """The reading of a sample; the same object each time."""
         reading, units, zeros = self.reading, self._units, self.zeros
         index = self._base + sample.index
@@ -128,7 +148,7 @@ class Reader:
         if self._fresh:  # the gap of a restart is stored as a gap but no cycle was lost
             self._fresh = False
             lost = 0
-            if self._position == self._position:
+            if self._position == self._position and not self._counted_on:
                 zeros.position = self._position - sample.raw[4] * self._radians
         reading.lost, reading.index, self.index = max(lost, 0), index, index
         reading.raw, reading.lines = sample.raw, sample.lines
@@ -142,7 +162,7 @@ class Reader:
         reading.position = counts * self._radians + zeros.position
         self._derive(reading)
         self._time(reading, sample)
-        reading.reference = reference
+        reading.reference, reading.commanded = reference, commanded
         return reading
 
     def _derive(self, reading: Reading) -> None:

@@ -94,8 +94,8 @@ class Recorder:
         """Begin a run; it is written from the next ``poll`` on.
 
         Raises:
-            UserError: no session is open, a run is under way, the rig lacks what a run of this phase needs,
-                or the file cannot be made.
+            UserError: no session is open, a run is under way, the device is gone, the disk is full, the rig
+                lacks what a run of this phase needs, or the file cannot be made.
         """
         if self._place is None or self._info is None:
             raise UserError("No session is open for recording; choose where to record first.")
@@ -105,6 +105,14 @@ class Recorder:
             raise UserError(  # the file could not be opened again
                 "The rig file names no finger, whose constants every run with one needs; give it a section "
                 "[finger], or record the motor alone (motor bench)."
+            )
+        if self._board[Slot.LOOP_ENDED]:
+            raise UserError("The device is gone and there is nothing to record; connect it again.")
+        free = shutil.disk_usage(self._place.folder).free
+        if free < LEAST_FREE_BYTES:
+            raise UserError(
+                f"The disk of {self._place.path.parent} has only {free / 1e6:.0f} MB left, and a run needs "
+                f"{LEAST_FREE_BYTES / 1e6:.0f} MB to begin; make room, or choose another folder."
             )
         number = len(self._done) + 1
         path = self._place.folder / f"{number:03d}{PART_SUFFIX}"
@@ -128,7 +136,9 @@ class Recorder:
                 f"{self._place.path} cannot be written ({_reason(error)}); choose a place with room."
             ) from None
         self._run = OpenRun(run, writer, self._reader_from(run.start), run.stop, run.start)
-        self._board[Slot.RECORDING], self._board[Slot.RECORDED], self._board[Slot.FLUSHED] = 1, 0, 0
+        self._board[Slot.RECORDING] = 1
+        for slot in (Slot.RECORDED, Slot.FLUSHED, Slot.GAPS, Slot.DROPPED):
+            self._board[slot] = 0
 
     def pause(self, on: bool) -> None:
         """Leave samples out from now on, or go on; what is left out is a gap in time."""
@@ -252,17 +262,16 @@ class Recorder:
     def _write(self, run: OpenRun, rows: Array) -> None:
         index = rows[:, COLUMN["index"]]
         if run.paused:
-            run.next = int(index[-1]) + 1
+            run.next, run.piece = int(index[-1]) + 1, 0
             return
         whole = np.isfinite(rows[:, [COLUMN[name] for name in certain_columns(run.info.phase)]]).all(axis=1)
         run.not_numbers += int((~whole).sum())
         rows, index = rows[whole], index[whole]
         if not len(rows):
             return
-        gaps = np.diff(index, prepend=run.next - 1) - 1
-        run.dropped += int(gaps.sum())
+        run.count(index)
+        self._board[Slot.GAPS], self._board[Slot.DROPPED] = run.gaps, run.dropped
         run.late += int(((rows[:, COLUMN["flags"]].astype(np.int64) & RowFlag.LATE) > 0).sum())
-        run.next = int(index[-1]) + 1
         run.writer.append(channels_of(run.info, rows, self._lines))
         run.waiting += len(rows)
         if run.waiting >= FLUSH_S * run.info.sample_rate_hz:
@@ -283,6 +292,7 @@ class Recorder:
         run.writer.set_counts(run.dropped, run.late)
         run.writer.finish(ended, note or run.lossy_note, complete)
         path = run.writer.path
+        self._board.set_text(Text.RUN, run.verdict(len(self._done) + 1))
         self._done.append((path, h5py.File(path, "r")))
         self._board[Slot.RECORDED_RUNS] = len(self._done)
 

@@ -110,6 +110,11 @@ def channels_of(info: RunInfo, rows: Array, lines: Sequence[str] = ()) -> dict[s
     return channels
 
 
+USABLE_S = 4.0
+"""A piece between two gaps counts from this length on: the diagnosis lets friction and creep find their state
+for 2 s behind a gap, and takes no stretch that is shorter than 2 s."""
+
+
 @dataclass
 class OpenRun:
     """One run, its file, and how far it is.
@@ -118,6 +123,7 @@ class OpenRun:
         stop: index after the last sample; None until that is known. next: index of the next one.
         late: cycles that were late. dropped: samples that are missing in between; not_numbers: those of them
             that were left out because a channel was none. waiting: samples since the last flush.
+        gaps: how many. piece, longest: samples since the last gap, and of the longest piece.
     """
 
     info: RunInfo
@@ -130,6 +136,19 @@ class OpenRun:
     dropped: int = 0
     waiting: int = 0
     not_numbers: int = 0
+    gaps: int = 0
+    piece: int = 0
+    longest: int = 0
+
+    def count(self, index: Array) -> None:
+        """Take account of samples that are about to be written, by their indices."""
+        missing = np.diff(index, prepend=self.next - 1) - 1
+        breaks = np.flatnonzero(missing)
+        self.dropped += int(missing.sum())
+        self.gaps += len(breaks)
+        pieces = np.diff([-self.piece, *breaks, len(index)])
+        self.longest, self.piece = max(self.longest, int(pieces.max())), int(pieces[-1])
+        self.next = int(index[-1]) + 1
 
     def inside(self, index: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """Which samples belong to the run and are not yet written."""
@@ -157,6 +176,21 @@ class OpenRun:
             return board.text(Text.FAULT)
         latched = int(rows[first, COLUMN["flags"]]) & RowFlag.LATCHED
         return "The bench was stopped by the operator." if latched else ""
+
+    def verdict(self, number: int) -> str:
+        """What was recorded is worth, as one sentence."""
+        rate = self.info.sample_rate_hz
+        told = f"Run {number}: {self.writer.length / rate:.1f} s"
+        if not self.gaps:
+            return f"{told}, nothing missing; usable."
+        gaps = "1 gap" if self.gaps == 1 else f"{self.gaps} gaps"
+        told += f", {gaps} with {self.dropped} samples missing"
+        if self.longest >= USABLE_S * rate:
+            return f"{told}; usable, piece by piece between them (the longest {self.longest / rate:.1f} s)."
+        return (
+            f"{told}; not usable: no piece between them lasts {USABLE_S:g} s, close other programs and take "
+            "the run again."
+        )
 
     @property
     def lossy_note(self) -> str:

@@ -48,6 +48,8 @@ class NiCard:
         self._tasks: Tasks | None = None
         self._ready: ReadyStop | None = None
         self._running = self._refused = False
+        self._counter: Any = None  # the encoder's task, where it counts on over a stop
+        self._sound = False  # the last exchange went well
         self._single_point = self._daq.timing != "buffered"
         self._index = -1
         self._doubtful = 0
@@ -66,6 +68,11 @@ class NiCard:
     def cycles_per_command(self) -> int:
         """1 in single-point mode, else the samples of a block; known once the card is open."""
         return 1 if self._single_point else self._daq.block
+
+    @property
+    def counted_on(self) -> bool:
+        """Whether the encoder was counted since before the last start."""
+        return self._tasks is not None and self._tasks.counted_on
 
     def open(self) -> None:
         if self._tasks is not None:
@@ -86,7 +93,7 @@ class NiCard:
         with answering(self.name):
             self._tasks.write_enable(False)
             self._tasks.start()
-        self._running = True
+        self._running = self._sound = True
 
     def set_enable(self, on: bool) -> None:
         if self._tasks is None or (on and not self._running):
@@ -110,6 +117,7 @@ class NiCard:
                 self._tasks.write_volts(volts)
                 self._next_block(self._tasks)
         except Error as error:
+            self._sound = False
             raise translated(error, self.name) from error
         return self._waiting.popleft()
 
@@ -132,13 +140,17 @@ class NiCard:
             raise translated(error, self.name) from error
 
     def make_safe(self) -> bool:
+        keep = self._running and self._sound
         self._running = False
         try:
-            self._give_back()
+            self._give_back(keep_counting=keep)
             ready, self._ready = self._ready, None
             if ready is not None and ready.write():
                 return True
             # Whoever was refused the card must not take it from the program that has it.
+            if not write_safe(self._connection, self._daq, reset=False):
+                return True
+            self._let_counter_go()  # a reset takes it
             return not write_safe(self._connection, self._daq, reset=not self._refused)
         except Exception:  # whatever it was, the caller has to be told "not confirmed" and no more
             return False
@@ -154,6 +166,7 @@ class NiCard:
 
     def close(self) -> None:
         self.make_safe()
+        self._let_counter_go()
         self._connection.close()
 
     def read_back_output(self) -> float | None:
@@ -197,12 +210,14 @@ class NiCard:
         from nidaqmx.errors import DaqError
 
         # A server across a network costs half a millisecond a call: too slow for one exchange a cycle.
+        counter, self._counter = self._counter, None
         choice = self._daq.timing
         wanted = choice == "single-point" or (choice == "auto" and not self._connection.remote)
+        wanted = wanted and (counter is None or self._single_point)  # a counter keeps its own timing
         with answering(self.name):
             if wanted:
                 try:
-                    tasks = Tasks(self._connection, self._daq, single_point=True)
+                    tasks = Tasks(self._connection, self._daq, single_point=True, counter=counter)
                 except DaqError as error:
                     if choice == "single-point" or code_of(error) not in UNSUPPORTED:
                         raise
@@ -210,7 +225,7 @@ class NiCard:
                     self._single_point = True
                     return tasks
             self._single_point = False
-            return Tasks(self._connection, self._daq, single_point=False)
+            return Tasks(self._connection, self._daq, single_point=False, counter=counter)
 
     def _rest(self) -> None:
         """Bring the bench to rest, where nobody else has the card."""
@@ -229,7 +244,15 @@ class NiCard:
                 "file's [daq] or plug it in."
             )
 
-    def _give_back(self, lower_enable: bool = True) -> None:
+    def _let_counter_go(self) -> None:
+        from nidaqmx.errors import Error
+
+        counter, self._counter = self._counter, None
+        if counter is not None:
+            with suppress(Error):
+                counter.close()
+
+    def _give_back(self, lower_enable: bool = True, keep_counting: bool = False) -> None:
         tasks, self._tasks = self._tasks, None
         if tasks is None:
             return
@@ -240,7 +263,7 @@ class NiCard:
                 tasks.write_enable(False)
             with suppress(Error):
                 tasks.write_volts(0.0)
-        tasks.discard()
+        self._counter = tasks.discard(keep_counting)
 
     def _one_cycle(self, tasks: Tasks, volts: float) -> Sample:
         tasks.write_volts(volts)

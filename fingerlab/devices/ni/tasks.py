@@ -27,12 +27,15 @@ class Tasks:
 
     Args:
         single_point: one sample a cycle; otherwise blocks, and a set value that is written on demand.
+        counter: the encoder's task of tasks that were discarded but for it, and counts on.
 
     Raises (at construction):
         nidaqmx.errors.Error: the driver refuses; nothing stays reserved.
     """
 
-    def __init__(self, connection: Connection, daq: Daq, single_point: bool) -> None:
+    def __init__(
+        self, connection: Connection, daq: Daq, single_point: bool, counter: Any | None = None
+    ) -> None:
         self._daq = daq
         self._open: list[Any] = []
         self.single_point = single_point
@@ -48,7 +51,10 @@ class Tasks:
             self.dead_man = self._make(connection, "dead-man", self._add_dead_man) if beats else None
             self.lines = self._make(connection, "lines", self._add_lines) if self._inputs else None
             self.output = self._make(connection, "set-value", self._add_output)
-            self.counter = self._make(connection, "encoder", self._add_encoder)
+            self.counted_on = counter is not None
+            if counter is not None:
+                self._open.append(counter)
+            self.counter = counter or self._make(connection, "encoder", self._add_encoder)
             self.inputs = self._make(connection, "inputs", self._add_inputs) if self.present else None
             self._bind()
             self._commit()
@@ -62,19 +68,33 @@ class Tasks:
         A counter that is started later would begin on another edge than the analog channels. A single-point
         output refuses a value before it is started (-200803), and has none to give before the clock runs.
         """
-        self.counter.start()
+        if self.counted_on:
+            self._skip_what_was_not_read()
+        else:
+            self.counter.start()
         if self.single_point:
             self.output.start()
         self.write_volts(0.0)
         if self.inputs is not None:
             self.inputs.start()
 
-    def discard(self) -> None:
-        """Give everything back, in whatever state it is. Never raises for what the driver says."""
+    def discard(self, keep_counting: bool = False) -> Any | None:
+        """Give everything back, in whatever state it is. Never raises for what the driver says.
+
+        Args:
+            keep_counting: but for the counter, which only waits for edges of a clock that stands.
+
+        Returns:
+            The counter's task where it was kept.
+        """
         from nidaqmx.errors import DaqError, Error
 
+        # ASSUMPTION counter-counts-on: an armed counter counts whether its sample clock runs or not.
+        kept = self.counter if keep_counting and self.inputs is not None else None
         while self._open:
             task = self._open.pop()
+            if task is kept:
+                continue
             try:
                 with suppress(DaqError):
                     task.stop()
@@ -82,6 +102,16 @@ class Tasks:
                     task.close()
             except Error:
                 self._open.clear()  # no server any more: each further call would only wait for it
+                return None
+        return kept
+
+    def _skip_what_was_not_read(self) -> None:
+        """The counts at edges before the stop that nobody has read: they would be taken for the next ones."""
+        if self.single_point:
+            return
+        waiting = int(self.counter.in_stream.avail_samp_per_chan)
+        if waiting:
+            self.read_counts(np.zeros(waiting), waiting, LINES_TIMEOUT)
 
     def total_acquired(self) -> int | None:
         """Cycles of the sample clock since the start; None where the device does not count single points."""
@@ -205,7 +235,8 @@ class Tasks:
         from nidaqmx.constants import TaskMode
 
         for task in self._open:
-            task.control(TaskMode.TASK_COMMIT)
+            if not (self.counted_on and task is self.counter):
+                task.control(TaskMode.TASK_COMMIT)
 
 
 def add_analog_input(task: Any, daq: Daq, k: int) -> None:

@@ -24,6 +24,7 @@ TASK_STRINGS = {
 }
 TASK_NUMBERS = {0x2181: lambda task: len(task.channels)}
 READ_NUMBERS = {0x192A: lambda task: task.total}
+READ_COUNTS = {0x1223: lambda task: len(task.samples)}
 CHANNEL_TYPES = {"ai": 10100, "ao": 10102, "ci": 10131, "do": 10153, "di": 10151}
 
 
@@ -155,6 +156,7 @@ for _name, _work in {
     "GetDeviceAttributeBool": _attribute(DEVICE_FLAGS, "device"),
     "GetTaskAttributeString": _attribute(TASK_STRINGS, "task"),
     "GetTaskAttributeUInt32": _attribute(TASK_NUMBERS, "task"),
+    "GetReadAttributeUInt32": _attribute(READ_COUNTS, "task"),
     "GetReadAttributeUInt64": _attribute(READ_NUMBERS, "task"),
     "GetChanAttributeInt32": _channel_type,
     "GetErrorString": lambda card, r: {"error_string": f"Driver's text for {r.error_code}."},

@@ -12,6 +12,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QAbstractSpinBox, QDoubleSpinBox, QWidget
 
 from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.ring import COLUMN
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Array
 
@@ -264,3 +265,50 @@ def test_a_timed_motion_counts_down(rig: Rig) -> None:
     rig.run(0.5)
     assert rig.mode is Mode.RUNNING
     assert rig.label("motionLeft") == ""  # until it is stopped
+
+
+# jog, slack and contact
+
+
+def position(rig: Rig) -> float:
+    """Degrees."""
+    return math.degrees(rig.bench.ring.last(1)[0, COLUMN["motor_position"]])
+
+
+def test_a_jog_turns_while_its_button_is_held_and_holds_the_place_afterwards(rig: Rig) -> None:
+    assert "enabled" in rig.button("jogForth").toolTip()
+    rig.enable()
+    forth = rig.button("jogForth")
+    QTest.mousePress(forth, LEFT)
+    rig.run(1.5)
+    QTest.mouseRelease(forth, LEFT)
+    rig.run(1.0)
+    held = position(rig)
+    assert held == pytest.approx(15.0, abs=5.0)  # 10 degrees a second, with a soft start
+    rig.run(0.5)
+    assert position(rig) == pytest.approx(held, abs=0.2)
+    assert rig.mode is Mode.RUNNING
+    rig.click("finish")
+    rig.run(2.5)
+    assert position(rig) == pytest.approx(0.0, abs=5.0)  # without current the springs take it
+
+
+def test_slack_is_taken_up_and_the_contact_found_by_a_button(rig: Rig) -> None:
+    assert "initialising" in rig.button("takeUp").toolTip()
+    rig.choose("phase", "contact")
+    rig.click("initialise")
+    rig.run(1.0)
+    rig.click("takeUp")
+    rig.wait_idle()
+    rig.run(0.2)
+    assert rig.mode is Mode.INITIALISED
+    assert position(rig) == pytest.approx(-3.0, abs=3.0)  # let go by 2 degrees
+    rig.click("tare")
+    rig.run(1.0)
+    rig.click("enable")
+    rig.run(0.2)
+    rig.click("findContact")
+    rig.wait_idle()
+    offset = child(rig.window, QDoubleSpinBox, "offset").value()
+    assert offset == pytest.approx(position(rig), abs=1.0)
+    assert rig.bench.ring.last(1)[0, COLUMN["endpoint_force"]] == pytest.approx(0.8, abs=0.3)

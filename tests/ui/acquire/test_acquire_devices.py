@@ -147,10 +147,10 @@ def test_a_fault_that_was_asked_for_stops_the_motor_with_one_sentence(  # type: 
 ) -> None:
     rig = unconnected(on_virtual_clock)
     rig.choose("simulatedFault", fault)
-    rig.tab.connect_page.fault_after.setValue(3.0)
+    rig.tab.connect_page.fault_after.setValue(3.2)
     rig.connect("connectSimulated")
     rig.start()
-    rig.run(4.0)
+    rig.run(4.5)
     assert rig.mode is Mode.FAULT
     assert words in rig.label("message")
     assert not rig.bench.status().enabled
