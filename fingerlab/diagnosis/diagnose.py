@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.answer.bench import bench_findings, residual_offsets
-from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs
+from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, score_parts
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, OtherModel, PathStep
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
 from fingerlab.diagnosis.fit.run_spreads import find_constants
@@ -156,6 +156,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
         held_out=held_out_runs(sessions, scorer.reduced, evidence.base),
+        score_parts=score_parts(sessions, scorer.reduced, evidence.base),
         repeats=all(group.repeats for group in scorer.reduced.groups),
         calibration=calibration,
         odds=evidence.odds,

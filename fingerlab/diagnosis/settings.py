@@ -26,6 +26,8 @@ QUICKER_OCTAVES = 1
 USUAL_TORQUE_SPREAD = 0.04
 """Standard deviation of the torque of the thesis' motor alone, N m: what its size is taken by where no finger
 tells; assumed."""
+BAND_OVER_HALF = 1.25
+"""Cutoff over the frequency below which half of the torque's variance is, if a motor turns on; assumed."""
 USUAL_TRAVEL = 0.2
 """A motor that moves further has travelled this far, root mean square, rad, as far as its pace is concerned:
 16 degrees to either side, as in the thesis' protocol."""
@@ -173,6 +175,8 @@ LEAST_DEPTH_SPREAD_M = 3e-5
 by as much."""
 WANDER = 0.05
 """Friction differs from run to run by this share, one standard deviation; assumed ("some per cent")."""
+MOST_WANDER = 3.0
+"""... and by no more than so many of them: a friction that does depends on something, such as the load."""
 SET_DOWN_N = 0.02
 """Force along the load cell's face that a tip which sticks is set down with, from run to run, one standard
 deviation; assumed: a tenth of what friction of 0.2 holds at 1 N."""
@@ -272,6 +276,8 @@ CONTACT_SHARE = 0.6
 NEXT_SHARE = 0.4
 """A second effect must explain more of what is left: the first one's own law is never quite the plant's
 (where a joint sticks, say), and a partner that only mends that law is not missing physics."""
+FAR_LEFT = 3.0
+"""Squared score above one beyond which that does not hold: a friction's own law leaves less; assumed."""
 DECIDING_LOG_ODDS = 5.0
 """Log odds that decide (about 150 to 1)."""
 MUCH = 1.0

@@ -19,8 +19,10 @@ import numpy as np
 
 from fingerlab.core.units import FACTORS
 from fingerlab.diagnosis.settings import (
+    BAND_OVER_HALF,
     LEAST_RATE_HZ,
     MOVING_SHARE,
+    NARROW_CUTOFF_HZ,
     PACE_SAMPLES,
     QUICKER_OCTAVES,
     SETTLING_SHARE,
@@ -164,7 +166,21 @@ def _pace(run: Run) -> float:
     lines = order[: int(np.searchsorted(together, MOVING_SHARE * together[-1])) + 1]
     line = 2.0 * math.pi * run.sample_rate_hz / len(position)
     pace = line * float(np.sqrt(np.sum(power[lines] * lines.astype(float) ** 2) / np.sum(power[lines])))
-    return pace * max(1.0, float(moved.std()) / USUAL_TRAVEL)
+    pace *= max(1.0, float(moved.std()) / USUAL_TRAVEL)
+    return max(pace, _torque_pace(run)) if np.ptp(moved) > 2.0 * math.pi else pace
+
+
+def _torque_pace(run: Run) -> float:
+    """The pace at which the torque of a motor that turns on is seen, rad/s per rad.
+
+    Teeth and poles pass more often than it turns: half of the torque's variance lies well within the band.
+    """
+    torque = _moving(run, "motor_torque")
+    power = np.cumsum(np.abs(np.fft.rfft((torque - torque.mean()) * np.hanning(len(torque)))) ** 2)
+    if not len(power) or not power[-1] > 0:
+        return 0.0
+    half = int(np.searchsorted(power, 0.5 * power[-1])) * run.sample_rate_hz / len(torque)
+    return USUAL_PACE * BAND_OVER_HALF * half / NARROW_CUTOFF_HZ
 
 
 @dataclass(frozen=True)
