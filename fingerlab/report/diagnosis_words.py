@@ -195,7 +195,7 @@ def better_sentence(diagnosis: Diagnosis) -> str:
     before, after = score_text(diagnosis.score), score_text(other.score)
     words = exchange_words(other)
     said = (
-        f"leaves the same error, {after} times {_floor(diagnosis)}, and is the likelier law"
+        f"leaves about the same error, {after} times {_floor(diagnosis)}, and is the likelier law"
         if after == before or other.score > diagnosis.score
         else f"takes the error on runs left out of the fit from {before} to {after} times {_floor(diagnosis)}"
     )
