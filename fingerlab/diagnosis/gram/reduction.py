@@ -124,7 +124,9 @@ class Reduction:
     def left_aside(self) -> list[tuple[str, tuple[str, ...]]]:
         """Runs that are not analysed because channels were lost, with these."""
         kept = set(self.runs)
-        every = [(str(s.path), run) for s in self._given for run in s.runs]
+        every = [
+            (str(s.path), r) for s in self._given for r in s.runs if r.cable_sign or r.phase == "motor_bench"
+        ]
         lost = [(run.name, missing_channels(run)) for path, run in every if (path, run.name) not in kept]
         return [(name, channels) for name, channels in lost if channels]
 
