@@ -23,7 +23,17 @@ def summary(folder: Path) -> str:
     """
     rows = [
         row
-        for part in (_hidden, _probabilities, _replicate, _faults, _sessions, _real_time, _window, _soak)
+        for part in (
+            _hidden,
+            _wrong,
+            _probabilities,
+            _replicate,
+            _faults,
+            _sessions,
+            _real_time,
+            _window,
+            _soak,
+        )
         for row in part(folder)
     ]
     return "\n".join(["| what | figure | read from |", "|---|---|---|", *rows])
@@ -51,6 +61,12 @@ def _hidden(folder: Path) -> Iterator[str]:
     _, rows = table(folder / "hidden-effects.md", "what", "figure")
     for what, figure, *_ in rows:
         yield _line(f"blind trials, {what}", figure, "hidden-effects.md", "Hidden effects")
+
+
+def _wrong(folder: Path) -> Iterator[str]:
+    _, rows = table(folder / "wrong-additions.md", "what", "figure")
+    for what, figure, *_ in rows:
+        yield _line(what, figure, "wrong-additions.md", "Wrong additions")
 
 
 def _probabilities(folder: Path) -> Iterator[str]:

@@ -100,6 +100,8 @@ def _print(result: Diagnosis) -> None:
     console = table_console()
     console.print(Text(f"\n{words.verdict_sentence(result)}\n", style="bold"))
     console.print(_errors(result))
+    if words.score_parts_sentence(result):
+        console.print(Text(words.score_parts_sentence(result)))
     console.print()
     console.print(_ranking(result))
     console.print(f"error: with that effect in the model{'; * cannot be ruled out' if result.set else ''}\n")

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.answer.bench import bench_findings, residual_offsets
-from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs
+from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, score_parts
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, OtherModel, PathStep
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
 from fingerlab.diagnosis.fit.run_spreads import find_constants
@@ -84,6 +84,7 @@ def diagnose(
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
         reduction = kept or Reduction(sessions, executor)
+        catalogue = reduction.suited(catalogue)
         reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
         if given:
             settle_constants(reduction, Scorer(reduction.of([])))
@@ -155,6 +156,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
         held_out=held_out_runs(sessions, scorer.reduced, evidence.base),
+        score_parts=score_parts(sessions, scorer.reduced, evidence.base),
         repeats=all(group.repeats for group in scorer.reduced.groups),
         calibration=calibration,
         odds=evidence.odds,
@@ -168,8 +170,8 @@ def _cannot_be_ruled_out(evidence: Evidence, said: CalibratedAnswer) -> list[int
     """Indices of the effects that are left open, likeliest first; the verdict's own is among them."""
     if evidence.verdict == "not_in_catalogue":
         return []
-    if not said.fitted:
-        return alike(evidence) if evidence.verdict == "missing_effect" else undetectable(evidence)
+    if evidence.verdict == "nothing_missing":
+        return undetectable(evidence)  # 95 % of the hidden ones would be most of the catalogue
     index = {c.last_effect.id: i for i, c in enumerate(evidence.candidates)}
     chosen = [index[name] for name in said.cannot_be_ruled_out if name in index]
     if evidence.verdict == "missing_effect" and not chosen:

@@ -21,6 +21,16 @@ PACE_SAMPLES = 65536
 """So many samples of a run tell its pace at most."""
 LEAST_RATE_HZ = 100.0
 """Samples in a reduced second at least: the friction of a motion is lost on fewer; assumed."""
+QUICKER_OCTAVES = 1
+"""By so many octaves short runs are looked at more quickly than their pace asks for, at most; assumed."""
+USUAL_TORQUE_SPREAD = 0.04
+"""Standard deviation of the torque of the thesis' motor alone, N m: what its size is taken by where no finger
+tells; assumed."""
+BAND_OVER_HALF = 1.25
+"""Cutoff over the frequency below which half of the torque's variance is, if a motor turns on; assumed."""
+USUAL_TRAVEL = 0.2
+"""A motor that moves further has travelled this far, root mean square, rad, as far as its pace is concerned:
+16 degrees to either side, as in the thesis' protocol."""
 
 # ## Which part of a run is looked at, and how finely
 
@@ -28,6 +38,8 @@ LONGEST_STRETCH_S = 60.0
 """A longer run is cut, so that memory does not grow with its length, s."""
 SETTLING_S = 2.0
 """Left out at the start of a run: the ramp from rest (1.5 s on the bench) and the end of its transient, s."""
+SETTLING_SHARE = 1.0 / 3.0
+"""... and of a short run no more than this share: it has a shorter start, or little to spare; assumed."""
 SHORTEST_STRETCH_S = 2.0
 """A stretch that is shorter is left out, s; assumed: at either end the filters take a share of it."""
 USUAL_INERTIA = 2e-4
@@ -163,6 +175,8 @@ LEAST_DEPTH_SPREAD_M = 3e-5
 by as much."""
 WANDER = 0.05
 """Friction differs from run to run by this share, one standard deviation; assumed ("some per cent")."""
+MOST_WANDER = 3.0
+"""... and by no more than so many of them: a friction that does depends on something, such as the load."""
 SET_DOWN_N = 0.02
 """Force along the load cell's face that a tip which sticks is set down with, from run to run, one standard
 deviation; assumed: a tenth of what friction of 0.2 holds at 1 N."""
@@ -209,6 +223,8 @@ AT_ONCE = 64
 """So many signals are filtered together: they fit into the processor's cache."""
 MOST_CLOSER = 8
 """So many reductions of refined grids are kept, each of a few megabytes."""
+MOST_LOOKED_AT = 40
+"""Runs from which the shapes of an effect are read beforehand, at most: evenly among all."""
 TASKS_AHEAD = 2
 """Runs that a second process is given at a time: one at work and one waiting."""
 MOST_BYTES = 96_000_000
@@ -260,6 +276,8 @@ CONTACT_SHARE = 0.6
 NEXT_SHARE = 0.4
 """A second effect must explain more of what is left: the first one's own law is never quite the plant's
 (where a joint sticks, say), and a partner that only mends that law is not missing physics."""
+FAR_LEFT = 3.0
+"""Squared score above one beyond which that does not hold: a friction's own law leaves less; assumed."""
 DECIDING_LOG_ODDS = 5.0
 """Log odds that decide (about 150 to 1)."""
 MUCH = 1.0
@@ -359,6 +377,10 @@ HOPEFUL_SHARE = 0.1
 """An effect whose first step lowers the cost by less than this share of the best's is fitted no further."""
 SAME_COST_SHARE = 1e-3
 """Effects whose costs differ by less than this share leave the same noise, and set the same weights."""
+AT_BOUND = 0.999
+"""Share of a bound from which on a value stands at it."""
+MOST_WIDENED = 3
+"""Times that an assumed range is made ten times as wide, at most."""
 SCREEN_ITERATIONS = 3
 """Steps of a fit that only tells whether an effect is worth more."""
 LONGEST_PATH = 4

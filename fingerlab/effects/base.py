@@ -137,6 +137,7 @@ class Effect:
         reveal: the experiment that shows the effect where these data could not.
         shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
         shape_units: unit of each nonlinear unknown; what ``shapes`` holds beyond these are switches, 0 or 1.
+        shapes_seen: what recordings of the motor alone suggest in place of ``shapes``, from their motions.
         closer: shapes around one that was found, finer than the grid, and of other laws of the same physics
             (what these name beyond the grid's shapes is 0 where it is missing); tried by grid refinement.
         phases: phases of a run in which it can act; empty means all.
@@ -151,6 +152,7 @@ class Effect:
             what the tip does along the face turns with it.
         family: one of ``FAMILIES``. formula: what is printed of it.
         example: a motion and what the columns are in it.
+        widened: names of unknowns whose range was made ten times as wide, once for each time.
         wanders, sticks: as an argument, says of all gains that they differ from run to run, or hold at rest.
     """
 
@@ -165,6 +167,7 @@ class Effect:
     reveal: str
     shapes: Sequence[Shape] = ({},)
     shape_units: Mapping[str, str] = field(default_factory=dict)
+    shapes_seen: Callable[[Sequence[Motion]], Sequence[Shape]] | None = None
     closer: Closer = as_found
     phases: tuple[str, ...] = ()
     cables: tuple[str, ...] = ()
@@ -176,6 +179,7 @@ class Effect:
     family: str = FAMILIES[-1]
     formula: Formula | None = None
     example: Example | None = None
+    widened: tuple[str, ...] = ()
     wanders: InitVar[bool] = False
     sticks: InitVar[bool] = False
 
@@ -211,6 +215,19 @@ class Effect:
         low, high, middle = min(values), max(values), values[len(values) // 2]
         unit = self.shape_units[name]
         return Parameter(unit, low, high, middle, "tried", "", name, middle, Role.SHAPE, symbol)
+
+    def wider(self, names: Sequence[str]) -> Effect:
+        """The effect with ten times the range of some of its unknowns."""
+
+        def ranges(known: Mapping[str, Parameter]) -> dict[str, Parameter]:
+            return {
+                name: replace(one, low=10.0 * one.low, high=10.0 * one.high) if name in names else one
+                for name, one in known.items()
+            }
+
+        return replace(
+            self, gains=ranges(self.gains), relaxes=ranges(self.relaxes), widened=(*self.widened, *names)
+        )
 
     @property
     def excess(self) -> dict[str, str]:

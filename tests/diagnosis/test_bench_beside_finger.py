@@ -172,7 +172,7 @@ def test_a_larger_rotor_shows_beside_a_finger_and_is_fitted_without() -> None:
     alone = Scorer(reduced(replace(finger, runs=(run,))))
     assert "motor_inertia" not in {e.id for e in alone.reduced.layout.effects}
     base = alone.fit_reweighted([])
-    found = base.fit.values[base.model.index["bench_inertia"]]
+    found = base.fit.values[base.model.index["bench_inertia"]] * alone.reduced.layout.scales.of("kg m^2")
     assert found == pytest.approx(made.INERTIA + extra, rel=0.01)
 
 

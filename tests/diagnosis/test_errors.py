@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import firwin, freqz
 
-from fingerlab.diagnosis.answer.errors import equation_errors
+from fingerlab.diagnosis.answer.errors import equation_errors, score_parts
 from fingerlab.diagnosis.answer.results import EquationError
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -71,3 +71,14 @@ def test_an_unread_share_of_the_force_shows_in_newtons() -> None:
     assert error.unit == "N"
     assert 0.002 < error.rmse < 0.2
     assert error.rmse > 2 * error.floor
+
+
+def test_parts_of_the_score_sum_to_its_square() -> None:
+    session = made.session(made.Bench(missing=made.Missing(viscous=(2e-3, 1e-3))), 4)
+    scorer = Scorer(reduce_sessions([session], []))
+    fitted = scorer.score_held_out(scorer.fit_reweighted([]), residuals=True)
+    parts = score_parts([session], scorer.reduced, fitted)
+    assert 1.0 + sum(part.squared for part in parts) == pytest.approx(fitted.score**2, rel=1e-9)
+    runs = {part.runs: part.samples for part in parts}
+    assert sorted(name for names in runs for name in names) == sorted(run.name for run in session.runs)
+    assert sum(runs.values()) == pytest.approx(1.0)

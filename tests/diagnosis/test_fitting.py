@@ -18,6 +18,7 @@ from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import Z90
+from fingerlab.diagnosis.signals.scales import SI
 from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions.model import Run, Session
 
@@ -83,7 +84,7 @@ def attenuation() -> float:
 @pytest.mark.parametrize("corrected", [True, False])
 def test_a_noisy_regressor_is_not_pulled_to_zero(corrected: bool) -> None:
     """Errors in variables: plain least squares finds the inertia times the attenuation."""
-    reduced = reduce_sessions([bench_session()], [])
+    reduced = reduce_sessions([bench_session()], [], scales=SI)
     if not corrected:
         for group in reduced.groups:
             group.noise, group.noise_samples = np.zeros_like(group.noise), 0.0

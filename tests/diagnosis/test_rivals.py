@@ -75,4 +75,4 @@ def test_an_exchange_is_told_with_its_figures() -> None:
     assert told["path"][1] == {"added": "stribeck_friction", "removed": "coulomb_friction", "score": 1.06}
     assert invented.friction_diagnosis("s.h5").to_json()["better_model"] is None
     same = replace(wrong, better=OtherModel(("coulomb_friction",), ("stribeck_friction",), (), 1.6, 3.0))
-    assert "leaves the same error" in words.better_sentence(same)
+    assert "leaves about the same error" in words.better_sentence(same)

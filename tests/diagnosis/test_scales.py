@@ -17,6 +17,9 @@ from fingerlab.diagnosis.signals.scales import (
     reduced_sessions,
     scaled_trajectory,
 )
+from fingerlab.diagnosis.signals.segments import segments_of
+from fingerlab.effects.torque_ripple import orders_seen
+from fingerlab.physics.motion import Motion
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions.model import Run, Session
@@ -103,7 +106,68 @@ def test_a_proposed_trajectory_is_told_in_si() -> None:
     }  # fmt: skip
 
 
-def test_a_motor_alone_says_nothing_of_a_fingers_size() -> None:
-    session = _session(Rig(None, Motor()))
-    runs = tuple(replace(run, phase="motor_bench", cable="none") for run in session.runs)
-    assert find_scales([replace(session, runs=runs)]) == SI
+def _alone(
+    frequency: float = 1.0, rate: float = 1000.0, torque: float = 1.0, seconds: float = 20.0
+) -> Session:
+    session = _session(Rig(None, Motor()), frequency, rate, torque)
+    length = round(seconds * rate)
+    runs = tuple(replace(run, phase="motor_bench", cable="none", length=length) for run in session.runs)
+    return replace(session, runs=runs)
+
+
+def test_a_motor_alone_is_as_large_as_its_torque() -> None:
+    """A sine of 0.2 N m has a standard deviation of 0.2 / sqrt(2), the thesis' motor one of 0.04 N m."""
+    found = find_scales([_alone()])
+    assert found.torque == pytest.approx(0.2 / np.sqrt(2) / 0.04, rel=1e-3)
+    assert (found.length, found.time) == (1.0, 1.0)
+    assert find_scales([_alone(torque=100.0)]).torque == pytest.approx(100.0 * found.torque, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "rate", "seconds", "time"),
+    [
+        (1.0, 1000.0, 20.0, 1.0), (2.0, 1000.0, 20.0, 0.5), (0.25, 1000.0, 20.0, 4.0),
+        (2.0, 100.0, 20.0, 1.0), (0.25, 1000.0, 6.0, 2.0), (1.0, 10000.0, 3.0, 1.0),
+    ],
+)  # fmt: skip
+def test_time_follows_the_motion_as_far_as_rate_and_length_allow(
+    frequency: float, rate: float, seconds: float, time: float
+) -> None:
+    """100 samples and three reduced seconds are needed at least."""
+    assert find_scales([_alone(frequency, rate, seconds=seconds)]).time == time
+
+
+@pytest.mark.parametrize("rate", [100.0, 200.0, 333.0, 1000.0, 10000.0])
+def test_any_rate_is_read_at_250_hz(rate: float) -> None:
+    """A sine of 2 Hz, its speed and acceleration, from runs of 3 s on; delays count in samples of 4 ms."""
+    time = np.arange(round(3.0 * rate)) / rate
+    run = Run.from_arrays(
+        {"motor_position": np.sin(4 * np.pi * time), "motor_torque": np.cos(4 * np.pi * time)},
+        phase="motor_bench", cable="none", sample_rate_hz=rate,
+    )  # fmt: skip
+    (motion,) = segments_of(run, Rig(None, Motor()))
+    inner = slice(motion.lead, None)
+    seen = motion.time[inner]
+    assert motion.sample_rate_hz == pytest.approx(250.0, rel=1e-9)
+    assert np.diff(motion.time) == pytest.approx(0.004, rel=1e-6)
+    assert 1.7 < seen[-1] - seen[0] < 2.1
+    size = 4 * np.pi
+    assert motion.position[inner] == pytest.approx(np.sin(size * seen), abs=2e-3)
+    assert motion.velocity[inner] == pytest.approx(size * np.cos(size * seen), abs=0.04 * size)
+    assert motion.acceleration[inner] == pytest.approx(-(size**2) * np.sin(size * seen), abs=0.06 * size**2)
+
+
+def test_ripple_orders_come_from_the_torque_over_the_angle() -> None:
+    """A motor of 14 poles and 12 slots has 84; friction, inertia and noise beside it."""
+    rng = np.random.default_rng(3)
+    time = np.arange(5000) / 250.0
+    angle = 1.3 * time + 3.0 * np.sin(0.9 * time)
+    speed, acceleration = 1.3 + 2.7 * np.cos(0.9 * time), -2.43 * np.sin(0.9 * time)
+    torque = 0.02 * np.sign(speed) + 1e-3 * acceleration + 2e-3 * np.sin(84 * angle)
+    motion = Motion(
+        phase="motor_bench", cable_sign=0, sample_rate_hz=250.0, time=time, position=angle, velocity=speed,
+        acceleration=acceleration, torque=torque + 2e-3 * rng.standard_normal(len(time)), motor=Motor(),
+    )  # fmt: skip
+    orders = [shape["order"] for shape in orders_seen([motion])]
+    assert 84.0 in orders
+    assert len(orders) <= 16

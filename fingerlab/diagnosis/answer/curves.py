@@ -7,7 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Comparison, Failure, Fingerprint
+from fingerlab.diagnosis.answer.results import (
+    EQUATION_TITLES,
+    ROW_EQUATIONS,
+    Comparison,
+    Failure,
+    Fingerprint,
+)
 from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, BoolArray
 from fingerlab.diagnosis.fit.noise import floor_covariance
@@ -25,13 +31,6 @@ from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
 
-ROW_EQUATIONS = {
-    Row.MCP: "mcp_torque",
-    Row.PIP: "pip_torque",
-    Row.CABLE: "cable_kinematics",
-    Row.BENCH: "motor_torque",
-    Row.TIP: "tip_depth",
-}
 ROW_UNITS = {Row.MCP: "N m", Row.PIP: "N m", Row.CABLE: "m", Row.BENCH: "N m", Row.TIP: "m"}
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerlab.diagnosis.answer.results import EquationError, HeldOutRuns
+from fingerlab.diagnosis.answer.results import ROW_EQUATIONS, EquationError, HeldOutRuns, ScorePart
 from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
 from fingerlab.diagnosis.fit.noise import floor_covariance
@@ -136,6 +136,47 @@ def held_out_runs(
             )
         )
     return tuple(found)
+
+
+def score_parts(sessions: Sequence[Session], reduced: Reduced, fitted: FittedModel) -> tuple[ScorePart, ...]:
+    """What every equation of every condition adds to the squared score; () if it is not of held-out runs.
+
+    The misfit of a condition goes to its group's equations as the weighted products of their residuals do;
+    what they miss together, half to each.
+    """
+    if not fitted.held_out or not fitted.residuals:
+        return ()
+    members, parts = _members(sessions), list[ScorePart]()
+    total, every = max(fitted.count, 1.0), max(sum(g.samples for g in reduced.groups), 1)
+    # A misfit below what noise gives counts as none, in the score as here.
+    scale = 1.0 if float(fitted.misfits[:, 0].sum()) > 0 else 0.0
+    misfits = iter(fitted.misfits[:, 0])
+    for group in reduced.groups:
+        shares = _shares_of_rows(fitted, group)
+        for condition in group.conditions:
+            misfit = scale * float(next(misfits))
+            folds = [group.folds[k] for k in group.of_condition(condition)]
+            samples = sum(fold.samples for fold in folds)
+            aside = sum(fold.slack_samples for fold in folds) / max(samples, 1)
+            runs = members[group.key, condition]
+            for row, share in shares.items():
+                parts.append(
+                    ScorePart(
+                        tuple(run.name for run in runs), runs[0].phase, runs[0].cable, ROW_EQUATIONS[row],
+                        samples / every, aside if row == Row.CABLE else 0.0, share * misfit / total,
+                    )
+                )  # fmt: skip
+    return tuple(parts)
+
+
+def _shares_of_rows(fitted: FittedModel, group: Group) -> dict[Row, float]:
+    """Share of a group's misfit that each of its equations has; together 1."""
+    noise = floor_covariance(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
+    weights = fitted.weights[group.key]
+    missed = np.maximum(np.einsum("ij,ij->i", weights, fitted.residuals[group.key] - noise), 0.0)
+    rows = [row for row in Row if weights[row, row] > 0]
+    whole = float(missed[rows].sum())
+    return {row: float(missed[row]) / whole if whole > 0 else 1.0 / len(rows) for row in rows}
 
 
 def _members(sessions: Sequence[Session]) -> dict[tuple[GroupKey, int], list[Run]]:

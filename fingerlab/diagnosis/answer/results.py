@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from fingerlab.effects.base import Row
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
@@ -22,6 +23,13 @@ EQUATION_TITLES = {
     "motor_torque": "Motor torque",
 }
 """The comparisons of ``physics.md``: id and title."""
+ROW_EQUATIONS = {
+    Row.MCP: "mcp_torque",
+    Row.PIP: "pip_torque",
+    Row.CABLE: "cable_kinematics",
+    Row.BENCH: "motor_torque",
+    Row.TIP: "tip_depth",
+}
 
 
 @dataclass(frozen=True)
@@ -166,6 +174,26 @@ class BenchFinding:
 
 
 @dataclass(frozen=True)
+class ScorePart:
+    """What one equation of the runs of one motion adds to the squared score of the model as given.
+
+    Attributes:
+        runs: their names. phase, cable: as in the session format. equation: "mcp_torque" and so on.
+        samples: share of all samples that these runs hold, 0 to 1.
+        left_aside: share of these runs' samples at which the equation says nothing (a slack cable), 0 to 1.
+        squared: all of these, and 1 for the floor, sum to the square of the score.
+    """
+
+    runs: tuple[str, ...]
+    phase: str
+    cable: str
+    equation: str
+    samples: float
+    left_aside: float
+    squared: float
+
+
+@dataclass(frozen=True)
 class Failure:
     """Where the model fails worst, in words, with the stretch that shows it (seconds into a run).
 
@@ -211,6 +239,7 @@ class Diagnosis:
     comparisons: tuple[Comparison, ...] = ()
     failure: Failure | None = None
     held_out: tuple[HeldOutRuns, ...] = ()
+    score_parts: tuple[ScorePart, ...] = ()
     repeats: bool = True
     bench: tuple[BenchFinding, ...] = ()
     better: OtherModel | None = None
@@ -256,6 +285,7 @@ class Diagnosis:
             "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
             "seconds": self.seconds,
             "floor_from_repetition": self.repeats,
+            "score_parts": [vars(part) | {"runs": list(part.runs)} for part in self.score_parts],
             "bench": [vars(one) | {"runs": list(one.runs)} for one in self.bench],
             "better_model": None if self.better is None else self.better.to_json(),
             "as_good_models": [one.to_json() for one in self.as_good],

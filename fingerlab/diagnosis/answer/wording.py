@@ -8,8 +8,9 @@ import numpy as np
 
 from fingerlab.core.text import in_sentence
 from fingerlab.diagnosis.score.evidence import Evidence
-from fingerlab.diagnosis.score.fitted_model import FittedModel, own_keys
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, own_keys
 from fingerlab.diagnosis.settings import MOST_NAMED, Z90
+from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect, Row
 from fingerlab.models.file import ParameterEstimate
 
@@ -136,7 +137,23 @@ def explanation(
     ]
     found = f" ({'; '.join(numbers)})" if numbers else ""
     there = f" in place of {_in_sentence(evidence.base, replaced)}" if replaced else ""
-    return f"{said[:-1]}{found}. With it{there} the held-out error goes from {fall}."
+    bounds = _at_bounds(fitted, effect)
+    return f"{said[:-1]}{found}. With it{there} the held-out error goes from {fall}.{bounds}"
+
+
+def _at_bounds(fitted: FittedModel, effect: Effect) -> str:
+    """What is to be said where a strength is beyond, or at the end of, what was thought plausible."""
+    usual, keys, stuck = find_effect(effect.id) or effect, own_keys(fitted, effect), at_assumed_bounds(fitted)
+    said = []
+    for name in dict.fromkeys((*effect.widened, *stuck)):
+        before, value = usual.unknowns[name], abs(float(fitted.values[keys[name]]))
+        bound = max(abs(before.low), abs(before.high))
+        if value < bound and name not in stuck:
+            continue
+        shown = _amount(bound * fitted.model.layout.scales.of(before.unit), before.unit)
+        where = "is beyond" if value > bound else "stands at"
+        said.append(f"{_title(effect, name)} {where} the assumed bound of {shown}")
+    return f" Its {' and its '.join(said)}, so that it may be another effect." if said else ""
 
 
 def _in_sentence(fitted: FittedModel, names: Sequence[str]) -> str:

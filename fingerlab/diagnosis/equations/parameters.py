@@ -45,7 +45,7 @@ TORQUE_ZERO = "torque_zero"
 
 
 BENCH_RANGES = {
-    "bench_inertia": Parameter("kg m^2", 0.0, 0.1, 1e-3, open=True),
+    "bench_inertia": Parameter("kg m^2", 0.0, 1e4, 1e-3, open=True),
     "bench_gain": Parameter("1", -100.0, 100.0, 1.0, open=True),
     "bench_offset": Parameter("N m", -10.0, 10.0, 0.1, open=True),
     "bench_trace": Parameter("N m s/rad", 0.0, 2e-4, 5e-5),

@@ -47,7 +47,7 @@ def limit_noise(group: Group) -> None:
     The noise is read from the runs with a cycle; in a combination that those runs happen to excite more
     than the others it would exceed the whole, and a fit could run away along it.
     """
-    if group.noise_samples <= 0:
+    if group.noise_samples <= 0 or group.noise_told:
         return
     whole = group.whole
     noise = _limited(noise_of_a_sample(group), whole.products / whole.samples)
@@ -101,7 +101,11 @@ def fill_missing_noise(reduced: Reduced) -> None:
             pooled = sum((g.noise for g in known[1:]), known[0].noise) / total
             _give(alike, pooled * total, total)
         elif on_bench and alike:
-            variance = torque_noise(reduced) or max(left_out_variance(g.state_products) for g in alike)
+            variance = torque_noise(reduced)
+            if variance == 0.0:
+                variance = max(left_out_variance(g.state_products) for g in alike)
+                for group in alike:
+                    group.noise_told = True
             signal = _signal(reduced.layout, Row.BENCH, None)
             noise = np.zeros((reduced.layout.signal_count,) * 2)
             noise[signal, signal] = variance

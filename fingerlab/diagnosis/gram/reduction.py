@@ -17,6 +17,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of, of_the_user
 from fingerlab.diagnosis.equations.features import Layout
@@ -24,7 +25,7 @@ from fingerlab.diagnosis.gram.decimation import Decimated
 from fingerlab.diagnosis.gram.run_constants import RunConstants
 from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, run_sums
 from fingerlab.diagnosis.gram.sums import Group, Reduced, RunSums, add_among, empty
-from fingerlab.diagnosis.settings import MOST_CLOSER, TASKS_AHEAD
+from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, TASKS_AHEAD
 from fingerlab.diagnosis.signals.conditions import (
     Fold,
     GroupKey,
@@ -70,6 +71,7 @@ class Reduction:
         self._on_bench = runs_to_analyse(sessions)[1]
         self._executor, self._scales = executor, scales
         self._asked: list[_Key] | None = None
+        self._seen: dict[str, tuple[Shape, ...]] = {}
         self.constants: RunConstants | None = None
         self.settled = False
         self.repairs: dict[int, Mapping[str, int]] = {}
@@ -96,6 +98,23 @@ class Reduction:
         self._closer: dict[tuple[_Key, ...], Reduced] = {}
         self._asked = None
 
+    def suited(self, effects: Sequence[Effect]) -> list[Effect]:
+        """The effects with the shapes that the recordings suggest, and the ranges that the rig file gives.
+
+        Raises:
+            UserError: the rig file gives a range that is none.
+        """
+        seen = [self._suited(e) if e.shapes_seen is not None and self._on_bench else e for e in effects]
+        return [narrowed(effect, self._given[0].rig, self.scales) for effect in seen]
+
+    def _suited(self, effect: Effect) -> Effect:
+        if effect.id not in self._seen:
+            runs = self._pairs[:: -(-len(self._pairs) // MOST_LOOKED_AT)]
+            motions = [next(segments_of(run, session.rig)) for session, run in runs]
+            assert effect.shapes_seen is not None
+            self._seen[effect.id] = tuple(effect.shapes_seen(motions))
+        return replace(effect, shapes=self._seen[effect.id] or effect.shapes)
+
     @property
     def rig(self) -> Rig:
         """The first session's rig, in SI."""
@@ -105,7 +124,9 @@ class Reduction:
     def left_aside(self) -> list[tuple[str, tuple[str, ...]]]:
         """Runs that are not analysed because channels were lost, with these."""
         kept = set(self.runs)
-        every = [(str(s.path), run) for s in self._given for run in s.runs]
+        every = [
+            (str(s.path), r) for s in self._given for r in s.runs if r.cable_sign or r.phase == "motor_bench"
+        ]
         lost = [(run.name, missing_channels(run)) for path, run in every if (path, run.name) not in kept]
         return [(name, channels) for name, channels in lost if channels]
 
@@ -226,6 +247,36 @@ class Reduction:
             remove_common_trend(group)
         radius = 1.0 if self._on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
         return Reduced(whole, list(groups.values()), self._on_bench, radius, self.constants)
+
+
+def narrowed(effect: Effect, rig: Rig, scales: Scales) -> Effect:
+    """The effect with the ranges of the rig file's section ``[ranges]``, such as ``id.gain = [0, 0.02]``, SI.
+
+    They may be narrower than the usual ones, and are known: a value at their end stays there.
+
+    Raises:
+        UserError: it is no pair of rising numbers within the usual range.
+    """
+    given = rig.extra.get("ranges", {})
+    own = given.get(effect.id, {}) if isinstance(given, Mapping) else {}
+    if not own or not isinstance(own, Mapping):
+        return effect
+    gains = dict(effect.gains)
+    for name, ends in own.items():
+        where = f"The rig, [ranges] {effect.id}.{name}"
+        if name not in gains:
+            raise UserError(f"{where} is unknown; {effect.id} has {', '.join(gains)}.")
+        numbers = isinstance(ends, list | tuple) and all(isinstance(e, int | float) for e in ends)
+        if not numbers or len(ends) != 2 or not ends[0] < ends[1]:
+            raise UserError(f"{where} is {ends!r}; it should be two rising numbers in {gains[name].unit}.")
+        low, high = (float(e) / scales.of(gains[name].unit) for e in ends)
+        usual = gains[name]
+        low, high = max(low, usual.low), min(high, usual.high)
+        typical = min(usual.typical, max(abs(low), abs(high)))
+        if not low < high:
+            raise UserError(f"{where} is {ends!r}; none of it is plausible, leave it out.")
+        gains[name] = replace(usual, low=low, high=high, typical=typical, source="rig file")
+    return replace(effect, gains=gains)
 
 
 _Key = tuple[str, object, tuple[tuple[tuple[str, float], ...], ...]]

@@ -222,6 +222,9 @@ class Group:
     dealt: list[Fold] = field(default_factory=list)
     trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)
     """While runs are read: slow trends by condition and stretch, (signals, degrees) for each run."""
+    noise_told: bool = False
+    """The noise is of the torque alone, as runs left out told it: it is not limited by what so many signals
+    happen to hold in so few samples."""
     state_products: list[list[Array]] = field(default_factory=list)
     """Of each run of a motor alone whose motion does not come again: see ``state_law``."""
 

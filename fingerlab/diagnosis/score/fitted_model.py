@@ -17,8 +17,9 @@ from fingerlab.diagnosis.equations.features import BoolArray
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.fit.solver import Fit, Fitter, bounded_step
 from fingerlab.diagnosis.fit.weights import Weights
-from fingerlab.diagnosis.settings import CLEARLY_SHOWN
+from fingerlab.diagnosis.settings import AT_BOUND, CLEARLY_SHOWN
 from fingerlab.diagnosis.signals.conditions import GroupKey
+from fingerlab.diagnosis.signals.scales import powers_of
 from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Array
 
@@ -34,6 +35,26 @@ class Sensitivity:
 
     falls: Array
     strengths: Mapping[str, float]
+
+
+def at_assumed_bounds(fitted: FittedModel) -> list[str]:
+    """Unknowns of the last effect that stand at a bound which nobody measured: strengths with a unit.
+
+    A bound of zero is a matter of sign, one that a rig file or a data sheet gives is known, and a number
+    without a unit does not grow with the machine.
+    """
+    effect = fitted.last_effect
+    found = []
+    for name, gain in effect.unknowns.items():
+        place = fitted.model.index.get(name if name in effect.relaxes else f"{effect.id}.{name}")
+        if place is None or gain.limits is not None or not gain.source.startswith("assumed"):
+            continue
+        if not any(powers_of(gain.unit)):
+            continue
+        value = float(fitted.fit.values[place])
+        if any(bound != 0.0 and value / bound > AT_BOUND for bound in (gain.low, gain.high)):
+            found.append(name)
+    return found
 
 
 NO_SENSITIVITY = Sensitivity(np.zeros(0), {})

@@ -32,7 +32,7 @@ from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights
 from fingerlab.diagnosis.gram.run_constants import Offsets, RunConstants
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel, sensitivity
-from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, SETTLED
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, MOST_WANDER, SETTLED
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.sessions.model import Array
 
@@ -320,7 +320,7 @@ class Scorer:
 
 def _model_key(law: str, choices: Sequence[Choice]) -> tuple[object, ...]:
     """What tells models on the same sessions apart."""
-    return (law, *((c.effect.id, c.shape) for c in choices))
+    return (law, *((c.effect.id, c.shape, c.effect.widened) for c in choices))
 
 
 def explained(own: Array, h: Array, sums: Weighted) -> float:
@@ -334,7 +334,7 @@ def explained(own: Array, h: Array, sums: Weighted) -> float:
         return 0.0
     pull = own.T @ sums.matrix @ h
     stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
-    return float(pull @ np.linalg.solve(stiffness, pull))
+    return _gained(stiffness, pull, 0)
 
 
 def allowance(own: Array, h: Array, sums: Weighted, jacobian: Array, left: LeftOut) -> float:
@@ -354,4 +354,19 @@ def allowance(own: Array, h: Array, sums: Weighted, jacobian: Array, left: LeftO
     after = stiffness + basis.T @ sums.curvature @ basis
     pull = basis.T @ sums.matrix @ h
     found = float(np.linalg.slogdet(after[:size, :size])[1] - np.linalg.slogdet(stiffness[:size, :size])[1])
-    return float(pull @ np.linalg.solve(after, pull)) - found
+    return _gained(after, pull, size) - found
+
+
+def _gained(stiffness: Array, pull: Array, size: int) -> float:
+    """By how much a misfit falls at its lowest; what stands behind ``size`` is what a run has of its own.
+
+    That is told in standard deviations and goes no further than so many: a friction that differs more from
+    run to run follows something that the model lacks.
+    """
+    found = np.linalg.solve(stiffness, pull)
+    own = np.clip(found[size:], -MOST_WANDER, MOST_WANDER)
+    if np.array_equal(own, found[size:]):
+        return float(pull @ found)
+    rest = pull[:size] - stiffness[:size, size:] @ own
+    found = np.concatenate((np.linalg.solve(stiffness[:size, :size], rest), own))
+    return float(2.0 * pull @ found - found @ stiffness @ found)

@@ -26,6 +26,7 @@ from fingerlab.diagnosis.settings import (
     EARNED_MOST,
     EARNED_SHARE,
     EXCESS_SPREAD,
+    FAR_LEFT,
     LEAST_DIFFERENCE,
     LEAST_EXCESS,
     LEAST_FALL,
@@ -47,6 +48,7 @@ def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0) -> boo
     """
     fall = base.misfit - fitted.misfit - level
     explained = min(fall, fall + level) if base.choices else fall
+    explained = min(explained, max(base.misfit, 0.0))  # what lies below the floor is no misfit
     heat = temperature(fitted.misfit, fitted.count)
     in_contact = contact_charge(base, fitted)
     likely = 0.5 * (fall - charge(base, fitted) - in_contact * fitted.count) / heat > DECIDING_LOG_ODDS
@@ -71,7 +73,9 @@ def least_explained(base: FittedModel, misfit: float, count: float, in_contact: 
     """
     beyond = bool(base.choices)
     least = (LEAST_FALL_BEYOND if beyond else LEAST_FALL) + in_contact
-    return max((NEXT_SHARE if beyond else LEAST_SHARE) * misfit, least * count)
+    # Where far more is left than the error of any law that is nearly right, a partner mends nothing.
+    mends = beyond and misfit <= FAR_LEFT * count
+    return max((NEXT_SHARE if mends else LEAST_SHARE) * misfit, least * count)
 
 
 def freedom(fitted: FittedModel) -> int:

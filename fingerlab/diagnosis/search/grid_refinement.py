@@ -58,6 +58,7 @@ def fit_refined(
         UserError: an effect does not apply to these runs, or a run cannot be read.
         Cancelled: the user asked for it.
     """
+    effects = reduction.suited(effects)
     scorer = Scorer(reduction.of(effects, watch))
     for one in effects:
         if one not in scorer.reduced.layout.effects:

@@ -21,7 +21,7 @@ from fingerlab.diagnosis.fit.solver import Fitter, bounded_step
 from fingerlab.diagnosis.fit.weights import Data, Weights, feature_weights
 from fingerlab.diagnosis.gram.run_constants import taken_up
 from fingerlab.diagnosis.score.evidence import Evidence, judge
-from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import much_left
 from fingerlab.diagnosis.settings import (
@@ -29,6 +29,7 @@ from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,
     HELD_OUT_TRIALS,
     HOPEFUL_SHARE,
+    MOST_WIDENED,
     SAME_COST_SHARE,
     SCREEN_ITERATIONS,
     WEAK_PRIOR,
@@ -149,8 +150,20 @@ def screen(
             point = PredictedGain(start.choices[-1].shape, np.inf)
         fitted = scorer.fit([*given, Choice(effect, point.shape)], start, iterations)
         # Without the effect the tip may have seemed to do what it does not.
-        candidates.append(scorer.with_best_law(fitted, SCREEN_ITERATIONS))
+        candidates.append(off_its_bounds(scorer, scorer.with_best_law(fitted, SCREEN_ITERATIONS)))
     return sorted(candidates, key=_cost)
+
+
+def off_its_bounds(scorer: Scorer, fitted: FittedModel, iterations: int = SCREEN_ITERATIONS) -> FittedModel:
+    """The model; where its last effect stands at an assumed bound, fitted again with a wider range."""
+    for _ in range(MOST_WIDENED):
+        names = at_assumed_bounds(fitted)
+        if not names:
+            break
+        *given, last = fitted.choices
+        wider = Choice(last.effect.wider(names), last.shape)
+        fitted = scorer.fit([*given, wider], fitted, iterations)
+    return fitted
 
 
 def _first_try(scorer: Scorer, base: FittedModel, choice: Choice) -> FittedModel:
@@ -225,7 +238,7 @@ def _cost(fitted: FittedModel) -> float:
 
 def _at_its_best(scorer: Scorer, fitted: FittedModel, every: bool) -> FittedModel:
     """The model with its last effect at the best grid point, or every effect."""
-    climbed = climb_grid(scorer, fitted)
+    climbed = off_its_bounds(scorer, climb_grid(scorer, fitted), FULL_ITERATIONS)
     return _readjusted(scorer, climbed) if every else climbed
 
 

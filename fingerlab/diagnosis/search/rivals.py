@@ -182,6 +182,8 @@ def _in_place_of(
         else replace(one, steps=tuple(_leaving_more(step, more) for step in one.steps))
         for one in rivals
     ]
+    # What would not be missing if neither were there is no rival: then the given effect is idle, too.
+    rivals = [one for one in rivals if justified(without, one.steps[0])]
     odds = _log_odds(without, known, rivals)
     return [replace(one, log_odds=o) for one, o in zip(rivals, odds, strict=True) if o > -SET_LOG_ODDS]
 

@@ -80,6 +80,40 @@ def differentiate(values: Array, kernels: Array, step: int) -> Array:
     return np.ascontiguousarray(wide.transpose(1, 0, 2).reshape(kernels.shape[1], -1)[:, :count])
 
 
+def is_wide_rate(rate: float) -> bool:
+    """Whether signals of this rate, Hz, are at the wide rate as they are."""
+    return abs(rate / WIDE_RATE_HZ - 1.0) < SAME_RATE
+
+
+def at_wide_rate(signals: Array, rate: float) -> Array:
+    """Smooth signals (..., n) of a rate (Hz) at the wide rate exactly, from their first sample on.
+
+    Delays and both filters count in samples of that rate. Between the samples a polynomial through the eight
+    nearest is taken (Lagrange).
+    """
+    length = signals.shape[-1]
+    if is_wide_rate(rate) or length < POINTS:
+        return signals
+    place = np.arange(int((length - 1) * WIDE_RATE_HZ / rate) + 1) * (rate / WIDE_RATE_HZ)
+    first = np.clip(np.floor(place).astype(int) - POINTS // 2 + 1, 0, length - POINTS)
+    at = place - first
+    nodes = np.arange(POINTS)
+    weights = np.ones((POINTS, len(place)))
+    for k in nodes:
+        for other in nodes[nodes != k]:
+            weights[k] *= (at - other) / (k - other)
+    result = np.zeros((*signals.shape[:-1], len(place)))
+    for k in nodes:
+        result += weights[k] * signals[..., first + k]
+    return result
+
+
+POINTS = 8
+"""Samples that a value between two of them follows from: right to a thousandth up to a fifth of the rate."""
+SAME_RATE = 1e-6
+"""Rates that differ by no larger share are the same: a minute of samples then drifts by a sixtieth of one."""
+
+
 _NARROW = low_pass_kernel(NARROW_TAPS, NARROW_CUTOFF_HZ, WIDE_RATE_HZ)
 EFFECTIVE_SHARE = float(1.0 / (NARROW_RATE_HZ / WIDE_RATE_HZ * np.sum(_NARROW**2) ** -1))
 """Independent samples per decimated sample of white noise: noise bandwidth over Nyquist frequency."""

@@ -18,7 +18,19 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.units import FACTORS
-from fingerlab.diagnosis.settings import LEAST_RATE_HZ, MOVING_SHARE, PACE_SAMPLES, USUAL_PACE
+from fingerlab.diagnosis.settings import (
+    BAND_OVER_HALF,
+    LEAST_RATE_HZ,
+    MOVING_SHARE,
+    NARROW_CUTOFF_HZ,
+    PACE_SAMPLES,
+    QUICKER_OCTAVES,
+    SETTLING_SHARE,
+    SHORTEST_STRETCH_S,
+    USUAL_PACE,
+    USUAL_TORQUE_SPREAD,
+    USUAL_TRAVEL,
+)
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Finger, Motor, Rig
@@ -69,20 +81,30 @@ REFERENCE = Finger(0.012, 0.013, 0.0225, 0.024, 2.025e-6, 2.496e-6, 0.12, 0.06)
 """The finger of which everything is a multiple: the thesis' one, as the default rig assumes it."""
 
 
+LEAST_SECONDS = SHORTEST_STRETCH_S / (1.0 - SETTLING_SHARE)
+"""Reduced seconds that a run must last."""
+
+
 def find_scales(sessions: Sequence[Session]) -> Scales:
     """The scales of a machine, from the first finger's constants and from how its motors move.
 
-    Time goes by octaves, so that recordings of one machine agree however fast its motor was told to move.
+    A motor alone is as large as the torque that moves it. Time goes by octaves, so that recordings of one
+    machine agree however fast its motor was told to move.
     """
     finger = next((s.rig.finger for s in sessions if s.rig.finger is not None), None)
-    runs = [r for s in sessions for r in s.runs if r.phase != "motor_bench" and r.cable_sign != 0]
-    if finger is None or not runs:
+    every = [run for session in sessions for run in session.runs]
+    runs = [run for run in every if run.phase != "motor_bench" and run.cable_sign != 0]
+    if finger is not None and runs:
+        return Scales(
+            _relative(_torque_of(finger), _torque_of(REFERENCE)),
+            _relative(_length_of(finger), _length_of(REFERENCE)),
+            _time_of(runs),
+        )
+    bench = [run for run in every if run.phase == "motor_bench"]
+    spreads = [float(torque.std()) for run in bench if len(torque := _moving(run, "motor_torque"))]
+    if not spreads:
         return SI
-    return Scales(
-        _relative(_torque_of(finger), _torque_of(REFERENCE)),
-        _relative(_length_of(finger), _length_of(REFERENCE)),
-        _time_of(runs),
-    )
+    return Scales(_relative(float(np.median(spreads)), USUAL_TORQUE_SPREAD), 1.0, _time_of(bench))
 
 
 def _relative(size: float, usual: float) -> float:
@@ -104,34 +126,61 @@ def _time_of(runs: Sequence[Run]) -> float:
     paces = [pace for run in runs if (pace := _pace(run)) > 0]
     if not paces:
         return 1.0
-    octave = round(math.log2(USUAL_PACE / float(np.median(paces))))
-    slowest = min(run.sample_rate_hz for run in runs)
-    # What is sampled slowly is looked at slowly; the hundredth forgives a rate that is no round number.
-    return float(2.0 ** max(octave, math.ceil(math.log2(LEAST_RATE_HZ / slowest) - 0.01)))
+    usual = round(math.log2(USUAL_PACE / float(np.median(paces))))
+    # The hundredth forgives a rate or a length that is no round number.
+    shortest = min(run.seconds for run in runs)
+    octave = min(usual, math.floor(math.log2(max(shortest, 1e-9) / LEAST_SECONDS) + 0.01))
+    # What is sampled slowly is looked at slowly.
+    least = math.ceil(math.log2(LEAST_RATE_HZ / min(run.sample_rate_hz for run in runs)) - 0.01)
+    return float(2.0 ** max(octave, usual - QUICKER_OCTAVES, least))
+
+
+def _moving(run: Run, channel: str) -> Array:
+    """A channel behind the ramp from rest, as much of it as tells its size; nothing where it has gaps."""
+    if not run.has(channel):
+        return np.zeros(0)
+    first = run.length // 10
+    values = run.channel(channel, first, min(run.length, first + PACE_SAMPLES))
+    return values if len(values) >= 16 and np.isfinite(values).all() else np.zeros(0)
 
 
 def _pace(run: Run) -> float:
     """Speed over travel of the motor, both root mean square, rad/s per rad; 0 where it does not move.
 
-    Of the strongest lines of its motion, so that neither noise nor the encoder's steps count.
+    Of the strongest lines of its motion, so that neither noise nor the encoder's steps count. A motor that
+    turns on has no travel: what depends on its angle comes again sooner.
     """
-    told = told_frequency(run)
+    told, amplitude = told_frequency(run), run.trajectory.get("amplitude_deg")
     if told is not None:
-        return 2.0 * math.pi * told
-    if not run.has("motor_position"):
+        swing = math.radians(float(amplitude)) if isinstance(amplitude, int | float) else 0.0
+        return 2.0 * math.pi * told * max(1.0, abs(swing) / math.sqrt(2.0) / USUAL_TRAVEL)
+    position = _moving(run, "motor_position")
+    if not len(position):
         return 0.0
-    first = run.length // 10  # the ramp from rest
-    position = run.channel("motor_position", first, min(run.length, first + PACE_SAMPLES))
-    if len(position) < 16 or not np.isfinite(position).all():
-        return 0.0
-    power = np.abs(np.fft.rfft((position - position.mean()) * np.hanning(len(position)))) ** 2
+    moved = position - position.mean()
+    power = np.abs(np.fft.rfft(moved * np.hanning(len(moved)))) ** 2
     order = np.argsort(power)[::-1]
     together = np.cumsum(power[order])
     if not together[-1] > 0:
         return 0.0
     lines = order[: int(np.searchsorted(together, MOVING_SHARE * together[-1])) + 1]
     line = 2.0 * math.pi * run.sample_rate_hz / len(position)
-    return line * float(np.sqrt(np.sum(power[lines] * lines.astype(float) ** 2) / np.sum(power[lines])))
+    pace = line * float(np.sqrt(np.sum(power[lines] * lines.astype(float) ** 2) / np.sum(power[lines])))
+    pace *= max(1.0, float(moved.std()) / USUAL_TRAVEL)
+    return max(pace, _torque_pace(run)) if np.ptp(moved) > 2.0 * math.pi else pace
+
+
+def _torque_pace(run: Run) -> float:
+    """The pace at which the torque of a motor that turns on is seen, rad/s per rad.
+
+    Teeth and poles pass more often than it turns: half of the torque's variance lies well within the band.
+    """
+    torque = _moving(run, "motor_torque")
+    power = np.cumsum(np.abs(np.fft.rfft((torque - torque.mean()) * np.hanning(len(torque)))) ** 2)
+    if not len(power) or not power[-1] > 0:
+        return 0.0
+    half = int(np.searchsorted(power, 0.5 * power[-1])) * run.sample_rate_hz / len(torque)
+    return USUAL_PACE * BAND_OVER_HALF * half / NARROW_CUTOFF_HZ
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ in every free run is a matter of its file, not of physics.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -22,13 +23,20 @@ from fingerlab.diagnosis.settings import (
     NO_TORQUE,
     PUSHES_N,
     SETTLING_S,
+    SETTLING_SHARE,
     SHORTEST_STRETCH_S,
     USUAL_INERTIA,
+    WIDE_RATE_HZ,
 )
 from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, FINGER_CHANNELS
-from fingerlab.diagnosis.signals.filters import derivative_kernels, differentiate
+from fingerlab.diagnosis.signals.filters import (
+    at_wide_rate,
+    derivative_kernels,
+    differentiate,
+    is_wide_rate,
+)
 from fingerlab.diagnosis.signals.repairs import BRIDGED, bridged, without_spikes
-from fingerlab.diagnosis.signals.scales import as_recorded, scales_of
+from fingerlab.diagnosis.signals.scales import LEAST_SECONDS, as_recorded, scales_of
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Rig
@@ -49,10 +57,12 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
                 f"Run {run.name} has no channel '{name}'; a {run.phase} run needs {', '.join(needed)}."
             )
     rate = run.sample_rate_hz
-    first = int(SETTLING_S * rate)
+    first = int(settling_s(run) * rate)
     if run.length - first < SHORTEST_STRETCH_S * rate:
         lasts = as_recorded(run).seconds
-        raise UserError(f"Run {run.name} lasts {lasts:.1f} s; a diagnosis needs at least {_least(run)}.")
+        raise UserError(
+            f"Run {run.name} lasts {lasts:.1f} s; a diagnosis needs at least {_told(run, LEAST_SECONDS)}."
+        )
     length = int(LONGEST_STRETCH_S * rate)
     none = True
     for start in range(first, run.length, length):
@@ -62,14 +72,20 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
                 none = False
                 yield motion
     if none:
+        least = _told(run, settling_s(run) + SHORTEST_STRETCH_S)
         raise UserError(
-            f"Run {run.name} has so many gaps that no {_least(run)} of it are whole; record it again, or "
+            f"Run {run.name} has so many gaps that no {least} of it are whole; record it again, or "
             "leave it out."
         )
 
 
-def _least(run: Run) -> str:
-    return f"{(SETTLING_S + SHORTEST_STRETCH_S) * scales_of(run).time:g} s"
+def settling_s(run: Run) -> float:
+    """What is left out at the start of a run, s."""
+    return min(SETTLING_S, SETTLING_SHARE * run.seconds)
+
+
+def _told(run: Run, seconds: float) -> str:
+    return f"{seconds * scales_of(run).time:.3g} s"
 
 
 def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int) -> Iterator[Motion]:
@@ -102,10 +118,11 @@ def _whole(time: Array, rate: float, lead: int) -> Iterator[tuple[slice, int]]:
     Behind a gap nobody knows what rubs or creeps: it finds its state as it does at the start of a run.
     """
     step = derivative_kernels(rate)[1]
+    settling = int(min(SETTLING_S, SETTLING_SHARE * len(time) / rate) * rate)
     for piece in whole_pieces(time, rate):
         its_lead = lead
         if piece.start:
-            its_lead = max(lead - piece.start, int(SETTLING_S * rate))
+            its_lead = max(lead - piece.start, settling)
             its_lead -= its_lead % step
         if piece == slice(0, len(time)) or _counts(piece, its_lead, rate):
             yield piece, its_lead
@@ -125,25 +142,28 @@ def _motion(
     where no equation is counted.
     """
     kernels, step = derivative_kernels(run.sample_rate_hz)
+    rate = run.sample_rate_hz / step
 
     def read(name: str) -> Array:
-        return differentiate(samples[name], kernels, step)
+        return at_wide_rate(differentiate(samples[name], kernels, step), rate)
 
+    wide = rate if is_wide_rate(rate) else WIDE_RATE_HZ
+    behind = lead // step if is_wide_rate(rate) else math.ceil(lead / run.sample_rate_hz * wide)
     position, torque = read("motor_position"), read("motor_torque")
     joints = force = load = None
     if on_bench:
         load = read("load_torque")[0] if run.has("load_torque") else np.zeros(position.shape[1])
-        torque = _drive_sign(torque[0][lead // step :], position[:, lead // step :]) * torque
+        torque = _drive_sign(torque[0][behind:], position[:, behind:]) * torque
     else:
         mcp, pip = read("mcp_angle"), read("pip_angle")
         joints = JointMotion(mcp[0], pip[0], mcp[1], pip[1], mcp[2], pip[2])
         force = _force(run, samples, lead, kernels, step)
-    half = len(kernels) // 2
+    start = (first + len(kernels) // 2) / run.sample_rate_hz
     return Motion(
         phase=run.phase,
         cable_sign=run.cable_sign,
-        sample_rate_hz=run.sample_rate_hz / step,
-        time=(first + half + step * np.arange(position.shape[1])) / run.sample_rate_hz,
+        sample_rate_hz=wide,
+        time=start + np.arange(position.shape[1]) / wide,
         position=position[0],
         velocity=position[1],
         acceleration=position[2],
@@ -153,7 +173,7 @@ def _motion(
         joints=joints,
         force=force,
         load=load,
-        lead=lead // step,
+        lead=behind,
         position_step=_smallest_step(samples["motor_position"][lead:]),
         inertia_spread=_inertia_spread(rig),
     )
@@ -215,7 +235,8 @@ def _force(run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, st
             f"Run {run.name} is a contact run, but 'endpoint_force' holds values that are not numbers; "
             "it needs the load cell's force in N."
         )
-    return differentiate(np.nan_to_num(values), kernels[:, :1], step)[0]
+    narrow = differentiate(np.nan_to_num(values), kernels[:, :1], step)
+    return at_wide_rate(narrow, run.sample_rate_hz / step)[0]
 
 
 @dataclass(frozen=True)

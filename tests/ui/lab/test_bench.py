@@ -1,0 +1,30 @@
+"""What was found of the bench itself stands under the verdict, all of it where the pointer rests."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtWidgets import QLabel
+from pytestqt.qtbot import QtBot
+
+from fingerlab.diagnosis.answer.results import BenchFinding
+
+from .. import invented
+from ..hands import child, wait_for_result
+
+TEXTS = ("The zero of the PIP sensor moves: clamp it.", "Channel 'mcp_angle' has 9 single spikes.")
+
+
+def test_findings_stand_under_the_verdict(qtbot: QtBot, make_window: Any, session_file: Path) -> None:
+    told = tuple(BenchFinding("spikes", "mcp_angle", 9.0, "samples", ("001",), text) for text in TEXTS)
+    made = make_window(
+        diagnose=lambda sessions, *_: replace(invented.unseen_diagnosis(str(sessions[0].path)), bench=told)
+    )
+    made.context.open_paths([session_file])
+    wait_for_result(qtbot, made)
+    label = child(made, QLabel, "bench")
+    assert label.text() == f"The bench: {TEXTS[0]} And 1 more."
+    assert label.toolTip() == "\n".join(TEXTS)
+    assert not label.isHidden()
