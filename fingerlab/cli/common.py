@@ -6,6 +6,7 @@ What takes a while to load is imported when it is used: every command imports th
 from __future__ import annotations
 
 import json
+import math
 import signal
 import sys
 from collections.abc import Callable, Mapping
@@ -50,6 +51,16 @@ sessions_argument = click.argument("sessions", nargs=-1, required=True, type=PAT
 added_option = click.option(
     "--add", "added", multiple=True, metavar="ID", help="Effect that the model holds already; repeatable."
 )
+
+
+class Within(click.FloatRange):
+    """Finite numbers: click's own lets ``nan`` through, and ``inf`` where there is no bound."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return number
 
 
 def counted(number: int, noun: str) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import counted, json_option, progress_bar, write_json
+from fingerlab.cli.common import Within, counted, json_option, progress_bar, write_json
 from fingerlab.cli.record_events import Events
 from fingerlab.cli.simulate import PROTOCOL_NAMES, TRAJECTORY_HELP, single_plan
 from fingerlab.core.errors import UserError
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from fingerlab.devices.choosing import DeviceChoice
     from fingerlab.models.file import Model
     from fingerlab.rig.constants import Rig
+
+FORCE = Within(min=0.05, max=50.0)
+"""N: a fingertip presses with up to 20."""
 
 
 @click.command()
@@ -47,22 +50,24 @@ if TYPE_CHECKING:
 @click.option("--operator", help="Who records.")
 @click.option("--notes", help="Notes on the session.")
 @click.option(
-    "--set-position", type=float, help="°, the pulley where it stands at first; else as the rig file, or 0."
+    "--set-position",
+    type=float,
+    help="°, the pulley where it stands at first; else as the rig file, or 0.",
 )
 @click.option("--set-mcp", type=float, help="°, the MCP joint at rest; else as rig file or calibration say.")
 @click.option("--set-pip", type=float, help="°, the PIP joint, in the same way.")
-@click.option("--rest", default=2.0, show_default=True, type=click.FloatRange(min=0), help="s between runs.")
-@click.option("--force", default=0.8, show_default=True, type=click.FloatRange(min=0.05), help="N, contact.")
+@click.option("--rest", default=2.0, show_default=True, type=Within(min=0, max=3600), help="s between runs.")
+@click.option("--force", default=0.8, show_default=True, type=FORCE, help="N, contact.")
 @click.option(
     "--then-contact",
-    type=click.FloatRange(min=0.0, max=90.0),
+    type=Within(min=0.0, max=90.0),
     help="°, after --trajectory on air as many runs in contact, with this amplitude about the found contact.",
 )
 @click.option(
     "--pre-trigger",
     default=0.0,
     show_default=True,
-    type=click.FloatRange(min=0.0, max=25.0),
+    type=Within(min=0.0, max=25.0),
     help="s that each run begins earlier than its motion, or than its trigger.",
 )
 @click.option(
@@ -103,6 +108,11 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
     from fingerlab.devices.choosing import REPLAY
 
     refuse_taken(out)
+    files = [
+        Path(place).resolve() for place in (out, json_target, options["events"]) if place not in (None, "-")
+    ]
+    if len(set(files)) < len(files):
+        raise UserError("--out, --json and --events name the same file; give each its own.")
     if json_target == options["events"] == "-":
         raise UserError("--json and --events cannot both have standard output; give one of them a file.")
     name, plans = _plans(options)

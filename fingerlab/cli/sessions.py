@@ -15,6 +15,7 @@ from rich.table import Table
 
 from fingerlab.cli.common import (
     PATH,
+    Within,
     counted,
     json_option,
     progress_bar,
@@ -99,19 +100,19 @@ def info(session_file: Path, json_target: str | None) -> None:
 )
 @click.option(
     "--rate",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Within(min=0, min_open=True),
     metavar="HZ",
     help="Samples a second, where no column holds the time.",
 )
 @click.option(
     "--torque-constant",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Within(min=0, min_open=True),
     metavar="NM_PER_A",
     help="With --axis: torque at the axis an ampere, N m/A, gear included, where no torque was logged.",
 )
 @click.option(
     "--radius",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Within(min=0, min_open=True),
     metavar="M",
     help="With --axis: radius of the arc as which a linear axis is told, m.  [default: 0.01]",
 )

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.core.plain_data import parsed
+from fingerlab.sessions.hdf5 import was_cut
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.reading import open_session
 from fingerlab.sessions.recording_files import session_files
-from fingerlab.sessions.repair import was_cut
 
 UNWRITTEN = "not yet written"
 """Of a recording whose runs still stand in its folder, because it was cut or because that was put off."""

@@ -7,6 +7,7 @@ as few calls as possible. A damaged chunk shows only when it is read, a full dis
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
@@ -37,32 +38,39 @@ MOST_TEXTS = 16
 """Texts of one attribute: each is found elsewhere in the file, so that many may share one long text."""
 MOST_CHUNK_BYTES = 1 << 24
 """A chunk is unpacked whole for each sample of it that is read."""
-FILE_TROUBLE = (ArithmeticError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError)
+FILE_TROUBLE = (
+    *(ArithmeticError, LookupError, MemoryError, OSError, RuntimeError),
+    *(SystemError, TypeError, ValueError),
+)
 """What h5py raises while it reads a file that somebody else has made."""
 
 
 @contextmanager
-def open_hdf5(path: Path, growing: bool = False) -> Iterator[h5py.File]:
+def open_hdf5(path: Path) -> Iterator[h5py.File]:
     """Open an HDF5 file for reading and close it on the way out; whatever is wrong with it is one sentence.
 
     Nothing is kept open: on Windows an open reader keeps every writer from moving a file into place.
-
-    Args:
-        growing: whether its writer may have been killed, so that the file says that it is still open.
 
     Raises:
         UserError: the file is missing, is not HDF5, is cut off, cannot be read, or leads to other files.
     """
     try:
-        with _opened_file(path, growing) as file:
-            _refuse_strange(file, path)
+        with opened_file(path) as file:
             yield file
     except FILE_TROUBLE as error:
         # HDF5 reports a damaged chunk only when it is read, so the body's errors are caught here too.
         raise UserError(f"{path} cannot be read: {_reason(error)}") from None
 
 
-def _opened_file(path: Path, growing: bool) -> h5py.File:
+def opened_file(path: Path, cut: bool = False) -> h5py.File:
+    """The file open for reading, once it has been found to be no strange one.
+
+    Args:
+        cut: whether its writer may have been killed, so that it says of itself that it is still open.
+
+    Raises:
+        UserError, FILE_TROUBLE: it cannot be opened, or is not to be believed.
+    """
     if path.is_dir():
         raise UserError(f"{path} is a folder; give the session file itself, such as session.h5.")
     if not path.exists():
@@ -72,7 +80,82 @@ def _opened_file(path: Path, growing: bool) -> h5py.File:
             f"{path} is not an HDF5 file; a session is one (text files become one by 'fingerlab import', "
             "or by 'Import text' in Sessions)."
         )
-    return h5py.File(path, "r", locking="best-effort", swmr=growing)
+    file = h5py.File(_CutFile(path), "r") if cut else h5py.File(path, "r", locking="best-effort")
+    try:
+        _refuse_strange(file, path)
+    except BaseException:
+        file.close()
+        raise
+    return file
+
+
+WRITE_FLAGS = 0x05
+"""Superblock version 3: open for writing, open in single-writer mode."""
+_SUPERBLOCK = 48
+
+
+def was_cut(path: Path) -> bool:
+    """Whether an HDF5 file still says that a writer has it open."""
+    try:
+        if not path.is_file():
+            return False
+        with path.open("rb") as file:
+            head = file.read(_SUPERBLOCK)
+    except OSError:
+        return False
+    return (
+        head.startswith(b"\x89HDF\r\n\x1a\n")
+        and len(head) == _SUPERBLOCK
+        and head[8:11] == bytes((3, 8, 8))
+        and bool(head[11] & WRITE_FLAGS)
+    )
+
+
+class _CutFile(io.FileIO):
+    """A file whose writer was killed, for HDF5 as if it had been closed: no flag, and it ends where it ends.
+
+    HDF5 itself opens it only in single-writer mode, in which it waits for hours at a damaged place, for a
+    writer that might be about to mend it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "rb")
+        head = bytearray(self.read(_SUPERBLOCK))
+        head[11] = 0
+        head[28:36] = path.stat().st_size.to_bytes(8, "little")
+        head[44:48] = _checksum(bytes(head[:44])).to_bytes(4, "little")
+        self._head = bytes(head)
+
+    def readinto(self, buffer: Any) -> int:
+        start = self.tell()
+        count = super().readinto(buffer) or 0
+        inside = min(count, max(_SUPERBLOCK - start, 0))
+        memoryview(buffer).cast("B")[:inside] = self._head[start : start + inside]
+        return count
+
+
+def _checksum(data: bytes) -> int:
+    """HDF5's own of its metadata: Bob Jenkins' lookup3 (2006), for whole words of less than four blocks."""
+    a = b = c = (0xDEADBEEF + len(data)) & _WORD
+    words = [int.from_bytes(data[k : k + 4], "little") for k in range(0, len(data), 4)]
+    while len(words) > 3:
+        a, b, c = ((x + word) & _WORD for x, word in zip((a, b, c), words[:3], strict=True))
+        words = words[3:]
+        for turn in (4, 6, 8, 16, 19, 4):
+            a = ((a - c) & _WORD) ^ _turned(c, turn)
+            a, b, c = b, (c + b) & _WORD, a
+    a, b, c = ((x + word) & _WORD for x, word in zip((a, b, c), [*words, 0, 0], strict=False))
+    for turn in (14, 11, 25, 16, 4, 14, 24):
+        c = ((c ^ b) - _turned(b, turn)) & _WORD
+        a, b, c = b, c, a
+    return b
+
+
+_WORD = 0xFFFFFFFF
+
+
+def _turned(word: int, bits: int) -> int:
+    return ((word << bits) | (word >> (32 - bits))) & _WORD
 
 
 _FOUND_GOOD: dict[Path, tuple[int, ...]] = {}
@@ -113,7 +196,7 @@ def _refuse_strange(file: h5py.File, path: Path) -> None:
         storage = item.get_create_plist()
         layout = storage.get_layout()
         if layout == h5d.VIRTUAL or storage.get_external_count():
-            return f"has the samples of {where} in other files; it should hold all of itself, so copy them in"
+            return f"has the samples of {where} in other files; it should hold all of itself"
         if layout == h5d.CHUNKED:
             size = math.prod(storage.get_chunk()) * item.get_type().get_size()
             if size > MOST_CHUNK_BYTES:
@@ -250,11 +333,13 @@ def _attribute(item: h5d.DatasetID, name: bytes) -> Any:
     if not h5a.exists(item, name):
         return None
     attribute = h5a.open(item, name)
-    kind, count = attribute.get_type(), math.prod(attribute.shape or ())
+    if attribute.shape is None:
+        return None
+    kind, count = attribute.get_type(), math.prod(attribute.shape)
     texts = isinstance(kind, h5t.TypeStringID) and kind.is_variable_str()
     if attribute.get_storage_size() > MOST_ATTRIBUTE_BYTES or (texts and count > MOST_TEXTS):
         raise ValueError(f"the attribute {shown(name.decode('utf-8', 'replace'))} is too large")
-    if attribute.shape is None or not (texts or isinstance(kind, _PLAIN_KINDS)):
+    if not isinstance(kind, _PLAIN_KINDS):
         return None
     value = np.empty(attribute.shape, dtype=attribute.dtype)
     attribute.read(value)

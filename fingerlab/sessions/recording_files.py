@@ -37,6 +37,9 @@ ASSEMBLING = "assembling.h5part"
 WRITTEN = "written.h5part"
 """The session, put off when it was written to its end and not yet read back."""
 LOCK = "lock"
+CLOSED = "closed"
+"""Is there once the recording was closed, with the words why that was before its time."""
+DAMAGED = ".damaged"
 WRITING, VERIFYING = "writing", "verifying"
 """What is being done when a recording becomes a session."""
 
@@ -137,17 +140,26 @@ class RecordingPlace:
         return sorted(p for p in self.folder.glob("*" + PART_SUFFIX) if p.stem.isdecimal())
 
     def remove(self) -> None:
-        """Remove the folder with all that is in it."""
+        """Remove the folder with all that is in it; what is damaged is kept beside the session."""
         self.release()
         with suppress(OSError):
             for file in self.folder.iterdir():
-                file.unlink()
+                if file.name.endswith(DAMAGED):
+                    file.replace(self.path.with_name(f"{self.path.name}.{file.name}"))
+                else:
+                    file.unlink()
             self.folder.rmdir()
 
     def release(self) -> None:
         """Let go of the folder and leave it."""
         with suppress(OSError):
             self._lock.close()
+
+
+def put_aside(part: Path) -> None:
+    """A run's file that cannot be read: kept, but no longer one of the runs."""
+    with suppress(OSError):
+        part.replace(part.with_name(part.name + DAMAGED))
 
 
 def is_held(folder: Path) -> bool:
@@ -198,6 +210,8 @@ RESERVE_SUFFIX = ".reserve"
 RESERVE_BYTES = 1 << 20
 """Room that is set aside: what HDF5 may still hold when the disk is full, twenty chunks and their index."""
 
+LEAST_BYTES = 4 * CHUNK
+"""A run's file with a flushed sample is larger: chunks are written whole."""
 RUN = "001"
 CLEAN, TRUNCATED, LOSSY = "clean", "truncated", "lossy"
 """How a recording ended: as asked, cut off, or as asked but with samples lost in between."""

@@ -244,6 +244,11 @@ class SessionWriter:
             raise
         move_into_place(self._part, self.path)
 
+    @property
+    def failed(self) -> bool:
+        """Whether the place did not take what was written; otherwise it was no good."""
+        return self._target.failure is not None
+
     def add_run(
         self,
         phase: str,

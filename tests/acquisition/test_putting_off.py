@@ -56,7 +56,7 @@ def test_what_was_put_off_is_whole_when_it_is_opened(bench: Bench, until: str) -
     folder = recording_folder(bench.path)
     assert not bench.path.exists()
     kept = ["written.h5part"] if until == "verifying" else []
-    assert sorted(file.name for file in folder.iterdir()) == ["001.h5part", "lock", *kept]
+    assert sorted(file.name for file in folder.iterdir()) == ["001.h5part", "closed", "lock", *kept]
     session = open_session(bench.path)
     assert session.attributes["ended"] == "clean"
     assert session.runs[0].length == 1000

@@ -130,7 +130,7 @@ def test_every_run_that_is_proposed_for_the_motor_bench_is_within_its_limits() -
         (["--protocol", "on-air", "--trajectory", "{}"], "not both"),
         ([], "not both or neither"),
         (["--trajectory", json.dumps(RUN)], "--phase"),
-        (["--trajectory", "nowhere.json", "--phase", "free"], "neither JSON text nor a file"),
+        (["--trajectory", "nowhere.json", "--phase", "free"], "JSON text or a file of it"),
         (["--trajectory", '{"next_experiment": null}'], "nothing left to separate"),
         (["--trajectory", json.dumps({**RUN, "offset_deg": 400}), "--phase", "free"], "limits are"),
         (["--trajectory", json.dumps({**RUN, "load_torque": 0.1}), "--phase", "free"], "motor_bench"),

@@ -75,8 +75,8 @@ def _broken(**changes: object) -> str:
     ("text", "words"),
     [
         ("{ not json", "not JSON"),
-        ("[1, 2]", "no JSON object"),
-        ("\xff\xfe", "not a model file"),
+        ("[1, 2]", "not a JSON object"),
+        ("\xff\xfe", "give a model file"),
         (json.dumps({"model": "linear", "coef": [1, 2]}), "not a FingerLab model file"),
         (_broken(format="other-software"), "not a FingerLab model file"),
         (_broken(format_version="2"), "newer FingerLab"),

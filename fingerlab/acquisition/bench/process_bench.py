@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -70,13 +71,19 @@ class ProcessBench(Bench):
             args=(plan, requests_in, loop_lives, recorder_holds),
             name="fingerlab-recorder",
         )
+        before = _interrupts("SIG_BLOCK", {signal.SIGINT})  # who has just begun is ended in order, by close
         self.loop_process.start()
         self.recorder_process.start()
         for end in (commands_in, requests_in, recorder_lives, recorder_holds, loop_lives, loop_holds):
             end.close()
         self._far = RemoteRecorder(self, requests)
         self.recorder = self._far
-        self._wait_for_start()
+        try:
+            _interrupts("SIG_SETMASK", before)
+            self._wait_for_start()
+        except BaseException:
+            self.close()
+            raise
 
     def ask(self, command: Command) -> None:
         self._number += 1
@@ -157,6 +164,13 @@ class ProcessBench(Bench):
         if process.is_alive():  # one that is held still does not hear it
             process.kill()
             process.join(5.0)
+
+
+def _interrupts(how: str, which: Any) -> Any:
+    """Block Ctrl-C for processes that begin, or what was before again; Windows cannot, and does without."""
+    if hasattr(signal, "pthread_sigmask"):
+        return signal.pthread_sigmask(getattr(signal, how), which)
+    return which
 
 
 class RemoteRecorder(RecorderClient):

@@ -44,6 +44,8 @@ from fingerlab.core.plain_data import read_object
 from fingerlab.sessions.model import Array
 from fingerlab.sessions.text_table import inspect_table, read_blocks
 
+MOST_S = 86_400.0
+"""Of a run."""
 INLINE_POINTS = 400
 """Longer lists are not kept in a run's attributes, which HDF5 limits to 64 kB; the channel has it all."""
 
@@ -265,11 +267,13 @@ def read_trajectory(source: str | Mapping[str, Any], where: str = "the trajector
     """
     settings = _object(source, where)
     kind = settings.get("kind")
-    if kind not in WAVES:
+    if str(kind) not in WAVES:
         raise UserError(f"{where} has the kind {kind!r}; it should be one of {', '.join(WAVES)}.")
     if kind in ("file", "torque"):
         settings = with_points(settings, where, TORQUE if kind == "torque" else POSITION)
     duration = _number(settings, "duration_s", DEFAULT_DURATION_S, where, positive=True)
+    if duration > MOST_S:
+        raise UserError(f"{where} has 'duration_s' = {duration:g}; a run lasts at most a day, {MOST_S:g} s.")
     ramp = _number(settings, "ramp_s", DEFAULT_RAMP_S, where)
     if ramp < 0:
         raise UserError(f"{where} has 'ramp_s' = {ramp:g}; it should be zero or more seconds.")

@@ -36,6 +36,7 @@ from fingerlab.core.progress import Progress
 from fingerlab.sessions.format import FINGER_PHASES
 from fingerlab.sessions.recording_files import (
     CLEAN,
+    CLOSED,
     LOSSY,
     PART_SUFFIX,
     TRUNCATED,
@@ -70,6 +71,7 @@ class Recorder:
         self._place: RecordingPlace | None = None
         self._done: list[tuple[Path, h5py.File]] = []
         self._run: OpenRun | None = None
+        self._why = ""
         self._lines: tuple[str, ...] = ()
         self._looked = -1.0
         self._errors = 0
@@ -88,6 +90,7 @@ class Recorder:
         if self._place is not None:
             raise UserError(f"{self._place.path} is being recorded; close it before another is begun.")
         self._place, self._info, self._done = RecordingPlace.claim(info.path), info, []
+        self._why = ""
         self._lines = wired_lines(json.loads(info.rig))
 
     def begin(self, run: RunInfo) -> None:
@@ -186,6 +189,8 @@ class Recorder:
             pass
         if self._run is not None:
             self._finish(note)
+        else:
+            self._why = note
 
     def close(self, progress: Progress | None = None) -> Path:
         """Write the session whole, verify it, and give it its name; the board tells how far it is.
@@ -207,6 +212,8 @@ class Recorder:
             if self._run is not None:
                 self._finish("")
         place, self._place = self._place, None
+        with suppress(OSError):
+            (place.folder / CLOSED).write_text(self._why, encoding="utf-8")
         self._let_go()
         if not place.parts():
             place.remove()
@@ -318,11 +325,10 @@ class Recorder:
     def _fail(self, error: Exception) -> None:
         """The disk takes no more: leave the file as it is, it can be read up to the last flush."""
         assert self._place is not None
-        sentence = (
-            f"{self._place.path} cannot be written ({_reason(error)}); the recording ended there, make room "
-            "and open it: what was written is kept."
-        )
         run, place = self._run, self._place
+        kept = place.folder.is_dir() and (run is None or run.writer.path.exists())
+        words = "make room and open it: what was written is kept." if kept else "its files have been removed."
+        sentence = f"{place.path} cannot be written ({_reason(error)}); the recording ended there, {words}"
         self._run = self._place = None
         self._board[Slot.RECORDING] = 0
         self._tell(sentence)
