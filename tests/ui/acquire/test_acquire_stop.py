@@ -45,7 +45,8 @@ def test_stop_in_every_state(rig: Rig, state: str, qtbot: QtBot) -> None:
     assert not status.enabled
     assert rig.bench.device.driven_current == 0.0  # type: ignore[attr-defined]
     rig.run(0.1)
-    assert rig.label("rigState") == "Stopped, idle"
+    kept = "idle" if state == "idle" else "initialised"  # the encoder counts on
+    assert rig.label("rigState") == f"Stopped, {kept}"
     assert rig.window.header.lamp.light == "fault"
     if state == "recording":
         qtbot.waitUntil(lambda: rig.bench.status().recording == 0, timeout=PATIENCE)
@@ -80,10 +81,10 @@ def test_stop_in_fault_and_when_stopped_already(connect_rig) -> None:  # type: i
     rig.run(0.1)
     rig.click("resetFault")
     rig.run(0.1)
-    assert rig.mode is Mode.IDLE
+    assert rig.mode is Mode.INITIALISED
     rig.click("stop")
     rig.run(0.1)
-    assert rig.label("rigState") == "Stopped, idle"
+    assert rig.label("rigState") == "Stopped, initialised"
     assert not rig.button("enable").isEnabled()
 
 
@@ -246,7 +247,7 @@ def test_a_fault_is_one_sentence_and_only_a_reset_leads_on(connect_rig) -> None:
     assert not rig.button("initialise").isEnabled()
     rig.click("resetFault")
     rig.run(0.1)
-    assert rig.mode is Mode.IDLE
+    assert rig.mode is Mode.INITIALISED
 
 
 def test_the_emergency_stop_is_shown_in_words_and_holds_its_buttons_back(
