@@ -66,6 +66,8 @@ LEAST_SPIKE_LOCALLY = 6.0
 """... and by so many times the scatter of its neighbours: where the motion is fast, they scatter, too."""
 SPIKE_NEIGHBOURS = 4
 """So many samples on either side of a spike are its neighbours."""
+PULSE_SAMPLES = 3
+"""Spikes in so many samples in a row are a pulse that is kept: of spikes by chance, not one in a thousand."""
 MOST_SPIKES_SHARE = 0.02
 """A channel with a larger share of spikes is of that kind, and is left as it is; assumed."""
 

@@ -19,8 +19,14 @@ GROWTH = 1.0e-3  # m a month
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Three runs of five seconds: near the least that a diagnosis accepts."""
-    wave = {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0, "offset_deg": 22.0, "duration_s": 5.0}
+    """Three runs of ten seconds: of five the floor is known too roughly to call a bench clean."""
+    wave = {
+        "kind": "sine",
+        "amplitude_deg": 15.0,
+        "frequency_hz": 1.0,
+        "offset_deg": 22.0,
+        "duration_s": 10.0,
+    }
     plans = [RunPlan("on_air", "extension", {**wave, "frequency_hz": f}) for f in (1.0, 1.0, 0.5)]
     path = tmp_path_factory.mktemp("recorded") / "s.h5"
     write_session(path, load_preset("practice"), "short", plans, {}, seed=3)

@@ -56,7 +56,7 @@ def test_one_row_a_session_below_the_folder(finished: Finished, bench: Path) -> 
     row = finished.rows["2026-1/m1.h5"]
     assert row["sha256"] == file_hash(bench / "2026-1" / "m1.h5")
     assert (row["title"], row["operator"], row["runs"]) == ("month 1", "Łucja", 3)
-    assert row["recorded_seconds"] == pytest.approx(15.0, abs=0.1)
+    assert row["recorded_seconds"] == pytest.approx(30.0, abs=0.1)
     assert row["verdict"] in ("nothing_missing", "missing_effect", "not_in_catalogue")
     assert row["final_score"] == row["error_path"][-1]["score"]
     assert row["final_model"] == [step["added"] for step in row["error_path"][1:]]

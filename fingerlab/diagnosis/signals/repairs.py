@@ -17,6 +17,7 @@ from fingerlab.diagnosis.settings import (
     LEAST_SPIKE_LOCALLY,
     LONGEST_BRIDGE_S,
     MOST_SPIKES_SHARE,
+    PULSE_SAMPLES,
     SPIKE_NEIGHBOURS,
 )
 from fingerlab.sessions.model import Array
@@ -59,6 +60,9 @@ def without_spikes(values: Array) -> tuple[Array, Array]:
     local = np.median(np.abs(near - usual[:, None]), axis=1)
     off = np.abs(values[suspects] - usual)
     spikes = suspects[(off > LEAST_SPIKE * scale) & (off > LEAST_SPIKE_LOCALLY * local)]
+    # So many in a row are a pulse that was measured: a rotor catching up with a cable that hung loose.
+    rows = np.split(spikes, np.flatnonzero(np.diff(spikes) > 1) + 1)
+    spikes = np.concatenate([row for row in rows if len(row) < PULSE_SAMPLES] or [NONE])
     if not len(spikes) or len(spikes) > max(MOST_SPIKES_SHARE * len(values), 1.0):
         return values, NONE
     good = np.ones(len(values), dtype=bool)
