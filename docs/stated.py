@@ -35,7 +35,9 @@ def stated() -> dict[str, list[tuple[str, Any, str]]]:
 
 
 def shown(value: Any) -> str:
-    """A number, or several, as text; empty for what is none."""
+    """A number or name, or several, as text; empty for what is neither."""
+    if isinstance(value, str):
+        return value
     if isinstance(value, Mapping):
         parts = [f"{str(name).replace('_', ' ')} {shown(one)}" for name, one in value.items()]
         return ", ".join(parts) if all(shown(one) for one in value.values()) else ""

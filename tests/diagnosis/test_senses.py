@@ -37,13 +37,23 @@ def changed(session: Session, factors: Mapping[str, float], other_cable: bool = 
     [
         ({"mcp_angle": -1.0}, False, "The MCP angle turns against the cable .* turn its sign"),
         ({"pip_angle": -1.0}, False, "The PIP angle turns against the cable .* turn its sign"),
+        ({"motor_position": -1.0}, False, "'motor_position' turns against its command in every run"),
         (
-            {"motor_position": -1.0},
+            {"motor_position": -1.0, "motor_command": -1.0},
             False,
             "Both joints turn against the cable .* turn the sign of motor_position",
         ),
         ({}, True, "Both joints turn against the cable .* name the other cable"),
-        ({"motor_torque": -1.0}, False, r"would push the cable .* \(run 001: -2\.\d+ N on average\)"),
+        (
+            {"motor_torque": -1.0},
+            False,
+            "'motor_torque' is -1 times what motor_current .* make it .* turn its sign",
+        ),
+        (
+            {"motor_torque": -1.0, "motor_current": -1.0},
+            False,
+            r"would push the cable .* \(run 001: -2\.\d+ N on average\)",
+        ),
         ({"motor_torque": 0.0}, False, "'motor_torque' never changes"),
         ({"pip_angle": 57.3}, False, "channel 'pip_angle' goes to .* write it in rad, not in degrees"),
     ],

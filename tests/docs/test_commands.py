@@ -43,6 +43,16 @@ RUN_ELSEWHERE = {
     "python packaging/distribution.py": ("tests/packaging/test_packages.py", "distribution.build_both"),
     "python packaging/licences.py": ("tests/docs/test_documents.py", "licences.locked()"),
     "python packaging/try_wheel.py": (".ci/run", "packaging/try_wheel.py"),
+    "python -m tests.diagnosis.metamorphic": (
+        *("tests/diagnosis/metamorphic/test_metamorphic.py", "shuffled(resized(axis"),
+    ),
+    "python -m tests.faults.crafted": ("tests/faults/test_crafted.py", '"-m", "tests.faults.crafted"'),
+    "python -m tests.faults.sensors": ("tests/faults/test_sensors.py", "try_once(lie, seed)"),
+    "python -m tests.hidden.axis": ("tests/hidden/test_axis.py", "baselines(open_session(path))"),
+    "python -m tests.hidden.dirt": ("tests/hidden/test_dirt.py", "dirt.WAYS[way](machine)"),
+    "python -m tests.hidden.wrong_additions": (
+        *("tests/hidden/test_wrong_additions.py", "wrong_additions.figures(entries)"),
+    ),
     "python start.py": (".ci/run", "start.py test"),
 }
 """Commands of other programs: the file that runs the same, and the words by which it does."""

@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from fingerlab.models.project import TriedModel
 from fingerlab.ui.acquire.acquire_bars import FROM_FILE
 from fingerlab.ui.acquire.acquire_tab import ask_to_close
 from fingerlab.ui.acquire.connect_page import ConnectPage
@@ -25,7 +26,9 @@ from fingerlab.ui.app import dialogs
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.calibrate.calibrate_tab import ask_to_leave
 from fingerlab.ui.lab.own_effects import OwnEffects
+from fingerlab.ui.lab.project_dialogs import NotesDialog, TriedDialog
 from fingerlab.ui.sessions.session_files import ImportDialog
+from fingerlab.ui.widgets.plot_figure import paper_of
 
 from .standing_open import Stage, Step, Surface, standing
 
@@ -140,7 +143,12 @@ DIALOGS = (
     Surface(
         "Save the plot",
         (lambda s: s.window.plots.ask_and_save(_first_plot(s)),),
-        ("app/plot_menu.py:PlotMenu.ask_and_save",),
+        ("app/plot_menu.py:SavePlotDialog",),
+    ),
+    Surface(
+        "Save the plot > File",
+        (lambda s: s.window.plots.save_as(_first_plot(s), paper_of(_first_plot(s))),),
+        ("app/plot_menu.py:PlotMenu.save_as",),
     ),
     Surface("Details of the session", (_details,), ("acquire/session_writing.py:DetailsDialog",)),
     Surface(
@@ -272,6 +280,24 @@ DIALOGS = (
         "Save report page",
         (lambda s: s.tab("model_lab").save_report(),),
         ("lab/model_lab_tab.py:ModelLabTab.save_report",),
+        "model_lab",
+    ),
+    Surface(
+        "Open a saved model",
+        (lambda s: s.tab("model_lab").open_model(),),
+        ("lab/model_lab_tab.py:ModelLabTab.open_model",),
+        "model_lab",
+    ),
+    Surface(
+        "Notes",
+        (lambda s: NotesDialog(s.tab("model_lab").pages, "Clamped anew.", "day.project.json").open(),),
+        ("lab/project_dialogs.py:NotesDialog",),
+        "model_lab",
+    ),
+    Surface(
+        "Models tried",
+        (lambda s: TriedDialog(s.tab("model_lab").pages, [TriedModel((), 12.4)], ()).open(),),
+        ("lab/project_dialogs.py:TriedDialog",),
         "model_lab",
     ),
     Surface("Own effects", (_own_effects,), ("lab/own_effects.py:OwnEffects",), "model_lab"),

@@ -317,6 +317,7 @@ def wait_for_words(qtbot: QtBot, window: MainWindow) -> str:
     return label.text()
 
 
+@pytest.mark.qt_log_ignore("This plugin does not support")  # dialogs, on a screen that is none
 def test_every_plot_is_saved_in_every_format(wanting: MainWindow, tmp_path: Path) -> None:
     save_each_plot(wanting, tmp_path / "wanted", 2)
     click(wanting, "view_measured")

@@ -270,6 +270,7 @@ def test_export_and_copy_with_tags_from_the_menu(
     assert facts.tags == ("good",)
 
 
+@pytest.mark.qt_log_ignore("This plugin does not support")  # dialogs, on a screen that is none
 def test_the_browser_and_the_review_are_whole(browsing: Opened, qtbot: QtBot, tmp_path: Path) -> None:
     window, tab = browsing
     for name in ("broken.h5", "ring.h5"):

@@ -1,0 +1,45 @@
+"""The committed table of wrong additions: its rows are those asked for, and its figures count them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from tests.hidden import wrong_additions
+
+PAGE = Path(__file__).resolve().parents[2] / wrong_additions.PAGE
+
+
+def rows(columns: int) -> list[list[str]]:
+    """Cells of the page's table with so many columns, without its heading."""
+    lines = [line.split("|")[1:-1] for line in PAGE.read_text(encoding="utf-8").splitlines()]
+    return [[cell.strip() for cell in line] for line in lines if len(line) == columns][2:]
+
+
+def entry(effect: str, added: str, verdict: str, better: str) -> dict[str, Any]:
+    """A row as the program keeps it."""
+    came, _, gone = better.partition(" for ")
+    told = None if better == "-" else [gone.split(" + "), came.split(" + "), 1.0]
+    verdict, _, path = verdict.partition(": ")
+    known = {"verdict": verdict.replace(" ", "_"), "path": path.replace(", ", " + ").split(" + ")}
+    return {"effect": effect, "added": added, "better": told, **known}
+
+
+def test_each_effect_is_tried_with_its_two_relatives_and_itself() -> None:
+    added: dict[str, list[str]] = {}
+    for effect, one, *_ in rows(6):
+        added.setdefault(effect, []).append(one)
+    assert len(added) >= 14
+    assert added == {effect: [*wrong_additions.relatives(effect), effect] for effect in added}
+
+
+def test_the_figures_count_the_rows() -> None:
+    entries = [entry(effect, added, verdict, better) for effect, added, _, verdict, better, _ in rows(6)]
+    counted, printed = dict(wrong_additions.figures(entries)), dict(rows(2))
+    assert set(counted) == set(printed)
+    named = (
+        "wrong effect added: the truth named or offered in exchange"  # rows do not tell all that is offered
+    )
+    least, most = (int(one[named].split()[0]) for one in (counted, printed))
+    assert 0 < least <= most
+    assert {**counted, named: printed[named]} == printed
