@@ -341,7 +341,8 @@ CLOSER_RIVALS = 2
 RIVAL_LOG_ODDS = float(np.log(2.0))
 """Log odds from which on a model with an effect exchanged is told as the better one: twice as likely."""
 DOUBTED = 0.05
-"""Share of its probability that "nothing missing" keeps where a model leaves what no bench does."""
+"""Share of its probability that "nothing missing" keeps where a model with added effects leaves what no bench
+does; assumed."""
 
 # ## What could not show
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from fingerlab.sessions import open_session
+from fingerlab.sessions.format import CHANNEL_UNITS
 from fingerlab.sessions.recording_files import (
     CLOSED,
     LOCK,
@@ -20,15 +21,7 @@ from fingerlab.sessions.recording_files import (
 )
 from tests.conftest import RIG
 
-UNITS = {
-    "time": "s",
-    "motor_command": "rad",
-    "motor_position": "rad",
-    "motor_current": "A",
-    "motor_torque": "N m",
-    "mcp_angle": "rad",
-    "pip_angle": "rad",
-}
+UNITS = {name: unit for name, unit in CHANNEL_UNITS.items() if not name.endswith(("force", "load_torque"))}
 SAMPLES = 9000
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from textwrap import fill
 from typing import Any
 
@@ -384,9 +383,9 @@ def _draw_series(figure: Figure, series: list[Series]) -> None:
     for axes, up in zip(stacked, heights, strict=True):
         for number, one in enumerate(part for part in series if part.up == up):
             x, y = envelope(one.x, one.y, BUCKETS) if len(one.x) else (one.x, one.y)
-            draw: Callable[..., Any] = partial(axes.plot, x, y, label=one.name or None, lw=POINTS_PER_PIXEL)
             own = one.name in ROLES
-            draw(color=getattr(colours, one.name) if own else colours.over[number % len(colours.over)])
+            colour = getattr(colours, one.name) if own else colours.over[number % len(colours.over)]
+            axes.plot(x, y, label=one.name or None, lw=POINTS_PER_PIXEL, color=colour)
             axes.set_xlabel(one.across, fontsize=LABEL_SIZE)
         axes.set_ylabel(up, fontsize=LABEL_SIZE)
         axes.tick_params(labelsize=TICK_SIZE)
