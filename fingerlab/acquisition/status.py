@@ -135,6 +135,9 @@ class Number(IntEnum):
     WRITTEN = 1  # recorder: share of writing and verifying a session that is done, 0 to 1
     LEFT = 2  # loop: V at the output after its clock was stopped; NaN where the device cannot tell
     CLEARED = 3  # loop: V at the output after the stop that followed
+    PROPORTIONAL = 4  # loop: A/rad
+    INTEGRAL = 5  # loop: A/(rad s)
+    DERIVATIVE = 6  # loop: A s/rad
 
 
 _SLOTS = 64

@@ -5,9 +5,10 @@ The diagnoses run in processes of this machine, or on a Dask cluster that is the
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +38,12 @@ CONNECT_SECONDS = 10.0
 
 
 def locally(processes: int | None = None) -> Runner:
-    """A runner on this machine, one diagnosis a process; all processors for None."""
+    """A runner on this machine, one diagnosis a process; all processors for None.
+
+    Where a process is ended from outside, nobody knows by which session, and mostly it was for want of
+    memory: those that are left are diagnosed one at a time, and the one that ends its process again gets a
+    row that says so.
+    """
     wanted = processes or os.cpu_count() or 1
 
     def run(tasks: Sequence[Task], options: Options) -> Iterator[SessionRow]:
@@ -49,18 +55,42 @@ def locally(processes: int | None = None) -> Runner:
             yield from (diagnose_file(task, options) for task in tasks)
             return
         work = Parallel(n_jobs=count, backend="loky", return_as="generator_unordered", batch_size=1)
+        left = dict(enumerate(tasks))
         try:
             with own_code_only():
-                yield from work(delayed(diagnose_file)(task, options) for task in tasks)
+                for number, row in work(delayed(_numbered)(n, task, options) for n, task in enumerate(tasks)):
+                    del left[number]
+                    yield row
         except BrokenProcessPool:
-            raise UserError(
-                "A process that diagnosed was ended from outside, mostly for want of memory; what is done is "
-                "kept, so start the same batch again with fewer at a time, such as --jobs 1."
-            ) from None
+            get_reusable_executor().shutdown(wait=True, kill_workers=True)
+            yield from _one_at_a_time(list(left.values()), options)
         finally:
             get_reusable_executor().shutdown(wait=True, kill_workers=True)
 
     return run
+
+
+def _numbered(number: int, task: Task, options: Options) -> tuple[int, SessionRow]:
+    return number, diagnose_file(task, options)
+
+
+def _one_at_a_time(tasks: Sequence[Task], options: Options) -> Iterator[SessionRow]:
+    """Each in a process that lasts until one ends it."""
+    pool: ProcessPoolExecutor | None = None
+    try:
+        for task in tasks:
+            if pool is None:
+                pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
+            try:
+                with own_code_only():
+                    yield pool.submit(diagnose_file, task, options).result()
+            except BrokenProcessPool:
+                pool.shutdown()
+                pool = None
+                yield _lost(task, options, "it was ended from outside, for want of memory or by this file")
+    finally:
+        if pool is not None:
+            pool.shutdown(cancel_futures=True)
 
 
 def on_dask(address: str, folder: Path) -> Runner:

@@ -72,6 +72,62 @@ def find_misplaced(
     return tuple(found)
 
 
+LEAST_VOLTS = 0.05
+"""V by which two steps have to differ, or their slope says nothing (assumed: fifty times the noise)."""
+
+
+def early_objection(plan: CalibrationPlan, steps: Sequence[SteadyStep], rises: bool | None = None) -> str:
+    """What the data sheet says against the very first steps: zero, sense or span; empty for nothing.
+
+    Two steps are enough to see that a sensor is wired or mounted the wrong way round, or has another span.
+
+    Args:
+        rises: whether the volts should rise with the known value; None where either is right.
+    """
+    sensor, marks = plan.sensor, plan.marks
+    if not steps:
+        return ""
+    zero = sensor.zero
+    if zero is not None and marks[0] == 0 and not zero.low <= steps[0].volts <= zero.high:
+        return (
+            f"With nothing on it the sensor gives {steps[0].volts:.3f} V, and its data sheet allows "
+            f"{zero.low:g} to {zero.high:g} V ({zero.source}); look at its supply and its wires first."
+        )
+    shares = _shares(plan, steps)
+    if not shares:
+        return ""
+    slope = float(np.median(shares))  # V a unit of the quantity
+    if rises is not None and abs(slope) * sensor.gain.high > 0.3 and (slope > 0) is not rises:
+        way = "falls" if slope < 0 else "rises"
+        return (
+            f"The reading {way} as the known value grows, and should do the opposite: the sensor is turned "
+            "round, its wires are swapped, or its sign in the rig file is wrong."
+        )
+    low, high = 1.0 / sensor.gain.high, 1.0 / sensor.gain.low
+    off = EARLY_TOLERANCE
+    if not low * (1.0 - off) <= abs(slope) <= high * (1.0 + off):
+        share = abs(slope) / (0.5 * (low + high))
+        return (
+            f"From step to step the reading changes by {100 * share:.0f} % of what the data sheet says "
+            f"({sensor.gain.source}); look at the supply, the range and the known values before you go on."
+        )
+    return ""
+
+
+EARLY_TOLERANCE = 0.1
+"""Share by which the slope of a few steps may be beyond the data sheet's (assumed: a mark is set by hand)."""
+
+
+def _shares(plan: CalibrationPlan, steps: Sequence[SteadyStep]) -> list[float]:
+    """Volts a unit of the quantity between captured steps whose known values are far enough apart."""
+    factor = plan.sensor.mark_factor
+    least = LEAST_VOLTS * plan.sensor.gain.low
+    known = [factor * mark for mark in plan.marks[: len(steps)]]
+    volts = [step.volts for step in steps]
+    pairs = [(i, k) for i in range(len(steps)) for k in range(i) if abs(known[i] - known[k]) >= least]
+    return [(volts[i] - volts[k]) / (known[i] - known[k]) for i, k in pairs]
+
+
 def _describe(plan: CalibrationPlan, number: int, off: float) -> Misplaced:
     move, sensor = plan.moves[number], plan.sensor
     place = f"Step {number + 1} ({move.sweep}, {mark_text(sensor, move.mark)})"

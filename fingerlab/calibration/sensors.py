@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -177,9 +177,57 @@ def standard_plan(sensor: Sensor) -> CalibrationPlan:
     return _load_cell_plan(sensor) if sensor.mark_unit == "kg" else _angle_plan(sensor)
 
 
+def own_plan(sensor: Sensor, marks: Sequence[float]) -> CalibrationPlan:
+    """The procedure with an operator's own weights (kg) or angle marks (deg), in both passes.
+
+    Raises:
+        UserError: too few, one twice or beyond what the sensor can be given.
+    """
+    most = 20.0 if sensor.mark_unit == "kg" else 180.0
+    least = (
+        4 if sensor.mark_unit == "kg" else 3
+    )  # each pass is a line of its own, and the way back has one less
+    if len(set(marks)) < max(len(marks), least):
+        raise UserError(f"The {sensor.title} needs {least} different known values or more, each once.")
+    if not all(math.isfinite(mark) and abs(mark) <= most for mark in marks) or (
+        sensor.mark_unit == "kg" and min(marks) < 0
+    ):
+        raise UserError(
+            f"A known value is beyond what can be set: {'0' if most == 20 else -most} to {most:g}."
+        )
+    if sensor.mark_unit == "kg":
+        up = sorted(marks)
+        moves = [Move(LOADING, mark, _lay(mark)) for mark in up]
+        moves += [Move(UNLOADING, mark, _lay(mark)) for mark in reversed(up[:-1])]
+    else:
+        words = f"Flex the {sensor.name.upper()} joint to {{}}° and hold it there."
+        moves = [Move(sweep, mark, words.format(f"{mark:g}")) for sweep in (FIRST, SECOND) for mark in marks]
+    return CalibrationPlan(sensor, tuple(moves))
+
+
+def _lay(mark: float) -> str:
+    if mark == 0:
+        return "Take every weight off the load cell and let go of the plate."
+    return f"Lay weights of {1000 * mark:g} g in all on the load cell."
+
+
+def read_marks(sensor: Sensor, text: str) -> tuple[float, ...]:
+    """Known values from what an operator has typed, in g or degrees; ``mark_unit``.
+
+    Raises:
+        UserError: one is no number.
+    """
+    parts = text.replace(";", " ").replace(",", " ").split()
+    try:
+        values = [float(part) for part in parts]
+    except ValueError:
+        raise UserError(f"{text!r} is no list of known values; give numbers such as 0 15 30 45.") from None
+    return tuple(value / 1000.0 if sensor.mark_unit == "kg" else value for value in values)
+
+
 def mark_text(sensor: Sensor, mark: float) -> str:
     """A known value as a person says it: ``300 g``, ``45°``."""
-    return f"{1000 * mark:.0f} g" if sensor.mark_unit == "kg" else f"{mark:g}°"
+    return f"{1000 * mark:g} g" if sensor.mark_unit == "kg" else f"{mark:g}°"
 
 
 def _load_cell_plan(sensor: Sensor) -> CalibrationPlan:

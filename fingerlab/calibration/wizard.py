@@ -14,7 +14,13 @@ from typing import Literal
 import numpy as np
 
 from fingerlab.calibration.line import SteadyStep, StepTiming
-from fingerlab.calibration.outcome import CalibrationOutcome, Misplaced, find_misplaced, outcome_of
+from fingerlab.calibration.outcome import (
+    CalibrationOutcome,
+    Misplaced,
+    early_objection,
+    find_misplaced,
+    outcome_of,
+)
 from fingerlab.calibration.sensors import CalibrationPlan, Move
 from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Array
@@ -120,13 +126,16 @@ class Wizard:
 
     Attributes:
         plan, timing: what is done and how long each step is held.
+        rises: whether the volts should rise with the known value; None where either is right.
         captures: of the steps so far, in the plan's order.
         phase: where it is. stillness: of the reading now.
         time, volts: the reading of the last minute at 20 Hz, s and V.
     """
 
-    def __init__(self, plan: CalibrationPlan, timing: StepTiming | None = None) -> None:
-        self.plan, self.timing = plan, timing or StepTiming()
+    def __init__(
+        self, plan: CalibrationPlan, timing: StepTiming | None = None, rises: bool | None = None
+    ) -> None:
+        self.plan, self.timing, self.rises = plan, timing or StepTiming(), rises
         self.captures: list[Capture] = []
         self.phase = Phase.SETTLE
         self.stillness = Stillness("none", float("nan"))
@@ -184,6 +193,10 @@ class Wizard:
     def doubts(self) -> tuple[Misplaced, ...]:
         """Captured steps that do not fit the others, such as a wrong weight."""
         return find_misplaced(self.plan, [one.step for one in self.captures], range(self.number))
+
+    def early(self) -> str:
+        """What the data sheet says against the steps so far: zero, sense or span; empty for nothing."""
+        return early_objection(self.plan, [one.step for one in self.captures], self.rises)
 
     # what goes in
 

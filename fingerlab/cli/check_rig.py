@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import Interrupts, json_option, write_json
+from fingerlab.cli.common import Interrupts, asked_device, json_option, somebody_there, write_json
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench.bench import Bench
-    from fingerlab.acquisition.check_rig.look import CheckProtocol, Operator
+    from fingerlab.acquisition.check_rig.look import CheckProtocol, Operator, Outcome
     from fingerlab.acquisition.check_rig.walk import Step
     from fingerlab.devices.choosing import DeviceChoice
     from fingerlab.rig.constants import Rig
@@ -56,6 +55,7 @@ def check_rig(
     Exits with 0 where everything was confirmed. A step that failed or was left out is bad input: the bench is
     not known to be what its rig file says; the exit code is 2 then. The protocol is written either way.
     """
+    from fingerlab.acquisition.check_rig.kept import checks_folder, keep
     from fingerlab.acquisition.check_rig.look import write_protocol
     from fingerlab.acquisition.check_rig.walk import check_answers
     from fingerlab.devices.choosing import REPLAY, choose_device
@@ -64,12 +64,14 @@ def check_rig(
     refuse_taken(out)
     given = _answers(answers)
     rig = load_rig(rig_file) if rig_file else default_rig()
-    choice = choose_device(device or _asked_device(rig), rig, real_time=not all_yes)
+    choice = choose_device(device or asked_device(rig, "to check"), rig, real_time=not all_yes)
     if choice.kind == REPLAY:
         raise UserError("A replay has no bench to check; give a card such as Dev1, or 'simulated'.")
     check_answers(given, all_yes, choice.simulated)
     protocol = checked(choice, _Operator(given, all_yes), str(rig_file or "the default rig"))
     write_protocol(protocol, out)
+    if not choice.simulated:  # a rehearsal says nothing about a real bench
+        keep(protocol, checks_folder(rig_file))
     states = [outcome.state for outcome in protocol.outcomes]
     counted = ", ".join(f"{states.count(state)} {state}" for state in dict.fromkeys(states))
     click.echo(f"{counted}. Written to {out}.", err=True)
@@ -87,6 +89,7 @@ def checked(
     Raises:
         UserError: the bench cannot be opened, or nobody answers. KeyboardInterrupt: it was stopped.
     """
+    from fingerlab.acquisition.check_rig.kept import bench_key
     from fingerlab.acquisition.check_rig.walk import STEPS
     from fingerlab.acquisition.check_rig.walk import check_rig as check
     from fingerlab.devices.choosing import CARD
@@ -98,26 +101,13 @@ def checked(
         operator.tell(f"Checking {bench.status().device}.")
         with Interrupts(bench.stop) as interrupts:
             walked = STEPS if steps is None else steps
-            protocol = check(bench, rig, operator, rig_source, choice.kind == CARD, walked)
+            on_card = choice.kind == CARD
+            protocol = check(bench, rig, operator, rig_source, on_card, walked, bench_key(choice))
         if interrupts.asked:
             raise KeyboardInterrupt
     finally:
         bench.close()
     return protocol
-
-
-def _asked_device(rig: Rig) -> str:
-    """Which bench, said by the person at the terminal: a card that is there is not taken unasked."""
-    from fingerlab.devices.choosing import detect, opening_sentence
-
-    found = detect(rig)
-    names = [one.name for one in found if one.available]
-    if not _somebody_there():
-        raise UserError(
-            f"--device is missing; name the bench to check: {' or '.join(names)}, or another card."
-        )
-    click.echo(opening_sentence(found), err=True)
-    return str(click.prompt(f"Which bench ({', '.join(names)}, or another card)", err=True))
 
 
 def _open(choice: DeviceChoice, rig: Rig) -> Bench:
@@ -133,10 +123,6 @@ def _open(choice: DeviceChoice, rig: Rig) -> Bench:
     from fingerlab.acquisition.bench.process_bench import ProcessBench
 
     return ProcessBench(choice, settings, rescue_folder(), rig.daq.rate_hz)
-
-
-def _somebody_there() -> bool:
-    return sys.stdin is not None and sys.stdin.isatty()
 
 
 def _complaint(protocol: Any, out: Path) -> str:
@@ -163,12 +149,15 @@ class _Operator:
     def tell(self, text: str) -> None:
         click.echo(text, err=True)
 
+    def found(self, outcome: Outcome) -> None:
+        self.tell(f"{outcome.state}: {outcome.title.rstrip('.')}. {outcome.sentence}")
+
     def ask(self, step: str, question: str) -> str:
         if step in self._answers or self._all_yes:
             answer = self._answers.get(step, "yes")
             click.echo(f"[{step}] {question} {answer}", err=True)
             return answer
-        if not _somebody_there():
+        if not somebody_there():
             raise UserError(f"Nobody is there to answer the step '{step}'; run check-rig in a terminal.")
         words = click.Choice(["yes", "no", "skip"])
         answer = click.prompt(f"[{step}] {question}", type=words, err=True)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from fingerlab.models.file import Model
+    from fingerlab.rig.constants import Rig
 
 PATH = click.Path(path_type=Path)
 TABLE_WIDTH = 128
@@ -51,6 +52,27 @@ sessions_argument = click.argument("sessions", nargs=-1, required=True, type=PAT
 added_option = click.option(
     "--add", "added", multiple=True, metavar="ID", help="Effect that the model holds already; repeatable."
 )
+
+
+def asked_device(rig: Rig | None, what_for: str) -> str:
+    """Which bench, said by the person at the terminal: a card that is there is not taken unasked.
+
+    Args:
+        rig: names card and server; None for the default. what_for: such as ``to check``.
+
+    Raises:
+        UserError: nobody is there to ask.
+    """
+    from fingerlab.devices.choosing import detect, opening_sentence
+
+    found = detect(rig)
+    names = [one.name for one in found if one.available]
+    if not somebody_there():
+        raise UserError(
+            f"--device is missing; name the bench {what_for}: {' or '.join(names)}, or another card."
+        )
+    click.echo(opening_sentence(found), err=True)
+    return str(click.prompt(f"Which bench ({', '.join(names)}, or another card)", err=True))
 
 
 class Within(click.FloatRange):

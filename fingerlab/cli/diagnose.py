@@ -96,12 +96,13 @@ def _print(result: Diagnosis) -> None:
     from rich.text import Text
 
     from fingerlab.report import diagnosis_words as words
+    from fingerlab.report.score_words import score_words
 
     console = table_console()
     console.print(Text(f"\n{words.verdict_sentence(result)}\n", style="bold"))
     console.print(_errors(result))
-    if words.score_parts_sentence(result):
-        console.print(Text(words.score_parts_sentence(result)))
+    if result.score_parts:
+        console.print(Text(score_words(result)))
     console.print()
     console.print(_ranking(result))
     console.print(f"error: with that effect in the model{'; * cannot be ruled out' if result.set else ''}\n")
@@ -139,9 +140,10 @@ def _how_to_add(result: Diagnosis) -> str:
 
 def _errors(result: Diagnosis) -> Table:
     from fingerlab.core.text import score_text
+    from fingerlab.report.diagnosis_words import judged_on
     from fingerlab.report.page_tables import error_rows
 
-    title = f"Error on runs left out of the fit: {score_text(result.score)} times the floor"
+    title = f"Error on {judged_on(result)}: {score_text(result.score)} times the floor"
     columns = ("equations", ">error (rms)", ">floor", "unit", ">error / floor", ">R2")
     table = result_table(*columns, box=None, pad_edge=False, title=title, title_style="")
     for row in error_rows(result.errors):

@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import Within, counted, json_option, progress_bar, write_json
+from fingerlab.cli.common import Within, asked_device, counted, json_option, progress_bar, write_json
 from fingerlab.cli.record_events import Events
-from fingerlab.cli.simulate import PROTOCOL_NAMES, TRAJECTORY_HELP, single_plan
+from fingerlab.cli.simulate import PROTOCOL_HELP, TRAJECTORY_HELP, ProtocolName, protocol_plans, single_plan
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text, refuse_taken
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench.bench import Bench
     from fingerlab.acquisition.control.commands import Initialise
+    from fingerlab.acquisition.control.motion import Gains
     from fingerlab.acquisition.protocols.driver import Beginning
     from fingerlab.acquisition.protocols.script import Order
     from fingerlab.devices.choosing import DeviceChoice
@@ -31,7 +32,19 @@ FORCE = Within(min=0.05, max=50.0)
 
 
 @click.command()
-@click.option("--protocol", type=click.Choice(PROTOCOL_NAMES), help="Which runs to take.")
+@click.option("--protocol", type=ProtocolName(), help=PROTOCOL_HELP)
+@click.option(
+    "--from-run",
+    default=1,
+    show_default=True,
+    type=click.IntRange(min=1),
+    help="Begin with this run of the protocol, such as the one in which it was stopped.",
+)
+@click.option(
+    "--gains",
+    metavar="P,I,D",
+    help="Of the position loop, A/rad, A/(rad s), A s/rad; else the usual ones. Written with each run.",
+)
 @click.option(
     "--trajectory",
     metavar="FILE|JSON",
@@ -43,7 +56,7 @@ FORCE = Within(min=0.05, max=50.0)
 @click.option(
     "--device",
     metavar="NAME",
-    help="simulated; a card such as Dev1 or host:31763/Dev1; own:FILE.py; else the first one found.",
+    help="simulated; a card such as Dev1 or host:31763/Dev1; own:FILE.py; else it is asked.",
 )
 @click.option("--rig", "rig_file", type=click.Path(path_type=Path), help="Rig file (TOML).")
 @click.option("--title", help="Title of the session.")
@@ -89,7 +102,7 @@ FORCE = Within(min=0.05, max=50.0)
     metavar="nominal|MODEL.json",
     help="Tell among --events by how much this model misses torque (N m) and force (N).",
 )
-@click.option("--yes", is_flag=True, help="Do not wait for a key where the cable is to be changed.")
+@click.option("--yes", is_flag=True, help="Ask nobody about cable and bench: on the simulated rig alone.")
 @click.option("--real-time", is_flag=True, help="Let the simulated rig run in real time, as a card does.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="Which simulated bench.")
 @click.option("--effect", "effects", multiple=True, metavar="ID[=STRENGTH]", help="Of the simulated bench.")
@@ -103,7 +116,7 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
     What has been recorded is safe at every moment: a recording that was cut is repaired when it is opened.
     The simulated rig runs as fast as it can, unless it is asked for real time.
     """
-    from fingerlab.acquisition.protocols.steps import plan_steps
+    from fingerlab.acquisition.protocols.steps import plan_steps, steps_from
     from fingerlab.cli.record_session import Told, take
     from fingerlab.devices.choosing import REPLAY
 
@@ -121,11 +134,16 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
     choice = _choice(options)
     if choice.kind == REPLAY:
         raise UserError("A replay has been recorded already; record from 'simulated' or from a card.")
-    steps = plan_steps(plans, options["force"], options["rest"])
+    steps = steps_from(plan_steps(plans, options["force"], options["rest"]), options["from_run"])
     simulated = choice.kind == "simulated"
     if not simulated and (options["effects"] or options["hidden"]):  # a real motor is not what was meant
         raise UserError(
             "--effect and --hidden are of the simulated rig; leave them out, or give --device simulated."
+        )
+    if not simulated and options["yes"]:  # nobody would have looked which cable is on the pulley
+        raise UserError(
+            "--yes is for the simulated rig; at a real bench answer each question about the cable in a "
+            "terminal, or by a line 'ready' of --commands."
         )
     with ExitStack() as stack:
         events = stack.enter_context(Events(options["events"]))
@@ -145,7 +163,7 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
             model=model,
             orders=orders,
             typed=options["commands"] == "-",
-            asks=not (options["yes"] or simulated),  # nobody has to change a cable
+            asks=not simulated,  # where nobody has to change a cable
         )
         path, samples, runs = take(bench, rig, steps, told, events, bar, report)
         result = _result(path, name, samples)
@@ -208,6 +226,7 @@ def _open(
     A simulated rig is taken as it is: what it records must depend on its seed alone.
     """
     from fingerlab.acquisition.bench.steering import LoopSettings
+    from fingerlab.acquisition.check_rig.kept import bench_key, checks_folder, last_check
     from fingerlab.acquisition.control.units import BenchUnits
     from fingerlab.acquisition.record.recording import rescue_folder
     from fingerlab.calibration.applying import default_folder, rig_and_attributes
@@ -219,7 +238,12 @@ def _open(
     if device is None:
         rig, told = rig_and_attributes(rig, default_folder(options["rig_file"]))
         attributes |= told
-    settings = LoopSettings(BenchUnits.from_rig(rig), rig.limits)
+    settings = LoopSettings(BenchUnits.from_rig(rig), rig.limits, _gains(options["gains"]))
+    if device is None:
+        check = last_check(rig, bench_key(choice), checks_folder(options["rig_file"]))
+        settings = replace(settings, current_share=check.current_share())
+        attributes["check_rig"] = check.words
+        click.echo(f"{check.sentence(rig)}", err=True)
     if device is not None and not options["real_time"]:
         from fingerlab.acquisition.bench.inline import InlineBench
 
@@ -229,9 +253,23 @@ def _open(
     return ProcessBench(choice, settings, rescue_folder(), rig.daq.rate_hz), rig, attributes
 
 
+def _gains(text: str | None) -> Gains:
+    """Raises UserError where they are no three numbers within what the loop takes."""
+    from fingerlab.acquisition.control.motion import Gains, check_gains
+
+    if text is None:
+        return Gains()
+    try:
+        proportional, integral, derivative = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UserError(f"--gains is {text!r}; it should be three numbers, such as 14,25,0.25.") from None
+    gains = Gains(proportional, integral, derivative)
+    check_gains(gains)
+    return gains
+
+
 def _choice(options: Mapping[str, Any]) -> DeviceChoice:
-    from fingerlab.devices.choosing import choose_device, detect, opening_sentence
-    from fingerlab.devices.protocol import first_available
+    from fingerlab.devices.choosing import choose_device
     from fingerlab.devices.simulated import Simulation
     from fingerlab.rig.file import load_rig
     from fingerlab.twin.effects import parse_effects
@@ -242,19 +280,13 @@ def _choice(options: Mapping[str, Any]) -> DeviceChoice:
     simulation = Simulation(
         options["preset"], options["seed"], parse_effects(options["effects"]), options["hidden"]
     )
-    name = options["device"]
-    if name is None:
-        found = detect(rig)
-        click.echo(opening_sentence(found), err=True)
-        first = first_available(found)
-        name = first.name if first is not None else None
+    name = options["device"] or asked_device(rig, "to record from")
     return choose_device(name, rig, simulation, real_time=options["real_time"])
 
 
 def _plans(options: Mapping[str, Any]) -> tuple[str, list[Any]]:
     from fingerlab.acquisition.protocols.steps import in_contact
     from fingerlab.twin.preset import load_preset
-    from fingerlab.twin.protocols import PROTOCOLS
 
     protocol, text, press = options["protocol"], options["trajectory"], options["then_contact"]
     if (protocol is None) == (text is None):
@@ -265,7 +297,7 @@ def _plans(options: Mapping[str, Any]) -> tuple[str, list[Any]]:
                 f"--phase, --cable, --runs and --then-contact go with --trajectory; {protocol} has its own."
             )
         amplitude = load_preset(options["preset"]).numbers["protocol"]["contact_amplitude_deg"]
-        return protocol, PROTOCOLS[protocol](amplitude)
+        return protocol_plans(protocol, amplitude)
     plan = single_plan(text, options["phase"], options["cable"])
     plans = [plan] * options["runs"]
     if press is None:

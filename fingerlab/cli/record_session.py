@@ -109,7 +109,7 @@ class _Attendant:
             if over and not self.script.answered:
                 raise UserError(
                     "Nobody is there to say that the bench has been changed; record from a terminal, or give "
-                    "--yes."
+                    "the line 'ready' with --commands."
                 )
             return self.script.answered
 

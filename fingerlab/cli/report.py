@@ -58,8 +58,8 @@ def report(
     The page needs no other file and no network. The JSON is that of 'fingerlab diagnose' and names what was
     written.
     """
-    from fingerlab.diagnosis import diagnose
     from fingerlab.report.page import Extras, write_report
+    from fingerlab.report.story import diagnose_each, story
     from fingerlab.sessions import open_session
 
     _check_places(out, pdf, figures, equation, json_target)
@@ -68,17 +68,19 @@ def report(
     extras = Extras(pdf, figures, equation)
     bar, tell = progress_bar("Writing the report")
     with bar:
-        result = diagnose(opened, added, progress=lambda share, what: tell(0.45 * share, what))
+        *before, result = diagnose_each(opened, added, lambda share, what: tell(0.45 * share, what))
         write_report(
-            opened, out, added, result, progress=lambda s, what: tell(0.45 + 0.55 * s, what), extras=extras
-        )
+            opened, out, added, result,
+            progress=lambda s, what: tell(0.45 + 0.55 * s, what), extras=extras, before=before,
+        )  # fmt: skip
     for path in (out, pdf):
         if path is not None:
             click.echo(f"{path} written, {path.stat().st_size / 1e6:.1f} MB.", err=True)
     if json_target is not None:
         written = {"pdf": pdf, "figures": figures, "equation": equation}
         more = {name: str(path) for name, path in written.items() if path is not None}
-        write_json({**result.to_json(), "report": str(out), **more}, json_target)
+        told = [step.to_json() for step in story((*before, result))]
+        write_json({**result.to_json(), "story": told, "report": str(out), **more}, json_target)
 
 
 def _check_places(

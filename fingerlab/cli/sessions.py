@@ -31,6 +31,7 @@ from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.rig.file import CONSTANT_UNITS, default_rig, load_rig, sources_of
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
 from fingerlab.sessions.format import CABLES, PHASES
+from fingerlab.sessions.recording_files import CLEAN
 from fingerlab.sessions.trajectory import trajectory_words
 
 if TYPE_CHECKING:
@@ -330,6 +331,9 @@ def _print_info(session: Session, report: CheckReport) -> None:
     for key in ("operator", "notes", "software", "tags"):
         if key in session.attributes:
             console.print(f"{key}: {session.attributes[key]}")
+    ended = [str(session.attributes.get(key, "")) for key in ("ended", "ended_note")]
+    if ended[0] not in ("", CLEAN):
+        console.print(f"ended: {ended[0]}. {ended[1]}".strip())
     console.print(_runs_table(session, report))
     console.print(_rig_table(session.rig, str(session.attributes["rig"])))
     for finding in report.findings:

@@ -16,6 +16,39 @@ if TYPE_CHECKING:
     from fingerlab.twin.protocols import RunPlan
 
 PROTOCOL_NAMES = ("on-air", "contact", "motor-bench", "thesis", "rich")
+TABLES = (".csv", ".txt", ".tsv")
+PROTOCOL_HELP = "Which runs to take: a protocol by its name, or a text table with a row for each kind of run."
+
+
+class ProtocolName(click.Choice):
+    """One of the protocols, or the file of a table of runs."""
+
+    def __init__(self) -> None:
+        super().__init__(PROTOCOL_NAMES)
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        return f"[{'|'.join(PROTOCOL_NAMES)}|TABLE.csv]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if str(value).lower().endswith(TABLES):
+            return str(value)
+        return super().convert(value, param, ctx)
+
+
+def protocol_plans(protocol: str, contact_amplitude_deg: float) -> tuple[str, list[RunPlan]]:
+    """A protocol's name for the session, and its runs.
+
+    Raises:
+        UserError: it is a table that cannot be read.
+    """
+    from fingerlab.twin.protocols import PROTOCOLS
+    from fingerlab.twin.run_table import read_run_table
+
+    if protocol in PROTOCOLS:
+        return protocol, PROTOCOLS[protocol](contact_amplitude_deg)
+    return Path(protocol).stem, read_run_table(Path(protocol))
+
+
 TRAJECTORY_HELP = (
     "Take one run with this trajectory instead of a protocol: JSON text, a file of it, or what 'inverse' or "
     "'diagnose --json' gave."
@@ -62,7 +95,7 @@ def read_proposal(text: str) -> dict[str, Any]:
 
 
 @click.command()
-@click.option("--protocol", type=click.Choice(PROTOCOL_NAMES), help="Which runs to take.")
+@click.option("--protocol", type=ProtocolName(), help=PROTOCOL_HELP)
 @click.option(
     "--effect",
     "effects",
@@ -156,8 +189,6 @@ def reveal(session: Path, json_target: str | None) -> None:
 def _plans(
     protocol: str | None, trajectory: str | None, phase: str | None, cable: str | None, amplitude: float
 ) -> tuple[str, list[RunPlan]]:
-    from fingerlab.twin.protocols import PROTOCOLS
-
     if (protocol is None) == (trajectory is None):
         raise UserError(
             "Give either --protocol with a name or --trajectory with JSON text, not both or neither."
@@ -165,5 +196,5 @@ def _plans(
     if protocol is not None:
         if phase or cable:
             raise UserError(f"--phase and --cable go with --trajectory; the protocol {protocol} has its own.")
-        return protocol, PROTOCOLS[protocol](amplitude)
+        return protocol_plans(protocol, amplitude)
     return "single", [single_plan(str(trajectory), phase, cable)]

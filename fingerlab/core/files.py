@@ -17,6 +17,17 @@ MOST_BYTES = 1 << 24
 """Of a text file that is read whole."""
 
 
+def seen_as(path: Path) -> str:
+    """``file``, ``folder``, or empty for what is missing, is something else, or may not be looked at.
+
+    ``Path.is_file`` raises where a folder above may not be entered, or a link leads to no possible name.
+    """
+    try:
+        return "file" if path.is_file() else "folder" if path.is_dir() else ""
+    except OSError:
+        return ""
+
+
 def read_text(path: Path, what: str) -> str:
     """A text file of somebody's, whole.
 

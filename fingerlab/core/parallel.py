@@ -9,8 +9,9 @@ from __future__ import annotations
 import importlib
 import multiprocessing
 import os
+import threading
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -58,19 +59,19 @@ def second_process(paths: Sequence[Path], module: str) -> Iterator[Executor | No
         return
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(1, mp_context=context, initializer=_prepare, initargs=(module,))
+    others, threads = set(multiprocessing.active_children()), set(threading.enumerate())
     with own_code_only():
-        number = pool.submit(os.getpid)  # a task, so that the process starts now
+        pool.submit(os.getpid)  # a task, so that the process starts now
+    own, watching = set(multiprocessing.active_children()) - others, set(threading.enumerate()) - threads
     try:
         yield pool
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
-        _end(number)
+        for process in own:  # at once, begun or not: giving back what it holds takes a while, for nothing
+            process.terminate()
+        for thread in watching:  # one that is still closing its pipe when Python ends says so on the terminal
+            thread.join(ENDING_S)
 
 
-def _end(number: Future[int]) -> None:
-    """End the process of that number at once: giving back what it holds takes a while, for nothing."""
-    if not number.done() or number.cancelled() or number.exception() is not None:
-        return  # it has hardly begun, or is gone already
-    for child in multiprocessing.active_children():
-        if child.pid == number.result():
-            child.terminate()
+ENDING_S = 2.0
+"""In which the thread that watches a process has seen that it is gone; assumed."""

@@ -20,7 +20,8 @@ class SensorFault:
         channel: one of ``RAW_CHANNELS``. start: first cycle, counted like ``Sample.index``.
         cycles: how long, infinite by default. stuck: sticks at its last reading.
         level: reads this (V), as a wire that is off or shorted does. noise: V rms beside it, or beside where
-            it sticks. drift: V a cycle by which it wanders off. turned: its sense is the other way.
+            it sticks. drift: V a cycle by which it wanders off. turned: its sense is the other way. share: of
+            its changes that it shows.
     """
 
     channel: str
@@ -31,6 +32,7 @@ class SensorFault:
     noise: float = 0.0
     drift: float = 0.0
     turned: bool = False
+    share: float = 1.0
 
     def __post_init__(self) -> None:
         if self.channel not in RAW_CHANNELS:
@@ -130,6 +132,10 @@ FAULT_KINDS: dict[str, FaultKind] = {
     "current-off": FaultKind(
         "the current monitor's wire comes off", _sensor("current_volts", level=0.0, noise=NOISE)
     ),
+    "mcp-turned": FaultKind(
+        "the MCP sensor is mounted the wrong way round", _sensor("mcp_volts", turned=True)
+    ),
+    "load-cell-weak": FaultKind("the load cell shows half of its force", _sensor("force_volts", share=0.5)),
     "encoder-turned": FaultKind(
         "two of the encoder's wires are swapped", _sensor("encoder_counts", turned=True)
     ),
@@ -200,6 +206,8 @@ class FaultySensors:
             return value + fault.drift * (index - fault.start)
         if fault.turned:
             return 2.0 * held - value
+        if fault.share != 1.0:
+            return held + fault.share * (value - held)
         level = held if fault.stuck else math.nan if fault.level is None else fault.level
         noise = self._noise.gauss(0.0, fault.noise) if fault.noise else 0.0
         return level + (round(noise) if fault.channel == RAW_CHANNELS[-1] else noise)

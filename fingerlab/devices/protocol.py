@@ -7,7 +7,6 @@ index over the rate, never the wall clock.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -191,8 +190,3 @@ class FoundDevice:
     name: str
     available: bool
     sentence: str
-
-
-def first_available(found: Sequence[FoundDevice]) -> FoundDevice | None:
-    """The first device that can be used."""
-    return next((one for one in found if one.available), None)

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.answer.bench import bench_findings, residual_offsets
-from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, score_parts
+from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, left_aside, score_parts
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, OtherModel, PathStep
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
 from fingerlab.diagnosis.fit.run_spreads import find_constants
@@ -35,11 +35,11 @@ from fingerlab.diagnosis.score.evidence import (
 )
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import justified
+from fingerlab.diagnosis.score.selection import justified, much_left
 from fingerlab.diagnosis.search.grid_refinement import at_found_shapes, fit_refined, with_shapes_of
 from fingerlab.diagnosis.search.rivals import Rival, odds_of_rivals
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
-from fingerlab.diagnosis.settings import RUN_LOG_ODDS, SET_LOG_ODDS
+from fingerlab.diagnosis.settings import NEARLY_RIGHT, RUN_LOG_ODDS, SET_LOG_ODDS, STILL_LEFT
 from fingerlab.effects import effect, whole_catalogue
 from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Array, Session
@@ -96,7 +96,10 @@ def diagnose(
         scorer = Scorer(reduction.of(catalogue, watch, display.keep if display is not None else None))
         scorer = settle_constants(reduction, scorer)
         question = Question(reduction, catalogue, given, stages, alone)
-        return _answer(question, search_effects(question, scorer), display, started)
+        found = search_effects(question, scorer)
+        if much_left(found.path[-1], NEARLY_RIGHT):
+            found = searched_again(question, scorer, found)
+        return _answer(question, found, display, started)
 
 
 def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
@@ -111,6 +114,34 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
         )
         reduction.settled = True
     return scorer if reduction.constants is None else scorer.with_constants(reduction.constants)
+
+
+def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
+    """The search with constants of the runs by what the best model misses on their averages.
+
+    Only where no motion comes again, which would have told them, or where some were told and others may be
+    hidden by those; and only if that leaves far less.
+    """
+    reduction, last = question.reduction, found.path[-1]
+    before = reduction.constants
+    of = found.refined or scorer
+    reduction.constants = find_constants(
+        of.reduced,
+        last.model,
+        last.fit.values,
+        last.weights,
+        reduction.sessions[0].rig,
+        reduction.motions,
+        True,
+    )
+    if reduction.constants is None:
+        reduction.constants = before
+        return found
+    other = search_effects(question, scorer.with_constants(reduction.constants))
+    if other.path[-1].misfit < STILL_LEFT * last.misfit:
+        return other
+    reduction.constants = before
+    return found
 
 
 def _answer(question: Question, found: Found, display: Display | None, started: float) -> Diagnosis:
@@ -136,7 +167,8 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     loose = sum(f.slack_samples for g in scorer.reduced.groups for f in g.folds)
     replaced = {name: (one.removed,) for name, one in replacing.items()}
     prints = curves.fingerprints if curves else {}
-    candidates = _candidates(evidence, told, chosen, loose, prints, closer, replaced)
+    alone = len(reduction.runs) == 1
+    candidates = _candidates(evidence, told, chosen, loose, prints, closer, replaced, alone)
     return Diagnosis(
         sessions=tuple(str(s.path) for s in sessions),
         model=tuple(e.id for e in question.given),
@@ -157,6 +189,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         failure=curves.failure if curves else None,
         held_out=held_out_runs(sessions, scorer.reduced, evidence.base),
         score_parts=score_parts(sessions, scorer.reduced, evidence.base),
+        left_aside=left_aside(reduction, scorer.reduced, evidence.base),
         repeats=all(group.repeats for group in scorer.reduced.groups),
         calibration=calibration,
         odds=evidence.odds,
@@ -240,12 +273,14 @@ def _candidates(
     prints: Mapping[str, Fingerprint],
     closer: Mapping[str, FittedModel],
     replaced: Mapping[str, tuple[str, ...]],
+    alone: bool,
 ) -> tuple[Candidate, ...]:
     """What is told of every effect.
 
     Args:
         closer: models with an effect's refined shape, or with it in place of a given one, by its id.
         replaced: ids of the given effects in whose place an effect is, by its id.
+        alone: there is one run, so that none was held out.
     """
     result = []
     posterior = [told[c.last_effect.id] for c in evidence.candidates]
@@ -268,7 +303,7 @@ def _candidates(
                 in_set=i in chosen,
                 parameters=parameters(fitted, one, evidence.temperature),
                 equations=one.acts_on,
-                explanation=explanation(evidence, fitted, one, shown, least, replaced.get(name, ())),
+                explanation=explanation(evidence, fitted, one, shown, least, replaced.get(name, ()), alone),
                 detectable=shown,
                 fingerprint=prints.get(one.id),
                 replaces=replaced.get(name, ()),

@@ -41,7 +41,7 @@ EFFECT = Effect(
     family="Sensors",
     acts_on=("joint_torque", "cable_kinematics"),
     gains={
-        f"{prefix}{part}_{joint}": replace(HARMONIC, title=title)
+        f"{prefix}{part}_{joint}": replace(HARMONIC, title=f"{title}, {part}")
         for prefix, title in (("", HARMONIC.title), ("double_", "error of the double harmonic"))
         for part in ("sine", "cosine")
         for joint in ANGLES

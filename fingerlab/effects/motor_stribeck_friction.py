@@ -36,7 +36,10 @@ EFFECT = Effect(
     title="Stribeck friction in motor and gearbox",
     family="Motor and gearbox",
     acts_on=("motor_torque",),
-    gains={"coulomb": FRICTION, "extra": replace(FRICTION, excess_of="coulomb")},
+    gains={
+        "coulomb": FRICTION,
+        "extra": replace(FRICTION, title="friction added near standstill", excess_of="coulomb"),
+    },
     columns=columns,
     coordinate="motor speed",
     equation=Row.PIP,

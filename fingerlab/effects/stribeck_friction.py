@@ -33,7 +33,10 @@ EFFECT = Effect(
     family="Joint friction",
     acts_on=("joint_torque",),
     gains=both("coulomb", COULOMB)
-    | {f"extra_{j}": replace(COULOMB, excess_of=f"coulomb_{j}") for j in ("mcp", "pip")},
+    | {
+        f"extra_{j}": replace(COULOMB, title="friction added near standstill", excess_of=f"coulomb_{j}")
+        for j in ("mcp", "pip")
+    },
     columns=columns,
     coordinate="joint speed",
     equation=Row.PIP,

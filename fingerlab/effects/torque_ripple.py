@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -109,7 +110,11 @@ EFFECT = Effect(
     title="Torque ripple",
     family="Motor and gearbox",
     acts_on=("motor_torque",),
-    gains={"sine": RIPPLE, "cosine": RIPPLE, "double_sine": DOUBLE, "double_cosine": DOUBLE},
+    gains={
+        f"{order}{part}": replace(ripple, title=f"{ripple.title}, {part}")
+        for order, ripple in (("", RIPPLE), ("double_", DOUBLE))
+        for part in ("sine", "cosine")
+    },
     columns=columns,
     coordinate="motor angle",
     equation=Row.PIP,

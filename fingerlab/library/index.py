@@ -8,11 +8,12 @@ from datetime import datetime
 from pathlib import Path
 
 from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.files import seen_as
 from fingerlab.core.plain_data import parsed
-from fingerlab.sessions.hdf5 import was_cut
+from fingerlab.sessions.disk_files import was_cut
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.reading import open_session
-from fingerlab.sessions.recording_files import session_files
+from fingerlab.sessions.recording_files import recording_folder, session_files
 
 UNWRITTEN = "not yet written"
 """Of a recording whose runs still stand in its folder, because it was cut or because that was put off."""
@@ -191,11 +192,11 @@ def scan(
 
 
 def _fresh(path: Path, name: str, earlier: SessionFacts | None) -> SessionFacts:
-    if not path.exists():
+    if not seen_as(path) and seen_as(recording_folder(path)) == "folder":
         return SessionFacts(
             path, name, 0, 0.0, problem=f"The recording is {UNWRITTEN}; opening it makes it whole."
         )
-    if earlier is not None and earlier.name == name and not earlier.problem:
+    if seen_as(path) and earlier is not None and earlier.name == name and not earlier.problem:
         stat = path.stat()
         if (earlier.size, earlier.modified) == (stat.st_size, stat.st_mtime):
             return earlier

@@ -3,7 +3,8 @@
 A project is one JSON file beside the first session, written whole at each change::
 
     {"format": "fingerlab-project", "format_version": "1", "sessions": ["S.h5"],
-     "path": [{"added": [], "score": 12.4}, {"added": ["coulomb_friction"], "score": 1.1}], "now": 1,
+     "path": [{"added": [], "score": 12.4}, {"added": ["coulomb_friction"], "score": 1.1,
+     "evidence": "The residual flips sign with speed."}], "now": 1,
      "tried": [...], "view": {"equation": "mcp", "run": "1", ...}, "notes": "...", "revealed": false}
 
 Scores are held-out errors in multiples of the floor. What is not there has its default; later versions add
@@ -33,10 +34,14 @@ MOST_BYTES = 4_000_000
 
 @dataclass(frozen=True)
 class TriedModel:
-    """Effects added to the nominal model, in order, and its held-out error in multiples of the floor."""
+    """Effects added to the nominal model, in order, and its held-out error in multiples of the floor.
+
+    ``evidence``: what spoke for the last step towards it, in words; empty for a first model.
+    """
 
     added: tuple[str, ...] = ()
     score: float = 0.0
+    evidence: str = ""
 
 
 @dataclass(frozen=True)

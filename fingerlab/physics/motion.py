@@ -40,6 +40,7 @@ class Motion:
     position_step: float = 0.0  # of the motor's encoder, rad
     inertia_spread: float = 0.0  # of the rotor's inertia, one standard deviation, kg m^2
     repairs: Mapping[str, int] = field(default_factory=dict)  # samples put right, by channel
+    repaired_at: Array = field(default_factory=lambda: np.zeros(0))  # s, where spikes were, in any channel
     _memory: dict[object, Array] = field(default_factory=dict, repr=False, compare=False)
 
     def remember(self, key: object, make: Callable[[], Array]) -> Array:

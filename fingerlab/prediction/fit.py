@@ -10,10 +10,10 @@ from threadpoolctl import threadpool_limits
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.wording import every_parameter
 from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.fit.weights import temperature
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import temperature
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
 from fingerlab.diagnosis.settings import FULL_ITERATIONS
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse

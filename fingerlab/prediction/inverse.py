@@ -23,7 +23,7 @@ from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
 from fingerlab.prediction.extended import Variant, extended_model
 from fingerlab.prediction.force import forces_of_motion
-from fingerlab.prediction.judging import force_rate
+from fingerlab.prediction.judging import MOST_STRETCH, Band, force_rate
 from fingerlab.prediction.target import ContactPose, WantedForce, words_of
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import Limits
@@ -122,7 +122,8 @@ def needed_torque(
         torque, half_width, delay = _by_variant(wanted.force, predictor, motion, rig, where)
     # The load cell is read ``delay`` after the motor: the torque leads by as much.
     torque, half_width = (_earlier(values, wanted.time, delay) for values in (torque, half_width))
-    return _judged(wanted, pose, rig, torque, half_width, motion)
+    band = None if isinstance(predictor, ParameterSet) else predictor.band
+    return _judged(wanted, pose, rig, torque, half_width, motion, band)
 
 
 def _by_set(
@@ -219,7 +220,13 @@ def _earlier(values: Array, time: Array, delay: float) -> Array:
 
 
 def _judged(
-    wanted: WantedForce, pose: ContactPose, rig: Rig, torque: Array, half_width: Array, motion: Motion
+    wanted: WantedForce,
+    pose: ContactPose,
+    rig: Rig,
+    torque: Array,
+    half_width: Array,
+    motion: Motion,
+    band: Band | None,
 ) -> TorquePlan:
     limits = rig.limits
     per_amp = rig.motor.torque_constant * rig.motor.gear_ratio
@@ -228,7 +235,7 @@ def _judged(
     return TorquePlan(
         wanted, pose, wanted.time, wanted.force, torque, half_width, torque / per_amp, position, most,
         most / per_amp, _beyond(limits, most, motion, wanted, torque, position),
-        _warnings(wanted, torque, half_width, most),
+        (*_extrapolation(wanted.force, band), *_warnings(wanted, torque, half_width, most)),
     )  # fmt: skip
 
 
@@ -271,6 +278,22 @@ def _beyond(
 
 TOUCHING_LEAST_N = 0.05
 """Below this a fingertip may lift off, and what follows is a knock (assumed: the load cell's noise)."""
+
+
+CLEARLY_FURTHER = 1.1
+"""Times the distance of the recorded forces from their mean, from which on it is told (assumed)."""
+
+
+def _extrapolation(force: Array, band: Band | None) -> tuple[str, ...]:
+    """That the force goes beyond what the model was judged on; nothing where it does not."""
+    further = 1.0 if band is None else band.times_as_far(force)
+    if band is None or further <= CLEARLY_FURTHER:
+        return ()
+    low, high = max(band.centre - band.reach, 0.0), band.centre + band.reach
+    return (
+        f"{force.max():.3g} N is an extrapolation: the model was judged on {low:.2g} to {high:.2g} N, so its "
+        f"interval is taken up to {min(further, MOST_STRETCH):.2g} times as wide.",
+    )
 
 
 def _warnings(wanted: WantedForce, torque: Array, half_width: Array, most: float) -> tuple[str, ...]:

@@ -145,6 +145,10 @@ class Band:
     factor: float
     runs: int
 
+    def times_as_far(self, force: Array) -> float:
+        """How many times as far from ``centre`` the force goes as any that the calibration saw."""
+        return float(np.max(np.abs(force - self.centre), initial=0.0)) / max(self.reach, 1e-9)
+
     def half_width(self, force: Array, rate: Array) -> Array:
         """Half width at each sample, N, (n,); wider where the force leaves what the calibration saw."""
         angle = _angle(force, rate, self.centre, self.spread, self.rate_spread)

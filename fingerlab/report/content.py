@@ -263,6 +263,8 @@ class Content:
     equation: FinalEquation | None
     bench: Mapping[str, ParameterEstimate]
     """What the fit gives for the bench itself, with the model that the diagnosis begins with."""
+    models: Sequence[Diagnosis] = ()
+    """Diagnoses of the models that led here, the last of which is ``diagnosis``."""
 
     def model_words(self) -> str:
         """The model that the diagnosis ends at."""
@@ -282,8 +284,10 @@ class Content:
         return self.equation
 
 
-def gather(sessions: Sequence[Session], diagnosis: Diagnosis, progress: Progress) -> Content:
-    """Work out what the report tells beside the diagnosis."""
+def gather(
+    sessions: Sequence[Session], diagnosis: Diagnosis, progress: Progress, before: Sequence[Diagnosis] = ()
+) -> Content:
+    """Work out what the report tells beside the diagnosis, and beside those of the models ``before`` it."""
     analysis = analyse(sessions, lambda share, what: progress(0.5 * share, what))
     # A diagnosis without a fit of its own (as tests make it) has no model to write down.
     model = None
@@ -301,4 +305,5 @@ def gather(sessions: Sequence[Session], diagnosis: Diagnosis, progress: Progress
         predict_force(sessions, model) if diagnosis.final_parameters else None,
         None if model is None else final_equation(model, sessions[0].rig, shown),
         model.parameters if model is not None and same else diagnosis.parameters,
+        (*before, diagnosis),
     )

@@ -7,7 +7,7 @@ from math import exp
 
 from fingerlab.core.text import ScreenUnit, decimals_for, fixed, largest_of, percent, score_text, screen_unit
 from fingerlab.core.text import in_sentence as in_sentence
-from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel, ScorePart
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel
 from fingerlab.diagnosis.answer.where import JOINTS, Profile
 from fingerlab.effects import find_effect
 from fingerlab.sessions.trajectory import trajectory_words
@@ -119,6 +119,16 @@ def _floor(diagnosis: Diagnosis) -> str:
     return "the bench's own repeatability" if diagnosis.repeats else "what the best model leaves"
 
 
+def alone(diagnosis: Diagnosis) -> bool:
+    """Whether there is one run, which nothing could be left out of: the fit has seen what it is judged by."""
+    return [len(one.runs) for one in diagnosis.held_out] == [1]
+
+
+def judged_on(diagnosis: Diagnosis) -> str:
+    """What the errors are of: ``runs left out of the fit``."""
+    return "the one run there is, which the fit has seen," if alone(diagnosis) else "runs left out of the fit"
+
+
 def floor_sentence(diagnosis: Diagnosis) -> str:
     """What the floor stands on where no repetition tells it; empty where one does."""
     if diagnosis.repeats:
@@ -136,7 +146,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
 
 def _verdict_sentence(diagnosis: Diagnosis) -> str:
     model, score = model_words(diagnosis.model), score_text(diagnosis.score)
-    error = f"its error on runs left out of the fit is {score} times {_floor(diagnosis)}"
+    error = f"its error on {judged_on(diagnosis)} is {score} times {_floor(diagnosis)}"
     if diagnosis.better is not None:
         return f"{better_sentence(diagnosis)} It is {_likelier(diagnosis.better.log_odds)}."
     if diagnosis.verdict == "nothing_missing":
@@ -158,7 +168,7 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
     best = shown_best_first(diagnosis)[0]
     several = len(diagnosis.set) > 1
     fall = (
-        f"with {'the first of them' if several else 'it'} the error on runs left out of the fit falls "
+        f"with {'the first of them' if several else 'it'} the error on {judged_on(diagnosis)} falls "
         f"from {score} to {score_text(best.score)} times {_floor(diagnosis)}"
     )
     fall += _as_well(diagnosis, best)
@@ -197,7 +207,7 @@ def better_sentence(diagnosis: Diagnosis) -> str:
     said = (
         f"leaves about the same error, {after} times {_floor(diagnosis)}, and is the likelier law"
         if after == before or other.score > diagnosis.score
-        else f"takes the error on runs left out of the fit from {before} to {after} times {_floor(diagnosis)}"
+        else f"takes the error on {judged_on(diagnosis)} from {before} to {after} times {_floor(diagnosis)}"
     )
     return f"Another model of these recordings is better: {words} {said}."
 
@@ -439,34 +449,3 @@ def worst_words(found: Profile) -> str:
     if found.rms[found.worst] <= CLEARLY * found.floor:
         return "Nowhere clearly beyond the floor."
     return f"Worst at {bin_words(found, found.worst)}: {miss_words(found, found.worst)}."
-
-
-LARGEST_PARTS = 3
-"""So many parts of a score are named; the rest is one number."""
-
-
-def score_parts_sentence(result: Diagnosis) -> str:
-    """What the squared score is the sum of, largest first, and what is left aside; or nothing."""
-    parts = sorted(result.score_parts, key=lambda part: -part.squared)
-    named = [part for part in parts[:LARGEST_PARTS] if part.squared > 0.05]
-    if not named:
-        return ""
-    rest = sum(part.squared for part in parts) - sum(part.squared for part in named)
-    said = [f"{_part(part)} {part.squared:.2g}" for part in named]
-    aside = sum(part.samples * part.left_aside for part in result.score_parts)
-    loose = " The cable's length is left aside where it may hang loose, " + f"{aside:.0%} of the time."
-    return (
-        f"The squared score is {result.score**2:.3g}: 1 for the floor, {', '.join(said)}, and {rest:.2g} for "
-        f"all other runs and equations.{loose if aside else ''}"
-    )
-
-
-def _part(part: ScorePart) -> str:
-    runs = f"run {part.runs[0]}" if len(part.runs) == 1 else f"runs {part.runs[0]} to {part.runs[-1]}"
-    return f"{EQUATION_NAMES.get(part.equation, part.equation)} in {runs}"
-
-
-EQUATION_NAMES = {
-    "mcp_torque": "MCP torque", "pip_torque": "PIP torque", "cable_kinematics": "cable length",
-    "motor_torque": "motor torque", "tip_depth": "the tip's depth",
-}  # fmt: skip

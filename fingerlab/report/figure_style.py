@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 
 from fingerlab.core.text import score_text
@@ -35,11 +37,24 @@ DPI = 150
 TITLE_SIZE, LABEL_SIZE, TICK_SIZE = 10.5, 9.0, 8.0
 
 
+class LettersFigure(Figure):
+    """A figure without mathematics: names of runs and titles are somebody's text, dollars and all."""
+
+    def draw(self, renderer: RendererBase) -> None:
+        """As any figure; every text is drawn as it is written."""
+        for axes in self.axes:
+            for axis in (axes.xaxis, axes.yaxis):
+                axis.get_majorticklabels()  # made now, to be among the texts
+        for text in self.findobj(Text):
+            text.set_parse_math(False)
+        super().draw(renderer)
+
+
 def new_figure(
     rows: int = 1, columns: int = 1, size: tuple[float, float] = SIZE_INCHES, **options: Any
 ) -> tuple[Figure, list[Axes]]:
     """A figure and its axes, row by row; ``options`` go to ``Figure.subplots``."""
-    figure = Figure(figsize=size, dpi=DPI, layout="constrained", facecolor="white")
+    figure = LettersFigure(figsize=size, dpi=DPI, layout="constrained", facecolor="white")
     axes = np.atleast_1d(figure.subplots(rows, columns, **options)).ravel().tolist()
     for one in axes:
         _quiet(one)
@@ -75,7 +90,7 @@ def score_bars(
     name_size: float = TICK_SIZE,
 ) -> tuple[Figure, Axes]:
     """A figure of its own with :func:`draw_score_bars`, and its axes."""
-    figure = Figure(figsize=size, dpi=DPI, layout="constrained", facecolor="white")
+    figure = LettersFigure(figsize=size, dpi=DPI, layout="constrained", facecolor="white")
     return figure, draw_score_bars(figure, names, scores, colours, name_size)
 
 

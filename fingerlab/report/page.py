@@ -18,7 +18,6 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.files import OutputSet
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.core.text import estimate_text, score_text
-from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report import page_tables as tables
@@ -44,6 +43,8 @@ from fingerlab.report.equation_text import (
 from fingerlab.report.page_tables import calibration_rows, calibration_sentence, rig_hash, versions
 from fingerlab.report.pdf import pdf_of_page
 from fingerlab.report.pictures import NamedFigure, Pictures, save_figures
+from fingerlab.report.score_words import aside_sentence, score_table
+from fingerlab.report.story import diagnose_each, error_rows_of_story, story, story_sentence
 from fingerlab.sessions.model import Session
 
 FEWEST_CANDIDATES = 2
@@ -79,6 +80,7 @@ def write_report(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     extras: Extras | None = None,
+    before: Sequence[Diagnosis] = (),
 ) -> Path:
     """Write the report of a comparison: as a page, or as PDF where ``path`` ends with ``.pdf``.
 
@@ -89,6 +91,7 @@ def write_report(
         progress: called with the share done (0 to 1) and what is being done.
         cancelled: asked now and then; True stops the work and leaves no file.
         extras: further files of the same content; all of them appear together, or none.
+        before: diagnoses of the models that led to this one, the first model's first; worked out with it.
 
     Returns:
         ``path``.
@@ -108,8 +111,8 @@ def write_report(
             places = {place: outputs.claim(place) for place in (path, extras.pdf, extras.equation) if place}
             started = 0.0 if diagnosis is not None else 0.5
             if diagnosis is None:
-                diagnosis = diagnose(sessions, added, part(0.0, started), cancelled)
-            content = gather(sessions, diagnosis, part(started, 0.75))
+                *before, diagnosis = diagnose_each(sessions, added, part(0.0, started), cancelled)
+            content = gather(sessions, diagnosis, part(started, 0.75), before)
             page = render(content, part(0.75, 0.9))
             _write_files(places, page, content)
             if extras.figures is not None:
@@ -163,6 +166,13 @@ def render(content: Content, progress: Progress) -> Page:
         style=Markup(_resource("report", "page.css")),
         colours=tomllib.loads(_resource("style", "colours.toml")),
         diagnosis=diagnosis,
+        alone=words.alone(diagnosis),
+        judged_on=words.judged_on(diagnosis).rstrip(",") + ",",
+        story=story(content.models),
+        story_sentence=story_sentence(content.models),
+        story_errors=error_rows_of_story(content.models),
+        score_table=score_table(diagnosis),
+        aside=aside_sentence(diagnosis),
         verdict=words.verdict_sentence(diagnosis),
         model=words.model_words(diagnosis.model),
         final_model=content.model_words(),

@@ -72,12 +72,18 @@ class Encoder:
         terminal: the counter, such as ``ctr0``.
         counts_per_turn: counts a turn of the gearbox output. sign: +1 where counts grow while winding.
         index: whether the index pulse sets the counter to zero.
+        a, b, z: terminals of its three wires, such as ``PFI8``; empty for those of its counter.
+        filter_time: s; shorter pulses of the three are not seen. 0: no filter.
     """
 
     terminal: str = "ctr0"
     counts_per_turn: float = 8600.0
     sign: int = 1
     index: bool = False
+    a: str = ""
+    b: str = ""
+    z: str = ""
+    filter_time: float = 0.0
 
     def quantity(self, counts: Any) -> Any:
         """Counts (number or array) as an angle at the gearbox output, rad."""
@@ -86,6 +92,47 @@ class Encoder:
     def counts(self, angle: Any) -> Any:
         """Counts, not yet whole ones, of an angle at the gearbox output (rad, number or array)."""
         return self.sign * angle * (self.counts_per_turn / (2.0 * math.pi))
+
+
+PAIRED = 8
+"""On a card of NI's X Series each analog input of the first eight, and of every second eight after them, is
+one half of a differential channel whose other half is the input eight further (User Manual, table 4-2)."""
+
+COUNTER_WIRES = {
+    "ctr0": ("PFI8", "PFI10", "PFI9"),
+    "ctr1": ("PFI3", "PFI11", "PFI4"),
+    "ctr2": ("PFI0", "PFI2", "PFI1"),
+    "ctr3": ("PFI5", "PFI7", "PFI6"),
+}
+"""A, B, Z of an encoder where nothing else is told (X Series User Manual, "Default Counter/Timer Pins")."""
+
+MOST_FILTER_S = 2.56e-3
+"""The longest of the card's own filters (X Series User Manual, table 8-1)."""
+
+
+def second_terminal(channel: AnalogInput) -> str:
+    """What an analog input is measured against on a card of NI's X Series; empty where that cannot be told.
+
+    ``default`` is differential for the inputs that can be, and against ``AI GND`` for the others (NI-DAQmx
+    User Manual, "Default Input/Output Terminal Configurations").
+    """
+    number = channel.terminal.removeprefix("ai")
+    if channel.terminal == number or not number.isdecimal():
+        return ""
+    first = int(number) % (2 * PAIRED) < PAIRED
+    if channel.wiring in ("diff", "pseudodiff") or (channel.wiring == "default" and first):
+        return f"ai{int(number) + PAIRED}" if first else ""
+    if channel.wiring == "nrse":
+        return "AI SENSE" if int(number) < 2 * PAIRED else "AI SENSE 2"
+    return "AI GND"
+
+
+def encoder_wires(encoder: Encoder) -> str:
+    """Where A, B and, if it is used, Z of the encoder belong, such as ``A PFI8, B PFI10``."""
+    usual = COUNTER_WIRES.get(encoder.terminal, ("the card's own",) * 3)
+    told = (encoder.a or usual[0], encoder.b or usual[1], encoder.z or usual[2])
+    wires = zip("ABZ", told, strict=True) if encoder.index else zip("AB", told[:2], strict=True)
+    return ", ".join(f"{name} {terminal}" for name, terminal in wires)
 
 
 @dataclass(frozen=True)
@@ -307,6 +354,7 @@ CHANNEL_UNITS = {
     "mcp": {"gain": "rad/V", "offset": "rad"},
     "pip": {"gain": "rad/V", "offset": "rad"},
     "current_monitor": {"gain": "A/V", "offset": "A"},
+    "encoder": {"filter_time": "s"},
     "command": {"gain": "A/V"},
     "dead_man": {"hold_time": "s"},
     "amplifier_ready": {"settling_time": "s"},
@@ -332,6 +380,7 @@ def read_daq(data: Any, where: str) -> Daq:
         if not getattr(daq, name).terminal:
             raise UserError(f"{where} {name} has no terminal; the motor cannot be driven without it.")
     _check_lines(daq, where)
+    _check_wires(daq, where)
     return daq
 
 
@@ -381,6 +430,27 @@ def _check_lines(daq: Daq, where: str) -> None:
         )
 
 
+def _check_wires(daq: Daq, where: str) -> None:
+    """No input on the other half of a differential one, and a filter that the card has."""
+    if not 0.0 <= daq.encoder.filter_time <= MOST_FILTER_S:
+        raise UserError(
+            f"{where} encoder filter_time is {daq.encoder.filter_time:g} s; it should be 0 (none) to "
+            f"{1e3 * MOST_FILTER_S:g} ms, such as 5.12 us."
+        )
+    named = {name: getattr(daq, name) for name in ("load_cell", "mcp", "pip", "current_monitor")}
+    for name, channel in named.items():
+        if channel.terminal and channel.wiring == "diff" and not second_terminal(channel):
+            raise UserError(
+                f"{where} {name} is differential at {channel.terminal}, which is no first half of a pair; "
+                "ai0 to ai7 and ai16 to ai23 are."
+            )
+        for other, taken in named.items():
+            if taken.terminal and channel.wiring == "diff" and taken.terminal == second_terminal(channel):
+                raise UserError(
+                    f"{where} {other} is on {taken.terminal}, the second terminal of {name}; give it another."
+                )
+
+
 def _section(kind: type[T], data: Any, where: str) -> T:
     try:
         return structured(kind, data, refuse_unknown=True)
@@ -417,6 +487,10 @@ def plain_section(section: Daq | Limits) -> dict[str, Any]:
     for name in OPTIONAL_LINES & result.keys():  # a session of a bench without them reads as it always did
         if not result[name]["terminal"]:
             del result[name]
+    if isinstance(section, Daq):  # and what nobody told of the encoder's wires
+        told = ("a", "b", "z", "filter_time")
+        encoder = result["encoder"].items()
+        result["encoder"] = {name: value for name, value in encoder if value or name not in told}
     if isinstance(section, Limits):
         usual = {name: getattr(Limits(), name) for name in LIMIT_UNITS if name not in BENCH_LIMITS}
         result = {key: value for key, value in result.items() if usual.get(key) != value}

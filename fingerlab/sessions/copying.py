@@ -11,7 +11,8 @@ from typing import Any
 import h5py
 
 from fingerlab.core.files import new_file
-from fingerlab.sessions.hdf5 import TargetFile, write_attributes, writing_to
+from fingerlab.sessions.disk_files import TargetFile
+from fingerlab.sessions.hdf5 import write_attributes, writing_to
 from fingerlab.sessions.reading import open_session
 
 

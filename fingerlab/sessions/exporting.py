@@ -22,7 +22,8 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.files import OutputSet
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.progress import Progress
-from fingerlab.sessions.hdf5 import TargetFile, open_hdf5, writing_to
+from fingerlab.sessions.disk_files import TargetFile
+from fingerlab.sessions.hdf5 import open_hdf5, writing_to
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.reading import content_hash
 

@@ -7,10 +7,8 @@ as few calls as possible. A damaged chunk shows only when it is read, a full dis
 
 from __future__ import annotations
 
-import io
 import json
 import math
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,6 +21,7 @@ from h5py import h5a, h5d, h5l, h5o, h5t
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.text import shown
+from fingerlab.sessions.disk_files import ReadFile, TargetFile
 from fingerlab.sessions.format import CHANNEL_UNITS, MAY_BE_NAN, plain
 from fingerlab.sessions.model import Array
 
@@ -80,84 +79,24 @@ def opened_file(path: Path, cut: bool = False) -> h5py.File:
             f"{path} is not an HDF5 file; a session is one (text files become one by 'fingerlab import', "
             "or by 'Import text' in Sessions)."
         )
-    file = h5py.File(_CutFile(path), "r") if cut else h5py.File(path, "r", locking="best-effort")
+    stat = path.stat()
+    state = (stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns)
+    known = _FOUND_GOOD.get(path) == state
+    if not (cut or known):  # HDF5 by itself asks whether another program is writing to it
+        h5py.File(path, "r", locking="best-effort").close()
+    file = h5py.File(ReadFile(path, cut), "r")
     try:
-        _refuse_strange(file, path)
+        if not known:
+            _refuse_strange(file, path)
+            _FOUND_GOOD[path] = state
     except BaseException:
         file.close()
         raise
     return file
 
 
-WRITE_FLAGS = 0x05
-"""Superblock version 3: open for writing, open in single-writer mode."""
-_SUPERBLOCK = 48
-
-
-def was_cut(path: Path) -> bool:
-    """Whether an HDF5 file still says that a writer has it open."""
-    try:
-        if not path.is_file():
-            return False
-        with path.open("rb") as file:
-            head = file.read(_SUPERBLOCK)
-    except OSError:
-        return False
-    return (
-        head.startswith(b"\x89HDF\r\n\x1a\n")
-        and len(head) == _SUPERBLOCK
-        and head[8:11] == bytes((3, 8, 8))
-        and bool(head[11] & WRITE_FLAGS)
-    )
-
-
-class _CutFile(io.FileIO):
-    """A file whose writer was killed, for HDF5 as if it had been closed: no flag, and it ends where it ends.
-
-    HDF5 itself opens it only in single-writer mode, in which it waits for hours at a damaged place, for a
-    writer that might be about to mend it.
-    """
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, "rb")
-        head = bytearray(self.read(_SUPERBLOCK))
-        head[11] = 0
-        head[28:36] = path.stat().st_size.to_bytes(8, "little")
-        head[44:48] = _checksum(bytes(head[:44])).to_bytes(4, "little")
-        self._head = bytes(head)
-
-    def readinto(self, buffer: Any) -> int:
-        start = self.tell()
-        count = super().readinto(buffer) or 0
-        inside = min(count, max(_SUPERBLOCK - start, 0))
-        memoryview(buffer).cast("B")[:inside] = self._head[start : start + inside]
-        return count
-
-
-def _checksum(data: bytes) -> int:
-    """HDF5's own of its metadata: Bob Jenkins' lookup3 (2006), for whole words of less than four blocks."""
-    a = b = c = (0xDEADBEEF + len(data)) & _WORD
-    words = [int.from_bytes(data[k : k + 4], "little") for k in range(0, len(data), 4)]
-    while len(words) > 3:
-        a, b, c = ((x + word) & _WORD for x, word in zip((a, b, c), words[:3], strict=True))
-        words = words[3:]
-        for turn in (4, 6, 8, 16, 19, 4):
-            a = ((a - c) & _WORD) ^ _turned(c, turn)
-            a, b, c = b, (c + b) & _WORD, a
-    a, b, c = ((x + word) & _WORD for x, word in zip((a, b, c), [*words, 0, 0], strict=False))
-    for turn in (14, 11, 25, 16, 4, 14, 24):
-        c = ((c ^ b) - _turned(b, turn)) & _WORD
-        a, b, c = b, c, a
-    return b
-
-
-_WORD = 0xFFFFFFFF
-
-
-def _turned(word: int, bits: int) -> int:
-    return ((word << bits) | (word >> (32 - bits))) & _WORD
-
-
+_SIZES = (8, 8)
+"""Bytes of addresses and of lengths in a file."""
 _FOUND_GOOD: dict[Path, tuple[int, ...]] = {}
 
 
@@ -167,10 +106,8 @@ def _refuse_strange(file: h5py.File, path: Path) -> None:
     Raises:
         UserError: it leads to another file, holds more than is ever recorded, or a name is no name.
     """
-    stat = path.stat()
-    state = (stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns)
-    if _FOUND_GOOD.get(path) == state:
-        return
+    if file.id.get_create_plist().get_sizes() != _SIZES:
+        raise UserError(f"{path} counts its bytes as no program does; it should hold what was recorded.")
     looked: set[int] = set()
     links = 0
 
@@ -206,7 +143,6 @@ def _refuse_strange(file: h5py.File, path: Path) -> None:
     fault = file.id.links.visit(look, info=True)
     if fault:
         raise UserError(f"{path} {fault}.")
-    _FOUND_GOOD[path] = state
 
 
 def _reason(error: Exception) -> str:
@@ -215,6 +151,8 @@ def _reason(error: Exception) -> str:
         return "it is cut off (copying or recording stopped early); copy it again from where it was recorded."
     if isinstance(error, PermissionError) or "Permission denied" in text:
         return "access is denied; ask for permission to read it."
+    if isinstance(error, OSError) and error.filename is not None:  # the system itself, of the path
+        return f"{error.strerror}; give the path of a session file (.h5)."
     if "unable to lock" in text:
         return "another program is writing to it; try again when that has finished."
     return f"it is damaged (HDF5 says: {shown(text)}); use another copy of it."
@@ -322,7 +260,8 @@ def attributes_of(item: h5py.HLObject) -> dict[str, Any]:
         raise ValueError(f"{item.name} has {count} attributes")
     found = {}
     for name in item.attrs:
-        value = _attribute(item.id, name.encode("utf-8", errors="surrogateescape"))
+        raw = name if isinstance(name, bytes) else name.encode("utf-8", errors="surrogateescape")
+        value = _attribute(item.id, raw)
         if value is not None:
             found[str(name)] = value
     return found
@@ -333,7 +272,7 @@ def _attribute(item: h5d.DatasetID, name: bytes) -> Any:
     if not h5a.exists(item, name):
         return None
     attribute = h5a.open(item, name)
-    if attribute.shape is None:
+    if attribute.shape is None or 0 in attribute.shape:
         return None
     kind, count = attribute.get_type(), math.prod(attribute.shape)
     texts = isinstance(kind, h5t.TypeStringID) and kind.is_variable_str()
@@ -350,96 +289,6 @@ def _attribute(item: h5d.DatasetID, name: bytes) -> Any:
 
 
 _PLAIN_KINDS = (h5t.TypeStringID, h5t.TypeIntegerID, h5t.TypeFloatID, h5t.TypeEnumID)
-
-
-class TargetFile:
-    """The file under a session that is being written, for ``h5py.File(target, mode)``.
-
-    HDF5 1.14 and 2.0 crash the process (segmentation fault) when the disk fills up while compressed chunks
-    wait in its cache: the failure comes when objects are closed, where nobody can catch it. So HDF5 is given
-    this object in place of a path: it notes the first failure, keeps what could not be written in memory for
-    the few moments until the file is thrown away, and the writer asks it after each step.
-    """
-
-    def __init__(self, path: Path) -> None:
-        """Open an existing file for reading and writing.
-
-        Raises:
-            OSError: it cannot be opened.
-        """
-        self.failure: OSError | None = None
-        self._file = path.open("r+b", buffering=0)
-        self._lost: dict[int, bytes] = {}
-
-    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """As for any file."""
-        return self._file.seek(offset, whence)
-
-    def tell(self) -> int:
-        """As for any file."""
-        return self._file.tell()
-
-    def read(self, size: int = -1) -> bytes:
-        """As for any file; h5py takes an object with ``read`` and ``seek`` for a file."""
-        buffer = bytearray(size if size >= 0 else 0)
-        self.readinto(memoryview(buffer))
-        return bytes(buffer)
-
-    def readinto(self, buffer: memoryview) -> int:
-        """Read what HDF5 wrote before, what the disk did not take included."""
-        start, size = self._file.tell(), len(buffer)
-        view = memoryview(buffer).cast("B")
-        done = 0
-        while done < size and (count := self._file.readinto(view[done:])):
-            done += count
-        view[done:] = bytes(size - done)
-        for offset, lost in self._lost.items():
-            first, last = max(offset, start), min(offset + len(lost), start + size)
-            if first < last:
-                view[first - start : last - start] = lost[first - offset : last - offset]
-        return size
-
-    def write(self, data: memoryview) -> int:
-        """Write all of the data, or note why not and keep it in memory."""
-        view = memoryview(data).cast("B")
-        start = self._file.tell()
-        try:
-            done = 0
-            while self.failure is None and done < len(view):
-                done += self._file.write(view[done:]) or 0
-        except OSError as error:
-            self.failure = error
-        if self.failure is not None:
-            self._lost[start] = bytes(view)
-        return len(view)
-
-    def truncate(self, size: int) -> int:
-        """As for any file; a failure is noted."""
-        try:
-            if self.failure is None:
-                self._file.truncate(size)
-        except OSError as error:
-            self.failure = error
-        return size
-
-    def flush(self) -> None:
-        """Nothing waits: the file is unbuffered."""
-
-    def close(self) -> None:
-        """Close the file; some systems tell only now that it did not fit."""
-        try:
-            self._file.close()
-        except OSError as error:
-            self.failure = self.failure or error
-
-    def raise_failure(self) -> None:
-        """Raise the first failure, or do nothing.
-
-        Raises:
-            OSError: something could not be written.
-        """
-        if self.failure is not None:
-            raise self.failure
 
 
 _TEXT = h5py.string_dtype("utf-8")

@@ -26,7 +26,7 @@ import numpy as np
 from h5py import h5s
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import refuse_taken
+from fingerlab.core.files import refuse_taken, seen_as
 from fingerlab.sessions.format import CHANNEL_UNITS, FORMAT_NAME, FORMAT_VERSION
 from fingerlab.sessions.hdf5 import write_attributes
 
@@ -65,7 +65,7 @@ def session_files(folder: Path, unfinished: bool = False) -> list[tuple[Path, st
     Raises:
         UserError: there is no such folder.
     """
-    if not folder.is_dir():
+    if seen_as(folder) != "folder":
         raise UserError(f"{folder} is not a folder; choose the folder that holds the sessions.")
     found: list[Path] = []
     for place, folders, names in os.walk(folder):

@@ -16,9 +16,11 @@ import h5py
 import numpy as np
 
 from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.files import seen_as
 from fingerlab.core.plain_data import MOST_REASON, parsed
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import shown
+from fingerlab.sessions.disk_files import was_cut
 from fingerlab.sessions.format import (
     FORMAT_NAME,
     MAY_BE_NAN,
@@ -27,7 +29,7 @@ from fingerlab.sessions.format import (
     as_stored,
     plain,
 )
-from fingerlab.sessions.hdf5 import FILE_TROUBLE, attributes_of, opened_file, was_cut
+from fingerlab.sessions.hdf5 import FILE_TROUBLE, attributes_of, opened_file
 from fingerlab.sessions.recording_files import (
     ASSEMBLING,
     CLEAN,
@@ -91,7 +93,7 @@ def repaired(path: Path, progress: Progress | None = None) -> Path:
     Raises:
         UserError: it is being recorded at this moment, holds no sample, or the place cannot be written to.
     """
-    if not path.exists() and recording_folder(path).is_dir():
+    if not seen_as(path) and seen_as(recording_folder(path)) == "folder":
         return finish_recording(RecordingPlace.hold(path), progress)
     if was_cut(path):
         return _repair_single(path, progress)

@@ -156,7 +156,7 @@ def trajectory_words(trajectory: Mapping[str, Any]) -> str:
     if isinstance(wanted, Mapping):
         words += f", for a wanted force ({', '.join(f'{k} {_number(v)}' for k, v in wanted.items())})"
     for key, value in rest.items():
-        words += f", {_named(key, value)}"
+        words += ", until stopped" if key == "until_stopped" and value is True else f", {_named(key, value)}"
     return words
 
 

@@ -80,6 +80,9 @@ def derivative(values: Array, sample_rate_hz: float) -> Array:
 
 THESIS_CUTOFF_HZ = 5.0
 """Thesis section 4.1: physiological finger motion does not exceed 3 to 5 Hz."""
+MOST_OF_THE_RATE = 0.3
+"""Cut-off over sampling rate, at most, of the thesis' filter in slow recordings, as in the diagnosis: run
+twice, it leaves 1/600 at two fifths of the rate."""
 
 NEEDED = ("motor_position", "motor_torque")
 FILTERED = (*NEEDED, "mcp_angle", "pip_angle", "endpoint_force", "load_torque")
@@ -121,8 +124,13 @@ class Signals:
         return len(self.time)
 
 
-def prepare(run: Run, rig: Rig, cutoff_hz: float = THESIS_CUTOFF_HZ) -> Signals:
-    """Read a run's channels, low-pass them at ``cutoff_hz`` (Hz) and differentiate.
+def thesis_cutoff_hz(sample_rate_hz: float) -> float:
+    """The thesis' 5 Hz; below 17 samples a second what such a recording can hold."""
+    return min(THESIS_CUTOFF_HZ, MOST_OF_THE_RATE * sample_rate_hz)
+
+
+def prepare(run: Run, rig: Rig, cutoff_hz: float | None = None) -> Signals:
+    """Read a run's channels, low-pass them at ``cutoff_hz`` (Hz; None: the thesis') and differentiate.
 
     Where samples were lost, of the longest piece without a gap.
 
@@ -131,6 +139,7 @@ def prepare(run: Run, rig: Rig, cutoff_hz: float = THESIS_CUTOFF_HZ) -> Signals:
     """
     rate = run.sample_rate_hz
     channels = run.load(["time", *(name for name in FILTERED if name in NEEDED or run.has(name))])
+    cutoff_hz = thesis_cutoff_hz(rate) if cutoff_hz is None else cutoff_hz
     piece = longest_piece(channels["time"], rate)
     channels = {name: values[piece] for name, values in channels.items()}
     filtered = _low_passed(run, channels, cutoff_hz)

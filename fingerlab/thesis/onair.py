@@ -21,6 +21,7 @@ from fingerlab.signals.periods import (
     speed_threshold,
     usable,
 )
+from fingerlab.signals.prepare import thesis_cutoff_hz
 from fingerlab.thesis.regression import Misfit, RegressionLine, RegressionSums, fit_line, repeating_misfit
 from fingerlab.thesis.traces import JOINTS, FitSpec, Joint, Traces
 
@@ -149,7 +150,9 @@ class _FoldedJoint:
         if line is None:
             return RegionFit(None, delay_s=self.seconds(lag))
         seconds = float(mask.sum()) * self.grid.period / self.grid.phases / self.rate
-        misfit = repeating_misfit(np.nanmean(x, axis=0), self.mean_lhs[mask], line, seconds)
+        misfit = repeating_misfit(
+            np.nanmean(x, axis=0), self.mean_lhs[mask], line, seconds, thesis_cutoff_hz(self.rate)
+        )
         return RegionFit(fit_line(sums, misfit), sums, misfit, self.seconds(lag))
 
     def whole_delay(self, method: str) -> int:

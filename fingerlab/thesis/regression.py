@@ -168,14 +168,17 @@ def fit_line(blocks: RegressionSums, misfit: Misfit | None = None) -> Regression
     )
 
 
-def repeating_misfit(x: Array, y: Array, line: RegressionLine, seconds: float) -> Misfit:
+def repeating_misfit(
+    x: Array, y: Array, line: RegressionLine, seconds: float, cutoff_hz: float = THESIS_CUTOFF_HZ
+) -> Misfit:
     """Misfit that the average period still shows, from its samples in one region.
 
     Args:
         x, y: the average period inside the region, shape (k,). seconds: how long the region lasts.
+        cutoff_hz: of the filter, Hz, to which the samples are as good as two a period.
     """
     error = y - line.slope * x - line.intercept
-    return Misfit(float(np.mean(error**2)), 2.0 * THESIS_CUTOFF_HZ * seconds)
+    return Misfit(float(np.mean(error**2)), 2.0 * cutoff_hz * seconds)
 
 
 def coefficient_of_determination(measured: Array, modelled: Array) -> float:

@@ -16,6 +16,9 @@ from fingerlab.rig.file import default_rig
 from tests.acquisition.driving import SINE
 from tests.acquisition.fake_device import FakeDevice
 
+GAINS = {"proportional": 14.0, "integral": 25.0, "derivative": 0.25}
+"""The usual ones of a card that is read sample by sample: A/rad, A/(rad s), A s/rad."""
+
 
 @pytest.fixture
 def bench(tmp_path: Path) -> InlineBench:
@@ -32,7 +35,7 @@ def test_what_was_measured_with_other_references_is_left_out(bench: InlineBench,
     run = run_to_record(bench, SetUp(), SINE, before_s=1.0)
     # The mean of a reference takes 0.1 s; from the sample after it on the new one holds.
     assert run.start == first
-    assert run.attributes == {"pre_trigger_s": 0.4}
+    assert run.attributes == {"pre_trigger_s": 0.4, "gains": GAINS}
     bench.step(1000)
     assert run_to_record(bench, SetUp(), SINE, before_s=1.0).start == first + 400
 
@@ -46,9 +49,12 @@ def test_seconds_before_are_counted_from_the_moment_that_is_meant(bench: InlineB
     bench.step(500)
     run = run_to_record(bench, SetUp(), SINE, 0.75, at=began + 200, stop=began + 900)
     assert (run.start, run.stop) == (began - 550, began + 900)
-    assert run.attributes == {"pre_trigger_s": 0.75, "trajectory_start_s": 0.55}
+    assert run.attributes == {"pre_trigger_s": 0.75, "trajectory_start_s": 0.55, "gains": GAINS}
     now = run_to_record(bench, SetUp(), SINE)
     assert (now.start, now.stop) == (bench.status().index + 1, None)
-    assert now.attributes == {"trajectory_start_s": pytest.approx((began - now.start) / 1000.0)}
+    assert now.attributes == {
+        "trajectory_start_s": pytest.approx((began - now.start) / 1000.0),
+        "gains": GAINS,
+    }
     loaded = run_to_record(bench, SetUp("motor_bench", "none", 0.05), SINE, 20.0)
     assert (loaded.start, loaded.load_torque) == (began, 0.05)

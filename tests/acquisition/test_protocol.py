@@ -22,6 +22,8 @@ from fingerlab.acquisition.protocols.steps import (
     Rest,
     plan_seconds,
     plan_steps,
+    scan_runs,
+    steps_from,
 )
 from fingerlab.acquisition.record.recording import SessionInfo
 from fingerlab.core.errors import UserError
@@ -29,6 +31,7 @@ from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import open_session
 from fingerlab.twin.protocols import PROTOCOLS, RunPlan
+from fingerlab.twin.run_table import read_run_table
 from tests.acquisition.fake_device import FakeDevice
 
 AIR = RunPlan(
@@ -155,3 +158,70 @@ def test_without_a_load_cell_in_reach_the_approach_is_given_up(tmp_path: Path) -
         driver.take(plan_steps([PRESS], 9.0))
     assert (device.volts, device.enabled) == (0.0, False)
     bench.close()
+
+
+def table(tmp_path: Path, text: str) -> list[RunPlan]:
+    path = tmp_path / "runs.csv"
+    path.write_text(text, encoding="utf-8")
+    return read_run_table(path)
+
+
+def test_a_table_of_runs_with_scans_is_a_protocol(tmp_path: Path) -> None:
+    plans = table(
+        tmp_path,
+        "\ufeffphase;cable;kind;amplitude_deg;frequency_hz;offset_deg;duration_s;runs;load_torque\n"
+        "# two amplitudes at each of three frequencies\n"
+        "on_air;;sine;5 10;0.5 to 1.5 in 3;20;4;;\n"
+        "\n"
+        "motor_bench;;chirp;10;0.5 to 8 in 3 log;60;5;2;0.05\n",
+    )
+    scan, bench = plans[:6], plans[6:]
+    assert {(p.phase, p.cable) for p in scan} == {("on_air", "extension")}
+    pairs = [(p.trajectory["amplitude_deg"], p.trajectory["frequency_hz"]) for p in scan]
+    assert pairs == [(a, f) for a in (5.0, 10.0) for f in (0.5, 1.0, 1.5)]
+    assert [p.trajectory["frequency_hz"] for p in bench] == [0.5, 0.5, 2.0, 2.0, 8.0, 8.0]
+    assert {(p.phase, p.cable, p.load_torque) for p in bench} == {("motor_bench", "none", 0.05)}
+    assert bench[0].trajectory["duration_s"] == 5.0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("kind,amplitude_deg\n", "has no rows"),
+        ("kind,amplitud\nsine,5\n", "has the column 'amplitud'; it may have"),
+        ("amplitude_deg\n5\n", "and 'kind'"),
+        ("kind,amplitude_deg\nsine,5 to\n", r"row 1, amplitude_deg is '5 to'; it should be a number"),
+        ("kind,amplitude_deg\nsine,-5 to 5 in 3 log\n", "it should be a number"),
+        ("kind,amplitude_deg\nwobble,5\n", "row 1: the trajectory has the kind 'wobble'"),
+        ("phase,cable,kind,amplitude_deg\ncontact,extension,sine,5\n", "row 1: A contact run presses"),
+        ("kind,amplitude_deg,runs\nsine,5,0\n", "'runs' = '0'; it should be a whole number"),
+        ("kind,amplitude_deg,frequency_hz\nsine,1 to 2 in 100,1 to 2 in 100\n", "more than 1000 runs"),
+    ],
+)
+def test_a_table_that_is_none_is_one_sentence(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(UserError, match=words):
+        table(tmp_path, text)
+
+
+def test_a_protocol_goes_on_from_any_run_with_its_set_up_and_its_contact() -> None:
+    steps = plan_steps(PROTOCOLS["thesis"](2.0), 0.8)
+    assert steps_from(steps, 1) == steps
+    air = steps_from(steps, 7)
+    assert [type(step) for step in air[:2]] == [Change, Record]
+    assert [s.number for s in air if isinstance(s, Record)] == list(range(7, 21))
+    contact = steps_from(steps, 15)
+    assert [type(step) for step in contact[:3]] == [Change, Find, Record]
+    assert contact[0].set_up.cable == "flexion"
+    assert [s.number for s in contact if isinstance(s, Record)] == list(range(15, 21))
+    assert {s.count for s in contact if isinstance(s, Record)} == {20}
+    loaded = plan_steps(PROTOCOLS["motor-bench"](2.0), 0.8)
+    assert [type(step) for step in steps_from(loaded, 5)[:3]] == [Change, Lift, Record]
+    with pytest.raises(UserError, match="no run 21; the protocol has the runs 1 to 20"):
+        steps_from(steps, 21)
+
+
+@pytest.mark.parametrize(("name", "ends"), [("frequency_hz", (0.5, 2.0)), ("offset_deg", (10.0, 40.0))])
+def test_a_scan_changes_one_number_of_the_motion(name: str, ends: tuple[float, float]) -> None:
+    runs = scan_runs(AIR.trajectory, name, *ends, 4)
+    assert [run.trajectory[name] for run in runs] == pytest.approx(list(np.linspace(*ends, 4)))
+    assert all({**run.trajectory, name: 0} == {**AIR.trajectory, name: 0} for run in runs)

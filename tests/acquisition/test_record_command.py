@@ -57,10 +57,16 @@ def test_one_run_on_the_simulated_rig(tmp_path: Path) -> None:
     assert session.attributes["operator"] == "Ada"
 
 
-def test_what_was_found_is_said_where_no_device_is_named(tmp_path: Path) -> None:
-    """Nobody should take the simulated rig's runs for the bench's."""
-    brief = json.dumps({**RUN, "duration_s": 1.0})
-    result = call("--trajectory", brief, "--phase", "on_air", "--out", str(tmp_path / "s.h5"))
+def test_where_no_device_is_named_it_is_asked_and_nothing_is_taken_unasked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody takes the simulated rig's runs for the bench's, or drives a card that happens to be there."""
+    arguments = ["--trajectory", json.dumps({**RUN, "duration_s": 1.0}), "--phase", "on_air"]
+    arguments += ["--out", str(tmp_path / "s.h5")]
+    with pytest.raises(UserError, match="name the bench to record from: simulated"):
+        CliRunner().invoke(record, arguments, catch_exceptions=False)
+    monkeypatch.setattr("fingerlab.cli.common.somebody_there", lambda: True)
+    result = CliRunner().invoke(record, arguments, input="simulated\n")
     assert result.exit_code == 0, result.output
     assert "no NI-DAQmx driver: using the simulated rig" in result.stderr
     assert open_session(tmp_path / "s.h5").attributes["device"] == "simulated rig"
@@ -138,6 +144,8 @@ def test_every_run_that_is_proposed_for_the_motor_bench_is_within_its_limits() -
         (["--protocol", "on-air", "--runs", "3"], "--runs"),
         (["--protocol", "on-air", "--set-mcp", "nan"], "180 degrees"),
         (["--protocol", "on-air", "--device", "replay:x.h5"], "replay"),
+        (["--protocol", "on-air", "--device", "Dev1", "--yes"], "--yes is for the simulated rig"),
+        (["--protocol", "on-air", "--device", ""], "name the bench to record from: "),
     ],
 )
 def test_bad_requests_are_one_sentence(tmp_path: Path, arguments: list[str], words: str) -> None:
@@ -196,3 +204,23 @@ def test_ctrl_c_that_python_loses_stops_all_the_same(
     assert session.attributes["ended"] == "truncated"
     assert session.runs[0].attributes["complete"] == 0
     assert 100 <= session.runs[0].length < 60_000
+
+
+def test_a_table_is_recorded_from_any_run_with_gains_of_one_s_own(tmp_path: Path) -> None:
+    table, out = tmp_path / "scan.csv", tmp_path / "scan.h5"
+    table.write_text(
+        "kind,amplitude_deg,frequency_hz,offset_deg,duration_s\nsine,8,0.5 to 1.5 in 3,20,2.5\n",
+        encoding="utf-8",
+    )
+    given = ["--protocol", str(table), "--device", "simulated", "--rest", "0.2", "--out", str(out)]
+    result = call(*given, "--from-run", "2", "--gains", "10,20,0.2")
+    assert result.exit_code == 0, result.output
+    session = open_session(out)
+    assert session.attributes["protocol"] == "scan"
+    assert [run.trajectory["frequency_hz"] for run in session.runs] == [1.0, 1.5]
+    told = session.runs[0].attributes["gains"]
+    gains = json.loads(told) if isinstance(told, str) else told
+    assert gains == {"proportional": 10.0, "integral": 20.0, "derivative": 0.2}
+    for wrong, words in (("1,2", "three numbers"), ("99,1,0.2", "proportional gain is 99")):
+        again = call(*given[:-1], str(tmp_path / "no.h5"), "--gains", wrong)
+        assert words in str(again.exception)

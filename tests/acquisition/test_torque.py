@@ -10,13 +10,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.control.commands import Approach, Enable, Finish, Initialise, SetUp, Start
+from fingerlab.acquisition.control.commands import (
+    Approach,
+    Enable,
+    Finish,
+    Initialise,
+    SetGains,
+    SetUp,
+    Start,
+)
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.control.motion import FREE_SPEED
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.protocols.steps import Change, Record, plan_steps
-from fingerlab.acquisition.status import Slot
+from fingerlab.acquisition.status import Number, Slot
 from fingerlab.core.errors import UserError
+from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.rig.daq import Limits
 from fingerlab.sessions.trajectory import trajectory_words
 from fingerlab.twin.protocols import single_run
@@ -189,3 +198,34 @@ def test_a_torque_from_a_table(tmp_path: Path) -> None:
     pull = read_trajectory({"kind": "torque", "file": str(path), "ramp_s": 0.0})
     np.testing.assert_allclose(pull.command(np.array([1.0, 2.0, 3.0])), [0.02, 0.04, 0.03])
     assert pull.duration == 4.0
+
+
+def test_gains_are_changed_while_it_runs_without_a_jump_and_within_their_ranges() -> None:
+    """The error of a sine falls with the stiffness, as that of a loop below its bandwidth does."""
+    driven = Driven(SimulatedRig(simulation=Simulation(seed=1)))
+    driven.run({**SINE, "amplitude_deg": 10.0}, endless=True)
+    driven.cycles(3000)
+
+    def error() -> float:
+        driven.cycles(3000)
+        wanted, is_at = driven.column("motor_command")[-2000:], driven.column("motor_position")[-2000:]
+        return float(np.sqrt(np.mean((wanted - is_at) ** 2)))
+
+    soft, stiff = (3.5, 0.0, 0.175), (21.0, 50.0, 0.4)
+    found = {}
+    for gains in (soft, stiff):
+        before = driven.column("current_command")[-1]
+        assert driven.ask(SetGains(*gains)) == ""
+        steps = np.abs(np.diff(driven.column("current_command")[-40:]))
+        assert abs(driven.column("current_command")[-1] - before) < 0.1
+        assert steps.max() < 0.1  # an encoder count alone moves it by 0.06 A
+        found[gains] = error()
+        assert [
+            driven.board.number(n) for n in (Number.PROPORTIONAL, Number.INTEGRAL, Number.DERIVATIVE)
+        ] == (pytest.approx(gains))
+    assert driven.fault == ""
+    assert found[stiff] < 0.4 * found[soft]
+    assert driven.ask(SetGains(30.0, 25.0, 0.25)) == (
+        "The proportional gain is 30; it should be 3.5 to 21 A/rad."
+    )
+    assert driven.board.number(Number.PROPORTIONAL) == 21.0

@@ -11,6 +11,7 @@ import pytest
 
 from fingerlab.acquisition.control.trajectories import WAVES, read_trajectory
 from fingerlab.core.errors import UserError
+from fingerlab.sessions.trajectory import trajectory_words
 
 TIME = np.arange(0.0, 20.0, 1e-3)
 
@@ -122,3 +123,25 @@ def test_a_file_that_is_no_trajectory_is_one_sentence(tmp_path: Path, text: str,
         read_trajectory({"kind": "file", "file": str(path)})
     with pytest.raises(UserError, match="'file'"):
         read_trajectory({"kind": "file"})
+
+
+@pytest.mark.parametrize("kind", ["chirp", "steps"])
+def test_until_stopped_it_goes_on_behind_its_pattern_without_a_jump(kind: str) -> None:
+    told = {"kind": kind, "amplitude_deg": 10.0, "frequency_hz": 1.0, "end_frequency_hz": 2.3}
+    endless = {name: value for name, value in told.items() if kind == "chirp" or name != "end_frequency_hz"}
+    motion = read_trajectory({**endless, "until_stopped": True, "pattern_s": 7.0, "ramp_s": 0.5})
+    time = np.arange(0.0, 60.0, 1e-3)
+    command = np.degrees(motion.command(time))
+    late = command[time > 40.0]
+    assert np.ptp(late) > 15.0  # five patterns later it still moves
+    # A sine of 2.3 Hz and 10 degrees moves by 0.145 degrees in 1 ms, a step of 20 in 0.15 s by 0.21.
+    assert np.abs(np.diff(command)).max() < 0.22
+    within = time < 7.0
+    once = read_trajectory({**endless, "duration_s": 7.0, "ramp_s": 0.5}).command(time[within])
+    np.testing.assert_allclose(command[within], np.degrees(once), atol=1e-9)
+
+
+def test_until_stopped_is_told_in_words_and_nothing_else() -> None:
+    with pytest.raises(UserError, match="should be true or false"):
+        read_trajectory({"kind": "sine", "amplitude_deg": 5, "until_stopped": "yes"})
+    assert trajectory_words({"kind": "sine", "until_stopped": True}).endswith("until stopped")

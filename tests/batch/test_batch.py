@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -250,6 +251,30 @@ def test_own_effects_travel_to_other_processes(tree: Path, tmp_path: Path) -> No
     assert all("param.motor_root_friction.root" in row for row in found if not row["error"])
     alone = diagnose_file(Task(str(tree / "a.h5"), "a.h5"), Options(("motor_root_friction",)))
     assert "no effect 'motor_root_friction'" in alone.row["error"]
+
+
+def test_a_file_that_ends_its_process_and_one_of_odd_texts_cost_the_others_nothing(
+    recorded: Path, tree: Path, tmp_path: Path
+) -> None:
+    """An own effect stands for whatever crashes in a library at one session: a cable that is wound up."""
+    text = EXAMPLE.read_text(encoding="utf-8")
+    crash = '    if motion.position.mean() > 3.0:\n        __import__("os").abort()\n'
+    changed = text.replace("    torque = np.sign", crash + "    torque = np.sign")
+    options = Options(("motor_root_friction",), (OwnSource(str(EXAMPLE), changed.encode()),))
+    aged(recorded, tree / "crash.h5", "2026-03-01T10:00:00+01:00", 0.06)
+    with h5py.File(tree / "deep" / "er" / "b.h5", "r+") as file:
+        odd = {"created": "[/bold]=1+1", "title": "\x1b[2J$x_{$", "notes": np.zeros(0)}
+        for name, value in odd.items():
+            file.attrs[name] = value
+    found = run_batch(tree, tmp_path / "T.parquet", options, locally(2)).contents.rows
+    rows = {row["session"]: row for row in found}
+    assert "ended from outside, for want of memory or by this file" in rows["crash.h5"]["error"]
+    assert "is not an HDF5 file" in rows["broken.h5"]["error"]
+    for name in ("a.h5", "deep/er/b.h5"):
+        assert rows[name]["error"] is None
+        assert rows[name]["score"] > 0
+    assert rows["deep/er/b.h5"]["created"] == "[/bold]=1+1"
+    assert pq.read_table(tmp_path / "T.parquet").num_rows == 4
 
 
 def refused(*arguments: object) -> str:

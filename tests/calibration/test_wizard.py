@@ -15,7 +15,7 @@ from fingerlab.calibration import SENSORS, StepTiming
 from fingerlab.calibration.applying import apply_again, calibrated_rig, rig_and_attributes
 from fingerlab.calibration.offline import outcome_from_files
 from fingerlab.calibration.outcome import CalibrationOutcome, compare
-from fingerlab.calibration.sensors import standard_plan
+from fingerlab.calibration.sensors import own_plan, read_marks, standard_plan
 from fingerlab.calibration.store import CalibrationStore
 from fingerlab.calibration.wizard import Averager, Phase, Wizard, judge
 from fingerlab.core.errors import Cancelled, UserError
@@ -319,3 +319,43 @@ def test_recordings_made_before(tmp_path: Path) -> None:
     assert 0.0 < shares[0] <= 0.5 < shares[-1] <= 1.0
     with pytest.raises(UserError, match="3 files were chosen"):
         outcome_from_files([half] * 3, LOAD_CELL)
+
+
+@pytest.mark.parametrize(
+    ("volts_at", "steps", "words"),
+    [
+        (lambda m: thesis_load_cell(m) - 0.45, 1, "gives 0.025 V, and its data sheet allows 0.45 to 0.55 V"),
+        (lambda m: 0.975 - thesis_load_cell(m), 3, "The reading falls as the known value grows"),
+        (lambda m: 0.475 + 0.5 * (thesis_load_cell(m) - 0.475), 3, "changes by 50 % of what the data sheet"),
+        (thesis_load_cell, 12, ""),
+    ],
+)
+def test_zero_sense_and_span_are_judged_from_the_first_steps(volts_at, steps: int, words: str) -> None:  # type: ignore[no-untyped-def]
+    wizard = Wizard(standard_plan(LOAD_CELL), StepTiming(3.0, 1.0), rises=True)
+    Operator(wizard, volts_at, noise=1e-4).work(lambda: wizard.number == steps)
+    assert words in wizard.early()
+    assert bool(wizard.early()) == bool(words)
+
+
+def test_a_turned_angle_sensor_is_told_at_the_second_mark() -> None:
+    for rises, told in ((True, True), (False, False), (None, False)):
+        wizard = Wizard(standard_plan(MCP), StepTiming(3.0, 1.0), rises=rises)
+        Operator(wizard, lambda mark: 3.9 - mark / 40.0).work(lambda w=wizard: w.number == 2)
+        assert ("falls as the known value grows" in wizard.early()) is told
+
+
+def test_weights_and_marks_are_the_operator_s_own() -> None:
+    marks = read_marks(LOAD_CELL, "0, 50 200;500")
+    assert marks == (0.0, 0.05, 0.2, 0.5)
+    plan = own_plan(LOAD_CELL, (0.5, 0.0, 0.2, 0.05))
+    assert plan.marks == (0.0, 0.05, 0.2, 0.5, 0.2, 0.05, 0.0)
+    assert plan.moves[2].words == "Lay weights of 200 g in all on the load cell."
+    wizard = Wizard(plan, StepTiming(3.0, 1.0))
+    Operator(wizard, thesis_load_cell).work()
+    assert wizard.outcome().calibration.gain.value == pytest.approx(11.194, rel=2e-3)
+    assert own_plan(MCP, (0.0, 20.0, 75.0)).marks == (0.0, 20.0, 75.0) * 2
+    for text, words in (("0 10 20", "needs 4 different"), ("0 1 1 2 3", "each once"), ("0 -5 8 9", "beyond")):
+        with pytest.raises(UserError, match=words):
+            own_plan(LOAD_CELL, read_marks(LOAD_CELL, text))
+    with pytest.raises(UserError, match="no list of known values"):
+        read_marks(MCP, "0 10 many")

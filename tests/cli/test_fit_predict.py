@@ -21,6 +21,32 @@ def session_file(make_session) -> Path:
     return make_session(samples=SAMPLES)
 
 
+def slow(file: h5py.File) -> None:
+    """Every hundredth sample of each run: 10 Hz."""
+    for run in file["runs"].values():
+        run.attrs["sample_rate_hz"] = 10.0
+        for name in list(run):
+            values, unit = run[name][::100], run[name].attrs["units"]
+            del run[name]
+            run[name] = values
+            run[name].attrs["units"] = unit
+
+
+def test_a_session_of_10_hz_is_read_fitted_and_exported(make_session, tmp_path: Path, capsys) -> None:
+    """Of a motion of 1 Hz without noise it tells nearly the arms that 1 kHz tell."""
+    arms: dict[str, list[float]] = {"mcp": [], "pip": []}
+    for name, change in (("fast.h5", None), ("slow.h5", slow)):
+        path = make_session(name, change, (("on_air", "extension"),), samples=60_000)
+        assert run_command("fit", path, "--method", "whole", "--json", "-") == 0
+        joints = json.loads(capsys.readouterr().out)["cables"]["extension"]["joints"]
+        for joint, found in arms.items():
+            found.append(joints[joint]["whole"]["moment_arm"]["value"])
+    for fast, few in arms.values():
+        assert few == pytest.approx(fast, rel=0.01)
+    assert run_command("info", path) == 0
+    assert run_command("export", path, "--to", "csv", "--out", tmp_path / "csv") == 0
+
+
 @pytest.fixture
 def model_file(session_file: Path, tmp_path: Path, capsys) -> Path:
     path = tmp_path / "M.json"

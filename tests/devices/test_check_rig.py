@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.check_rig.kept import KeptCheck, keep, last_check
 from fingerlab.acquisition.check_rig.look import CheckProtocol, Outcome, check_settings, write_protocol
 from fingerlab.acquisition.check_rig.walk import STEPS, Step, check_rig
 from fingerlab.cli.check_rig import check_rig as command
@@ -27,6 +28,8 @@ from .card_bench import BUFFERED, SINGLE
 from .safety_wiring import DEAD_MAN, READY, STOP, WIRED, wired
 from .virtual_card import Card, InProcessChannel, Servicer
 
+BRIEF = tuple(step for step in STEPS if step.name not in ("moved", "scale"))
+"""Without the sensors that somebody moves by hand, for most of a check's time."""
 LINES = ("lines/emergency_stop", "lines/amplifier_ready", "drive/dead_man")
 OWN = Path(__file__).resolve().parents[2] / "docs" / "own_device_example.py"
 
@@ -41,6 +44,9 @@ class Willing:
 
     def tell(self, text: str) -> None:
         self.told.append(text)
+
+    def found(self, outcome: Outcome) -> None:
+        self.tell(f"{outcome.state}: {outcome.title.rstrip('.')}. {outcome.sentence}")
 
     def ask(self, step: str, question: str) -> str:
         self.asked[step] = question
@@ -157,7 +163,7 @@ def test_an_enable_line_that_does_nothing_is_found() -> None:
             super().set_enable(True)
 
     rig = default_rig()
-    found = outcomes(check(AlwaysOn(rig), rig, Willing()))
+    found = outcomes(check(AlwaysOn(rig), rig, Willing(), steps=BRIEF))
     assert found["drive/disabled"].state == "failed"
     assert "With the enable line low 0.30 A flowed" in found["drive/disabled"].sentence
 
@@ -307,7 +313,7 @@ def test_what_failed_or_was_left_out_blocks_what_drives_later(answer: str, words
     operator = Willing(limits__force=answer)
     card, device = card_with_bench()
     clock = card.clock.now
-    found = outcomes(check(device, device.rig, operator, clock=clock, card=True))
+    found = outcomes(check(device, device.rig, operator, clock=clock, card=True, steps=BRIEF))
     for step in ("assumption/fresh-task-reaches-the-output", "drive/disabled", "drive/direction"):
         assert found[step].state == "skipped"
         assert found[step].sentence == f"Left out, for {words}; mend that and run check-rig again."
@@ -337,8 +343,8 @@ def test_no_more_than_the_test_current_ever_flows_and_the_motor_goes_no_farther_
         card, device = card_with_bench()
         card.plant = SimulatedBench(Simulation(seed=2), parse_rig(otherwise, "wired").daq)
         device.move_by_hand = card.plant.move_by_hand  # type: ignore[attr-defined]
-        outcomes(check(device, device.rig, Willing(), clock=card.clock.now, card=True))
-        assert max(abs(volts) for volts, line in card.history if line) <= 0.3 + 1e-9
+        outcomes(check(device, device.rig, Willing(), clock=card.clock.now, card=True, steps=BRIEF))
+        assert 0.2 < max(abs(volts) for volts, line in card.history if line) <= 0.3 + 1e-9
 
 
 def test_a_stop_ends_the_check() -> None:
@@ -398,12 +404,14 @@ def wired_card(text: str) -> tuple[Card, NiCard, Amplifier]:
 
 
 def test_lines_that_the_rig_file_does_not_wire_are_not_applicable() -> None:
-    assert [check_simulated()[line].state for line in LINES] == ["not applicable"] * 3
+    rig = default_rig()
+    found = outcomes(check(SimulatedRig(rig), rig, Willing(), steps=BRIEF))
+    assert [found[line].state for line in LINES] == ["not applicable"] * 3
 
 
 def test_the_lines_of_the_simulated_rig_are_seen() -> None:
     rig = wired(default_rig())
-    found = outcomes(check(SimulatedRig(rig), rig, Willing()))
+    found = outcomes(check(SimulatedRig(rig), rig, Willing(), steps=BRIEF))
     assert [found[line].state for line in LINES] == ["confirmed"] * 3, [found[k].sentence for k in LINES]
     assert found["lines/emergency_stop"].measured["bench_stopped"] is True
     # 47 nF and 820 kOhm hold from the last rising edge on, at most one sample before the beat ended.
@@ -414,7 +422,7 @@ def test_the_lines_of_the_simulated_rig_are_seen() -> None:
 @pytest.mark.parametrize("text", [SINGLE, BUFFERED], ids=["single-point", "buffered"])
 def test_the_lines_of_a_card_are_seen(text: str) -> None:
     card, device, _ = wired_card(text)
-    found = outcomes(check_card(card, device))
+    found = outcomes(check_card(card, device, BRIEF))
     assert [found[line].state for line in LINES] == ["confirmed"] * 3, [found[k].sentence for k in LINES]
     since_charged = 2e-3 if text == SINGLE else 20e-3  # every second edge feeds the pump
     assert HOLD - since_charged - 1e-3 <= found["drive/dead_man"].measured["hold_time"] <= HOLD
@@ -426,7 +434,10 @@ def test_a_comparator_that_is_stuck_high_is_found() -> None:
     plant.sticks = True
     rig = wired(default_rig())
     simulated = SimulatedRig(rig, faults=Faults(pump_sticks=True))
-    for found in (outcomes(check_card(card, device)), outcomes(check(simulated, rig, Willing()))):
+    for found in (
+        outcomes(check_card(card, device, BRIEF)),
+        outcomes(check(simulated, rig, Willing(), steps=BRIEF)),
+    ):
         assert found["drive/direction"].state == "confirmed"
         assert found["drive/dead_man"].state == "failed"
         assert "stuck high" in found["drive/dead_man"].sentence
@@ -435,7 +446,7 @@ def test_a_comparator_that_is_stuck_high_is_found() -> None:
 def test_a_pump_that_holds_for_longer_than_its_rig_file_says_is_found() -> None:
     rig = wired(default_rig())
     device = SimulatedRig(rig, wired=wired(default_rig(), WIRED.replace("50", "80")).daq)
-    found = outcomes(check(device, rig, Willing()))["drive/dead_man"]
+    found = outcomes(check(device, rig, Willing(), steps=BRIEF))["drive/dead_man"]
     assert found.state == "failed"
     assert "not 50 ms" in found.sentence
 
@@ -443,7 +454,7 @@ def test_a_pump_that_holds_for_longer_than_its_rig_file_says_is_found() -> None:
 def test_lines_with_the_wrong_sense_or_no_wire_are_found() -> None:
     card, device, _ = wired_card(SINGLE)
     card.inputs[STOP] = False  # the wire is off
-    found = outcomes(check_card(card, device))
+    found = outcomes(check_card(card, device, BRIEF))
     assert (found["lines/emergency_stop"].state, found["drive/dead_man"].state) == ("failed", "skipped")
     assert "reads pressed before anybody" in found["lines/emergency_stop"].sentence
 
@@ -452,7 +463,68 @@ def test_lines_with_the_wrong_sense_or_no_wire_are_found() -> None:
             """Nothing arrives."""
 
     rig = wired(default_rig())
-    found = outcomes(check(Deaf(rig), rig, Willing()))
+    found = outcomes(check(Deaf(rig), rig, Willing(), steps=BRIEF))
     assert "still read released" in found["lines/emergency_stop"].sentence
     assert "read ready without its supply" in found["lines/amplifier_ready"].sentence
     assert found["drive/dead_man"].state == "skipped"
+
+
+def test_a_check_holds_for_the_wiring_and_limits_it_was_made_of(tmp_path: Path) -> None:
+    text = '[daq]\ndevice = "Dev2"\n[limits]\ncurrent = 2.0\n'
+    rig = parse_rig(text, "x")
+    good = CheckProtocol("Dev2", "2026-11-23T10:00:00+01:00", rig, "x", (), "card")
+    assert last_check(rig, "card", tmp_path / "none") == KeptCheck()
+    keep(good, tmp_path)
+    keep(good, tmp_path)  # never over another
+    damaged = tmp_path / "2027-01-01T000000.json"
+    damaged.write_text('{"kind": "check-rig", "bench": "card"', encoding="utf-8")
+    known = last_check(rig, "card", tmp_path)
+    assert known.confirmed
+    assert known.current_share() == 1.0
+    assert known.words == "checked on 2026-11-23 at 10:00, all confirmed"
+    calibrated = parse_rig(text + "[daq.load_cell]\ngain = 11.3\noffset = -5.2\n", "x")
+    assert last_check(calibrated, "card", tmp_path).confirmed
+    for changed in (
+        text.replace("2.0", "2.1"),
+        text.replace("Dev2", "Dev1"),
+        text + "[daq.encoder]\nsign = -1\n",
+        text + '[daq.mcp]\nterminal = "ai7"\n',
+        text + "[daq.current_monitor]\ngain = 1.3\n",
+    ):
+        other = last_check(parse_rig(changed, "x"), "card", tmp_path)
+        assert not other.confirmed
+        assert "were changed since" in other.words
+        assert other.current_share() == 0.1
+    assert not last_check(rig, "own:abc", tmp_path).date  # another bench
+    missing = Outcome("scale/mcp", "MCP sensor, scaling", "skipped", "The operator left it out.")
+    keep(CheckProtocol("Dev2", "2026-11-24T09:00:00+01:00", rig, "x", (missing,), "card"), tmp_path)
+    newest = last_check(rig, "card", tmp_path)
+    assert (newest.confirmed, newest.open) == (False, ("scale/mcp",))
+    assert newest.sentence(rig).endswith(
+        "scale/mcp: the current stays below 0.2 A, a tenth of its limit, until a check confirms it."
+    )
+
+
+def test_only_a_real_bench_has_its_check_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command writes its protocol either way; a rehearsal lets no motor have its whole current."""
+    monkeypatch.setattr("fingerlab.acquisition.check_rig.kept.checks_folder", lambda *_: tmp_path / "checks")
+    plant = SimulatedBench(Simulation(seed=2), default_rig().daq)
+    card = Card(plant)
+    device = NiCard(default_rig(), card.clock, InProcessChannel(Servicer(card)))
+    device.move_by_hand = plant.move_by_hand  # type: ignore[attr-defined]
+
+    def inline(choice: Any, settings: Any, rescue: Path, rate_hz: float) -> InlineBench:
+        return InlineBench(device, settings, rescue)
+
+    monkeypatch.setattr("fingerlab.acquisition.bench.process_bench.ProcessBench", inline)
+    monkeypatch.setattr("fingerlab.cli.check_rig.somebody_there", lambda: True)
+    out = tmp_path / "check.json"
+    arguments = ["--device", "Dev1", "--out", str(out)]
+    result = CliRunner().invoke(command, arguments, input="yes\n" * 60)
+    assert result.exit_code == 0, result.output
+    (kept,) = (tmp_path / "checks").glob("*.json")
+    assert json.loads(kept.read_text(encoding="utf-8")) == json.loads(out.read_text(encoding="utf-8"))
+    assert last_check(default_rig(), "card", tmp_path / "checks").confirmed
+    rehearsed = ["--device", "simulated", "--yes", "--out", str(tmp_path / "again.json")]
+    assert CliRunner().invoke(command, rehearsed).exit_code == 0
+    assert len(list((tmp_path / "checks").iterdir())) == 1

@@ -301,3 +301,21 @@ def test_a_guardian_stops_what_a_lost_process_left() -> None:
     assert guardian.make_safe()
     assert_safe(card)
     assert card.resets == 1
+
+
+def test_the_encoder_s_wires_and_filter_reach_the_card_and_none_is_told_unasked() -> None:
+    """By the attributes' numbers in NI's NIDAQmx.h: terminal, filter and its pulse width of A, B and Z."""
+    a, b, z = 0x219D, 0x219E, 0x219F
+    card, device, _ = running(SINGLE)
+    (encoder,) = [task for task in card.tasks.values() if task.kind == "ci"]
+    assert encoder.attributes == {}
+    device.close()
+    wires = '[daq.encoder]\na = "PFI1"\nb = "PFI3"\nfilter_time = { value = 5.12, unit = "us" }\n'
+    card, device, _ = running(SINGLE + wires)
+    (encoder,) = [task for task in card.tasks.values() if task.kind == "ci"]
+    told = encoder.attributes
+    assert (told[a], told[b], z in told) == ("/Dev1/PFI1", "/Dev1/PFI3", False)
+    assert told[0x21FB] is told[0x2200] is True  # filters of A and B; Z is not used
+    assert told[0x21FC] == told[0x2201] == pytest.approx(5.12e-6)
+    assert len(told) == 6
+    device.close()

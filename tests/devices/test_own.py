@@ -48,8 +48,13 @@ def test_a_session_is_recorded_and_holds_the_rotor_s_equation(
     monkeypatch.setattr(fingerlab.acquisition.bench.process_bench, "ProcessBench", inline)
     out = tmp_path / "rotor.h5"
     wave = '{"kind": "sine", "amplitude_deg": 30, "frequency_hz": 1, "offset_deg": 40, "duration_s": 5}'
-    words = ["--trajectory", wave, "--phase", "motor_bench", "--yes", "--out", str(out)]
-    done = CliRunner().invoke(cli, ["record", "--device", f"own:{unpaced}", *words], catch_exceptions=False)
+    words = ["--trajectory", wave, "--phase", "motor_bench", "--out", str(out)]
+    command = ["record", "--device", f"own:{unpaced}", *words]
+    with pytest.raises(UserError, match="--yes is for the simulated rig"):
+        CliRunner().invoke(cli, [*command, "--yes"], catch_exceptions=False)
+    with pytest.raises(UserError, match="Nobody is there to say that the bench has been changed"):
+        CliRunner().invoke(cli, command, catch_exceptions=False)
+    done = CliRunner().invoke(cli, command, catch_exceptions=False, input="\n")
     assert done.exit_code == 0, done.output
     run = open_session(out).runs[0]
     assert run.cable == "none"

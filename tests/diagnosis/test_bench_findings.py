@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from fingerlab.diagnosis import diagnose
 from fingerlab.sessions.model import Run, Session
@@ -29,7 +30,7 @@ def with_spikes(session: Session, channel: str, every: int) -> Session:
 def test_moved_zeros_and_spikes_are_told_with_their_size_beside_the_effect() -> None:
     bench = made.Bench(missing=made.Missing(viscous=(3e-3, 2e-3)))
     session = with_spikes(spoiled(ZEROS_RAD, np.zeros(4), bench), "pip_angle", 1000)
-    found = diagnose([session], with_curves=False)
+    found = diagnose([session])
     assert found.candidates[0].effect == "viscous_friction"
     assert found.path[-1].score < 1.3
     moved, spikes = found.bench
@@ -42,6 +43,20 @@ def test_moved_zeros_and_spikes_are_told_with_their_size_beside_the_effect() -> 
     assert (spikes.kind, spikes.channel) == ("spikes", "pip_angle")
     assert 0.9 < spikes.size / seconds <= 1.0
     assert found.to_json()["bench"][1]["runs"] == [run.name for run in session.runs]
+    # Each is shaded where it was put: 7 ms behind every full second.
+    first = next(one for one in found.comparisons if one.equation == "pip_torque")
+    shaded = [one for one in first.aside if one.reason == "spikes"]
+    assert [0.5 * (one.start + one.stop) for one in shaded] == pytest.approx(
+        [k + 0.007 for k in range(int(first.time[0]) + 1, int(first.time[-1]) + 1)], abs=1e-6
+    )
+    told = [one for one in found.left_aside if one.reason == "spikes"]
+    assert sum(one.seconds for one in told) == pytest.approx(0.001 * spikes.size, rel=0.02)
+    # What is shaded of a run and what is judged of it are all of it.
+    length = next(run.seconds for run in session.runs if run.name == first.run)
+    edges = [(one.start, one.stop) for one in first.aside if one.reason == "ramp"]
+    assert sum(stop - start for start, stop in edges) + 0.04 * len(first.time) == pytest.approx(length)
+    ramp = next(one for one in found.left_aside if one.reason == "ramp" and first.run in one.runs)
+    assert 1.0 - 0.04 * len(first.time) / length == pytest.approx(ramp.share, abs=0.01)
 
 
 def test_a_clean_bench_has_no_findings() -> None:

@@ -55,6 +55,11 @@ def noise(values: Array) -> Array:
         ),
         ("motor_torque", lambda v: 1e-3 * v, "'motor_torque' swings by far less than the joints' springs"),
         ("endpoint_force", noise, "'endpoint_force' reads next to nothing in every contact run"),
+        (
+            "endpoint_force",
+            lambda v: 0.0 * v + 1.2 + noise(v),
+            "'endpoint_force' stands still in every con",
+        ),
         ("endpoint_force", np.negative, "'endpoint_force' is negative in every contact run"),
         ("endpoint_force", lambda v: 1e3 * v, "'endpoint_force' is far more than the cable's tension"),
     ],
@@ -108,3 +113,11 @@ def test_a_motor_alone_is_checked_too(change: Mapping[str, Change], sentence: st
     Reduction([bench]).of([])
     with pytest.raises(UserError, match=sentence):
         Reduction([changed(bench, change)]).of([])
+
+
+def test_a_finger_without_length_says_nothing_of_the_load_cell(session: Session) -> None:
+    """No lever, no ratio to compare; such a rig once ended in a division by zero."""
+    assert session.rig.finger is not None
+    none = replace(session.rig.finger, proximal_half_length=0.0, distal_half_length=0.0)
+    reduced = Reduction([replace(session, rig=replace(session.rig, finger=none))]).of([])
+    assert {group.in_contact for group in reduced.groups} == {False, True}

@@ -43,14 +43,14 @@ def test_two_models_as_likely_as_the_one_given_leave_it_a_third() -> None:
 
 
 @pytest.mark.parametrize("score", [1.45, 1.6])
-def test_after_an_addition_nothing_is_not_missing_where_a_third_of_a_floor_is_left(score: float) -> None:
-    bare = replace(judged(1.1), base=at_score(score))
-    assert doubted(bare).verdict == "nothing_missing"  # the evidence itself has weighed what is left
-    evidence = replace(bare, base=at_score(score, "coulomb_friction"))
-    assert evidence.verdict == "nothing_missing"
-    after = doubted(evidence)
-    assert after.verdict == "not_in_catalogue"
-    assert after.nothing + after.unknown == pytest.approx(evidence.nothing + evidence.unknown)
+def test_nothing_is_not_missing_where_a_third_of_a_floor_is_left(score: float) -> None:
+    """Neither of a bare model nor after an addition."""
+    for added in ((), ("coulomb_friction",)):
+        evidence = replace(judged(1.1), base=at_score(score, *added))
+        assert evidence.verdict == "nothing_missing"
+        after = doubted(evidence)
+        assert after.verdict == "not_in_catalogue"
+        assert after.nothing + after.unknown == pytest.approx(evidence.nothing + evidence.unknown)
     assert doubted(judged(1.1)).verdict == "nothing_missing"
 
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
-from fingerlab.diagnosis.equations.model import build
+from fingerlab.diagnosis.equations.model import Choice, build
+from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.fit.weights import Weighted, own_to_a_run
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
-from fingerlab.diagnosis.score.scorer import explained
-from fingerlab.diagnosis.settings import SET_DOWN_N
+from fingerlab.diagnosis.score.scorer import Scorer, explained
+from fingerlab.diagnosis.settings import SET_DOWN_N, WANDER
+from fingerlab.effects import CATALOGUE
 
 from . import closed_form as made
 
@@ -54,3 +57,37 @@ def test_a_tip_has_a_share_of_its_own_where_it_sticks_and_runs_are_repeated(
     pushed[model.index["lateral_constant"]] += SET_DOWN_N
     assert own[:, 0] == pytest.approx(model.features(pushed, group) - told)
     assert np.count_nonzero(own) == 2  # in the MCP's equation and in the PIP's
+
+
+def test_friction_of_each_run_s_own_costs_a_fit_what_it_costs_the_best_of_its_sizes() -> None:
+    """Without noise: the least over every run's friction of its misfit and of how unusual that is."""
+    reduced = reduce_sessions([made.session(made.Bench(), 2)], [CATALOGUE["viscous_friction"]])
+    for group in reduced.groups:
+        group.noise, group.noise_samples = np.zeros_like(group.noise), 1.0
+    scorer = Scorer(reduced)
+    trial = scorer.fit([Choice(CATALOGUE["viscous_friction"])])
+    places = [trial.model.index[f"viscous_friction.viscous_{joint}"] for joint in ("mcp", "pip")]
+    values = trial.fit.values.copy()
+    values[places] = 3e-5  # what the joints of this bench would hardly do, and not beyond what runs differ by
+    usual, fitter = (Fitter(trial.model, scorer.data, trial.weights) for _ in range(2))
+    fitter.hold(values, trusted=True)
+
+    def least(i: int, k: int) -> float:
+        group = reduced.groups[i]
+
+        def misfit(unusual: np.ndarray) -> float:
+            own = values.copy()
+            own[places] *= 1.0 + WANDER * unusual
+            told = trial.model.features(own, group)
+            return float(told @ usual.part(i, (k,)).matrix @ told + unusual @ unusual)
+
+        return float(minimize(misfit, np.zeros(2), tol=1e-10).fun)
+
+    folds = [(i, k) for i, group in enumerate(reduced.groups) for k in range(len(group.folds))]
+    alike = [trial.model.features(values, reduced.groups[i]) for i, _ in folds]
+    together = sum(
+        float(told @ usual.part(i, (k,)).matrix @ told) for told, (i, k) in zip(alike, folds, strict=True)
+    )
+    expected = together - sum(least(i, k) for i, k in folds)
+    assert expected > 1.0
+    assert usual.cost(values) - fitter.cost(values) == pytest.approx(expected, rel=1e-3)

@@ -84,11 +84,12 @@ def test_small_files_start_no_second_process(recorded: Path) -> None:
 
 def test_the_score_test_chooses_grid_points_as_whole_fits_do(recorded: Path) -> None:
     """A fit of every grid point is the judge: the test's point must reach nine tenths of the best fall."""
-    scorer = Scorer(reduce_sessions([open_session(recorded)], list(CATALOGUE.values())))
+    names = ("coulomb_friction", "motor_coulomb_friction", "motor_presliding", "torque_ripple")
+    effects = [CATALOGUE[name] for name in names]
+    scorer = Scorer(reduce_sessions([open_session(recorded)], effects))
     base = scorer.fit_reweighted([])
     test = ScoreTest(scorer.data, base)
-    for name in ("coulomb_friction", "motor_coulomb_friction", "motor_presliding", "torque_ripple"):
-        effect = CATALOGUE[name]
+    for effect in effects:
         costs = [scorer.fit([Choice(effect, i)], base, 12).fit.cost for i in range(len(effect.shapes))]
         fall = base.fit.cost - np.array(costs)
         assert fall[test.best_point(effect).shape] >= 0.9 * fall.max()

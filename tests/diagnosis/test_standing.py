@@ -61,8 +61,8 @@ def test_friction_at_rest_frees_its_own_equation_by_a_third_of_its_square(scorer
     group.whole.rest = None
 
 
-def test_a_model_without_sticking_friction_is_weighed_as_ever(scorer: Scorer) -> None:
-    trial = scorer.fit([Choice(CATALOGUE["viscous_friction"])])
+def test_a_model_without_friction_is_weighed_as_ever(scorer: Scorer) -> None:
+    trial = scorer.fit([Choice(CATALOGUE["added_mass"])])
     fitter = Fitter(trial.model, scorer.data, trial.weights)
     before = [sums.matrix.copy() for sums in fitter.sums]
     fitter.hold(trial.fit.values)

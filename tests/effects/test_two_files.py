@@ -105,8 +105,25 @@ def python(copy: Path, *arguments: str) -> str:
     return done.stdout
 
 
-def fingerlab(copy: Path, *arguments: str) -> str:
-    return python(copy, "-m", "fingerlab", *arguments)
+ONE_AFTER_THE_OTHER = """
+import contextlib, io, json, sys
+from fingerlab.cli.main import main
+told = []
+for line in json.loads(sys.argv[1]):
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        try:
+            main(line)
+        except SystemExit as end:
+            assert not end.code, line
+    told.append(out.getvalue())
+print(json.dumps(told))
+"""
+
+
+def fingerlab(copy: Path, *lines: tuple[str, ...]) -> list[str]:
+    """What each command prints; they share one process, for libraries take a second to import."""
+    told: list[str] = json.loads(python(copy, "-c", ONE_AFTER_THE_OTHER, json.dumps(lines)))
+    return told
 
 
 def test_lists_of_the_program_the_window_and_the_blind_trials_have_it(copy: Path) -> None:
@@ -119,12 +136,11 @@ def test_lists_of_the_program_the_window_and_the_blind_trials_have_it(copy: Path
 
 
 def test_the_command_line_has_it(copy: Path) -> None:
-    (one,) = [
-        e for e in json.loads(fingerlab(copy, "effects", "--json", "-"))["effects"] if e["id"] == "seal_drag"
-    ]
+    as_json, as_words = fingerlab(copy, ("effects", "--json", "-"), ("effects",))
+    (one,) = [e for e in json.loads(as_json)["effects"] if e["id"] == "seal_drag"]
     assert one["parameters"]["drag"]["high"] == 0.05
     assert not one["own"]
-    assert "34 effects, 0 of them your own." in fingerlab(copy, "effects")
+    assert "34 effects, 0 of them your own." in as_words
 
 
 def test_the_documents_have_its_page_and_its_picture(copy: Path) -> None:
@@ -143,14 +159,19 @@ def test_the_documents_have_its_page_and_its_picture(copy: Path) -> None:
 
 def test_it_is_put_in_found_again_and_printed_with_its_equation(copy: Path) -> None:
     run = ("--trajectory", SWING, "--phase", "motor_bench", "--seed", "3", "--out", "seal.h5")
-    fingerlab(copy, "simulate", "--effect", "seal_drag", *run)
-    assert fingerlab(copy, "reveal", "seal.h5").startswith("seal_drag: drag = 0.006 N m s/rad")
-    found = json.loads(fingerlab(copy, "diagnose", "seal.h5", "--json", "-"))
+    written = ("--out", "seal.html", "--equation", "seal.md")
+    _, revealed, diagnosed, _ = fingerlab(
+        copy,
+        ("simulate", "--effect", "seal_drag", *run),
+        ("reveal", "seal.h5"),
+        ("diagnose", "seal.h5", "--json", "-"),
+        ("report", "seal.h5", "--add", "seal_drag", *written),
+    )
+    assert revealed.startswith("seal_drag: drag = 0.006 N m s/rad")
+    found = json.loads(diagnosed)
     (one,) = [c for c in found["candidates"] if c["effect"] == "seal_drag"]
     assert one["in_set"]
     assert "seal_drag" in found["set"]
-    written = ("--out", "seal.html", "--equation", "seal.md")
-    fingerlab(copy, "report", "seal.h5", "--add", "seal_drag", *written)
     equation = (copy / "seal.md").read_text(encoding="utf-8")
     assert r"\tau_m &= S\,\dot\theta_m" in equation
     value = equation.split("| $S$ | Drag of the seal | $")[1].split(r" \pm")[0]

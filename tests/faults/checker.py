@@ -12,6 +12,7 @@ import sys
 
 import psutil
 
+from fingerlab.acquisition.check_rig.look import Outcome
 from fingerlab.acquisition.check_rig.walk import STEPS
 from fingerlab.cli.check_rig import checked
 from fingerlab.devices.choosing import choose_device
@@ -24,6 +25,9 @@ class Willing:
         """What was found, in a line; first of all that the bench is open."""
         children = [child.pid for child in psutil.Process().children()]
         print(json.dumps({"told": text, "children": children}), flush=True)
+
+    def found(self, outcome: Outcome) -> None:
+        self.tell(f"{outcome.state}: {outcome.title}. {outcome.sentence}")
 
     def ask(self, step: str, question: str) -> str:
         """Every question is answered at once."""

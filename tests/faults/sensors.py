@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.acquisition.bench.inline import InlineBench
-from fingerlab.acquisition.check_rig.look import FAILED, check_settings
+from fingerlab.acquisition.check_rig.look import FAILED, Outcome, check_settings
 from fingerlab.acquisition.check_rig.walk import STEPS, check_rig
 from fingerlab.acquisition.control.commands import (
     Approach,
@@ -194,6 +194,8 @@ def _checked(device: SimulatedRig) -> Seen:
 
 class _Yes:
     def tell(self, text: str) -> None: ...
+
+    def found(self, outcome: Outcome) -> None: ...
 
     def ask(self, step: str, question: str) -> str:
         return "yes"

@@ -98,7 +98,6 @@ def _group(
         "conditions and turns": [[fold.condition, fold.turn] for fold in group.dealt],
         "noise as read": noise_read,
         "noise": told.array(group.noise),
-        "noise of taut moments": told.array(group.taut_noise),
         "noise samples": [float(noise_samples), float(group.noise_samples)],
         "encoder variance": float(group.encoder_variance),
         "weights": weights.tolist(),

@@ -22,6 +22,16 @@ TRUTH = {
     "bench-contact-angle": "contact_angle",
 }
 
+OTHER_BENCHES = {
+    "bench-large": ["viscous_friction"],
+    "bench-large-plain": [],
+    "bench-small": ["motor_coulomb_friction"],
+    "bench-moved-zeros": ["capstan_friction"],
+    "bench-amplifier-offset": ["spring_hardening"],
+    "bench-spikes": ["joint_coupling"],
+}
+"""Of another size, or with dirt: what their path names, and no more."""
+
 
 @cache
 def diagnosed(path: Path) -> Diagnosis:
@@ -38,7 +48,15 @@ def test_the_named_effect_comes_first(name: str, shared_data: Path) -> None:
     assert result.path[1].added == TRUTH[name]
     # Half of what lies above the floor is gone at least, and next to nothing is left.
     assert result.path[-1].score ** 2 - 1 < 0.5 * (result.path[0].score ** 2 - 1)
-    assert result.path[1].score < (1.3 if name == "bench-viscous" else 1.2)
+    assert result.path[1].score < 1.2
+
+
+@pytest.mark.parametrize("name", list(OTHER_BENCHES))
+def test_a_bench_of_another_size_or_with_dirt_is_explained_whole(name: str, shared_data: Path) -> None:
+    result = diagnosed(shared_data / f"{name}.h5")
+    assert result.final_model == tuple(OTHER_BENCHES[name])
+    assert (result.verdict == "nothing_missing") is (not OTHER_BENCHES[name])
+    assert result.path[-1].score < 1.3
 
 
 def test_the_plain_bench_lacks_nothing(shared_data: Path) -> None:

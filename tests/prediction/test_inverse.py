@@ -123,6 +123,18 @@ def test_the_interval_of_the_force_becomes_one_of_torque() -> None:
     assert plan.half_width == pytest.approx(np.full(3000, 0.05 / newton_per_newton_metre), rel=1e-6)
 
 
+def test_a_force_far_beyond_the_recorded_ones_is_told_and_its_interval_widens() -> None:
+    near = needed_torque(wanted_force(SINE), variant(), pose_by_hand(MCP, PIP), RIG, "M")
+    assert not any("extrapolation" in warning for warning in near.warnings)
+    # The model was judged on 1.3 ± 0.9 N; 4.0 + 0.9 N lie four times as far from there.
+    far = needed_torque(wanted_force({**SINE, "mean_n": 4.0}), variant(), pose_by_hand(MCP, PIP), RIG, "M")
+    assert far.warnings[0] == (
+        "4.9 N is an extrapolation: the model was judged on 0.4 to 2.2 N, so its interval is taken up to 4 "
+        "times as wide."
+    )
+    assert far.half_width.max() == pytest.approx(4.0 * near.half_width.max(), rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("wish", "rig", "words"),
     [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import html
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +17,8 @@ from fingerlab.report.diagnosis_figures import (
     fingerprint_figure,
     path_figure,
 )
-from fingerlab.report.figure_style import CANDIDATE, FLOOR, MEASURED, MODELLED, RESIDUAL
+from fingerlab.report.figure_style import CANDIDATE, FLOOR, MEASURED, MODELLED, RESIDUAL, label, new_figure
+from fingerlab.report.pictures import inline_svg
 
 
 def lines(axes) -> dict[str, object]:
@@ -112,3 +115,15 @@ def test_the_path_shows_every_step_down_to_the_floor(found) -> None:
     assert [t.get_text() for t in axes.texts] == ["12.4", "1.10"]
     (axes,) = path_figure(found.path, ("cable_slack",)).axes
     assert axes.get_yticklabels()[0].get_text() == "model as given"
+
+
+def test_names_with_dollars_are_letters_and_no_mathematics() -> None:
+    """What matplotlib takes for a formula without an end would end the report."""
+    names = ["$x_{$", "$\\frac{1}{$", "a $b$ c"]
+    figure, (axes,) = new_figure()
+    axes.barh(range(len(names)), [1.0, 2.0, 3.0])
+    axes.set_yticks(range(len(names)), names)
+    label(axes, "$\\unknown{", "score", title="$x_{$")
+    drawn = re.sub(r"<[^>]*>", "", inline_svg(figure, "f1", "names"))
+    for words in (*names, "$\\unknown{"):
+        assert words in html.unescape(drawn)

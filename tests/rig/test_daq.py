@@ -8,7 +8,16 @@ import pytest
 
 from fingerlab.core.errors import UserError
 from fingerlab.rig.constants import Motor, Rig
-from fingerlab.rig.daq import BENCH_LIMITS, Daq, Limits, plain_section
+from fingerlab.rig.daq import (
+    BENCH_LIMITS,
+    AnalogInput,
+    Daq,
+    Encoder,
+    Limits,
+    encoder_wires,
+    plain_section,
+    second_terminal,
+)
 from fingerlab.rig.file import default_rig, parse_rig
 
 
@@ -70,6 +79,35 @@ def test_wiring_travels_in_the_session_and_old_rigs_have_the_defaults():
 
 
 @pytest.mark.parametrize(
+    ("terminal", "wiring", "second"),
+    [
+        ("ai0", "default", "ai8"),
+        ("ai7", "diff", "ai15"),
+        ("ai8", "default", "AI GND"),
+        ("ai17", "default", "ai25"),
+        ("ai31", "default", "AI GND"),
+        ("ai3", "rse", "AI GND"),
+        ("ai3", "nrse", "AI SENSE"),
+        ("ai16", "nrse", "AI SENSE 2"),
+        ("", "default", ""),
+    ],
+)
+def test_what_an_input_is_measured_against_is_as_in_the_card_s_manual(terminal, wiring, second):
+    assert second_terminal(AnalogInput(terminal, 1.0, wiring=wiring)) == second
+
+
+def test_the_encoder_s_wires_are_named_and_stay_out_of_sessions_that_need_none():
+    assert encoder_wires(Encoder()) == "A PFI8, B PFI10"
+    assert encoder_wires(Encoder("ctr1", index=True)) == "A PFI3, B PFI11, Z PFI4"
+    assert set(plain_section(Daq())["encoder"]) == {"terminal", "counts_per_turn", "sign", "index"}
+    text = '[daq.encoder]\na = "PFI1"\nfilter_time = { value = 5.12, unit = "us", source = "mine" }\n'
+    again = Rig.from_json(parse_rig(text, "x").to_json()).daq
+    assert encoder_wires(again.encoder) == "A PFI1, B PFI10"
+    assert again.encoder.filter_time == pytest.approx(5.12e-6)
+    assert again.sources == {"encoder.filter_time": "mine"}
+
+
+@pytest.mark.parametrize(
     ("text", "sentence"),
     [
         ("[daq]\ncard = 'Dev1'", r"\[daq\] holds the unknown 'card'; it knows device, server"),
@@ -84,6 +122,12 @@ def test_wiring_travels_in_the_session_and_old_rigs_have_the_defaults():
         ("[daq.mcp]\ngain = {value = 1, unit = 'N/V'}", "in 'N/V'; it should be in 'rad/V'"),
         ("[daq.mcp]\nlow = 5\nhigh = -5", "mcp low is not below high"),
         ("[daq.mcp]\nwiring = 'loose'", "wiring is 'loose'"),
+        ("[daq.mcp]\nterminal = 'ai9'\nwiring = 'diff'", "differential at ai9, which is no first half"),
+        (
+            "[daq.mcp]\nterminal = 'ai1'\nwiring = 'diff'\n[daq.pip]\nterminal = 'ai9'",
+            "second terminal of mcp",
+        ),
+        ("[daq.encoder]\nfilter_time = {value = 3, unit = 'ms'}", "filter_time is 0.003 s; it should be 0"),
         ("[daq.mcp]\noffset = inf", "offset is inf; it should be a finite number"),
         ("[daq.command]\nlow = 1", "command leaves out 0 V"),
         ("[daq.enable]\nactive_high = 1", "active_high is 1; it should be true or false"),

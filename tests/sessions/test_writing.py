@@ -21,7 +21,7 @@ import fingerlab
 from fingerlab.core.errors import UserError
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import SessionWriter, check_session, open_session
-from fingerlab.sessions.hdf5 import TargetFile
+from fingerlab.sessions.disk_files import TargetFile
 
 RATE = 500.0
 

@@ -171,6 +171,16 @@ DIALOGS = (
         (lambda s: s.tab("acquire").panel.motion._choose_file(),),
         ("acquire/motion_form.py:MotionForm._choose_file",),
     ),
+    Surface(
+        "Table of runs",
+        (lambda s: s.tab("acquire").panel.protocol._choose_table(),),
+        ("acquire/run_forms.py:ProtocolForm._choose_table",),
+    ),
+    Surface(
+        "Keep this motion",
+        (lambda s: s.tab("acquire").panel.motions._ask_name(),),
+        ("acquire/motion_form.py:MotionsButton._ask_name",),
+    ),
     Surface("Own device", (_own_device,), ("acquire/connect_page.py:ConnectPage._browse_own",)),
     Surface(
         "Replay a recording",
@@ -298,6 +308,18 @@ DIALOGS = (
         "Models tried",
         (lambda s: TriedDialog(s.tab("model_lab").pages, [TriedModel((), 12.4)], ()).open(),),
         ("lab/project_dialogs.py:TriedDialog",),
+        "model_lab",
+    ),
+    Surface(
+        "What the error is made of",
+        (lambda s: s.tab("model_lab").view.show_score_parts(),),
+        ("lab/score_parts.py:ScorePartsDialog",),
+        "model_lab",
+    ),
+    Surface(
+        "Models side by side",
+        (lambda s: s.tab("model_lab").view.show_side_by_side(),),
+        ("lab/side_by_side.py:SideBySideDialog",),
         "model_lab",
     ),
     Surface("Own effects", (_own_effects,), ("lab/own_effects.py:OwnEffects",), "model_lab"),

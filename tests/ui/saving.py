@@ -39,7 +39,7 @@ def save_each_plot(window: MainWindow, folder: Path, expected: int, empty: tuple
                 if ending == "csv" and plot.objectName() in empty:
                     assert "no curve" in window.context.log[-1]
                     continue
-                assert window.context.log[-1].endswith(f"Saved {path}"), (
+                assert window.context.log[-1].endswith(f"Plot saved: {path}"), (
                     plot.objectName(),
                     window.context.log[-1],
                 )

@@ -10,13 +10,13 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
-    QDoubleSpinBox,
     QFrame,
     QGridLayout,
     QHBoxLayout,
     QLabel,
     QMenu,
     QPushButton,
+    QStackedWidget,
     QToolButton,
     QWidget,
     QWidgetAction,
@@ -25,10 +25,9 @@ from PySide6.QtWidgets import (
 from fingerlab.core.text import ScreenUnit
 
 from ..app.tab_registry import SEPARATOR, Command
-from ..widgets.fields import choice
-from ..widgets.labels import ElidedLabel, header_name
+from ..widgets.fields import NumberField, choice, refuse_entries
+from ..widgets.labels import ElidedLabel, header_name, heading
 from ..widgets.layout import described, hbox
-from ..widgets.theme import large_font
 from .acquire_panel import AcquirePanel
 from .live_channels import QUANTITIES, SHOWN
 from .live_plots import WINDOWS_S, LivePlots, Trigger, level_of
@@ -70,9 +69,15 @@ class AcquireHeader(QWidget):
         self.disconnect_button.setVisible(bool(name))
         self.disconnect_button.setEnabled(not in_protocol)
 
-    def show_lines(self, words: Mapping[str, str]) -> None:
-        """State of the bench's digital lines, each in words; nothing where no bench is connected."""
+    def show_lines(self, words: Mapping[str, str], unchecked: bool = False) -> None:
+        """State of the bench's digital lines, each in words; nothing where no bench is connected.
+
+        Args:
+            unchecked: no check has confirmed the bench, whose current is therefore limited.
+        """
         told = [f"{name[:1].upper()}{name[1:]} {word}" for name, word in words.items()]
+        if unchecked:
+            told = ["Not checked: little current", *told]
         wired = [line for line in told if not line.endswith("not wired")]
         short = " · ".join(wired) or ("No emergency stop input" if told else "")
         if self.lines.text() != " · ".join(told):
@@ -96,34 +101,52 @@ class AcquireHeader(QWidget):
 
 
 class PromptBar(QFrame):
-    """Hidden until something is asked. Signal ``done``."""
+    """In the place of the plots' tools while something is asked: nothing moves.
+
+    Signals: done; came(bool): there is something to do, or no more.
+    """
 
     done = Signal()
+    came = Signal(bool)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setObjectName("promptBar")
         self.setAccessibleName("What to do now")
-        self.sentence = described(QLabel(), "prompt", font=large_font())
+        self.sentence = described(heading(), "prompt")
         self.sentence.setWordWrap(True)
         self.button = QPushButton("&Done")
         self.button.setObjectName("promptDone")
         self.button.setProperty("primary", "true")
         self.button.setToolTip("It is done: go on with the protocol (Ctrl+D).")
         self.button.clicked.connect(self._on_done)
-        hbox(self, (self.sentence, 1), self.button, margins=(16, 8, 8, 8), spacing=16)
-        self.hide()
+        hbox(self, (self.sentence, 1), self.button, margins=(16, 4, 8, 4), spacing=16)
 
     def ask(self, sentence: str) -> None:
         """Show what to do."""
         self.sentence.setText(sentence)
         self.setAccessibleDescription(sentence)
-        self.show()
+        self.came.emit(True)
         self.button.setFocus()
 
+    def over(self) -> None:
+        """Nothing is asked any more."""
+        self.sentence.clear()  # its room is not kept
+        self.came.emit(False)
+
     def _on_done(self) -> None:
-        self.hide()
+        self.over()
         self.done.emit()
+
+
+class AbovePlots(QStackedWidget):
+    """The plots' tools, or what the operator has to do; as high as the higher of them."""
+
+    def __init__(self, tools: QWidget, prompt: PromptBar, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.addWidget(tools)
+        self.addWidget(prompt)
+        prompt.came.connect(lambda on: self.setCurrentWidget(prompt if on else tools))
 
 
 NO_MODEL, NOMINAL, FROM_FILE, FILE = "none", "nominal", "choose", "file"
@@ -178,6 +201,10 @@ class PlotToolbar(QWidget):
             self.model.setItemText(row, path.stem)
         self.model.setCurrentIndex(self.model.findData(key))
 
+    def refuse_models(self, why: str) -> None:
+        """No model can be chosen now; empty: it can."""
+        refuse_entries(self.model, dict.fromkeys((NOMINAL, FROM_FILE, FILE), why))
+
     def _on_window(self) -> None:
         self._plots.set_window(float(self.window_s.currentData()))
 
@@ -216,7 +243,7 @@ class TriggerButton(QToolButton):
         self.edge = choice(
             "triggerEdge", {"rising": "Rising", "falling": "Falling"}, "Direction of crossing."
         )
-        self.level = described(QDoubleSpinBox(), "triggerLevel", accessible="Level")
+        self.level = described(NumberField(), "triggerLevel", accessible="Level")
         self.level.setRange(-1e5, 1e5)
         self.level.setDecimals(2)
         layout = QGridLayout(form)

@@ -18,33 +18,38 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from fingerlab.acquisition.control.commands import SetGains
 from fingerlab.acquisition.control.machine import Event, Mode
 from fingerlab.acquisition.protocols.driver import LONGEST_BEFORE_S
 from fingerlab.core.text import grouped
-from fingerlab.rig.daq import Limits
+from fingerlab.rig.constants import Rig
+from fingerlab.sessions.format import FINGER_PHASES
 
 from ..app.undo import FormHistory
 from ..widgets.fields import (
     PROGRESS_STEPS,
     ActionButton,
     choice,
+    complaint_of,
     number,
     progress_bar,
+    refuse_entries,
     row,
     set_shown,
     set_usable,
 )
 from ..widgets.labels import ElidedLabel, heading, remark
-from ..widgets.layout import FLUSH, described, vbox
+from ..widgets.layout import FLUSH, described, hbox, vbox
 from .bench_controller import BenchController
-from .bench_setup import LOADED_PHASE
-from .motion_form import MotionForm
+from .bench_setup import LOADED_PHASE, cable_refusal
+from .motion_form import GainsButton, MotionForm, MotionsButton
 from .recording_control import WRITING, RecordingControl
 from .run_forms import InitialButton, ProtocolForm
 
 PHASES = {"on_air": "On air", "contact": "Contact", "motor_bench": "Motor bench", "free": "Free"}
 CABLES = {"extension": "Extension cable", "flexion": "Flexion cable", "none": "No cable"}
 LOAD_HELP = "Known load: torque of a weight on the pulley; above 0 where the motor lifts it turning forwards."
+NO_FINGER = "The rig file names no finger, whose constants a run with one needs; give it a section [finger]."
 MOTIONS = (
     "A motion that you set, start, change and end yourself.",
     "All runs of a series by itself, with a prompt at each change of the cable.",
@@ -64,6 +69,7 @@ class PanelActions:
     start: Callable[[], Any]
     finish: Callable[[], Any]
     jog: Callable[[int], Any]
+    gains: Callable[[SetGains], Any]
     take_up: Callable[[], Any]
     contact: Callable[[], Any]
     protocol: Callable[[], Any]
@@ -116,14 +122,14 @@ class AcquirePanel(QWidget):
         self._make_bench(actions)
         self._make_motion(actions)
         self._make_recording(actions)
-        layout = vbox(self, margins=(8, 4, 8, 0), spacing=4)
+        layout = vbox(self, margins=(8, 2, 8, 0), spacing=3)
         for part in (self._bench, self._motion, self._record):
             for entry in part:
                 if isinstance(entry, QWidget):
                     layout.addWidget(entry)
                 else:
                     layout.addLayout(entry)
-            layout.addSpacing(4)
+            layout.addSpacing(2)
         layout.addStretch(1)
         self._keep_history()
 
@@ -218,6 +224,7 @@ class AcquirePanel(QWidget):
                 self.motion,
                 row(self.start, self.finish),
                 row(self.back, self.forth, self.take_up, self.contact),
+                row(self.gains, self.motions),
                 self.hand_left,
             ),
             (self.protocol, self.run, self.progress, self.left),
@@ -232,8 +239,7 @@ class AcquirePanel(QWidget):
             layout.addStretch(1)
             self.pages.addWidget(page)
         self._motion: tuple[QWidget | QHBoxLayout, ...] = (
-            heading("Motion"),
-            row(self.by_hand, self.by_protocol),
+            hbox(None, heading("Motion"), 8, (self.by_hand, 1), (self.by_protocol, 1), spacing=8),
             self.pages,
         )
 
@@ -250,6 +256,9 @@ class AcquirePanel(QWidget):
             "Slack: wind with little current until the joints move; the motor's reference is then there.",
             actions.take_up,
         )
+        self.motions = MotionsButton()
+        self.gains = GainsButton()
+        self.gains.asked.connect(actions.gains)
         self.contact = ActionButton(
             "Contact",
             "findContact",
@@ -288,12 +297,11 @@ class AcquirePanel(QWidget):
         label = QLabel("Before (s)")
         label.setBuddy(self.before)
         self._record = (
-            heading("Recording"),
+            hbox(None, heading("Recording"), 8, (self.count, 1), spacing=8),
             row(self.record, self.pause),
             row(label, self.before),
             row(self.note, self.mark),
             row(self.write, self.later, self.details),
-            self.count,
             self.writing,
             self.warning,
         )
@@ -332,11 +340,16 @@ class AcquirePanel(QWidget):
             self.load.setValue(set_up.load_torque)
         for widget in (self.load_label, self.load):
             widget.setVisible(set_up.phase == LOADED_PHASE)
+        refuse_entries(self.cable, {cable: cable_refusal(set_up, cable) for cable in CABLES})
 
-    def show_limits(self, limits: Limits) -> None:
-        """No known load that the motor may not hold."""
+    def show_rig(self, rig: Rig) -> None:
+        """What cannot be done on it: a load that the motor may not hold, runs of a finger without one."""
+        most = rig.limits.torque
         with QSignalBlocker(self.load):
-            self.load.setRange(-limits.torque, limits.torque)
+            self.load.setRange(-most, most)
+        why = NO_FINGER if rig.finger is None else ""
+        refuse_entries(self.phase, dict.fromkeys(FINGER_PHASES, why))
+        self.protocol.refuse_fingers(why)
 
     def refresh(self) -> None:
         """Which buttons can be used now, and why not."""
@@ -353,6 +366,7 @@ class AcquirePanel(QWidget):
         ):
             button.refuse(hands_off or controller.refusal(event))
         self._refresh_by_hand(hands_off)
+        set_usable(self.gains, not hands_off and controller.status is not None)
         latched = controller.status is not None and controller.status.latched
         self.release.refuse(
             hands_off or (controller.refusal(Event.RELEASE) if latched else "No stop is latched.")
@@ -361,6 +375,12 @@ class AcquirePanel(QWidget):
         moving = mode in (Mode.RUNNING, Mode.STOPPING)
         rest = "The motor is running; reset the load cell at rest, with nothing on it." if moving else ""
         self.tare.refuse(hands_off or (controller.refusal(Event.FAULT) or rest))
+        for button, fields in (
+            (self.initialise, self.initial.fields),
+            (self.start, [self.load, *self.motion.fields]),
+        ):
+            if button.isEnabled():
+                button.refuse(complaint_of(fields))
         self._set_text(self.enable, "Disa&ble" if on else "&Enable")
         self._set_text(self.start, "&Change" if mode is Mode.RUNNING else "&Start")
         fixed = hands_off or ("The amplifier is enabled; disable it first." if on else "")
@@ -402,6 +422,9 @@ class AcquirePanel(QWidget):
             (self.run, "protocol"),
         ):
             button.refuse(recording.refusal(what))
+        for button, fields in ((self.record, [self.before]), (self.run, self.protocol_fields)):
+            if button.isEnabled() and not recording.recording:
+                button.refuse(complaint_of(fields))
         self._refresh_writing()
         status, session = self._controller.status, recording.session
         if self._controller.worker.title == WRITING or recording.writing.under_way:
@@ -426,6 +449,11 @@ class AcquirePanel(QWidget):
         self.writing.setVisible(writing.under_way)
         self.later.refuse("It is being put off." if writing.asked_to_wait else "")
         self.writing.setValue(round(PROGRESS_STEPS * writing.share))
+
+    @property
+    def protocol_fields(self) -> list[QWidget]:
+        """All numbers that the protocol is made of."""
+        return [*self.protocol.fields, *(self.motion.fields if self.protocol.own else ())]
 
     @staticmethod
     def _set_text(button: QPushButton, text: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -19,26 +20,34 @@ from fingerlab.acquisition.control.commands import (
     Jog,
     Release,
     Reset,
+    SetGains,
     SetUp,
     Start,
     Tare,
     initial_of,
 )
 from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.motion import Gains
 from fingerlab.acquisition.protocols.driver import find_contact, take_up_slack
 from fingerlab.acquisition.protocols.steps import countdown, prompt_of
+from fingerlab.acquisition.record.recording import what_was_saved
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import read_text
+from fingerlab.core.plain_data import read_object
 from fingerlab.sessions.recording_files import recording_folder
 
 from ..app.context import ApplicationContext
 from ..app.tab_registry import Tab
 from ..app.worker import Failed
+from ..widgets.fields import take_typed
 from ..widgets.layout import FLUSH, SideRoom, hbox, vbox
-from .acquire_bars import AcquireHeader, PlotToolbar, PromptBar, acquire_menu
+from .acquire_bars import AbovePlots, AcquireHeader, PlotToolbar, PromptBar, acquire_menu
 from .acquire_panel import AcquirePanel, PanelActions
 from .bench_controller import BenchController
 from .bench_setup import (
+    BenchRequest,
     FindCall,
+    OpenBench,
     OpenCall,
     changed_set_up,
     effect_choices,
@@ -49,9 +58,11 @@ from .bench_setup import (
     open_bench,
     run_choices,
 )
+from .check_page import CheckPage
 from .connect_page import ConnectPage
 from .live_model import LiveModelComparison
 from .live_plots import LivePlots
+from .motion_form import keep_motion
 from .protocol_controller import ProtocolController, left_of_run
 from .recording_control import RecordingControl
 from .session_writing import DetailsDialog, SessionDetails
@@ -84,6 +95,7 @@ class AcquireTab(Tab):
         self.prompt = PromptBar()
         self.panel = AcquirePanel(self.controller, self.recording, self._actions())
         self.bar = self.header = AcquireHeader()
+        self.check_page = CheckPage(self.controller)
         self.comparison = LiveModelComparison(context, self.controller, self.toolbar, self.plots)
         self.protocol = ProtocolController(
             context, self.recording, self.panel, self.prompt, self._on_set_up, self._refresh
@@ -92,6 +104,8 @@ class AcquireTab(Tab):
         self._painted = Event()
         self._mark_at: int | None = None
         self._jogging = False
+        self._wanted: BenchRequest | None = None
+        self._begun: OpenBench | None = None  # whose check was begun
         self._lasts_s: float | None = None
         self._moves: Mapping[str, Any] | None = None
         self._build()
@@ -108,13 +122,14 @@ class AcquireTab(Tab):
         self._refresh()
 
     def _build(self) -> None:
-        left = vbox(None, self.prompt, self.toolbar, (self.plots, 1), spacing=0)
+        left = vbox(None, AbovePlots(self.toolbar, self.prompt), (self.plots, 1), spacing=0)
         bench = QWidget()
         hbox(bench, (left, 1), SideRoom(self.panel), margins=FLUSH, spacing=0)
         self.bench_page = bench
         self.pages = QStackedWidget()
         self.pages.addWidget(self.connect_page)
         self.pages.addWidget(bench)
+        self.pages.addWidget(self.check_page)
         self.widget = self.pages
 
     def _actions(self) -> PanelActions:
@@ -128,6 +143,7 @@ class AcquireTab(Tab):
             start=self._start,
             finish=lambda: ask("Coming to rest", Finish()),
             jog=self._jog,
+            gains=self._change_gains,
             take_up=self._take_up,
             contact=self._find_contact,
             protocol=lambda: self.protocol.start(),
@@ -147,12 +163,18 @@ class AcquireTab(Tab):
         recording.written.connect(self._on_written)
         recording.put_off.connect(self._on_put_off)
         page = self.connect_page
-        page.chosen.connect(controller.open)
+        page.chosen.connect(self._open)
+        self.check_page.drive_asked.connect(self._drive_checked)
+        self.check_page.leave_asked.connect(self.disconnect_rig)
         page.look_asked.connect(self._look_for_devices)
         page.runs_asked.connect(self._look_for_runs)
         page.refused.connect(self.context.tell)
         self.panel.set_up_chosen.connect(self._on_set_up_chosen)
         self.panel.load_chosen.connect(self._on_load_chosen)
+        motions = self.panel.motions
+        motions.chosen.connect(self._set_kept)
+        motions.keep_asked.connect(self._keep_motion)
+        motions.forget_asked.connect(self._forget_motion)
         self.panel.history.changed.connect(context.commands_changed)
         self.bar.disconnect_asked.connect(self.disconnect_rig)
         self.bar.open_asked.connect(lambda path: context.open_paths([Path(path)]))
@@ -165,12 +187,26 @@ class AcquireTab(Tab):
     def on_shown(self) -> None:
         if not self._looked:
             self._looked = True
+            self._tell_saved()
             QTimer.singleShot(AFTER_PICTURE_MS, self, self._painted.set)
             self.controller.call(
                 LOOKING, self._choices, lambda choices: self.connect_page.show_choices(*choices)
             )
             self._look_for_devices()
         self.plots.refresh()
+
+    def _tell_saved(self) -> None:
+        """Once, what became of a recording in the middle of which FingerLab ended."""
+        session = self.context.settings.under_way()
+        if session is None:
+            return
+        saved = what_was_saved(session)
+        if saved is None or not saved.held:
+            self.context.settings.set_under_way(None)
+        if saved is None:
+            return
+        self.context.tell(saved.sentence)
+        (self.bar.show_written if saved.whole else self.bar.show_put_off)(saved.path)
 
     def accept_files(self, paths: Sequence[Path]) -> bool:
         if len(paths) != 1 or paths[0].suffix.lower() not in TEXT_TABLES:
@@ -194,10 +230,12 @@ class AcquireTab(Tab):
         return self.connected() and self.panel.history.can_redo
 
     def can_close(self) -> bool:
-        running = self.controller.driving
-        if not running and self.recording.session is None and not self.recording.in_protocol:
+        running, checking = self.controller.driving, self.check_page.run.under_way
+        kept = self.recording.session is None and not self.recording.in_protocol
+        if not running and not checking and kept:
             return True
         what = "The amplifier is on" if running else "A recording is not yet written"
+        what = "The check is not at its end" if checking else what
         if not ask_to_close(self.widget, what):
             return False
         self.controller.stop()
@@ -214,8 +252,22 @@ class AcquireTab(Tab):
     # buttons
 
     def connected(self) -> bool:
-        """Whether a bench is there."""
-        return self.controller.bench is not None
+        """Whether a bench is there to be driven."""
+        return self.controller.bench is not None and not self._checks
+
+    @property
+    def _checks(self) -> bool:
+        opened = self.controller.opened
+        return self.controller.bench is not None and opened is not None and opened.to_check is not None
+
+    def _open(self, wanted: BenchRequest) -> None:
+        self._wanted = wanted
+        self.controller.open(wanted)
+
+    def _drive_checked(self) -> None:
+        """The bench that was checked, opened anew: with its own limits, and what the check has come to."""
+        if self._wanted is not None:
+            self._open(replace(self._wanted, check=False))
 
     def disconnect_rig(self) -> None:
         """Let the device go; asked first where something would be lost."""
@@ -225,6 +277,8 @@ class AcquireTab(Tab):
             self._look_for_devices()
 
     def _initialise(self) -> None:
+        if take_typed(self.panel.initial.fields):
+            return
         self.controller.ask("Initialising", self.panel.initial.command())
 
     def _toggle_enable(self) -> None:
@@ -234,9 +288,45 @@ class AcquireTab(Tab):
     def _jog(self, way: int) -> None:
         """Turn one way or the other, or hold; asked for again where a button was let go unseen."""
         self._jogging = way != 0
-        self.controller.doing = "by hand"
         self._lasts_s = None
-        self.controller.ask("Jogging", Jog(way * JOG_SPEED))
+        self.controller.ask("Jogging", Jog(way * JOG_SPEED), doing="by hand")
+
+    def _change_gains(self, gains: SetGains) -> None:
+        self.controller.ask("Changing the gains", gains, done=self._mark_gains)
+
+    def _mark_gains(self) -> None:
+        words = self.panel.gains.words()
+        self.context.say(f"Gains of the position loop: {words}")
+        if self.recording.recording and self.controller.status is not None:
+            self.recording.mark(f"gains: {words}", self.controller.status.index)
+
+    def _set_kept(self, path: Path) -> None:
+        try:
+            self.panel.motion.show_settings(
+                read_object(read_text(path, "a kept motion"), str(path), "forget it")
+            )
+        except UserError as error:
+            self.context.tell(str(error))
+            return
+        self.context.say(f"Motion set: {path.stem}")
+
+    def _keep_motion(self, name: str) -> None:
+        if take_typed(self.panel.motion.fields):
+            return
+        try:
+            path = keep_motion(self.panel.motion.settings(), name)
+        except UserError as error:
+            self.context.tell(str(error))
+            return
+        self.context.say(f"Motion kept: {path}")
+
+    def _forget_motion(self, path: Path) -> None:
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            self.context.tell(f"{path} cannot be removed ({error.strerror}).")
+            return
+        self.context.say(f"Motion forgotten: {path.stem}")
 
     def _take_up(self) -> None:
         initial = self.panel.initial.command()
@@ -246,48 +336,53 @@ class AcquireTab(Tab):
                 f"Slack of {math.degrees(slack):.1f}° taken up; the motor's reference is there now"
             )
 
-        self.controller.doing = "taking up the slack"
+        title = "Taking up the slack"
         self.controller.do(
-            "Taking up the slack", lambda bench: take_up_slack(bench, initial), told, long=True
+            title, lambda bench: take_up_slack(bench, initial), told, long=True, doing=title.lower()
         )
 
     def _find_contact(self) -> None:
         force = self.panel.protocol.force.value()
 
         def told(angle: float) -> None:
-            degrees = round(math.degrees(angle), 2)
-            self.panel.motion.numbers["offset_deg"].setValue(degrees)
+            offset = self.panel.motion.numbers["offset_deg"]
+            degrees = round(math.degrees(angle), offset.decimals())
+            offset.setValue(degrees)
             self.context.say(f"The fingertip presses at {degrees:g}°, which is the offset now")
 
         self._lasts_s = None
-        self.controller.doing = "finding the contact"
-        self.controller.do("Finding the contact", lambda bench: find_contact(bench, force), told, long=True)
+        title = "Finding the contact"
+        self.controller.do(
+            title, lambda bench: find_contact(bench, force), told, long=True, doing=title.lower()
+        )
 
     def _start(self) -> None:
         motion, controller = self.panel.motion, self.controller
+        if take_typed([self.panel.load, *motion.fields]):  # the field says what is wrong
+            return
         start = Start(motion.settings(), motion.endless)
         try:
             lift = lift_before(controller.set_up, start.trajectory)
         except UserError as error:
             self.context.tell(str(error))
             return
-        controller.doing = motion.words()
+        words = motion.words()
         lasts_s = None if motion.endless else motion.duration.value()
 
         def begun() -> None:
             self._lasts_s, self._moves = lasts_s, start.trajectory
-            self.recording.mark_motion(controller.doing)
+            self.recording.mark_motion(words)
 
         if lift is None or controller.mode is Mode.RUNNING:  # what runs has the load lifted already
-            controller.ask("Starting", start, done=begun)
+            controller.ask("Starting", start, done=begun, doing=words)
         else:
             self._lasts_s = None
-            controller.do("Lifting the load", lift_and_start(lift, start), lambda _: begun())
+            controller.do("Lifting the load", lift_and_start(lift, start), lambda _: begun(), doing=words)
 
     def _toggle_record(self) -> None:
         if self.recording.recording:
             self.recording.end()
-        else:
+        elif not take_typed([self.panel.before]):
             runs = self._moves if self.controller.mode is Mode.RUNNING else None
             self.recording.record(runs or self.panel.motion.settings(), self.panel.before.value())
 
@@ -370,9 +465,13 @@ class AcquireTab(Tab):
         history = self.controller.history if self.connected() else None
         if self.plots.history is not history:
             self.plots.show_history(history)
-            self.prompt.hide()
+            self.prompt.over()
             self.comparison.show()
             self._show_initial()
+        if self._checks and self._begun is not self.controller.opened:
+            self._begun = self.controller.opened
+            status = self.controller.status
+            self.check_page.begin(status.device if status is not None else "the rig")
         self._refresh()
 
     def _show_initial(self) -> None:
@@ -380,18 +479,25 @@ class AcquireTab(Tab):
         opened = self.controller.opened
         if opened is None:
             return
-        self.panel.show_limits(opened.rig.limits)
+        if opened.checked is not None:
+            tell = self.context.say if opened.checked.confirmed else self.context.tell
+            tell(opened.checked.sentence(opened.rig))
+        self.panel.show_rig(opened.rig)
         self.panel.history.note()
         try:
             self.panel.initial.show_command(initial_of(opened.rig))
         except UserError as error:
             self.context.tell(str(error))
+        self.panel.gains.show_gains(Gains())  # another bench begins with the usual ones
         self.panel.history.given("initial")
 
     def _on_tick(self) -> None:
         if self._jogging and not (self.panel.back.isDown() or self.panel.forth.isDown()):
             self._jog(0)  # a dialog or another window took the mouse
         if not self.widget.isVisible():
+            return
+        if self._checks:
+            self._show_lines()
             return
         status = self.controller.status
         self.plots.tick(self.controller.numbers_due, live=status is not None and not status.loop_ended)
@@ -404,7 +510,10 @@ class AcquireTab(Tab):
 
     def _show_lines(self) -> None:
         status = self.controller.status
-        self.bar.show_lines(line_words(status) if status is not None else {})
+        opened = self.controller.opened
+        checked = opened.checked if opened is not None else None
+        unchecked = checked is not None and not checked.confirmed and not self._checks
+        self.bar.show_lines(line_words(status) if status is not None else {}, unchecked)
 
     def _count_down(self) -> None:
         """What is left of a motion that was started by hand for a time."""
@@ -425,7 +534,8 @@ class AcquireTab(Tab):
 
     def _refresh(self) -> None:
         connected = self.connected()
-        self.pages.setCurrentWidget(self.bench_page if connected else self.connect_page)
+        page = self.check_page if self._checks else self.bench_page if connected else self.connect_page
+        self.pages.setCurrentWidget(page)
         busy = self.controller.worker.title
         self.connect_page.show_busy(busy if busy != LOOKING else "")
         device = self.controller.status.device if self.controller.status is not None else ""
@@ -438,7 +548,7 @@ class AcquireTab(Tab):
 
     def _on_written(self, path: Path) -> None:
         self.bar.show_written(path)
-        self.context.tell(f"Written and verified: {path}")
+        self.context.announce(f"Written and verified: {path}", path)
 
     def _on_put_off(self, path: Path) -> None:
         self.bar.show_put_off(path)

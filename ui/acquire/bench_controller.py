@@ -172,14 +172,20 @@ class BenchController(QObject):
         status = self.status
         return Machine(status.mode, status.latched, status.pressed, status.unready).refusal(event)
 
-    def ask(self, title: str, *commands: Command, done: Callable[[], None] | None = None) -> None:
-        """Ask the loop for something, one command after the other; a refusal is told."""
+    def ask(
+        self, title: str, *commands: Command, done: Callable[[], None] | None = None, doing: str | None = None
+    ) -> None:
+        """Ask the loop for something, one command after the other; a refusal is told.
+
+        Args:
+            doing: what runs from then on, unless it was refused: then what ran before still does.
+        """
 
         def work(bench: Bench) -> None:
             for command in commands:
                 bench.ask(command)
 
-        self.do(title, work, lambda _: done() if done is not None else None)
+        self.do(title, work, lambda _: done() if done is not None else None, doing=doing)
 
     def do(
         self,
@@ -188,16 +194,28 @@ class BenchController(QObject):
         done: Callable[[Any], None] = lambda _: None,
         failed: Callable[[Failed], None] | None = None,
         long: bool = False,
+        doing: str | None = None,
     ) -> None:
-        """Do something that waits for the bench; ``long`` for what takes seconds on a virtual clock, too."""
-        bench = self.bench
+        """Do something that waits for the bench; ``long`` for what takes seconds on a virtual clock, too.
+
+        Args:
+            doing: as for :meth:`ask`.
+        """
+        bench, before, failed = self.bench, self.doing, failed or self._on_failed
+        if doing is not None:
+            self.doing, told = doing, failed
+
+            def failed(failure: Failed) -> None:
+                self.doing = before
+                told(failure)
+
         if bench is None:
             self.context.tell(NO_BENCH)
             return
         if has_virtual_clock(bench) and not long:
             result, failure = attempt(title, lambda: work(bench))  # nobody else turns its clock
             if failure is not None:
-                (failed or self._on_failed)(failure)
+                failed(failure)
             else:
                 done(result)
             self.tick()

@@ -18,6 +18,7 @@ from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench.steering import LoopSettings
+    from fingerlab.acquisition.check_rig.kept import KeptCheck
     from fingerlab.core.trust import OwnSource
     from fingerlab.devices.choosing import DeviceChoice
     from fingerlab.devices.protocol import FoundDevice
@@ -34,6 +35,7 @@ class BenchRequest:
         preset: of the simulated rig. fault: of the simulated rig: empty for none, or one of
             :data:`fingerlab.devices.faults.FAULT_KINDS`; fault_after_s: how long after it starts.
         own: the file of an own device, as its user lets it be run.
+        check: the bench is to be checked, step by step, not driven.
     """
 
     device: str
@@ -44,6 +46,22 @@ class BenchRequest:
     fault: str = ""
     fault_after_s: float = 20.0
     own: OwnSource | None = None
+    check: bool = False
+
+
+@dataclass(frozen=True)
+class ToCheck:
+    """A bench that is to be checked.
+
+    Attributes:
+        source: of the rig, for the protocol. key: by ``kept.bench_key``. card: whether a card is checked.
+        folder: where the result is kept; None for a rehearsal.
+    """
+
+    source: str
+    key: str
+    card: bool
+    folder: Path | None
 
 
 @dataclass(frozen=True)
@@ -55,6 +73,8 @@ class OpenBench:
         attributes: for the session file: what a simulated bench says of itself, calibrations.
         calibrations: the rig folder; None where it has none, as a replay.
         simulated: whether nothing can be placed on it.
+        checked: its last check; None where nothing real moves. to_check: what a check has to know of it; None
+            where it was opened to be driven.
     """
 
     bench: Bench
@@ -62,6 +82,8 @@ class OpenBench:
     attributes: Mapping[str, Any] = field(default_factory=dict)
     calibrations: Path | None = None
     simulated: bool = False
+    checked: KeptCheck | None = None
+    to_check: ToCheck | None = None
 
 
 OpenCall = Callable[[BenchRequest], OpenBench]
@@ -86,6 +108,8 @@ def open_bench(wanted: BenchRequest, make: MakeBench = in_processes) -> OpenBenc
             stored calibration is damaged.
     """
     from fingerlab.acquisition.bench.steering import LoopSettings
+    from fingerlab.acquisition.check_rig.kept import bench_key, checks_folder, last_check
+    from fingerlab.acquisition.check_rig.look import check_settings
     from fingerlab.acquisition.control.units import BenchUnits
     from fingerlab.calibration.applying import default_folder, rig_and_attributes
     from fingerlab.devices.choosing import CARD, OWN, REPLAY, choose_device
@@ -121,8 +145,18 @@ def open_bench(wanted: BenchRequest, make: MakeBench = in_processes) -> OpenBenc
         known, told = rig_and_attributes(known, folder)
         attributes |= told
     settings = LoopSettings(BenchUnits.from_rig(known), known.limits)
+    checked = to_check = None
+    if wired:
+        checked = last_check(known, bench_key(choice), checks_folder(wanted.rig_file))
+        settings = replace(settings, current_share=checked.current_share())
+        attributes["check_rig"] = checked.words
+    if wanted.check:
+        settings = check_settings(known)
+        kept = checks_folder(wanted.rig_file) if wired else None
+        source = str(wanted.rig_file or "the default rig")
+        to_check = ToCheck(source, bench_key(choice), choice.kind == CARD, kept)
     bench = make(choice, settings, rate)
-    return OpenBench(bench, known, attributes, folder, not wired)
+    return OpenBench(bench, known, attributes, folder, not wired, checked, to_check)
 
 
 def _let_run(wanted: BenchRequest) -> None:
@@ -173,10 +207,16 @@ def find_devices(rig_file: Path | None) -> tuple[FoundDevice, ...]:
     Raises:
         UserError: the rig file cannot be read.
     """
-    from fingerlab.devices.choosing import detect
-    from fingerlab.rig.file import load_rig
+    from fingerlab.acquisition.check_rig.kept import checks_folder, last_check
+    from fingerlab.devices.choosing import CARD, detect
+    from fingerlab.rig.file import default_rig, load_rig
 
-    return detect(load_rig(rig_file) if rig_file is not None else None)
+    rig = load_rig(rig_file) if rig_file is not None else default_rig()
+    card, *others = detect(rig)
+    if card.available:
+        words = last_check(rig, CARD, checks_folder(rig_file)).words
+        card = replace(card, sentence=f"{card.sentence}; {words}")
+    return card, *others
 
 
 def effect_choices() -> tuple[tuple[str, str], ...]:
@@ -228,6 +268,23 @@ def changed_set_up(before: SetUp, **values: Any) -> SetUp:
         phase, cable = setup_of(wanted.phase, wanted.cable)
     load = wanted.load_torque if phase == LOADED_PHASE else 0.0
     return SetUp(phase, cable, load)
+
+
+CABLE_REFUSALS = {
+    "motor_bench": "The motor bench is without a cable.",
+    "contact": "The fingertip is pressed with the flexion cable.",
+}
+
+
+def cable_refusal(set_up: SetUp, cable: str) -> str:
+    """Why this cable does not go with the phase; empty where it does."""
+    try:
+        changed_set_up(set_up, cable=cable)
+    except UserError:
+        return CABLE_REFUSALS.get(
+            set_up.phase, "A finger is moved by a cable; none goes with the motor bench."
+        )
+    return ""
 
 
 def lift_before(set_up: SetUp, trajectory: Mapping[str, Any]) -> Lift | None:

@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QSpinBox, QWidget
+from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QWidget
 
 from fingerlab.core.errors import UserError
 
 from ..app.context import ApplicationContext
 from ..app.dialogs import ask_to_run as ask
 from ..lab import practice
-from ..widgets.fields import across, centred_column, choice, number, set_usable
+from ..widgets.fields import (
+    WholeField,
+    across,
+    centred_column,
+    choice,
+    number,
+    refuse_entries,
+    set_usable,
+    take_typed,
+)
 from ..widgets.labels import heading, remark
+from ..widgets.layout import as_written, described
 from .bench_setup import BenchRequest, forget_own_device, own_device_file, own_device_files
 
 if TYPE_CHECKING:
@@ -30,6 +41,7 @@ DEFAULT_RIG = (
     "Default rig: wiring and limits as in the thesis, a card in this machine. A rig file names others, and "
     "the device server of a card in another machine."
 )
+CHECKED = {"card": "the card", "simulated": "the simulated rig, as a rehearsal", "own": "the own device"}
 PYTHON_FILTER = "Python files (*.py);;All files (*)"
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
 
@@ -55,13 +67,15 @@ class ConnectPage(QWidget):
         self._make_card()
         self._make_own()
         self._make_replay()
+        self._make_check()
         self._make_practice()
         self._build()
-        self.card.clicked.connect(lambda: self.chosen.emit(BenchRequest(self._card, self.rig_file)))
+        self.card.clicked.connect(lambda: self._ask_for(self._card_wanted()))
         self.again.clicked.connect(self.look_asked)
-        self.simulated.clicked.connect(self._on_simulated)
+        self.simulated.clicked.connect(lambda: self._ask_for(self._simulated_wanted()))
         self.fault.currentIndexChanged.connect(self._on_fault)
-        self.own.clicked.connect(self._on_own)
+        self.own.clicked.connect(lambda: self._ask_for(self._own_wanted()))
+        self.check.clicked.connect(self._on_check)
         self.own_file.currentIndexChanged.connect(self._on_own_file)
         self.forget.clicked.connect(self._on_forget)
         self.replay.clicked.connect(self._on_replay)
@@ -82,11 +96,9 @@ class ConnectPage(QWidget):
             "Effect: what the simulated rig has that the nominal model lacks.",
         )
         self.effect.setMinimumContentsLength(24)
-        self.seed = QSpinBox()
-        self.seed.setObjectName("simulatedSeed")
+        self.seed = described(WholeField(), "simulatedSeed", accessible="Number of the simulated bench")
         self.seed.setRange(0, 99_999)
         self.seed.setPrefix("bench ")
-        self.seed.setAccessibleName("Number of the simulated bench")
         self.seed.setToolTip(
             "Each number is another bench: other tolerances, other noise, another hidden effect."
         )
@@ -136,6 +148,15 @@ class ConnectPage(QWidget):
         for field in (self.runs, self.replay_run):
             field.hide()
 
+    def _make_check(self) -> None:
+        self.check = _button("Check the ri&g", "checkRig")
+        self.check.setToolTip(
+            "Step by step: channels, signs, scaling, limits, drive and stop, with the cable off the pulley."
+        )
+        self.checked: QComboBox = choice("checkedBench", CHECKED, "Bench that is checked.")
+        self.checked.setMinimumContentsLength(24)
+        self._offer_check()
+
     def _make_practice(self) -> None:
         self.practise = _button("&Practise", "practiseFromHere")
         self.practise.setAccessibleName("Practise on a hidden effect")
@@ -144,6 +165,7 @@ class ConnectPage(QWidget):
             "lab. A session that you have opens with Ctrl+O, or drop it here."
         )
         self.waiting = QLabel()
+        self.waiting.setTextFormat(Qt.TextFormat.PlainText)
         self.waiting.setObjectName("waitsForRig")
         self.waiting.setWordWrap(True)
         self.waiting.hide()
@@ -166,6 +188,7 @@ class ConnectPage(QWidget):
             (self.own, self.own_file, self.forget),
             (self.replay, self.replay_text, self.runs, self.replay_run),
             (self.rig, self.rig_text),
+            (self.check, self.checked, remark("Without it a real bench gets a tenth of its current.")),
             (self.practise, self.practise_text),
         ):
             entries[0].setMinimumWidth(BUTTON_WIDTH)
@@ -182,7 +205,9 @@ class ConnectPage(QWidget):
         self.own_file.clear()
         for path in files:
             self.own_file.addItem(path.name, path)
-            self.own_file.setItemData(self.own_file.count() - 1, str(path), Qt.ItemDataRole.ToolTipRole)
+            self.own_file.setItemData(
+                self.own_file.count() - 1, as_written(str(path)), Qt.ItemDataRole.ToolTipRole
+            )
         self.own_file.addItem("another Python file …" if files else "a Python file …", None)
         self._on_own_file()
 
@@ -202,6 +227,7 @@ class ConnectPage(QWidget):
         self._card = ""
         self.card.setEnabled(False)
         self.found.setText("No card was looked for; look again, or choose another rig file.")
+        self._offer_check()
 
     def show_found(self, found: Sequence[FoundDevice]) -> None:
         """The card, and whether it can be used."""
@@ -210,6 +236,7 @@ class ConnectPage(QWidget):
         self.found.setText(card.sentence[:1].upper() + card.sentence[1:] + ".")
         self.card.setEnabled(card.available)
         self.card.setToolTip("" if card.available else self.found.text())
+        self._offer_check()
         simulated = next((one for one in found if one.name == "simulated"), None)
         if simulated is not None and not simulated.available:
             self.simulated.setEnabled(False)
@@ -231,7 +258,7 @@ class ConnectPage(QWidget):
         many = len(runs) > 1
         self.replay_text.setVisible(not many)
         self.runs.setVisible(many)
-        self.runs.setToolTip(f"Run of {session.name} that is replayed.")
+        self.runs.setToolTip(as_written(f"Run of {session.name} that is replayed."))
         self.replay_run.setVisible(many)
         if many:
             self.runs.setFocus()
@@ -249,6 +276,7 @@ class ConnectPage(QWidget):
             self.replay_run,
             self.rig,
             self.again,
+            self.check,
             self.practise,
         ):
             set_usable(button, not what)
@@ -256,31 +284,49 @@ class ConnectPage(QWidget):
 
     # hand
 
-    def _on_simulated(self) -> None:
-        self.chosen.emit(
-            BenchRequest(
-                "simulated",
-                self.rig_file,
-                str(self.effect.currentData()),
-                self.seed.value(),
-                fault=str(self.fault.currentData()),
-                fault_after_s=self.fault_after.value(),
-            )
+    def _ask_for(self, wanted: BenchRequest | None) -> None:
+        if wanted is not None:
+            self.chosen.emit(wanted)
+
+    def _on_check(self) -> None:
+        which = {"card": self._card_wanted, "simulated": self._simulated_wanted, "own": self._own_wanted}
+        wanted = which[str(self.checked.currentData())]()
+        self._ask_for(wanted and replace(wanted, check=True))
+
+    def _offer_check(self) -> None:
+        """The card first, where there is one."""
+        there = self.card.isEnabled()
+        refuse_entries(self.checked, {"card": "" if there else "There is no card that can be used."})
+        self.checked.setCurrentIndex(self.checked.findData("card" if there else "simulated"))
+
+    def _card_wanted(self) -> BenchRequest:
+        return BenchRequest(self._card, self.rig_file)
+
+    def _simulated_wanted(self) -> BenchRequest | None:
+        if take_typed([self.seed, self.fault_after]):  # the field says what is wrong
+            return None
+        return BenchRequest(
+            "simulated",
+            self.rig_file,
+            str(self.effect.currentData()),
+            self.seed.value(),
+            fault=str(self.fault.currentData()),
+            fault_after_s=self.fault_after.value(),
         )
 
     def _on_fault(self) -> None:
         self.fault_after.setEnabled(bool(self.fault.currentData()))
 
-    def _on_own(self) -> None:
+    def _own_wanted(self) -> BenchRequest | None:
         path = self.own_file.currentData() or self._browse_own()
         if path is None:
-            return
+            return None
         file = own_device_file(path)
         if file is not None and file.state != "trusted" and not ask_to_run(self, file):
-            return
+            return None
         others = [one for one in own_device_files() if one != path]
         self._offer_own([path, *others])  # who puts it right and tries again finds it chosen
-        self.chosen.emit(BenchRequest(f"own:{path}", self.rig_file, own=file))
+        return BenchRequest(f"own:{path}", self.rig_file, own=file)
 
     def _on_own_file(self) -> None:
         self.forget.setVisible(self.own_file.currentData() is not None)

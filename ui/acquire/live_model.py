@@ -10,6 +10,7 @@ from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QFileDialog
 
 from fingerlab.core.errors import UserError
+from fingerlab.sessions.format import FINGER_PHASES
 
 from ..app.context import ApplicationContext
 from .acquire_bars import FILE, FROM_FILE, NO_MODEL, NOMINAL, PlotToolbar
@@ -38,6 +39,7 @@ class LiveModelComparison(QObject):
 
     def show(self) -> None:
         """Compare anew: another bench, another phase or cable."""
+        self._toolbar.refuse_models(self._refusal())
         key = self._key
         if key == FILE and self._path is not None:
             self._load(self._path)
@@ -50,6 +52,17 @@ class LiveModelComparison(QObject):
         modelled = self._controller.model is not None
         self._plots.show_model(modelled, modelled and self._controller.set_up.phase == "contact")
         self._plots.refresh()
+
+    def _refusal(self) -> str:
+        """Why no model can stand beside what is measured now; empty where one can."""
+        opened = self._controller.opened
+        if opened is None:
+            return ""
+        if opened.rig.finger is None or opened.rig.motor.pulley_radius is None:
+            return "The rig names no finger or no pulley radius; there is nothing to model."
+        if self._controller.set_up.phase not in FINGER_PHASES:
+            return "A model is of the finger; choose the phase On air or Contact."
+        return ""
 
     def show_errors(self) -> None:
         """What the model leaves over now."""

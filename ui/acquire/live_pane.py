@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from PySide6.QtCore import QSize, Qt, Signal
+from PySide6.QtCore import QSize, Signal
 from PySide6.QtGui import QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QCheckBox,
-    QDoubleSpinBox,
     QGridLayout,
     QHBoxLayout,
     QLabel,
@@ -22,6 +21,7 @@ from PySide6.QtWidgets import (
 
 from fingerlab.sessions.model import Array
 
+from ..widgets.fields import NumberField
 from ..widgets.labels import heading, remark
 from ..widgets.layout import FLUSH, hbox, vbox
 from ..widgets.theme import colours_of, large_font, line
@@ -76,12 +76,11 @@ class ScaleButton(QToolButton):
         self.high.valueChanged.connect(self._changed)
         self._say()
 
-    def _field(self, name: str, spec: LivePlotSpec) -> QDoubleSpinBox:
-        field = QDoubleSpinBox()
+    def _field(self, name: str, spec: LivePlotSpec) -> NumberField:
+        field = NumberField()
         field.setRange(-LARGEST, LARGEST)
         field.setDecimals(2 if spec.least < 1 else 1)
         field.setAccessibleName(f"{name}, {spec.title}")
-        field.setAlignment(Qt.AlignmentFlag.AlignRight)
         field.setEnabled(False)
         return field
 
@@ -100,7 +99,10 @@ class ScaleButton(QToolButton):
         hand = not self.automatic.isChecked()
         self.low.setEnabled(hand)
         self.high.setEnabled(hand)
-        if hand and self.low.value() < self.high.value():
+        order = hand and self.low.value() >= self.high.value()
+        if not self.high.complaint or not order:
+            self.high.complain("To: it is not above From; give a larger number." if order else "")
+        if hand and not order:
             self._scale.fixed = self.low.value(), self.high.value()
         elif not hand:
             self._scale.fixed = None

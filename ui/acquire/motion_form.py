@@ -7,32 +7,180 @@ them by, and it would have pyqtgraph imported before the first tab is seen.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QDoubleSpinBox, QFileDialog, QFormLayout, QPushButton, QWidget
+from PySide6.QtWidgets import (
+    QDoubleSpinBox,
+    QFileDialog,
+    QFormLayout,
+    QInputDialog,
+    QMenu,
+    QPushButton,
+    QSizePolicy,
+    QToolButton,
+    QWidget,
+    QWidgetAction,
+)
 
+from fingerlab.acquisition.control.commands import SetGains
+from fingerlab.acquisition.control.motion import GAIN_RANGES, Gains
 from fingerlab.acquisition.control.trajectories import (
     BY_POINTS,
+    DEFAULT_PATTERN_S,
     KIND_TITLES,
     MULTISINE_RATIOS,
     PARAMETERS,
+    REPEATED,
     TrajectoryParameter,
     read_trajectory,
 )
+from fingerlab.core.errors import UserError
 
-from ..widgets.fields import choice, number
-from ..widgets.layout import described
+from ..widgets.fields import NumberField, choice, number
+from ..widgets.layout import as_written, described
 
 LISTS = ("time_s", "angle_deg", "torque_n_m", "amplitude_n_m", "offset_n_m", "sha256")
 """What follows from a file; kept only where the points themselves were handed over."""
 HANDED = "Handed over"
 FILE_HELP = "Text table of time (s) and angle (degrees), or of time (s) and torque (N m)."
-ENDLESS_S = 60.0
-"""Length that a trajectory without end is given: that of its pattern before it comes again."""
+
+
+class GainsButton(QToolButton):
+    """Says the position loop's gains and opens a small form to change them. Signal ``asked(SetGains)``."""
+
+    asked = Signal(object)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        described(self, "gains", accessible="Gains of the position loop")
+        self.setToolTip(
+            "Gains of the position loop, also while it runs: the current makes no jump. A run says in its "
+            "attributes with which it began, and a marker where they were changed."
+        )
+        self.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        form = QWidget()
+        layout = QFormLayout(form)
+        layout.setContentsMargins(16, 8, 16, 8)
+        self.numbers: dict[str, NumberField] = {}
+        for name, (low, high, unit) in GAIN_RANGES.items():
+            title = name.capitalize()
+            field = number(
+                f"gain_{name}", getattr(Gains(), name), low, high, 3, 0.1 * low or 5.0, f"{title}."
+            )
+            field.valueChanged.connect(self._on_edited)
+            self.numbers[name] = field
+            layout.addRow(f"&{title} ({unit})", field)
+        self.usual = described(QPushButton("&Usual gains"), "usualGains")
+        self.usual.clicked.connect(lambda: self.show_gains(Gains()))
+        layout.addRow(self.usual)
+        menu = QMenu(self)
+        action = QWidgetAction(menu)
+        action.setDefaultWidget(form)
+        menu.addAction(action)
+        self.setMenu(menu)
+        self._asked = SetGains(*(getattr(Gains(), name) for name in GAIN_RANGES))
+        self._say()
+
+    def command(self) -> SetGains:
+        """What is asked of the loop."""
+        return SetGains(**{name: field.value() for name, field in self.numbers.items()})
+
+    def show_gains(self, gains: Gains | SetGains) -> None:
+        """Fill the form."""
+        for name, field in self.numbers.items():
+            field.setValue(getattr(gains, name))
+
+    def words(self) -> str:
+        """The three numbers."""
+        return ", ".join(f"{field.value():g}" for field in self.numbers.values())
+
+    def _on_edited(self) -> None:
+        self._say()
+        if self.command() != self._asked:
+            self._asked = self.command()
+            self.asked.emit(self._asked)
+
+    def _say(self) -> None:
+        usual = all(field.value() == getattr(Gains(), name) for name, field in self.numbers.items())
+        self.setText(f"Gains: {'usual' if usual else self.words()}")
+
+
+def motions_folder() -> Path:
+    """Where kept motions are: each a file that ``record --trajectory`` takes."""
+    from platformdirs import user_data_path
+
+    return user_data_path("FingerLab", appauthor=False) / "motions"
+
+
+class MotionsButton(QToolButton):
+    """Motions that were kept, by name. Signals: chosen(Path); keep_asked(name); forget_asked(Path)."""
+
+    chosen = Signal(object)
+    keep_asked = Signal(str)
+    forget_asked = Signal(object)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        described(self, "motions", accessible="Kept motions", tip="Motions that were kept, to be set again.")
+        self.setText("Motions")
+        self.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        self._menu = QMenu(self)
+        self._menu.aboutToShow.connect(self.fill)
+        self.setMenu(self._menu)
+        self.fill()
+
+    def fill(self) -> None:
+        """Every motion that is kept now, by name."""
+        self._menu.clear()
+        kept = sorted(motions_folder().glob("*.json"))
+        for path in kept:
+            self._menu.addAction(_menu_words(path)).triggered.connect(partial(self.chosen.emit, path))
+        if kept:
+            self._menu.addSeparator()
+        self._menu.addAction("&Keep this motion…").triggered.connect(self._ask_name)
+        if kept:
+            forget = self._menu.addMenu("&Forget")
+            for path in kept:
+                forget.addAction(_menu_words(path)).triggered.connect(partial(self.forget_asked.emit, path))
+
+    def _ask_name(self) -> None:
+        name, sure = QInputDialog.getText(self, "Keep this motion", "Name")
+        if sure and name.strip():
+            self.keep_asked.emit(name.strip())
+
+
+def _menu_words(path: Path) -> str:
+    return path.stem.replace("&", "&&")
+
+
+def keep_motion(settings: Mapping[str, Any], name: str) -> Path:
+    """Write a motion under a name that is not taken.
+
+    Raises:
+        UserError: the name is taken or no name of a file, or it cannot be written.
+    """
+    if not re.fullmatch(r"[\w .,()+°-]{1,60}", name) or name.startswith("."):
+        raise UserError(f"{name!r} is no name for a motion; give letters, figures and spaces, 60 at most.")
+    path = motions_folder() / f"{name}.json"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            json.dump(settings, file, ensure_ascii=False, indent=1)
+    except FileExistsError:
+        raise UserError(
+            f"A motion {name!r} is kept already; forget it first, or give another name."
+        ) from None
+    except OSError as error:
+        raise UserError(f"{path} cannot be written ({error.strerror}).") from None
+    return path
 
 
 class MotionForm(QWidget):
@@ -53,7 +201,7 @@ class MotionForm(QWidget):
         self._further: dict[str, Any] = {}
         self._form = QFormLayout(self)
         self._form.setContentsMargins(0, 0, 0, 0)
-        self._form.setSpacing(3)
+        self._form.setSpacing(2)
         self._form.addRow("&Mode", self.kind)
         for name, field in self.numbers.items():
             self._form.addRow(_label(PARAMETERS[name]), field)
@@ -88,8 +236,10 @@ class MotionForm(QWidget):
             settings["file"] = str(self._path)
         if not self.endless:
             settings["duration_s"] = self.duration.value()
-        elif kind not in BY_POINTS:
-            settings["duration_s"] = ENDLESS_S
+            return settings
+        settings["until_stopped"] = True
+        if kind in REPEATED:
+            settings["pattern_s"] = DEFAULT_PATTERN_S
         return settings
 
     def show_settings(self, settings: Mapping[str, Any]) -> None:
@@ -99,14 +249,15 @@ class MotionForm(QWidget):
             UserError: it is no trajectory.
         """
         given = read_trajectory(settings).settings
-        known = {"kind", "duration_s", "file", *PARAMETERS}
+        known = {"kind", "duration_s", "until_stopped", "pattern_s", "file", *PARAMETERS}
         row = self.kind.findData(given["kind"])
         self.kind.setCurrentIndex(row)
         for name, field in self.numbers.items():
             if name in given or PARAMETERS[name].unsaid:
                 field.setValue(float(given.get(name, PARAMETERS[name].start)))
         self._show_lines(len(given.get("frequencies_hz", MULTISINE_RATIOS)))
-        self.duration.setValue(float(given.get("duration_s", 20.0)))
+        lasts = 0.0 if given.get("until_stopped") else float(given.get("duration_s", 20.0))
+        self.duration.setValue(lasts)
         listed = given["kind"] in BY_POINTS and "time_s" in settings
         path = Path(str(settings["file"])) if "file" in given and not listed else None
         self._further = {
@@ -157,7 +308,7 @@ class MotionForm(QWidget):
         self._path = path
         nothing = HANDED if "time_s" in self._further else "Choose…"
         self.file.setText(path.name.replace("&", "&&") if path is not None else nothing)
-        self.file.setToolTip(str(path) if path is not None else FILE_HELP)
+        self.file.setToolTip(as_written(str(path)) if path is not None else FILE_HELP)
 
     def words(self) -> str:
         """A few words for the header."""

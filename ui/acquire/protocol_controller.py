@@ -16,11 +16,12 @@ from fingerlab.acquisition.bench.bench import Bench, Status
 from fingerlab.acquisition.control.commands import Initialise, SetUp
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.protocols.driver import ProtocolDriver
-from fingerlab.acquisition.protocols.steps import Change, Step, countdown
+from fingerlab.acquisition.protocols.steps import Change, Record, Step, countdown
 from fingerlab.core.errors import UserError
 
 from ..app.context import ApplicationContext
 from ..app.worker import Failed
+from ..widgets.fields import take_typed
 from .acquire_bars import PromptBar
 from .acquire_panel import AcquirePanel
 from .recording_control import RecordingControl
@@ -50,6 +51,9 @@ class _Driver(ProtocolDriver):
 class ProtocolRun(QObject):
     """Takes the steps of one protocol at a time.
 
+    Attributes:
+        completed: number of the last run that was recorded whole; 0 before the first.
+
     Signals:
         asked(sentence): the operator has to do something, then :meth:`answer`.
         progressed(share, words, step_left_s, left_s). set_up_changed(SetUp).
@@ -66,6 +70,7 @@ class ProtocolRun(QObject):
         self._recording, self._controller = recording, recording.controller
         self._answered = threading.Event()
         self._told: tuple[int, str, int] = (0, "", 0)
+        self.completed = 0
 
     def start(self, steps: Sequence[Step], title: str, initial: Initialise) -> bool:
         """Take the steps one by one and write the session; whether it has begun."""
@@ -76,6 +81,9 @@ class ProtocolRun(QObject):
         self._answered.clear()
         self._run_errands(None)
         recording.in_protocol = True
+        self._controller.context.settings.set_under_way(info.path)
+
+        self.completed = 0
 
         def work(bench: Bench) -> SessionEnding:
             driver = _Driver(
@@ -123,6 +131,7 @@ class ProtocolRun(QObject):
 
     def _report(self, driver: ProtocolDriver, share: float, words: str) -> None:
         """Asked hundreds of times a second; told when something of it changes on the screen."""
+        self.completed = driver.completed
         now = round(500 * share), words, math.ceil(driver.step_left_s)
         if now != self._told:
             self._told = now
@@ -137,6 +146,7 @@ class ProtocolRun(QObject):
 
     def _on_failed(self, failure: Failed) -> None:
         self._recording.in_protocol = False
+        self._controller.context.settings.set_under_way(None)
         self._recording.writing.over()
         self._controller.context.tell(failure.sentence, failure.details)
         self.ended.emit(failure.sentence)
@@ -177,8 +187,9 @@ class ProtocolController(QObject):
         self.running.progressed.connect(self._on_progress)
         self.running.set_up_changed.connect(set_up)
         self.running.ended.connect(self._on_ended)
+        self._steps: Sequence[Step] = ()
         prompt.done.connect(self.running.answer)
-        recording.controller.stopped.connect(lambda _: prompt.hide())
+        recording.controller.stopped.connect(lambda _: prompt.over())
         panel.motion.edited.connect(self.tell_total)
         panel.protocol.edited.connect(self.tell_total)
         context.protocol_handed.connect(self._on_protocol_handed)
@@ -188,12 +199,15 @@ class ProtocolController(QObject):
     def start(self) -> None:
         """Take all runs of the protocol that is set."""
         panel = self._panel
+        if take_typed(panel.protocol_fields):  # the field says what is wrong
+            return
         try:
             steps = panel.protocol.steps(panel.motion.settings())
         except UserError as error:
             self._context.tell(str(error), traceback.format_exc())
             return
         if self.running.start(steps, panel.protocol.title(), panel.initial.command()):
+            self._steps = steps
             self._recording.controller.doing = "protocol"
 
     def take_file(self, path: Path) -> bool:
@@ -226,9 +240,13 @@ class ProtocolController(QObject):
         self._recording.controller.doing = f"protocol, {words}"
 
     def _on_ended(self, how: str) -> None:
-        self._prompt.hide()
+        self._prompt.over()
         self._panel.progress.setValue(1000 if how == "done" else 0)
-        self._panel.left.setText("All runs taken" if how == "done" else "Given up")
+        first = next((step.number for step in self._steps if isinstance(step, Record)), 1)
+        reached = max(self.running.completed + 1, first)
+        self._panel.left.setText("All runs taken" if how == "done" else f"Given up in run {reached}")
+        self._panel.protocol.go_on_from(1 if how == "done" else reached)
+        self._recording.controller.doing = ""
         self._refresh()
 
     def _on_protocol_handed(self, steps: Sequence[Any], title: str) -> None:

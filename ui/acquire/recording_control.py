@@ -131,6 +131,7 @@ class RecordingControl(QObject):
         def done(_: object) -> None:
             if info is not None:
                 self.session = _Open(info.path)
+                self.controller.context.settings.set_under_way(info.path)
             assert self.session is not None
             self.session.runs += 1
             self.controller.context.say(f"Recording run {self.session.runs} of {self.session.path.name}")
@@ -230,6 +231,7 @@ class RecordingControl(QObject):
         self.writing.over()
         path, context = ending.path, self.controller.context
         context.settings.set_recordings(path.parent)
+        context.settings.set_under_way(None)
         if ending.whole:
             context.say(f"Written and verified: {path}")
             context.recorded(path)

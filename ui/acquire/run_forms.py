@@ -4,30 +4,43 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QCheckBox,
     QDoubleSpinBox,
+    QFileDialog,
     QFormLayout,
     QGridLayout,
     QLabel,
     QMenu,
+    QPushButton,
     QSizePolicy,
-    QSpinBox,
     QToolButton,
     QWidget,
     QWidgetAction,
 )
 
 from fingerlab.acquisition.control.commands import LARGEST_DEG, Initialise
-from fingerlab.acquisition.protocols.steps import PlannedRun, Record, Step, own_runs, plan_seconds, plan_steps
+from fingerlab.acquisition.protocols.steps import (
+    PlannedRun,
+    Record,
+    Step,
+    own_runs,
+    plan_seconds,
+    plan_steps,
+    scan_runs,
+    steps_from,
+)
+from fingerlab.core.errors import UserError
 from fingerlab.report.diagnosis_words import PHASE_WORDS
 from fingerlab.sessions.trajectory import trajectory_words
 
-from ..widgets.fields import choice, number
+from ..widgets.fields import WholeField, choice, number, refuse_entries
 from ..widgets.labels import heading, remark
+from ..widgets.layout import described
 
 JOINTS = {"mcp": "MCP", "pip": "PIP"}
 
@@ -133,7 +146,14 @@ OWN_RUNS = {
     "own_on_air": "n runs on air",
     "own_contact": "n runs in contact",
     "own_both": "n on air, then n in contact",
+    "own_scan": "Scan on air",
 }
+SCANNED = {"frequency_hz": "Frequency (Hz)", "amplitude_deg": "Amplitude (°)", "offset_deg": "Offset (°)"}
+TABLE = "table"
+TABLE_FILTER = "Text tables (*.csv *.txt *.tsv);;All files (*)"
+TABLE_HELP = (
+    "A row for each kind of run: phase, kind, amplitude_deg, frequency_hz, ...; a number may be a scan."
+)
 NAMED = {
     "thesis": "As in the thesis",
     "rich": "Rich: air and contact",
@@ -142,6 +162,8 @@ NAMED = {
     "motor-bench": "Motor bench",
 }
 HANDED = "handed"
+WITHOUT_CONTACT = ("own_on_air", "own_scan", "on-air", "motor-bench")
+MOST_RUNS = 1000
 
 
 class ProtocolForm(QWidget):
@@ -152,14 +174,13 @@ class ProtocolForm(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._handed: tuple[Step, ...] = ()
-        self.which = choice("protocol", {**OWN_RUNS, **NAMED}, "Protocol: which runs are taken.")
+        self._table: Path | None = None
+        entries = {**OWN_RUNS, **NAMED, TABLE: "A table of runs"}
+        self.which = choice("protocol", entries, "Protocol: which runs are taken.")
         self.which.setCurrentIndex(2)
-        self.runs = QSpinBox()
-        self.runs.setObjectName("runCount")
+        self.runs = described(WholeField(), "runCount", accessible="Runs of each kind")
         self.runs.setRange(1, 100)
         self.runs.setValue(10)
-        self.runs.setAlignment(Qt.AlignmentFlag.AlignRight)
-        self.runs.setAccessibleName("Runs of each kind")
         self.runs.setToolTip("Runs of each kind; motion as set under By hand.")
         self.seconds = number("runSeconds", 30.0, 1.0, 3600.0, 1, 5.0, "Seconds of each run.")
         self.rest = number("rest", 2.0, 0.0, 600.0, 1, 1.0, "Rest between runs.")
@@ -169,21 +190,36 @@ class ProtocolForm(QWidget):
         self.amplitude = number(
             "contactAmplitude", 5.0, 0.0, 90.0, 1, 0.5, "Contact amplitude: at the pulley, in contact runs."
         )
+        self.scanned = choice(
+            "scanned", SCANNED, "Scan: which number of the motion is changed from run to run."
+        )
+        self.scan_from = number("scanFrom", 0.5, -180.0, 180.0, 2, 0.5, "From: its value in the first run.")
+        self.scan_to = number("scanTo", 3.0, -180.0, 180.0, 2, 0.5, "To: its value in the last run.")
+        self.table = described(QPushButton("Choose…"), "runTable", tip=TABLE_HELP)
+        self.first = described(WholeField(), "firstRun", accessible="First run that is taken")
+        self.first.setRange(1, MOST_RUNS)
+        self.first.setToolTip("From run: the first that is taken, such as the one in which it was stopped.")
         self.total = remark()
         self.total.setObjectName("protocolTotal")
         form = self._form = QFormLayout(self)
         form.setContentsMargins(0, 0, 0, 0)
         form.setSpacing(3)
         form.addRow("&Protocol", self.which)
+        form.addRow("File", self.table)
+        form.addRow("Scan", self.scanned)
+        form.addRow("From", self.scan_from)
+        form.addRow("To", self.scan_to)
         form.addRow("R&uns (n)", self.runs)
         form.addRow("&Each (s)", self.seconds)
         form.addRow("Re&st (s)", self.rest)
         form.addRow("&Force (N)", self.force)
         form.addRow("Press (&°)", self.amplitude)
+        form.addRow("From run", self.first)
         form.addRow(self.total)
         self.which.currentIndexChanged.connect(self._on_which)
-        self.runs.valueChanged.connect(self.edited)
-        for field in (self.seconds, self.rest, self.force, self.amplitude):
+        self.scanned.currentIndexChanged.connect(self.edited)
+        self.table.clicked.connect(self._choose_table)
+        for field in (self.runs, self.first, *self._numbers.values()):
             field.valueChanged.connect(self.edited)
         self._on_which()
 
@@ -201,18 +237,25 @@ class ProtocolForm(QWidget):
     @property
     def fields(self) -> tuple[QWidget, ...]:
         """All that can be typed into or chosen."""
-        return self.which, self.runs, *self._numbers.values()
+        return self.which, self.scanned, self.runs, *self._numbers.values(), self.first
 
     @property
     def _numbers(self) -> dict[str, QDoubleSpinBox]:
-        return {"seconds": self.seconds, "rest": self.rest, "force": self.force, "amplitude": self.amplitude}
+        times = {"seconds": self.seconds, "rest": self.rest}
+        scan = {"scan_from": self.scan_from, "scan_to": self.scan_to}
+        return {**scan, **times, "force": self.force, "amplitude": self.amplitude}
 
     def state(self) -> dict[str, Any]:
         """Every field, and the protocol that was handed over."""
         numbers = {name: field.value() for name, field in self._numbers.items()}
         row = self.which.findData(HANDED)
         handed = (self._handed, self.which.itemText(row) if row >= 0 else "")
-        return {"which": self.which.currentData(), "runs": self.runs.value(), **numbers, "handed": handed}
+        told = {
+            "which": self.which.currentData(),
+            "scanned": self.scanned.currentData(),
+            "table": self._table,
+        }
+        return {**told, "runs": self.runs.value(), "first": self.first.value(), **numbers, "handed": handed}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Every field as it was."""
@@ -220,16 +263,31 @@ class ProtocolForm(QWidget):
         row = self.which.findData(HANDED)
         if row >= 0 and title:
             self.which.setItemText(row, title)
+        self._name_table(state["table"])
         self.which.setCurrentIndex(self.which.findData(state["which"]))
+        self.scanned.setCurrentIndex(self.scanned.findData(state["scanned"]))
         self.runs.setValue(state["runs"])
+        self.first.setValue(state["first"])
         for name, field in self._numbers.items():
             field.setValue(state[name])
         self.edited.emit()
 
+    @property
+    def own(self) -> bool:
+        """Whether its motion is the one that is set by hand."""
+        return str(self.which.currentData()) in OWN_RUNS
+
+    def refuse_fingers(self, why: str) -> None:
+        """Protocols with a finger cannot be chosen now; empty: they can."""
+        refuse_entries(self.which, {key: why for key in (*OWN_RUNS, *NAMED) if key != "motor-bench"})
+
     def title(self) -> str:
         """Name of the protocol, for the session file."""
         key = str(self.which.currentData())
-        return key if key in NAMED else self.which.currentText()
+        title = key if key in NAMED else self.which.currentText()
+        if key == TABLE and self._table is not None:
+            title = self._table.stem
+        return title if self.first.value() == 1 else f"{title}, from run {self.first.value()}"
 
     def steps(self, motion: Mapping[str, Any]) -> tuple[Step, ...]:
         """The steps, with the motion set by hand for the user's own protocols.
@@ -237,23 +295,39 @@ class ProtocolForm(QWidget):
         Raises:
             UserError: the motion is impossible.
         """
+        return steps_from(self._all_steps(motion), self.first.value())
+
+    def _all_steps(self, motion: Mapping[str, Any]) -> tuple[Step, ...]:
         from fingerlab.twin.protocols import PROTOCOLS
+        from fingerlab.twin.run_table import read_run_table
 
         plans: Sequence[PlannedRun]
         key = str(self.which.currentData())
         if key == HANDED:
             return self._handed
-        if key in PROTOCOLS:
+        if key == TABLE:
+            if self._table is None:
+                raise UserError("No table of runs is chosen; choose one, or another protocol.")
+            plans = read_run_table(self._table)
+        elif key in PROTOCOLS:
             plans = PROTOCOLS[key](self.amplitude.value())
         else:
-            wave = {**motion, "duration_s": self.seconds.value()}
-            press = None if key == "own_on_air" else self.amplitude.value()
-            plans = own_runs(wave, self.runs.value(), key != "own_contact", press)
+            wave = {
+                name: value for name, value in motion.items() if name not in ("until_stopped", "pattern_s")
+            }
+            wave["duration_s"] = self.seconds.value()
+            press = None if key in ("own_on_air", "own_scan") else self.amplitude.value()
+            if key == "own_scan":
+                ends = self.scan_from.value(), self.scan_to.value()
+                plans = scan_runs(wave, str(self.scanned.currentData()), *ends, self.runs.value())
+            else:
+                plans = own_runs(wave, self.runs.value(), key != "own_contact", press)
         return plan_steps(plans, self.force.value(), self.rest.value())
 
     def tell_total(self, steps: Sequence[Step]) -> None:
         """How many runs, how long; of one that was handed over also what it is."""
         runs = [step for step in steps if isinstance(step, Record)]
+        self.first.setMaximum(max((step.count for step in runs), default=MOST_RUNS))
         many = "1 run" if len(runs) == 1 else f"{len(runs)} runs"
         words = f"{many}, about {clock(plan_seconds(steps))}, and the changes of cable."
         if len(runs) == 1 and self.which.currentData() == HANDED:
@@ -263,14 +337,36 @@ class ProtocolForm(QWidget):
     def _on_which(self) -> None:
         key = str(self.which.currentData())
         for field, shown in (
+            (self.table, key == TABLE),
+            (self.scanned, key == "own_scan"),
+            (self.scan_from, key == "own_scan"),
+            (self.scan_to, key == "own_scan"),
             (self.runs, key in OWN_RUNS),
             (self.seconds, key in OWN_RUNS),
             (self.rest, key != HANDED),
-            (self.force, key not in (HANDED, "own_on_air", "on-air", "motor-bench")),
-            (self.amplitude, key not in (HANDED, "own_on_air", "on-air", "motor-bench")),
+            (self.force, key not in (HANDED, *WITHOUT_CONTACT)),
+            (self.amplitude, key not in (HANDED, TABLE, *WITHOUT_CONTACT)),
         ):
             self._form.setRowVisible(field, shown)
+        self.first.setValue(1)
         self.edited.emit()
+
+    def go_on_from(self, number_: int) -> None:
+        """The next start goes on with this run."""
+        self.first.setMaximum(max(number_, self.first.maximum()))
+        self.first.setValue(number_)
+
+    def _choose_table(self) -> None:
+        folder = str(self._table.parent if self._table is not None else Path.home())
+        name, _ = QFileDialog.getOpenFileName(self, "Table of runs", folder, TABLE_FILTER)
+        if name:
+            self._name_table(Path(name))
+            self.edited.emit()
+
+    def _name_table(self, path: Path | None) -> None:
+        self._table = path
+        self.table.setText(path.name.replace("&", "&&") if path is not None else "Choose…")
+        self.table.setToolTip(TABLE_HELP if path is None else str(path))
 
 
 def run_words(run: Record) -> str:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from PySide6.QtCore import QSize, Qt
+from PySide6.QtCore import QSize, Qt, Signal
 from PySide6.QtGui import QColor, QGuiApplication, QPainter, QPaintEvent
 from PySide6.QtWidgets import QFrame, QLabel, QProgressBar, QPushButton, QSizePolicy, QStackedWidget, QWidget
 
 from fingerlab.core.text import grouped
 
 from ..widgets.fields import PROGRESS_STEPS
-from ..widgets.labels import ElidedLabel, FittingLabel
+from ..widgets.labels import ElidedLabel, FittingLabel, LinesLabel
 from ..widgets.layout import FLUSH, described, hbox
 from ..widgets.theme import colours_of, large_font
 from .context import RigLine
@@ -122,24 +122,41 @@ class FrameHeader(QWidget):
         self.count.setText("" if line.recording is None else f"{grouped(line.recording)} {words}")
 
 
+KINDS = {"done": ("✓", "Done"), "trouble": ("⚠", "Attention")}
+"""How a message is marked, and what that is in words."""
+
+
 class MessageBar(QFrame):
-    """Hidden until there is something to say; stays until it is dismissed or replaced."""
+    """Hidden until there is something to say; stays until it is dismissed or replaced.
+
+    Its room at the bottom of the window is kept, so that nothing moves when it comes or goes.
+    Signal ``open_asked(path)``: what was written is to be opened.
+    """
+
+    LINES = 2
+    open_asked = Signal(object)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setObjectName("messageBar")
         self.setAccessibleName("Message")
-        self.sentence = QLabel()
-        self.sentence.setObjectName("message")
-        self.sentence.setWordWrap(True)
-        self.sentence.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
+        keeps = self.sizePolicy()
+        keeps.setRetainSizeWhenHidden(True)
+        keeps.setVerticalPolicy(QSizePolicy.Policy.Fixed)
+        self.setSizePolicy(keeps)
+        self.mark = described(QLabel(), "messageKind")
+        self.sentence = described(LinesLabel(self.LINES), "message")
         self.copy = QPushButton("&Copy details")
         self.copy.setObjectName("copyDetails")
         self.copy.clicked.connect(self._copy)
+        self.open = described(QPushButton("&Open"), "openWritten")
+        self.open.clicked.connect(lambda: self.open_asked.emit(self._path))
         self.dismiss = QPushButton("&Dismiss")
         self.dismiss.clicked.connect(self.hide)
-        hbox(self, self.sentence, self.copy, self.dismiss, margins=(16, 8, 8, 8), spacing=8)
+        entries = (self.mark, (self.sentence, 1), self.copy, self.open, self.dismiss)
+        hbox(self, *entries, margins=(16, 1, 8, 1), spacing=8)
         self._details = ""
+        self._path: object = None
         self.hide()
 
     def tell(self, sentence: str, details: str = "") -> None:
@@ -147,11 +164,30 @@ class MessageBar(QFrame):
         if not sentence:
             self.hide()
             return
-        self._details = details
+        self._details, self._path = details, None
+        self._show("trouble", sentence)
+
+    def announce(self, sentence: str, path: object = None) -> None:
+        """Say that something was done; with the path of what was written it can be opened."""
+        self._details, self._path = "", path
+        self._show("done", sentence)
+
+    def _show(self, kind: str, sentence: str) -> None:
+        sign, words = KINDS[kind]
+        self.mark.setText(sign)
+        self.mark.setAccessibleName(words)
+        self.setProperty("kind", kind)
+        self.style().polish(self)
         self.sentence.setText(sentence)
-        self.setAccessibleDescription(sentence)
-        self.copy.setVisible(bool(details))
+        self.setAccessibleDescription(f"{words}: {sentence}")
+        self.copy.setVisible(bool(self._details))
+        self.open.setVisible(self._path is not None)
         self.show()
+
+    def take_back(self, sentence: str) -> None:
+        """Hide it where it still says this, which does not hold any more."""
+        if self.sentence.text() == sentence:
+            self.hide()
 
     def _copy(self) -> None:
         QGuiApplication.clipboard().setText(f"{self.sentence.text()}\n\n{self._details}")
@@ -178,7 +214,7 @@ class TaskBar(QWidget):
         self.cancel.setObjectName("cancel")
         self.cancel.setShortcut("Ctrl+.")
         self.cancel.setToolTip("Stop what is running (Ctrl+.).")
-        hbox(self, (self.text, 1), self.progress, self.cancel, margins=(0, 4, 8, 4), spacing=8)
+        hbox(self, (self.text, 1), self.progress, self.cancel, margins=(0, 1, 8, 1), spacing=8)
         self.cancel.clicked.connect(self._on_cancel)
         tasks.started.connect(self._on_started)
         tasks.progressed.connect(self._on_progress)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from PySide6.QtCore import QObject, Signal
 
+from fingerlab.core.files import seen_as
+
 from .settings import Settings
 from .worker import IsCancelled, Progress, Worker
 
@@ -87,7 +89,9 @@ class ApplicationContext(QObject):
         stop_asked: STOP or Escape; whoever drives a motor stops it now.
         tab_asked(key): a tab is wanted at the front. open_asked: the dialog that opens a session is wanted.
         commands_changed: what can be done has changed; menus look again.
-        told(sentence, details): a message for the user. said(line): a line for the status bar and the log.
+        told(sentence, details): something is wrong, or is to be seen to.
+        announced(sentence, path): something was done, and what was written by it, if anything.
+        said(line): a line for the status bar and the log.
         logged(line): a line of the log, with its time.
     """
 
@@ -103,6 +107,7 @@ class ApplicationContext(QObject):
     open_asked = Signal()
     commands_changed = Signal()
     told = Signal(str, str)
+    announced = Signal(str, object)
     said = Signal(str)
     logged = Signal(str)
 
@@ -141,7 +146,8 @@ class ApplicationContext(QObject):
 
     def when_whole(self, paths: Sequence[Path], then: Callable[[Sequence[Path]], None]) -> None:
         """Finish recordings among these that were cut or put off, with progress; then call with all paths."""
-        if all(path.exists() for path in paths):
+        existing = {path for path in paths if seen_as(path)}
+        if len(existing) == len(set(paths)):
             then(paths)
             return
 
@@ -153,7 +159,6 @@ class ApplicationContext(QObject):
             for path in set(whole) - existing:
                 self.recorded(path)
 
-        existing = {path for path in paths if path.exists()}
         self.tasks.start("Finishing the recording", work, done, "finishing")
 
     def close_sessions(self) -> None:
@@ -212,6 +217,11 @@ class ApplicationContext(QObject):
         """Show a sentence across the window; with details it can be copied whole for a report."""
         self._note(sentence)
         self.told.emit(sentence, details)
+
+    def announce(self, sentence: str, path: Path | None = None) -> None:
+        """Say across the window that something was done; ``path``: what was written, which can be opened."""
+        self._note(sentence)
+        self.announced.emit(sentence, path)
 
     def hush(self) -> None:
         """Take the sentence across the window away."""

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from PySide6.QtCore import SignalInstance
+from PySide6.QtCore import Qt, SignalInstance
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QMessageBox, QPlainTextEdit, QTextBrowser, QWidget
 
-from ..widgets.layout import described, vbox
+from ..widgets.layout import as_written, described, vbox
 
 
 def ask_to_run(parent: QWidget, path: Path, content: bytes, changed: bool, what: str) -> bool:
@@ -22,10 +22,11 @@ def ask_to_run(parent: QWidget, path: Path, content: bytes, changed: bool, what:
     box = QMessageBox(parent)
     box.setWindowTitle("FingerLab")
     why = "has changed since you let it be run" if changed else "has not been run yet"
+    box.setTextFormat(Qt.TextFormat.PlainText)
     box.setText(
         f"{path.name} {why}. It is a program: {what} may do all that you may. Run it now and from now on?"
     )
-    box.setInformativeText(str(path))
+    box.setInformativeText(as_written(str(path)))
     box.setDetailedText(content.decode("utf-8", errors="replace"))
     run = box.addButton("&Run it", QMessageBox.ButtonRole.AcceptRole)
     leave = box.addButton("&Leave it", QMessageBox.ButtonRole.RejectRole)

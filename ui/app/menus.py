@@ -41,6 +41,16 @@ class MenuChoices:
     stop_key: str
 
 
+TAKEN = "FEVH"
+"""Letters of the window's own menus."""
+
+
+def with_mnemonic(title: str) -> str:
+    """A menu's title with the first letter marked that no menu of the window has."""
+    place = next((k for k, letter in enumerate(title) if letter.upper() not in f"{TAKEN} "), 0)
+    return f"{title[:place]}&{title[place:]}"
+
+
 class Menus:
     """Builds the menu bar, and anew the menu of the tab in front."""
 
@@ -102,12 +112,12 @@ class Menus:
         self._action(menu, "&Save plot…", SAVE_KEYS, commands.save_plot)
         menu.addSeparator()
         looks = {"system": "As the system", "light": "Light", "dark": "Dark"}
-        self._one_of(menu.addMenu("Appearance"), looks, chosen.appearance, commands.appearance)
+        self._one_of(menu.addMenu("&Appearance"), looks, chosen.appearance, commands.appearance)
 
     def show_tab(self, title: str, tab: Tab) -> None:
         """Make the menu of the tab in front; the keys of the others do nothing now."""
         self.tab_menu.clear()
-        self.tab_menu.setTitle(title)
+        self.tab_menu.setTitle(with_mnemonic(title))
         self._entries = []
         for command in tab.commands:
             if not command.text:

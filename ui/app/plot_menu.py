@@ -140,7 +140,7 @@ class PlotMenu(QObject):
         except UserError as error:
             self._context.tell(str(error))
             return
-        self._context.say(f"Saved {path}")
+        self._context.announce(f"Plot saved: {path}", path)
 
 
 SIZES = {
@@ -150,6 +150,8 @@ SIZES = {
 }
 """Of a figure, with its width in mm; journals' usual columns."""
 SMALLEST_MM, LARGEST_MM = 30.0, 1000.0
+DIALOG_WIDTH = 520
+"""Room for a title and for the words of every choice, px."""
 FINENESS = {"192": "192, for the screen", "300": "300, for print", "600": "600, for fine print"}
 
 
@@ -183,6 +185,8 @@ class SavePlotDialog(QDialog):
         buttons.accepted.connect(self.accept)
         buttons.rejected.connect(self.reject)
         vbox(self, form, buttons, spacing=8)
+        self.setMinimumWidth(DIALOG_WIDTH)
+        self.title.setCursorPosition(0)
         self.size_choice.currentIndexChanged.connect(self._resize)
         size, dots = settings.figure()
         self.size_choice.setCurrentIndex(max(self.size_choice.findData(size), 0))

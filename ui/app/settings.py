@@ -9,6 +9,8 @@ from PySide6.QtCore import QByteArray, QPoint, QRect, QSettings, QSize
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QWidget
 
+from fingerlab.core.files import seen_as
+
 from ..widgets.theme import Appearance
 from .stop_key import DEFAULT_STOP_KEY, STOP_KEYS
 
@@ -29,7 +31,7 @@ class Settings:
         names = [value] if isinstance(value, str) else value
         if not isinstance(names, (list, tuple)):
             return []
-        return [Path(name) for name in names if isinstance(name, str) and Path(name).is_file()]
+        return [Path(name) for name in names if isinstance(name, str) and seen_as(Path(name)) == "file"]
 
     def remember(self, paths: Sequence[Path]) -> None:
         """Put files at the head of the recent ones."""
@@ -77,6 +79,16 @@ class Settings:
 
     def set_recordings(self, folder: Path) -> None:
         self._store.setValue("recordings", str(folder))
+
+    def under_way(self) -> Path | None:
+        """The session that was being recorded when this was last written; None where none was."""
+        value = self._store.value("under_way", "")
+        return Path(value) if isinstance(value, str) and value else None
+
+    def set_under_way(self, session: Path | None) -> None:
+        """Written at once: whoever is killed writes nothing more."""
+        self._store.setValue("under_way", str(session) if session is not None else "")
+        self._store.sync()
 
     def library(self) -> Path:
         """The folder that Sessions browses: the one chosen last, else that of the recordings."""

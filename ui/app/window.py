@@ -8,13 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, QObject, QSize, QTimer
-from PySide6.QtGui import QCloseEvent, QContextMenuEvent, QDragEnterEvent, QDropEvent
+from PySide6.QtCore import QEvent, QObject, QSize, QTimer, QUrl
+from PySide6.QtGui import QCloseEvent, QContextMenuEvent, QDesktopServices, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QApplication, QFileDialog, QMainWindow, QMessageBox, QStackedWidget, QWidget
 
 import fingerlab
+from fingerlab.core.files import seen_as
 
-from ..widgets.layout import FLUSH, Room, hbox, vbox
+from ..widgets.fields import Complaint
+from ..widgets.layout import FLUSH, Room, as_written, hbox, vbox
 from ..widgets.theme import apply_appearance
 from . import dialogs, tab_registry
 from .bars import FrameHeader, MessageBar, StatusBar
@@ -56,6 +58,13 @@ class PlaceKeeper(QObject):
 
 
 FIRST_SIZE = QSize(1280, 800)
+FIRST_TAB = "model_lab"
+"""In front at the first start: its page says what the program is for, and where to begin."""
+IMPORTING, TABLES = "sessions", (".txt", ".csv", ".tsv")
+"""Who takes tables in, and their endings."""
+SESSION_ENDINGS = (".h5", ".hdf5")
+SHOWN_ELSEWHERE = (".html", ".pdf", ".png", ".svg", ".csv", ".md")
+"""Endings of files that a program of the computer shows; of others the folder is opened."""
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
 
 
@@ -93,7 +102,10 @@ class MainWindow(QMainWindow):
         self.settings.restore_place(self, FIRST_SIZE)
         self.place = PlaceKeeper(self, self.settings)
         first = self.settings.tab()
-        self.show_tab(first if first in self._entries else next(iter(self._entries)))
+        beginning = FIRST_TAB if FIRST_TAB in self._entries else next(iter(self._entries))
+        self.show_tab(first if first in self._entries else beginning)
+        if self.settings.under_way() is not None:  # it ended in the middle of a recording
+            self.show_tab("acquire")
         if self.focusWidget() is None:
             self.rail.take_focus()
 
@@ -104,10 +116,10 @@ class MainWindow(QMainWindow):
         self.work = QStackedWidget()
         self.status = StatusBar(self.tasks)
         self.task_bar = self.status.tasks
-        right = vbox(None, self.header, self.message, (self.work, 1), spacing=0)
+        right = vbox(None, self.header, (self.work, 1), spacing=0)
         across = hbox(None, self.rail, (right, 1), spacing=0)
         body = QWidget()
-        vbox(body, (across, 1), self.status, margins=FLUSH, spacing=0)
+        vbox(body, (across, 1), self.message, self.status, margins=FLUSH, spacing=0)
         self.setCentralWidget(body)
 
     def _commands(self) -> WindowCommands:
@@ -136,6 +148,8 @@ class MainWindow(QMainWindow):
         context.open_asked.connect(self.ask_and_open)
         context.rig_changed.connect(self._on_rig)
         context.told.connect(self.message.tell)
+        context.announced.connect(self.message.announce)
+        self.message.open_asked.connect(self._open_written)
         context.said.connect(self.task_bar.say)
         context.sessions_changed.connect(self._on_sessions)
         context.session_recorded.connect(self._on_recorded)
@@ -188,11 +202,30 @@ class MainWindow(QMainWindow):
         self.context.hush()
         self.context.open_paths(paths)
 
+    def _open_written(self, path: Path) -> None:
+        """What was written: a session here, a page or picture in its own program, the folder of the rest."""
+        if path.suffix.lower() in SESSION_ENDINGS:
+            self.open_paths([path])
+            return
+        shown = path if path.suffix.lower() in SHOWN_ELSEWHERE else path.parent
+        if not QDesktopServices.openUrl(QUrl.fromLocalFile(str(shown))):
+            self.context.tell(f"No program on this computer opens {shown}; open it by hand.")
+
     def close_session(self) -> None:
         """Close what is open."""
         self.context.hush()
         self.tasks.cancel()
         self.context.close_sessions()
+
+    def event(self, event: QEvent) -> bool:
+        """A number field that says what is wrong with what was typed."""
+        if not isinstance(event, Complaint):
+            return super().event(event)
+        if event.sentence:
+            self.context.tell(event.sentence)
+        else:
+            self.message.take_back(event.before)
+        return True
 
     def contextMenuEvent(self, event: QContextMenuEvent) -> None:
         """What no widget wanted: over a plot, its copy and save."""
@@ -207,8 +240,16 @@ class MainWindow(QMainWindow):
         if paths:
             event.acceptProposedAction()
             self.context.hush()
-            if not self.tab().accept_files(paths):
+            if not self.tab().accept_files(paths) and not self._imported(paths):
                 self.open_paths(paths)
+
+    def _imported(self, paths: Sequence[Path]) -> bool:
+        """Whether these are text files or folders, which Sessions imports or shows wherever they fall."""
+        texts = all(path.suffix.lower() in TABLES for path in paths)
+        if IMPORTING not in self._entries or not (texts or any(seen_as(path) == "folder" for path in paths)):
+            return False
+        self.show_tab(IMPORTING)
+        return self.tab().accept_files(paths)
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Ask where a tab has something to lose; then leave at once to the eye, and wait for what runs."""
@@ -252,7 +293,7 @@ class MainWindow(QMainWindow):
         menu.clear()
         for path in self.settings.recent():
             action = menu.addAction(path.name.replace("&", "&&"))
-            action.setToolTip(str(path))
+            action.setToolTip(as_written(str(path)))
             action.triggered.connect(lambda _checked=False, p=path: self.open_paths([p]))
         if menu.isEmpty():
             menu.addAction("No recent files").setEnabled(False)

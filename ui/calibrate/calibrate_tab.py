@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from PySide6.QtWidgets import QFileDialog, QMessageBox, QStackedWidget, QWidget
 
+from fingerlab.acquisition.control.commands import MoveByHand
+from fingerlab.acquisition.ring import COLUMN
 from fingerlab.calibration import SENSORS, StepTiming
-from fingerlab.calibration.applying import apply_again, default_folder
+from fingerlab.calibration.applying import CHANNELS, apply_again, default_folder
 from fingerlab.calibration.offline import outcome_from_files
 from fingerlab.calibration.outcome import CalibrationOutcome
-from fingerlab.calibration.sensors import Sensor, standard_plan
+from fingerlab.calibration.sensors import Sensor, own_plan, standard_plan
 from fingerlab.calibration.store import ACCEPTED, REJECTED, WITH_REASON, CalibrationRecord, CalibrationStore
 from fingerlab.calibration.wizard import Phase, Wizard
 from fingerlab.core.errors import UserError
@@ -27,11 +30,12 @@ from .measure_page import MeasurePage
 from .result_page import ResultPage
 from .start_page import NO_RIG, StartPage, VoltSource
 
+JOINTS = ("mcp", "pip")
 RECORDINGS = "Recordings (*.txt *.csv *.tsv *.h5 *.hdf5);;All files (*)"
 SESSIONS = "Session files (*.h5 *.hdf5)"
 SIMULATED = (
-    "The simulated rig is connected. Its readings are live, but no weight can be placed on it and nobody can "
-    "turn its joints: connect a real rig, or calibrate from a recording."
+    "The simulated rig is connected: a rehearsal, in which a button does what you would do with your hands. "
+    "Faults of its sensors are chosen where it is connected, on Acquire."
 )
 UNCONNECTED = "No rig is connected. Connect one to calibrate it live, or calibrate from a recording."
 
@@ -53,7 +57,8 @@ class CalibrateTab(Tab):
         self._source_words = ""
         self.source = VoltSource(context, self)
         self.start_page = StartPage()
-        self.measure_page = MeasurePage(self.undo, self.redo, self._take, self.leave)
+        self.measure_page = MeasurePage(self.undo, self.redo, self._take, self.leave, self._rehearse)
+        self._at_rest = 0.0
         self.result_page = ResultPage(self._decide, self._back)
         self.pages = QStackedWidget()
         for page in (self.start_page, self.measure_page, self.result_page):
@@ -152,7 +157,20 @@ class CalibrateTab(Tab):
         if refusal:
             self.context.tell(refusal)
             return
-        self.wizard = Wizard(standard_plan(SENSORS[name]), self._timing)
+        sensor = SENSORS[name]
+        try:
+            marks = self.start_page.marks(name)
+            plan = standard_plan(sensor) if marks is None else own_plan(sensor, marks)
+        except UserError as error:
+            self.context.tell(str(error))
+            return
+        bench = self.context.bench
+        assert bench is not None
+        channel = getattr(bench.rig.daq, CHANNELS[name][0])
+        self.wizard = Wizard(plan, self._timing, rises=channel.sign * channel.gain > 0)
+        self.measure_page.rehearse.setVisible(bench.simulated)
+        newest = bench.bench.ring.last(200)
+        self._at_rest = float(newest[:, COLUMN[f"{name}_angle"]].mean()) if name in JOINTS else 0.0
         line = self.context.rig_line
         self._source_words = line.device or "live"
         self.source.start(name)
@@ -166,6 +184,10 @@ class CalibrateTab(Tab):
 
     def _end(self) -> None:
         self.source.stop()
+        bench = self.context.bench
+        if bench is not None and bench.simulated and self.wizard is not None:
+            with suppress(UserError):  # it may be gone, or stopped
+                bench.bench.ask(MoveByHand(CHANNELS[self.wizard.plan.sensor.name][0], 0.0))
         self.wizard = self.outcome = None
         self._show_start()
 
@@ -173,6 +195,18 @@ class CalibrateTab(Tab):
         if self.wizard is not None:
             self.wizard.take_as_it_is()
             self._show_reading()
+
+    def _rehearse(self) -> None:
+        """The operator of the simulated rig does what is asked for now."""
+        bench, wizard = self.context.bench, self.wizard
+        if bench is None or wizard is None or wizard.move is None:
+            return
+        sensor = wizard.plan.sensor
+        amount = sensor.mark_factor * wizard.move.mark - self._at_rest
+        try:
+            bench.bench.ask(MoveByHand(CHANNELS[sensor.name][0], amount))
+        except UserError as error:
+            self.context.tell(str(error))
 
     def _on_volts(self, time: Any, volts: Any) -> None:
         wizard = self.wizard
@@ -241,9 +275,11 @@ class CalibrateTab(Tab):
         name = SENSOR_NAMES[record.sensor]
         if accept:
             again = " It counts once the rig is connected again." if self.context.bench is not None else ""
-            self.context.tell(f"{name}: {record.title} is stored and counts for recordings to come.{again}")
+            self.context.announce(
+                f"{name}: {record.title} is stored and counts for recordings to come.{again}"
+            )
         else:
-            self.context.tell(
+            self.context.announce(
                 f"{name}: {record.title} is stored as rejected; the one before goes on to count."
             )
         self._end()
@@ -291,7 +327,7 @@ class CalibrateTab(Tab):
         def done(result: Any) -> None:
             path, told = result
             self.context.recorded(path)
-            self.context.tell(f"{path.name} is written: {'; '.join(told)}.")
+            self.context.announce(f"{path.name} is written: {'; '.join(told)}.", path)
 
         self._run("Calibrating anew", lambda progress: apply_again(source, target, records, progress), done)
 

@@ -22,6 +22,7 @@ from fingerlab.calibration.wizard import Phase, Wizard
 from ..widgets.fields import ActionButton, row
 from ..widgets.labels import heading, remark
 from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
+from ..widgets.tables import copies
 from ..widgets.theme import large_font, small_font
 from .calibration_pictures import LivePlot, Picture, StabilityLight
 from .calibration_words import held_together
@@ -35,7 +36,8 @@ class MeasurePage(QWidget):
     """Shows a wizard; its buttons call what the tab gives.
 
     Args:
-        undo, redo, take: of the wizard. leave: give the calibration up.
+        undo, redo, take: of the wizard. leave: give the calibration up. rehearse: let the simulated rig do
+            what is asked for.
     """
 
     def __init__(
@@ -44,6 +46,7 @@ class MeasurePage(QWidget):
         redo: Callable[[], None],
         take: Callable[[], None],
         leave: Callable[[], None],
+        rehearse: Callable[[], None],
     ) -> None:
         super().__init__()
         self.picture = Picture()
@@ -74,6 +77,12 @@ class MeasurePage(QWidget):
         self.redo = ActionButton("&Redo", "redoStep", "Put the step back.", redo)
         help_text = "For a step at which the reading does not change: capture it once it stands still."
         self.take = ActionButton("It is as asked", "takeStep", help_text, take)
+        self.rehearse = ActionButton(
+            "&Do it (rehearsal)",
+            "rehearseStep",
+            "The simulated rig's operator does what is asked for.",
+            rehearse,
+        )
         self.leave = ActionButton("Give up", "leaveCalibration", "Leave; nothing is stored.", leave)
         self._build()
 
@@ -94,6 +103,7 @@ class MeasurePage(QWidget):
         side.addWidget(heading("Steps"))
         side.addWidget(self.table, 1)
         side.addLayout(row(self.undo, self.redo))
+        side.addWidget(self.rehearse)
         side.addWidget(self.take)
         side.addWidget(self.leave)
         hbox(self, (left, 1), panel, margins=FLUSH, spacing=0)
@@ -117,9 +127,9 @@ class MeasurePage(QWidget):
         item = self.table.item(number, 0)
         if item is not None:
             self.table.scrollToItem(item)
-        said = f"Doubtful: {doubts[-1].words} Undo the step if so." if doubts else ""
+        said = wizard.early() or (f"Doubtful: {doubts[-1].words} Undo the step if so." if doubts else "")
         self.doubt.setText(held_together(said))
-        self.doubt.setVisible(bool(doubts))
+        self.doubt.setVisible(bool(said))
         self.picture.show_step(plan, number)
         self.undo.refuse("" if wizard.can_undo else "No step has been captured yet.")
         self.redo.refuse("" if wizard.can_redo else "No step has been taken back.")
@@ -178,6 +188,7 @@ def _steps_table() -> QTableWidget:
         assert title is not None
         side = Qt.AlignmentFlag.AlignRight if column in NUMBERS else Qt.AlignmentFlag.AlignLeft
         title.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
+    copies(table)
     table.verticalHeader().hide()
     table.verticalHeader().setDefaultSectionSize(20)
     table.verticalHeader().setMinimumSectionSize(16)

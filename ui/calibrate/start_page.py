@@ -7,16 +7,17 @@ from functools import partial
 
 import numpy as np
 from PySide6.QtCore import QObject, QTimer, Signal
-from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QWidget
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QLineEdit, QPushButton, QWidget
 
 from fingerlab.acquisition.ring import COLUMN, RingReader
 from fingerlab.calibration import SENSORS
+from fingerlab.calibration.sensors import read_marks
 from fingerlab.calibration.store import CalibrationRecord
 
 from ..app.context import ApplicationContext
 from ..widgets.fields import ActionButton, centred_column
 from ..widgets.labels import heading, remark
-from ..widgets.layout import hbox, vbox
+from ..widgets.layout import described, hbox, vbox
 from .calibration_words import SENSOR_NAMES, record_words
 
 TICK_MS = 50
@@ -78,7 +79,9 @@ class VoltSource(QObject):
             self.arrived.emit(rows[:, COLUMN["index"]] / bench.bench.rate_hz, np.array(rows[:, self._column]))
 
 
-PAGE_WIDTH = 680
+PAGE_WIDTH = 760
+MARKS_WIDTH = 144
+MARKS_HELP = "Your own weights or marks, such as 0 50 200 500; empty: the usual ones."
 SENSOR_HELP = {
     "load-cell": "0 to 1 kg in steps of 100 g, and back; about eight minutes.",
     "mcp": "Marks from 0° to 90°, twice; about five minutes.",
@@ -106,6 +109,7 @@ class StartPage(QWidget):
         self.connect_rig.clicked.connect(self.connect_asked)
         self.starts: dict[str, ActionButton] = {}
         self.files: dict[str, QPushButton] = {}
+        self.own: dict[str, QLineEdit] = {}
         self.current: dict[str, QLabel] = {}
         self.again = QPushButton("Apply to an old &session…")
         self.again.setObjectName("applyAgain")
@@ -151,11 +155,25 @@ class StartPage(QWidget):
             read.setToolTip("One or two recordings, 15 s a step: text of time and volts, or sessions.")
             read.setAccessibleName(f"{SENSOR_NAMES[name]} from a recording")
             read.clicked.connect(lambda _checked=False, n=name: self.file_asked.emit(n))
-            self.starts[name], self.files[name] = start, read
+            own = described(QLineEdit(), f"marks-{name}", tip=MARKS_HELP)
+            own.setAccessibleName(f"Own known values of the {SENSOR_NAMES[name]}")
+            own.setPlaceholderText("own weights (g)" if name == "load-cell" else "own marks (°)")
+            own.setFixedWidth(MARKS_WIDTH)
+            self.starts[name], self.files[name], self.own[name] = start, read, own
             grid.addLayout(words, row, 0)
-            grid.addWidget(start, row, 1)
-            grid.addWidget(read, row, 2)
+            grid.addWidget(own, row, 1)
+            grid.addWidget(start, row, 2)
+            grid.addWidget(read, row, 3)
         return grid
+
+    def marks(self, name: str) -> tuple[float, ...] | None:
+        """The operator's own known values, in the sensor's ``mark_unit``; None where none are given.
+
+        Raises:
+            UserError: what was typed is no list of numbers.
+        """
+        text = self.own[name].text().strip()
+        return read_marks(SENSORS[name], text) if text else None
 
     def show_rig(self, sentence: str, refusal: str, connected: bool) -> None:
         """Say which rig it is, or why nothing can be measured now."""

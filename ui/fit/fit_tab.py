@@ -214,7 +214,10 @@ class FitTab(Tab):
             return path
 
         self.context.tasks.start(
-            "Saving the model", work, lambda done: self.context.tell(f"Model file saved: {done}"), OWNER
+            "Saving the model",
+            work,
+            lambda done: self.context.announce(f"Model file saved: {done}", done),
+            OWNER,
         )
 
     def _step(self, by: int) -> None:

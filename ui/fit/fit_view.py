@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from html import escape
+
 from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -222,7 +224,7 @@ class FitResultView(QWidget):
         self.plane.show_plane(joint, region, None if view is None else view.planes.get((joint, region)))
         colours = colours_of(self)
         self.plane_words.setText(
-            f"Run {self.run}: <span style='color:{colours.modelled}'><b>—</b></span> this run, "
+            f"Run {escape(self.run)}: <span style='color:{colours.modelled}'><b>—</b></span> this run, "
             "90 % interval; "
             f"<span style='color:{colours.candidate}'><b>- -</b></span> all runs"
         )

@@ -25,7 +25,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.core.text import percent
+from fingerlab.core.text import percent, score_text
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed, suspects
 
@@ -51,6 +51,7 @@ Index = QModelIndex | QPersistentModelIndex
 class CandidateRow:
     """``key`` is an effect id, or ``nothing_missing`` or ``not_in_catalogue``.
 
+    ``score``: error with it, in floors; None for an outcome.
     ``replaces``: titles of the model's effects in whose place it would be; empty: beside them.
     """
 
@@ -61,6 +62,7 @@ class CandidateRow:
     detectable: bool
     remark: str = ""
     replaces: str = ""
+    score: float | None = None
 
 
 def rows_of(diagnosis: Diagnosis) -> list[CandidateRow]:
@@ -75,6 +77,7 @@ def rows_of(diagnosis: Diagnosis) -> list[CandidateRow]:
             c.detectable,
             _remark(c.detectable),
             listed([in_sentence(effect_title(name)) for name in c.replaces]),
+            c.score,
         )
         for c in diagnosis.candidates
     ]
@@ -130,13 +133,16 @@ class CandidateList(QAbstractListModel):
 def _spoken(row: CandidateRow) -> str:
     instead = f" in place of {row.replaces}" if row.replaces else ""
     text = f"{row.title}{instead}: probability {percent(row.probability)}"
+    text += f", error with it {score_text(row.score)} floors" if row.score is not None else ""
     if row.in_set:
         text += ", cannot be told apart from the others that are marked"
     return f"{text}, {row.remark}" if row.remark else text
 
 
 SET_MARK = "≈"
-BAR_SHARE = 0.16
+BAR_SHARE = 0.12
+TIGHT_LETTERS = 52
+"""Of a row's width, below which the error with each effect is left to its tooltip."""
 GAP = 8
 WORTH_SAYING = 0.005
 """Probability from which an effect that the data could not show has its number, too."""
@@ -177,7 +183,10 @@ class CandidateDelegate(QStyledItemDelegate):
         mark_width = metrics.horizontalAdvance(SET_MARK) + GAP // 2
         bar_width = int(room.width() * BAR_SHARE)
         number_width = metrics.horizontalAdvance("> 99 %")
-        text_width = room.width() - mark_width - bar_width - number_width - 2 * GAP
+        # Where room is short the title has it: the error is in the tooltip, and foretold by the bar below.
+        tight = room.width() < TIGHT_LETTERS * metrics.averageCharWidth()
+        score_width = 0 if row.score is None or tight else metrics.horizontalAdvance("→ > 999")
+        text_width = room.width() - mark_width - bar_width - number_width - score_width - 3 * GAP
         font = QFont(option.font)
         painter.setFont(font)
         painter.setPen(QColor(colours.text if row.detectable else colours.muted))
@@ -187,7 +196,12 @@ class CandidateDelegate(QStyledItemDelegate):
         painter.drawText(
             title, middle, metrics.elidedText(row.title, Qt.TextElideMode.ElideRight, text_width)
         )
-        number = QRect(title.right() + GAP, room.top(), number_width, room.height())
+        score = QRect(title.right() + GAP, room.top(), score_width, room.height())
+        if row.score is not None and score_width:
+            painter.setPen(QColor(colours.muted))
+            painter.drawText(score, middle | Qt.AlignmentFlag.AlignRight, _score_words(row.score))
+            painter.setPen(QColor(colours.text if row.detectable else colours.muted))
+        number = QRect(score.right() + GAP, room.top(), number_width, room.height())
         if not row.detectable:
             wide = number.adjusted(0, 0, bar_width + GAP, 0)
             worth = row.probability >= WORTH_SAYING
@@ -206,6 +220,14 @@ class CandidateDelegate(QStyledItemDelegate):
         painter.fillRect(bar, tint(colours.floor, 0.25))
         bar.setWidth(max(1, round(room.width() * min(max(row.probability, 0.0), 1.0))))
         painter.fillRect(bar, QColor(colours.candidate))
+
+
+MOST_FLOORS = 999.0
+
+
+def _score_words(score: float) -> str:
+    """The error to which the effect brings the model, short."""
+    return f"→ {score_text(score)}" if score <= MOST_FLOORS else f"→ > {MOST_FLOORS:.0f}"
 
 
 LEAST_ROWS = 2

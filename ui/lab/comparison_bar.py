@@ -8,14 +8,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt, Signal
-from PySide6.QtGui import QColor, QFontMetrics, QFontMetricsF, QPainter, QPaintEvent, QResizeEvent
+from PySide6.QtGui import QBrush, QColor, QFontMetrics, QFontMetricsF, QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QButtonGroup, QComboBox, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QWidget
 
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Comparison, EquationError
-from fingerlab.sessions.model import Session
+from fingerlab.diagnosis.settings import NARROW_CUTOFF_HZ
+from fingerlab.sessions.model import Run, Session
 
 from ..widgets.labels import ElidedLabel
-from ..widgets.layout import FLUSH, described, hbox
+from ..widgets.layout import FLUSH, as_written, described, hbox
 from ..widgets.theme import Colours, colours_of, line, small_font, tint
 from .comparison_curves import joined
 from .result_words import FLOOR_HELP, equation_text, error_texts, run_text
@@ -30,7 +31,7 @@ class LegendKey:
 
     words: str
     colour: str
-    style: Literal["solid", "dashed", "dotted", "points", "band", "tint"] = "solid"
+    style: Literal["solid", "dashed", "dotted", "points", "band", "tint", "hatch"] = "solid"
 
 
 CURVES = (
@@ -38,6 +39,12 @@ CURVES = (
     LegendKey("modelled", "modelled", "dashed"),
     LegendKey("residual", "residual"),
     LegendKey("floor", "floor", "band"),
+)
+ASIDE = (LegendKey("left aside", "muted", "hatch"),)
+FULL_RATE = (LegendKey("as recorded", "muted"),)
+FULL_RATE_HELP = (
+    "As recorded, at its full rate: the channel behind what was measured, times arm, radius or gain. The "
+    f"equations are judged below {NARROW_CUTOFF_HZ:g} Hz: the curves are low-passed, which rounds corners."
 )
 WORST = (LegendKey("worst stretch:", "residual", "tint"),)
 CHOSEN = (LegendKey("chosen place:", "residual", "tint"),)
@@ -130,6 +137,9 @@ class LegendKeys(QWidget):
         if key.style in ("band", "tint"):
             alpha = 0.35 if key.style == "band" else 0.3
             painter.fillRect(QRectF(room.left(), middle - 5, room.width(), 10), tint(colour, alpha))
+        elif key.style == "hatch":
+            brush = QBrush(tint(colour, 0.5), Qt.BrushStyle.BDiagPattern)
+            painter.fillRect(QRectF(room.left(), middle - 5, room.width(), 10), brush)
         elif key.style == "points":
             painter.setPen(line(colour))
             painter.setBrush(QColor(colour))
@@ -142,27 +152,55 @@ class LegendKeys(QWidget):
             painter.drawLine(QPointF(room.left(), middle), QPointF(room.right(), middle))
 
 
+MARGINS = 96
+"""Of the row, with what lies between its parts, px."""
+
+
 class LegendRow(QWidget):
     """The legend and the name of the tinted stretch at the left, the values under the cursor at the right."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.stretch_key = LegendKeys(WORST)
+        self.aside = described(LegendKeys(ASIDE), "asideKey")
+        self.recorded = described(LegendKeys(FULL_RATE), "recordedKey", tip=FULL_RATE_HELP)
+        self.recorded.hide()
+        self._is_recorded = False
         self.stretch = ElidedLabel()
         self.stretch.setObjectName("stretchName")
-        self.values = ElidedLabel()
+        self.curves = LegendKeys(CURVES)
+        self.values = described(ElidedLabel(), "valuesRead")
         self.values.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         for label in (self.stretch, self.values):
             label.setFont(small_font())
         layout = QHBoxLayout(self)
         layout.setContentsMargins(72, 0, 8, 0)
         layout.setSpacing(4)
-        layout.addWidget(LegendKeys(CURVES))
+        layout.addWidget(self.curves)
         layout.addSpacing(8)
+        layout.addWidget(self.recorded)
+        layout.addWidget(self.aside)
         layout.addWidget(self.stretch_key)
         layout.addWidget(self.stretch, 1)
         layout.addWidget(self.values, 1)
+        self.values.hide()
         self.name_stretch("")
+
+    def show_values(self, wordings: Sequence[str]) -> None:
+        """What is read off the curves, in the longest of some wordings that has room; none: the legend again.
+
+        While something is read it has the room of the other names, and where that is too little the legend's.
+        """
+        reads = bool(wordings)
+        self.values.set_texts(wordings if reads else ("",))
+        self.values.setVisible(reads)  # its room is the others' while nothing is read
+        self.stretch.setVisible(not reads)
+        self.stretch_key.setVisible(not reads and bool(self.stretch.text()))
+        self.aside.setVisible(not reads and bool(self.aside.accessibleDescription()))
+        self.recorded.setVisible(not reads and self._is_recorded)
+        letters = QFontMetrics(small_font())
+        needed = letters.horizontalAdvance(wordings[-1]) + 24 if reads else 0
+        self.curves.setVisible(self.width() - self.curves.sizeHint().width() - MARGINS > needed)
 
     def name_stretch(self, text: str) -> None:
         """Name the tinted worst stretch; empty where none is tinted."""
@@ -171,6 +209,17 @@ class LegendRow(QWidget):
     def name_place(self, text: str) -> None:
         """Name the place that the user chose, which is tinted."""
         self._name(text, CHOSEN)
+
+    def name_aside(self, text: str) -> None:
+        """Say what is shaded because it is left aside; empty where nothing is."""
+        self.aside.setVisible(bool(text))
+        self.aside.setToolTip(f"Left aside of this run: {text}." if text else "")
+        self.aside.setAccessibleDescription(text)
+
+    def name_recorded(self, there: bool) -> None:
+        """Say what the thin curve is, where it is there."""
+        self._is_recorded = there
+        self.recorded.setVisible(there and not self.values.text())
 
     def _name(self, text: str, keys: tuple[LegendKey, ...]) -> None:
         self.stretch.setText(text)
@@ -264,6 +313,14 @@ class ComparisonBar(QWidget):
         equation, run = self.equation(), self.runs.currentData()
         return self._comparisons.get((equation, run)) if equation is not None and run is not None else None
 
+    def run(self) -> Run | None:
+        """The recording of the run shown."""
+        shown = self.comparison()
+        session = self._sessions.get(shown.session) if shown is not None else None
+        if shown is None or session is None:
+            return None
+        return next((run for run in session.runs if run.name == shown.run), None)
+
     def show_error(self, before: EquationError | None, now: EquationError | None) -> None:
         """The error of the equation shown, with the nominal model and now."""
         self._error = ("", "")
@@ -310,7 +367,7 @@ class ComparisonBar(QWidget):
             if name == equation:
                 text = run_text(comparison, self._sessions.get(comparison.session), many)
                 self.runs.addItem(text, run)
-                self.runs.setItemData(self.runs.count() - 1, text, Qt.ItemDataRole.ToolTipRole)
+                self.runs.setItemData(self.runs.count() - 1, as_written(text), Qt.ItemDataRole.ToolTipRole)
         rows = [row for row in range(self.runs.count()) if self.runs.itemData(row) == key]
         self.runs.setCurrentIndex(rows[0] if rows else 0)
         self.runs.blockSignals(False)

@@ -9,6 +9,7 @@ import numpy as np
 
 from fingerlab.core.text import ScreenUnit, decimals_for, fixed, screen_unit
 from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.report.score_words import ASIDE_WORDS, share_text
 from fingerlab.sessions.model import Array
 
 from .result_words import equation_text
@@ -31,13 +32,10 @@ class ScaledComparison:
 
 
 def scaled(comparison: Comparison, units_of: ScaledComparison | None) -> ScaledComparison:
-    """Values in units of the screen; in those of ``units_of`` so that a refit is seen on the same scale."""
+    """Values in units of the screen, the curves in that of ``units_of``: after a refit they stay in place."""
     residual = comparison.measured - comparison.modelled
-    if units_of is not None:
-        unit, residual_unit = units_of.unit, units_of.residual_unit
-    else:
-        unit = screen_unit(comparison.unit, largest(comparison.measured))
-        residual_unit = screen_unit(comparison.unit, max(largest(residual), comparison.floor))
+    unit = screen_unit(comparison.unit, largest(comparison.measured)) if units_of is None else units_of.unit
+    residual_unit = screen_unit(comparison.unit, max(largest(residual), comparison.floor))
     return ScaledComparison(
         comparison,
         unit,
@@ -63,18 +61,68 @@ def limits(values: Array) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def values_at(shown: ScaledComparison, index: int) -> str:
-    time = f"{fixed(float(shown.time[index]), 2)} s"
+def values_at(shown: ScaledComparison, index: int) -> tuple[str, ...]:
+    """What is read at a sample, in wordings of which each is shorter."""
+    at = float(shown.time[index])
+    reasons = dict.fromkeys(a.reason for a in shown.comparison.aside if a.start <= at <= a.stop)
+    aside = f" ({', '.join(ASIDE_WORDS.get(one, one) for one in reasons)})" if reasons else ""
+    time = f"{fixed(at, 2)} s{aside}"
     if not np.isfinite(shown.residual[index]):
-        return f"{time}: this equation says nothing here"
+        return f"{time}: this equation says nothing here", f"{fixed(at, 2)} s: nothing said"
     floor = 0.3 * shown.comparison.floor
     decimals = decimals_for(floor * shown.unit.factor)
     measured, modelled = (fixed(float(s[index]), decimals) for s in (shown.measured, shown.modelled))
     residual = fixed(float(shown.residual[index]), decimals_for(floor * shown.residual_unit.factor))
+    unit, rest = shown.unit.symbol, f"residual {residual} {shown.residual_unit.symbol}"
+    bare = fixed(at, 2)
     return (
-        f"{time}: measured {measured}, modelled {modelled} {shown.unit.symbol}, "
-        f"residual {residual} {shown.residual_unit.symbol}"
+        f"{time}: measured {measured}, modelled {modelled} {unit}, {rest}",
+        f"{bare} s: measured {measured}, modelled {modelled} {unit}, {rest}",
+        f"{bare} s: {measured}, modelled {modelled} {unit}, {rest}",
+        f"{bare} s: {measured} − {modelled} {unit} = {residual} {shown.residual_unit.symbol}",
+        f"{bare} s: {rest}",
     )
+
+
+def values_between(shown: ScaledComparison, times: tuple[float, float]) -> tuple[str, ...]:
+    """What two cursors read: how far apart, and B less A of each curve; each wording shorter."""
+    a, b = (int(np.clip(np.searchsorted(shown.time, t), 0, len(shown.time) - 1)) for t in times)
+    change = times[1] - times[0]
+    floor = 0.3 * shown.comparison.floor
+    decimals = decimals_for(floor * shown.unit.factor), decimals_for(floor * shown.residual_unit.factor)
+
+    def less(values: Array, digits: int) -> str:
+        difference = float(values[b] - values[a])
+        return f"{'+' if difference >= 0 else ''}{fixed(difference, digits)}"
+
+    apart = f"B − A: {fixed(change, 3)} s"
+    rate = f" ({1 / abs(change):.3g} Hz)" if change else ""
+    measured, modelled = less(shown.measured, decimals[0]), less(shown.modelled, decimals[0])
+    residual = f"{less(shown.residual, decimals[1])} {shown.residual_unit.symbol}"
+    unit = shown.unit.symbol
+    return (
+        f"A {fixed(times[0], 3)} s, B {fixed(times[1], 3)} s, {apart}{rate}, measured {measured}, modelled "
+        f"{modelled} {unit}, residual {residual}",
+        f"{apart}{rate}, measured {measured}, modelled {modelled} {unit}, residual {residual}",
+        f"{apart}, measured {measured} {unit}, residual {residual}",
+        f"{apart}, residual {residual}",
+    )
+
+
+def ends(comparison: Comparison) -> tuple[float, float]:
+    """Where the run begins and ends, s: what is left aside of it included."""
+    time, aside = comparison.time, comparison.aside
+    start = min([float(time[0]), *(one.start for one in aside)])
+    return start, max([float(time[-1]), *(one.stop for one in aside)])
+
+
+def aside_words(comparison: Comparison) -> str:
+    """What is left aside of a run, with its share of it; empty where nothing is."""
+    start, stop = ends(comparison)
+    shares: dict[str, float] = {}
+    for one in comparison.aside:
+        shares[one.reason] = shares.get(one.reason, 0.0) + (one.stop - one.start) / max(stop - start, 1e-9)
+    return ", ".join(f"{ASIDE_WORDS.get(name, name)} {share_text(share)}" for name, share in shares.items())
 
 
 def describe(shown: ScaledComparison, floor: float) -> str:
@@ -121,6 +169,7 @@ def _join(pieces: list[Comparison]) -> Comparison:
         modelled=np.concatenate(modelled),
         floor=float(np.average([p.floor for p in pieces], weights=counts)),
         held_out=all(p.held_out for p in pieces),
+        aside=tuple(one for p in pieces for one in p.aside),
         coordinates={
             name: np.concatenate([part for p in pieces for part in (p.coordinates[name], _GAP)])
             for name in pieces[0].coordinates

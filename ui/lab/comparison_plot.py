@@ -11,7 +11,9 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.diagnosis.answer.results import Comparison, Failure
+from fingerlab.sessions.model import Array
 
+from ..widgets.closer import HELP, CursorPair, LookBox
 from ..widgets.plots import (
     Cursor,
     DecimatedCurve,
@@ -23,7 +25,18 @@ from ..widgets.plots import (
     prepare_plot,
 )
 from ..widgets.theme import colours_of, line, tint
-from .comparison_curves import MARGIN, ScaledComparison, describe, largest, limits, scaled, values_at
+from .comparison_curves import (
+    MARGIN,
+    ScaledComparison,
+    aside_words,
+    describe,
+    ends,
+    largest,
+    limits,
+    scaled,
+    values_at,
+    values_between,
+)
 from .result_words import equation_text, failure_words
 
 AXIS_WIDTH = 72
@@ -33,17 +46,22 @@ SHORTEST_VIEW = 0.05
 
 
 class ComparisonPlot(pg.GraphicsLayoutWidget):
-    """Two plots stacked. Keys: + and − zoom, ← and → move, Home shows the whole run.
+    """Two plots stacked. Keys: + and − zoom, ← and → move, Home shows all, F fits the heights to what is in
+    view, C shows two cursors.
 
     Signals:
-        pointed(text): the values under the cursor, empty when it leaves.
+        pointed(wordings): the values under the mouse or of the two cursors, the longest first; () for none.
         stretch_named(text): the name of the tinted worst stretch, empty where none is tinted.
         place_named(text): the name of what is tinted in its place.
+        recorded_named(on): whether the measured side is drawn as it was recorded, too.
+        aside_named(text): what is left aside of the run, with its share; empty where nothing is.
     """
 
-    pointed = Signal(str)
+    pointed = Signal(object)
     stretch_named = Signal(str)
     place_named = Signal(str)
+    aside_named = Signal(str)
+    recorded_named = Signal(bool)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -56,24 +74,31 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.ci.setContentsMargins(0, 4, 8, 0)
         self.ci.setSpacing(4)
-        self.top: pg.PlotItem = self.addPlot(row=0, col=0, enableMenu=False)
-        self.bottom: pg.PlotItem = self.addPlot(row=1, col=0, enableMenu=False)
+        boxes = LookBox(), LookBox()
+        self.top: pg.PlotItem = self.addPlot(row=0, col=0, enableMenu=False, viewBox=boxes[0])
+        self.bottom: pg.PlotItem = self.addPlot(row=1, col=0, enableMenu=False, viewBox=boxes[1])
+        for box in boxes:
+            box.whole_asked.connect(self.show_all)
         self.ci.layout.setRowStretchFactor(0, 10)
         self.ci.layout.setRowStretchFactor(1, 9)
         for plot in (self.top, self.bottom):
             prepare_plot(plot)
             plot.getAxis("left").setWidth(AXIS_WIDTH)
-            plot.setMouseEnabled(x=True, y=False)
             plot.getViewBox().sigResized.connect(self._label_axes)
         self.top.getAxis("bottom").setStyle(showValues=False)
         self.bottom.getAxis("bottom").setHeight(bottom_axis_height())
         self.bottom.setLabel("bottom", "Time (s)")
         self.bottom.setXLink(self.top)
         self._add_items()
+        self.pair = CursorPair((self.top, self.bottom), self)
+        self.pair.moved.connect(self._tell_pair)
+        self.setToolTip(HELP)
         self.scene().sigMouseMoved.connect(self._on_mouse_moved)
         self._recolour()
 
     def _add_items(self) -> None:
+        self.recorded = DecimatedCurve(name="as recorded")
+        self.recorded.setZValue(-5)
         self.measured = DecimatedCurve(name="measured")
         self.modelled = DecimatedCurve(name="modelled")
         self.residual = DecimatedCurve(name="residual")
@@ -82,6 +107,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         self.zero = pg.InfiniteLine(angle=0, movable=False)
         self.stretches = [pg.LinearRegionItem((0, 0), movable=False) for _ in range(2)]
         self.places = [Tints(), Tints()]
+        self.aside = [Tints(hatched=True, name="left aside") for _ in range(2)]
         self.cursors = [Cursor(angle=90, movable=False) for _ in range(2)]
         for plot, stretch, cursor in zip((self.top, self.bottom), self.stretches, self.cursors, strict=True):
             stretch.setZValue(-20)
@@ -89,12 +115,13 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
             cursor.hide()
             plot.addItem(stretch, ignoreBounds=True)
             plot.addItem(cursor, ignoreBounds=True)
-        for plot, places in zip((self.top, self.bottom), self.places, strict=True):
-            plot.addItem(places, ignoreBounds=True)
+        for tints in (self.places, self.aside):
+            for plot, places in zip((self.top, self.bottom), tints, strict=True):
+                plot.addItem(places, ignoreBounds=True)
         self.floor_band.setZValue(-10)
         for item in (self.floor_band, self.zero, self.residual):
             self.bottom.addItem(item, ignoreBounds=True)
-        for item in (self.measured, self.modelled):
+        for item in (self.recorded, self.measured, self.modelled):
             self.top.addItem(item, ignoreBounds=True)
 
     # what is shown
@@ -112,10 +139,12 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         ``keep_view`` leaves the time range as the user set it (a refit of the same run).
         """
         self._failure = failure
+        self._forget_pointer()  # what was read there was of another curve
         if comparison is None:
             self._shown = None
             self._show_stretch()
-            for curve in (self.measured, self.modelled, self.residual):
+            self._show_aside()
+            for curve in (self.recorded, self.measured, self.modelled, self.residual):
                 curve.set_series(np.empty(0), np.empty(0))
             return
         before = self._shown
@@ -131,7 +160,25 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         if not keep_view:
             self.show_whole()
         self._show_stretch()
+        self._show_aside()
+        self._tell_pair()
         self.setAccessibleDescription(describe(shown, floor))
+
+    def show_full_rate(self, found: tuple[Array, Array] | None) -> None:
+        """Draw the measured side as it was recorded, behind the filtered one; time in s, values in SI."""
+        shown = self._shown
+        there = found is not None and shown is not None
+        time, values = found if found is not None and shown is not None else (np.empty(0), np.empty(0))
+        self.recorded.set_series(time, values * (shown.unit.factor if shown is not None else 1.0))
+        self.recorded_named.emit(there)
+
+    def _show_aside(self) -> None:
+        """Shade what the equation is not judged by."""
+        comparison = self.comparison
+        left = comparison.aside if comparison is not None else ()
+        for tints in self.aside:
+            tints.show_stretches([(one.start, one.stop) for one in left])
+        self.aside_named.emit(aside_words(comparison) if comparison is not None else "")
 
     def _label_axes(self) -> None:
         shown = self._shown
@@ -141,19 +188,33 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         label_left(self.bottom, "Residual", shown.residual_unit)
 
     def _set_value_ranges(self, shown: ScaledComparison, floor: float, keep_view: bool) -> None:
-        low, high = limits(np.concatenate([shown.measured, shown.modelled]))
+        if not keep_view:
+            self.top.setYRange(*limits(np.concatenate([shown.measured, shown.modelled])), padding=0)
+        # The residual's own axis follows it: what is left after an effect was added is seen, not a flat line.
         height = max(largest(shown.residual), 2.0 * floor) * (1 + MARGIN)
-        if keep_view:  # the residual must be seen to fall, so the scales stay
-            shown_low, shown_high = self.top.viewRange()[1]
-            low, high = min(low, shown_low), max(high, shown_high)
-            height = max(height, self.bottom.viewRange()[1][1])
-        self.top.setYRange(low, high, padding=0)
         self.bottom.setYRange(-height, height, padding=0)
+
+    def fit_heights(self) -> None:
+        """Heights of what is in view now."""
+        shown = self._shown
+        if shown is None:
+            return
+        left, right = self.top.viewRange()[0]
+        seen = (shown.time >= left) & (shown.time <= right)
+        floor = shown.comparison.floor * shown.residual_unit.factor
+        self.top.setYRange(*limits(np.concatenate([shown.measured[seen], shown.modelled[seen]])), padding=0)
+        height = max(largest(shown.residual[seen]), 1.2 * floor) * (1 + MARGIN)
+        self.bottom.setYRange(-height, height, padding=0)
+
+    def show_all(self) -> None:
+        """The whole run in its whole height."""
+        self.show_whole()
+        self.fit_heights()
 
     def show_whole(self) -> None:
         """The whole run."""
         if self._shown is not None and len(self._shown.time):
-            start, stop = self._shown.time[0], self._shown.time[-1]
+            start, stop = ends(self._shown.comparison)
             for plot in (self.top, self.bottom):
                 plot.getViewBox().setLimits(xMin=start, xMax=stop, minXRange=SHORTEST_VIEW)
             self.top.setXRange(start, stop, padding=0)
@@ -163,7 +224,8 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         if self._shown is None or not len(self._shown.time):
             return True
         start, stop = self.top.viewRange()[0]
-        return bool(start <= self._shown.time[0] and stop >= self._shown.time[-1])
+        first, last = ends(self._shown.comparison)
+        return bool(start <= first and stop >= last)
 
     def show_stretch(self) -> None:
         """The worst stretch, with as much again on either side."""
@@ -202,13 +264,13 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
     # how it looks
 
     def event(self, event: QEvent) -> bool:
-        if event.type() == QEvent.Type.DevicePixelRatioChange:
+        if event.type() == QEvent.Type.DevicePixelRatioChange and hasattr(self, "pair"):
             self._recolour()  # pens are in device pixels
         return bool(super().event(event))
 
     def changeEvent(self, event: QEvent) -> None:
         super().changeEvent(event)
-        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "cursors"):
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "pair"):
             self._recolour()
 
     def _recolour(self) -> None:
@@ -217,6 +279,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         for plot in (self.top, self.bottom):
             colour_plot(plot, colours)
         width = self.devicePixelRatioF()
+        self.recorded.setPen(pg.mkPen(tint(colours.muted, 0.35), width=width))
         self.measured.setPen(line(colours.measured, width))
         self.modelled.setPen(line(colours.modelled, width, dashed=True))
         self.residual.setPen(line(colours.residual, width))
@@ -226,27 +289,44 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
             stretch.setBrush(tint(colours.residual, 0.18))
         for places in self.places:
             places.set_colour(tint(colours.residual, 0.18))
+        for left in self.aside:
+            left.set_colour(tint(colours.muted, 0.4))
         for edge in (*self.floor_band.lines, *(e for s in self.stretches for e in s.lines)):
             edge.setPen(pg.mkPen(None))
         for cursor in self.cursors:
             cursor.setPen(line(colours.muted))
+        self.pair.recolour(self)
 
     # hand
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         if event.key() == Qt.Key.Key_Home:
-            self.show_whole()
+            self.show_all()
+        elif event.key() == Qt.Key.Key_F:
+            self.fit_heights()
+        elif event.key() == Qt.Key.Key_C:
+            self.pair.show(self.pair.times is None)
         elif not move_by_key(self.top, event):
             super().keyPressEvent(event)
 
     def leaveEvent(self, event: QEvent) -> None:
         super().leaveEvent(event)
+        self._forget_pointer()
+
+    def _forget_pointer(self) -> None:
         for cursor in self.cursors:
             cursor.hide()
-        self.pointed.emit("")
+        self._tell_pair()
+
+    def _tell_pair(self) -> None:
+        """What the two cursors read, or nothing."""
+        shown, times = self._shown, self.pair.times
+        self.pointed.emit(values_between(shown, times) if shown is not None and times is not None else ())
 
     def _on_mouse_moved(self, place: QPointF) -> None:
         shown = self._shown
+        if self.pair.times is not None:
+            return
         for plot in (self.top, self.bottom):
             if shown is not None and plot.sceneBoundingRect().contains(place):
                 time = plot.getViewBox().mapSceneToView(place).x()

@@ -21,6 +21,7 @@ from fingerlab.models.project import (
     with_model,
 )
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
+from fingerlab.report.story import story
 from fingerlab.sessions.model import Session
 
 from ..app.context import part_of
@@ -135,6 +136,7 @@ class LabController(QObject):
 
     Attributes:
         wanted: effects of a saved model that the next comparison is to begin with.
+        known: diagnoses of every model that was fitted to the open sessions, branches and all.
 
     Signals:
         sessions_changed: other sessions are open, or none.
@@ -159,6 +161,7 @@ class LabController(QObject):
         self.history: ModelHistory | None = None
         self.project: Project | None = None
         self.wanted: tuple[str, ...] = ()
+        self.known: dict[tuple[str, ...], Diagnosis] = {}
         self._diagnose = diagnose or SessionDiagnosis()
         tasks.started.connect(self.activity_changed)
         tasks.ended.connect(self.activity_changed)
@@ -177,6 +180,7 @@ class LabController(QObject):
         """Hold other sessions, or none; what was found of the former is in its project."""
         self.sessions = sessions
         self.history = self.project = None
+        self.known = {}
         self.sessions_changed.emit()
         self.result_changed.emit()
 
@@ -211,6 +215,7 @@ class LabController(QObject):
             project, steps, problem = found
             self.project = project
             self.history = ModelHistory(steps, len(steps) if wanted else project.now)
+            self.known |= {step.added: step.diagnosis for step in steps}
             self.keep()
             self.result_changed.emit()
             if project.worth_keeping:
@@ -225,6 +230,9 @@ class LabController(QObject):
         history = self.history
         if history is None or history.now.added == added:
             return
+        if added in self.known:  # nothing is computed again
+            self._push(history, added, self.known[added])
+            return
         self._run(added, "Refitting a model that was tried", partial(self._push, history, added))
 
     def keep(self) -> None:
@@ -232,7 +240,12 @@ class LabController(QObject):
         history, project = self.history, self.project
         if history is None or project is None:
             return
-        path = tuple(TriedModel(step.added, step.diagnosis.score) for step in history.steps)
+        steps = story([step.diagnosis for step in history.steps])
+        told = ("", *(f"{step.title}: {step.evidence}" if step.evidence else "" for step in steps))
+        path = tuple(
+            TriedModel(step.added, step.diagnosis.score, evidence)
+            for step, evidence in zip(history.steps, told, strict=True)
+        )
         for model in path:
             if model not in project.tried:
                 project = with_model(project, model)
@@ -281,6 +294,7 @@ class LabController(QObject):
 
     def _push(self, history: ModelHistory, added: tuple[str, ...], diagnosis: Diagnosis) -> None:
         history.push(ModelStep(added, diagnosis))
+        self.known[added] = diagnosis
         self.keep()
         self.result_changed.emit()
 

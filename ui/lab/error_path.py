@@ -13,7 +13,7 @@ from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter, QPaintEve
 from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QSizePolicy, QToolTip, QWidget
 
 from fingerlab.core.text import r2_text, score_text
-from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, listed
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, alone, effect_title, in_sentence, listed
 
 from ..widgets.fields import set_usable
 from ..widgets.layout import FLUSH, Spacer, hbox, vbox
@@ -39,14 +39,18 @@ class ErrorBar:
     tried: bool
 
 
-def bars_of(history: ModelHistory) -> list[ErrorBar]:
-    """What was done, then what the present diagnosis would add."""
+def bars_of(history: ModelHistory, chosen: str = "") -> list[ErrorBar]:
+    """What was done, then what the effect ``chosen`` would bring, or else what the diagnosis would add."""
     done = history.done
     bars = []
     for before, step in zip((None, *done), done, strict=False):
         came, gone = step.change_from(before) if before is not None else (step.added, ())
         bars.append(ErrorBar(_change_title(came, gone) or "Nominal", step.diagnosis.score, True))
-    for suggested in history.now.diagnosis.path:
+    path = [step for step in history.now.diagnosis.path if step.added is not None]
+    judged = next((c for c in history.now.diagnosis.candidates if c.effect == chosen), None)
+    if judged is not None and not (path and path[0].added == chosen):
+        return [*bars, ErrorBar(_change_title((chosen,), judged.replaces), judged.score, False)]
+    for suggested in path:
         if suggested.added is not None:
             gone = (suggested.removed,) if suggested.removed else ()
             bars.append(ErrorBar(_change_title((suggested.added,), gone), suggested.score, False))
@@ -71,6 +75,7 @@ class ErrorPath(QWidget):
         self.setAccessibleName("Error path")
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.bars: list[ErrorBar] = []
+        self._history: ModelHistory | None = None
 
     def sizeHint(self) -> QSize:
         return QSize(400, 104)
@@ -80,7 +85,12 @@ class ErrorPath(QWidget):
 
     def show_history(self, history: ModelHistory | None) -> None:
         """Show the path up to the present model."""
-        self.bars = bars_of(history) if history is not None else []
+        self._history = history
+        self.show_forecast("")
+
+    def show_forecast(self, effect: str) -> None:
+        """Foretell the error with this effect (an id); for an outcome, what the path would add."""
+        self.bars = bars_of(self._history, effect) if self._history is not None else []
         self.setAccessibleDescription(self.text())
         self.update()
 
@@ -203,7 +213,8 @@ class ErrorTable(QWidget):
             label.deleteLater()
         if history is None:
             return
-        for column, text in enumerate(HEADINGS):
+        single = alone(history.now.diagnosis)
+        for column, text in enumerate(("error", *HEADINGS[1:]) if single else HEADINGS):
             self._put(0, column, text, muted=True, help_text=COLUMN_HELP[column])
         first, now = history.first.diagnosis.errors, history.now.diagnosis.errors
         spoken = []

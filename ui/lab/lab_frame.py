@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QButtonGroup, QFrame, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QButtonGroup, QFrame, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.models.project import project_path
 from fingerlab.report.diagnosis_words import better_sentence, exchange_words
 
 from ..widgets.fields import set_usable
 from ..widgets.labels import WholeLabel, header_name, heading, remark
-from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
-from ..widgets.theme import large_font
+from ..widgets.layout import FLUSH, described, hbox, vbox
+from ..widgets.theme import large_font, small_font
 
 
 class LabHeader(QWidget):
@@ -85,75 +81,6 @@ class BetterModelBanner(QFrame):
         set_usable(self.button, not busy)
 
 
-START_WIDTH = 520
-
-
-class LabStartPage(QWidget):
-    """Signals ``open_asked``, ``practise_asked``, ``recent_asked(path)``."""
-
-    open_asked = Signal()
-    practise_asked = Signal()
-    recent_asked = Signal(str)
-
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        title = heading("No session open", large=True)
-        text = remark(
-            "Open a session file, or drop one here. Measured and modelled will then stand side by side, with "
-            "where the model fails and which physical effect is missing."
-        )
-        self.open = described(QPushButton("&Open a session…"), "emptyOpen", primary="true")
-        self.practise = QPushButton("&Practise on a hidden effect")
-        self.practise.setObjectName("practise")
-        self.practise.setToolTip(
-            "Records a session from the simulated rig with an effect that is not told: find it, reveal it."
-        )
-        self.open.clicked.connect(self.open_asked)
-        self.practise.clicked.connect(self.practise_asked)
-        buttons = hbox(None, self.open, self.practise, Spacer(1), spacing=8)
-        self.doing = remark()
-        self.doing.setObjectName("emptyDoing")
-        self.doing.hide()
-        self._recent_title = remark("Recent")
-        self._recent = QVBoxLayout()
-        self._recent.setSpacing(0)
-        column = QWidget()
-        column.setMaximumWidth(START_WIDTH)
-        vbox(column, title, text, buttons, self.doing, self._recent_title, self._recent, spacing=16)
-        across = QHBoxLayout()
-        across.addStretch(1)
-        across.addWidget(column, 100)  # takes all up to its widest, so that its text gets the height it needs
-        across.addStretch(1)
-        vbox(self, Spacer(2), across, Spacer(3))
-
-    def show_practice(self, on: bool) -> None:
-        """While a practice session is recorded say so where it was asked for, too."""
-        self.doing.setText("Recording a practice session")
-        self.doing.setVisible(on)
-        set_usable(self.practise, not on)
-
-    def tell_practice(self, what: str) -> None:
-        """How far that is."""
-        if not self.doing.isHidden():
-            self.doing.setText(f"Recording a practice session: {what}")
-
-    def show_recent(self, paths: Sequence[Path]) -> None:
-        """Offer recently opened files."""
-        while (item := self._recent.takeAt(0)) is not None:
-            widget = item.widget()
-            if widget is not None:
-                widget.deleteLater()
-        for path in paths[:5]:
-            kept = " – with your models and notes" if project_path([path]).is_file() else ""
-            button = QPushButton(path.name.replace("&", "&&") + kept)
-            button.setProperty("step", "true")
-            button.setToolTip(str(path))
-            button.setAccessibleName(f"Open {path.name} again")
-            button.clicked.connect(lambda _checked=False, p=str(path): self.recent_asked.emit(p))
-            self._recent.addWidget(button)
-        self._recent_title.setVisible(bool(paths))
-
-
 class WaitingPage(QWidget):
     """A session is open and its first comparison is not there (yet). Signal ``compare_asked``."""
 
@@ -195,9 +122,10 @@ STEPS = {
 
 
 class StepsColumn(QWidget):
-    """Five steps. Signal ``chosen(step)`` when the user goes to one."""
+    """Five steps. Signals ``chosen(step)``: the user goes to one; ``score_asked``: what is the error of?"""
 
     chosen = Signal(str)
+    score_asked = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -206,7 +134,11 @@ class StepsColumn(QWidget):
         layout = vbox(self, margins=FLUSH, spacing=0)
         self._group = QButtonGroup(self)
         self._buttons: dict[str, QPushButton] = {}
-        self._results = {}
+        self._results: dict[str, QLabel] = {}
+        self.score = described(QPushButton(), "headline", font=small_font(), link="true")
+        self.score.setToolTip("What the error is made of: the equations and runs that sum to it (F7).")
+        self.score.setAccessibleDescription("Shows the equations and runs that sum to the error.")
+        self.score.clicked.connect(self.score_asked)
         for step, (title, help_text) in STEPS.items():
             button = QPushButton(title)
             button.setProperty("step", "true")
@@ -221,13 +153,18 @@ class StepsColumn(QWidget):
             result.setContentsMargins(16, 0, 0, 16)
             self._results[step] = result
             layout.addWidget(button)
+            if step == "compare":
+                layout.addWidget(self.score)
             layout.addWidget(result)
 
     def set_results(self, results: dict[str, str]) -> None:
         """Show what each done step found; the others stay empty."""
+        self.score.setText(results.get("compare", ""))
+        self.score.setVisible("compare" in results)
         for step, label in self._results.items():
             text = results.get(step, "")
             label.setText(_shorten(text))
+            label.setHidden(step == "compare" and bool(text))  # the headline says it
             label.setToolTip(text)
             self._buttons[step].setAccessibleDescription(text)
 

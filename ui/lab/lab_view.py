@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QStackedWidget, QWidget
 
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.diagnosis.answer.shapes import full_rate
 from fingerlab.diagnosis.answer.where import Profile, stretches_in, worst_run
 from fingerlab.models.project import View
 from fingerlab.report.diagnosis_words import bin_words, not_shown
+from fingerlab.sessions.model import Array
 
 from ..widgets.layout import FLUSH, Panes, Spacer, hbox, vbox
 from .candidates import CandidatesPanel
@@ -20,8 +25,12 @@ from .error_path import PathPanel
 from .evidence import EvidencePanel
 from .lab_frame import BetterModelBanner, StepsColumn
 from .result_words import NOTHING, UNKNOWN, best_choice, equation_text, find_candidate, step_results
+from .score_parts import ScorePartsDialog
 from .truth import TruthPanel
 from .where import WherePanel
+
+if TYPE_CHECKING:
+    from .side_by_side import SideBySideDialog
 
 STEPS_WIDTH = 152
 
@@ -49,6 +58,9 @@ class LabView(QWidget):
         self.path = PathPanel()
         self.better = BetterModelBanner()
         self._shown_step: ModelStep | None = None
+        self._parts: ScorePartsDialog | None = None
+        self._beside: SideBySideDialog | None = None
+        self._recorded: tuple[tuple[str, ...], tuple[Array, Array] | None] = ((), None)
         self._build()
         self._connect()
         self.refresh()
@@ -75,15 +87,19 @@ class LabView(QWidget):
         self.bar.changed.connect(self._show_comparison)
         self.bar.changed.connect(self.looked_elsewhere)
         self.plot.top.getViewBox().sigXRangeChanged.connect(lambda *_: self.looked_elsewhere.emit())
-        self.plot.pointed.connect(self.legend.values.setText)
+        self.plot.pointed.connect(self.legend.show_values)
         self.plot.stretch_named.connect(self.legend.name_stretch)
         self.plot.place_named.connect(self.legend.name_place)
+        self.plot.recorded_named.connect(self.legend.name_recorded)
+        self.plot.aside_named.connect(self.legend.name_aside)
+        self.steps.score_asked.connect(self.show_score_parts)
         self.where.place_chosen.connect(self._on_place)
         self.candidates.chosen.connect(self._on_candidate)
         self.candidates.add_asked.connect(self.controller.add)
         self.better.exchange_asked.connect(self.controller.exchange)
         self.path.undo_asked.connect(self.controller.undo)
         self.path.redo_asked.connect(self.controller.redo)
+        self.truth.runs.run_chosen.connect(lambda run: self.bar.go_to(self.bar.equation() or "", run))
         self.truth.report_asked.connect(self.report_asked)
         self.controller.result_changed.connect(self.refresh)
         self.controller.activity_changed.connect(self._on_activity)
@@ -93,6 +109,10 @@ class LabView(QWidget):
         history = self.controller.history
         if history is None:
             self._shown_step = None
+            self._recorded = ((), None)
+            for dialog in (self._parts, self._beside):
+                if dialog is not None:
+                    dialog.hide()
             self.bar.show_comparisons((), (), None)
             self.plot.show_comparison(None, None, keep_view=False)
             self.candidates.show_diagnosis(None)
@@ -111,9 +131,12 @@ class LabView(QWidget):
         wanted = (failure.equation, failure.run) if first_look and failure is not None else None
         self.bar.show_comparisons(diagnosis.comparisons, self.controller.sessions, wanted)
         self.candidates.show_diagnosis(diagnosis)
+        if self._parts is not None and self._parts.isVisible():
+            self._parts.show_diagnosis(diagnosis)
         self.better.show_diagnosis(diagnosis)
         self.evidence.show_choice(best_choice(diagnosis), diagnosis)
         self.path.show_history(history)
+        self.path.path.show_forecast(best_choice(diagnosis))
         pressed = any(run.phase == "contact" for one in self.controller.sessions for run in one.runs)
         self.truth.show_history(history, pressed)
         self.steps.set_results(step_results(diagnosis, history))
@@ -126,6 +149,32 @@ class LabView(QWidget):
         self.right.setCurrentWidget(self.truth if truth else self.evidence)
         if first_look:
             self.candidates.view.setFocus()
+
+    def show_score_parts(self) -> None:
+        """What the error of the present model is made of, in a window of its own."""
+        diagnosis = self.controller.diagnosis
+        if diagnosis is None:
+            return
+        if self._parts is None:
+            self._parts = ScorePartsDialog(self)
+            self._parts.part_chosen.connect(self.bar.go_to)
+        self._parts.show_diagnosis(diagnosis)
+        self._parts.show()
+        self._parts.raise_()
+
+    def show_side_by_side(self) -> None:
+        """Two of the models that were fitted to these sessions, in a window of their own."""
+        from .side_by_side import SideBySideDialog
+
+        history = self.controller.history
+        if history is None:
+            return
+        if self._beside is None:
+            self._beside = SideBySideDialog(self)
+            self._beside.chosen.connect(self.controller.go_to)
+        self._beside.show_models(self.controller.known, history.now.added, self.bar.comparison())
+        self._beside.show()
+        self._beside.raise_()
 
     def go_to(self, step: str) -> None:
         """Go to a step of the work: show what it is about and put the keyboard there."""
@@ -199,16 +248,30 @@ class LabView(QWidget):
             comparison.run,
         )
         self.plot.show_comparison(comparison, diagnosis.failure, keep_view=same)
+        self.plot.show_full_rate(self._full_rate(comparison))
         self._show_where()
         family = equation_text(comparison.equation).family
         now = diagnosis.errors.get(family)
         first = history.first.diagnosis.errors.get(family, now)
         self.bar.show_error(first, now)
 
+    def _full_rate(self, comparison: Comparison) -> tuple[Array, Array] | None:
+        """The measured side as it was recorded; read once for each curve shown."""
+        key = (comparison.equation, comparison.session, comparison.run)
+        if self._recorded[0] != key:
+            run = self.bar.run()
+            try:
+                found = full_rate(comparison, run) if run is not None else None
+            except UserError:  # the file has gone since; what was compared stays
+                found = None
+            self._recorded = (key, found)
+        return self._recorded[1]
+
     def _show_where(self) -> None:
         """The panel is filled when it is looked at: eight pictures are not made for nobody."""
         diagnosis = self.controller.diagnosis
         if diagnosis is not None and self.right.currentWidget() is self.where:
+            self.where.show_run(self.bar.comparison())
             self.where.show_equation(diagnosis.comparisons, self.bar.equation())
 
     def _on_place(self, found: Profile, number: int) -> None:
@@ -229,6 +292,7 @@ class LabView(QWidget):
         self.plot.show_places(places, bin_words(found, number))
 
     def _on_candidate(self, key: str) -> None:
+        self.path.path.show_forecast(key)
         self.evidence.show_choice(key, self.controller.diagnosis)
         self.right.setCurrentWidget(self.evidence)
 

@@ -18,9 +18,10 @@ from ..app.tab_registry import SEPARATOR, Command, Tab
 from ..app.worker import IsCancelled, Progress
 from . import practice, result_actions
 from .controller import DiagnoseCall, LabController
-from .lab_frame import STEPS, LabHeader, LabStartPage, WaitingPage
+from .lab_frame import STEPS, LabHeader, WaitingPage
 from .result_actions import ResultActions
 from .result_words import sessions_text
+from .start_page import LabStartPage
 
 if TYPE_CHECKING:
     from fingerlab.sessions.model import Session
@@ -49,6 +50,7 @@ class ModelLabTab(Tab):
         self.header = self.bar = LabHeader()
         self.commands = self._commands()
         self._shown = self._waits = False
+        self._recording = ""
         self._glance = QTimer(self)
         self._glance.setSingleShot(True)
         self._glance.setInterval(GLANCE_MS)
@@ -63,6 +65,8 @@ class ModelLabTab(Tab):
         self.bar.reveal_asked.connect(self.reveal)
         self.empty.open_asked.connect(context.open_asked)
         self.empty.practise_asked.connect(self.practise)
+        self.empty.connect_asked.connect(lambda: context.show_tab("acquire"))
+        self.empty.example_asked.connect(lambda name: practice.show_example(context, name))
         self.empty.recent_asked.connect(lambda path: context.open_paths([Path(path)]))
         self.waiting.compare_asked.connect(self.controller.compare)
         for signal in self._changes():
@@ -70,8 +74,8 @@ class ModelLabTab(Tab):
         self.controller.restored.connect(self._on_restored)
         self.controller.kept_badly.connect(context.tell)
         context.tasks.progressed.connect(self._on_progress)
-        context.tasks.started.connect(lambda title: self.empty.show_practice(title == practice.TITLE))
-        context.tasks.ended.connect(lambda _how: self.empty.show_practice(False))
+        context.tasks.started.connect(self._on_started)
+        context.tasks.ended.connect(lambda _how: self._on_started(""))
 
     def _changes(self) -> tuple[SignalInstance, ...]:
         controller = self.controller
@@ -120,7 +124,18 @@ class ModelLabTab(Tab):
             SEPARATOR,
             Command("Next run", lambda: self.view.bar.step_run(1), "Alt+Down", compared),
             Command("Previous run", lambda: self.view.bar.step_run(-1), "Alt+Up", compared),
-            Command("Whole run", lambda: self.view.plot.show_whole(), "Alt+Home", compared),
+            Command("What the &error is made of…", lambda: self.view.show_score_parts(), "F7", compared),
+            Command("Whole run", lambda: self.view.plot.show_all(), "Alt+Home", compared),
+            Command(
+                "&Fit the heights to what is shown", lambda: self.view.plot.fit_heights(), None, compared
+            ),
+            Command(
+                "&Cursors A and B",
+                lambda: self.view.plot.pair.show(self.view.plot.pair.times is None),
+                None,
+                compared,
+                lambda: self._compared() and self.view.plot.pair.times is not None,
+            ),
             SEPARATOR,
             Command(
                 "&Add the chosen effect to the model",
@@ -140,6 +155,7 @@ class ModelLabTab(Tab):
             Command("Save &model…", self.actions.ask_and_save, "Ctrl+Shift+M", compared),
             Command("&Open a saved model…", self.open_model, None, lambda: bool(self.controller.sessions)),
             Command("Models &tried…", self.show_tried, None, compared),
+            Command("Models side &by side…", lambda: self.view.show_side_by_side(), "F8", compared),
             Command("&Notes…", self.show_notes, None, compared),
             Command("&Save report page…", self.save_report, "Ctrl+S", compared),
             SEPARATOR,
@@ -260,9 +276,10 @@ class ModelLabTab(Tab):
         """Say which effect the practice session holds."""
         history = self.controller.history
         model = history.now.added if history is not None else ()
+        fitted = history.now.diagnosis.parameters if history is not None else {}
         try:
             sealed = [session for session in self.controller.sessions if practice.is_sealed(session)]
-            self.context.tell(" ".join(practice.reveal(session, model) for session in sealed))
+            self.context.announce(" ".join(practice.reveal(session, model, fitted) for session in sealed))
             self.view.show_what_gave_it_away([e for s in sealed for e in practice.hidden_effects(s)])
             if sealed and self.controller.project is not None:
                 self.controller.keep_project(replace(self.controller.project, revealed=True))
@@ -278,13 +295,15 @@ class ModelLabTab(Tab):
         name, _ = QFileDialog.getSaveFileName(self.widget, "Save report page", str(start), REPORT_FILTER)
         if not name:
             return
-        path, diagnosis = Path(name), history.now.diagnosis
+        path, models = Path(name), [step.diagnosis for step in history.done]
 
         def work(progress: Progress, cancelled: IsCancelled) -> Path:
-            return result_actions.write_page(sessions, path, diagnosis, progress, cancelled)
+            return result_actions.write_page(sessions, path, models, progress, cancelled)
 
         self.context.tasks.start(
-            "Writing the report page", work, lambda done: self.context.tell(f"Report page saved: {done}")
+            "Writing the report page",
+            work,
+            lambda done: self.context.announce(f"Report page saved: {done}", done),
         )
 
     # what is shown
@@ -297,7 +316,12 @@ class ModelLabTab(Tab):
 
     def _on_progress(self, _share: float, what: str) -> None:
         self.waiting.show_state(True, what)
-        self.empty.tell_practice(what)
+        self.empty.tell_recording(self._recording, what)
+
+    def _on_started(self, title: str) -> None:
+        ours = title.startswith((practice.TITLE, practice.EXAMPLE_TITLE))
+        self._recording = title if ours else ""
+        self.empty.show_recording(self._recording)
 
     def _proposed(self) -> bool:
         return self._compared() and self.view.truth.hand.isEnabled()

@@ -53,6 +53,7 @@ class OwnEffects(QDialog):
         self.files.setWordWrap(True)
         self.files.currentRowChanged.connect(lambda _row: self._refresh_buttons())
         self.problem = QLabel()
+        self.problem.setTextFormat(Qt.TextFormat.PlainText)
         self.problem.setObjectName("ownProblem")
         self.problem.setWordWrap(True)
         self.choose = self._button("Choose the &folder…", "ownFolderChoose", self._choose)

@@ -5,8 +5,9 @@ The instrument's modules are imported in the worker: the twin's compiler is slow
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
+from math import tan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,14 @@ if TYPE_CHECKING:
 
 PROTOCOL = "rich"
 TITLE = "Recording a practice session"
+EXAMPLE_TITLE = "Recording the example"
+EXAMPLES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "joint-friction": ("friction in the joints", ("coulomb_friction",)),
+    "slack-cable": ("a cable that hangs loose", ("cable_slack",)),
+    "nothing-missing": ("nothing is missing", ()),
+}
+"""Sessions of the simulated rig to look at first: name of the file, title, effects that it has."""
+EXAMPLE_SEED = 11
 
 
 def practice_folder() -> Path:
@@ -31,21 +40,27 @@ def practice_folder() -> Path:
     return user_data_path("FingerLab", appauthor=False) / "practice"
 
 
-def simulate(progress: Progress, cancelled: IsCancelled) -> Path:
-    """Record a session with a sealed effect; returns its file.
+def simulate(progress: Progress, cancelled: IsCancelled, example: str = "") -> Path:
+    """Record a session with a sealed effect, or one of the ``EXAMPLES``; returns its file.
 
     Raises:
         UserError: the folder cannot be written to.
         Cancelled: the user stopped it; nothing is left behind.
     """
     progress(0.0, "preparing the simulated rig")
+    from fingerlab.twin.effects import parse_effects
     from fingerlab.twin.preset import load_preset
     from fingerlab.twin.protocols import PROTOCOLS
     from fingerlab.twin.session import new_seed, write_session
 
     folder = practice_folder()
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"practice-{datetime.now():%Y-%m-%d-%H%M%S}.h5"
+    name = f"example-{example}" if example else f"practice-{datetime.now():%Y-%m-%d-%H%M%S}"
+    path = folder / f"{name}.h5"
+    if example and path.exists():
+        return path
+    effects = parse_effects(EXAMPLES[example][1]) if example else {}
+    seed = EXAMPLE_SEED if example else new_seed()
     preset = load_preset()
     plans = PROTOCOLS[PROTOCOL](preset.numbers["protocol"]["contact_amplitude_deg"])
 
@@ -54,7 +69,7 @@ def simulate(progress: Progress, cancelled: IsCancelled) -> Path:
             raise Cancelled
         progress(share, what)
 
-    write_session(path, preset, PROTOCOL, plans, {}, new_seed(), practice=True, progress=report)
+    write_session(path, preset, PROTOCOL, plans, effects, seed, practice=not example, progress=report)
     return path
 
 
@@ -65,13 +80,30 @@ def start(context: ApplicationContext) -> None:
     context.tasks.start(TITLE, simulate, lambda path: context.open_paths([path]))
 
 
+def show_example(context: ApplicationContext, name: str) -> None:
+    """Open one of the ``EXAMPLES`` in the Model lab; it is recorded when it is asked for the first time."""
+    context.hush()
+    context.show_tab("model_lab")
+    title = f"{EXAMPLE_TITLE}: {EXAMPLES[name][0]}"
+    context.tasks.start(
+        title,
+        lambda progress, cancelled: simulate(progress, cancelled, name),
+        lambda path: context.open_paths([path]),
+    )
+
+
 def is_sealed(session: Session) -> bool:
     """Whether the session holds an effect that was not told."""
     return "sealed" in session.attributes
 
 
-def reveal(session: Session, model: Sequence[str]) -> str:
-    """What the session holds, and whether the effects in ``model`` name it.
+def reveal(
+    session: Session, model: Sequence[str], fitted: Mapping[str, ParameterEstimate] | None = None
+) -> str:
+    """What the session holds, whether the effects in ``model`` name it, and what to do next.
+
+    Args:
+        fitted: parameters of that model, an effect's own as ``effect.gain``, told beside what was hidden.
 
     Raises:
         UserError: the session is not a simulated one, or its seal is damaged.
@@ -84,14 +116,20 @@ def reveal(session: Session, model: Sequence[str]) -> str:
     if not effects:
         answer = "Nothing was hidden: the bench has noise and tolerances and no missing effect."
     else:
-        answer = "Hidden was: " + "; ".join(_told(name, values) for name, values in effects.items()) + "."
+        told = "; ".join(_told(name, values, fitted or {}) for name, values in effects.items())
+        answer = f"Hidden was: {told}."
     if hidden == set(model):
-        return f"{answer} Your guess was right: your model has just that."
+        return f"{answer} Your guess was right: your model has just that. {NEXT}"
+    named = listed([in_sentence(effect_title(name)) for name in effects if name not in model])
+    then = f"Add {named} and see the error fall." if named else f"Undo takes the rest out again. {NEXT}"
     if not model:
-        return f"{answer} You have made no guess: nothing was added to the model."
+        return f"{answer} You have made no guess: nothing was added to the model. {then}"
     right = "right in part" if hidden & set(model) else "another"
     has = listed([in_sentence(effect_title(name)) for name in model])
-    return f"{answer} Your guess was {right}: your model has {has}."
+    return f"{answer} Your guess was {right}: your model has {has}. {then}"
+
+
+NEXT = "Next: practise on another, or open recordings of your own."
 
 
 def hidden_effects(session: Session) -> tuple[str, ...]:
@@ -105,15 +143,77 @@ def hidden_effects(session: Session) -> tuple[str, ...]:
     return tuple(reveal_session(session.path)["effects"])
 
 
-def _told(name: str, values: dict[str, float]) -> str:
+Hidden = Mapping[str, float]
+"""An effect's constants in the simulator."""
+BOTH_JOINTS: dict[str, Callable[[Hidden], float]] = {
+    "mcp": lambda v: v["mcp"],
+    "pip": lambda v: v["mcp"] * v["pip_ratio"],
+}
+EXTRA: dict[str, Callable[[Hidden], float]] = {
+    f"extra_{joint}": lambda v, size=size: size(v) * v["excess"]  # type: ignore[misc]
+    for joint, size in BOTH_JOINTS.items()
+}
+
+
+def _joints(gain: str) -> dict[str, Callable[[Hidden], float]]:
+    return {f"{gain}_{joint}": size for joint, size in BOTH_JOINTS.items()}
+
+
+FITTED_AS: dict[str, dict[str, Callable[[Hidden], float]]] = {
+    "viscous_friction": _joints("viscous"),
+    "coulomb_friction": _joints("coulomb"),
+    "stribeck_friction": _joints("coulomb") | EXTRA,
+    "presliding_hysteresis": _joints("dahl"),
+    "spring_hardening": _joints("cubic"),
+    "joint_coupling": {"coupling": lambda v: v["stiffness"]},
+    "gravity_tilt": {"tilt": lambda v: v["angle"]},
+    "backlash": {"half_gap": lambda v: 0.5 * v["play"]},
+    "cable_stretch": {"cable_compliance": lambda v: v["compliance"]},
+    "motor_coulomb_friction": {"coulomb": lambda v: v["torque"]},
+    "motor_viscous_friction": {"viscous": lambda v: v["coefficient"]},
+    "motor_inertia": {"inertia": lambda v: v["inertia"]},
+    "motor_stribeck_friction": {
+        "coulomb": lambda v: v["torque"],
+        "extra": lambda v: v["torque"] * v["excess"],
+    },
+    "motor_presliding": {"dahl": lambda v: v["torque"]},
+    "asymmetric_friction": {
+        "coulomb": lambda v: v["torque"],
+        "difference": lambda v: v["torque"] * v["asymmetry"],
+    },
+    "load_dependent_friction": {"share": lambda v: v["share"]},
+    "motor_spring": {"stiffness": lambda v: v["stiffness"]},
+    "transport_delay": {"delay": lambda v: v["delay"]},
+    "contact_angle": {"lean": lambda v: tan(v["angle"])},
+}
+"""What the fit should find, by its own names, of what the simulator was given; their sense may be turned.
+
+Effects that simulator and fit describe otherwise are left out: they are told as the simulator has them.
+"""
+
+
+def _told(name: str, values: Hidden, fitted: Mapping[str, ParameterEstimate]) -> str:
+    """An effect with its constants, by the names that the fit has for them if any, and what was fitted."""
     from fingerlab.report.diagnosis_words import effect_title, in_sentence, parameter_titles
     from fingerlab.twin.effects import EFFECTS
 
-    units = {p.name: p.unit for p in EFFECTS[name].parameters} if name in EFFECTS else {}
+    known = FITTED_AS.get(name, {})
+    if known and all(p.name in values for p in EFFECTS[name].parameters):
+        values, units = {gain: size(values) for gain, size in known.items()}, _fitted_units(name)
+    else:
+        units = {p.name: p.unit for p in EFFECTS[name].parameters} if name in EFFECTS else {}
     titles = parameter_titles(name, list(values))
-    numbers = [
-        f"{titles[key]} {estimate_text(ParameterEstimate(value, units.get(key, ''), value, value))}"
-        for key, value in values.items()
-    ]
+    numbers = []
+    for key, value in values.items():
+        words = f"{titles[key]} {estimate_text(ParameterEstimate(value, units.get(key, ''), value, value))}"
+        found = fitted.get(f"{name}.{key}")
+        numbers.append(f"{words}, fitted {estimate_text(found)}" if found is not None else words)
     title = in_sentence(effect_title(name))
-    return f"{title} ({', '.join(numbers)})" if numbers else title
+    return f"{title} ({'; '.join(numbers)})" if numbers else title
+
+
+def _fitted_units(name: str) -> dict[str, str]:
+    from fingerlab.effects import find_effect
+
+    one = find_effect(name)
+    return {} if one is None else {gain: parameter.unit for gain, parameter in one.unknowns.items()}

@@ -54,6 +54,7 @@ class TriedDialog(QDialog):
             here = " (shown now)" if model.added == now else ""
             item = QListWidgetItem(f"{score_text(model.score)}  {model_words(model.added)}{here}")
             item.setData(Qt.ItemDataRole.UserRole, model.added)
+            item.setToolTip(model.evidence)
             self.models.addItem(item)
         self.models.itemActivated.connect(self._show_chosen)
         self.models.setCurrentRow(0)

@@ -23,10 +23,15 @@ if TYPE_CHECKING:
 
 
 def write_page(
-    sessions: Sequence[Session], path: Path, diagnosis: Diagnosis, progress: Progress, cancelled: IsCancelled
+    sessions: Sequence[Session],
+    path: Path,
+    models: Sequence[Diagnosis],
+    progress: Progress,
+    cancelled: IsCancelled,
 ) -> Path:
     """Write the report of what the window shows; returns the path.
 
+    ``models``: diagnoses of the models that were made, the first one's first, and at last of the one shown.
     A page that is there already is replaced: the save dialog has asked. It is replaced only when the new
     one is whole.
 
@@ -37,11 +42,12 @@ def write_page(
     progress(0.0, "preparing")
     from fingerlab.report.page import write_report
 
+    *before, now = models
     if not path.exists():
-        return write_report(sessions, path, diagnosis.model, diagnosis, progress, cancelled)
+        return write_report(sessions, path, now.model, now, progress, cancelled, before=before)
     fresh = path.with_name(f"{path.stem}.new{path.suffix}")
     fresh.unlink(missing_ok=True)
-    write_report(sessions, fresh, diagnosis.model, diagnosis, progress, cancelled)
+    write_report(sessions, fresh, now.model, now, progress, cancelled, before=before)
     put_in_place(fresh, path, "close it elsewhere or choose another name.", "replaced")
     return path
 
@@ -123,7 +129,7 @@ class ResultActions(QObject):
             return path
 
         self._context.tasks.start(
-            "Saving the model", work, lambda done: self._context.tell(f"Model saved: {done}")
+            "Saving the model", work, lambda done: self._context.announce(f"Model saved: {done}", done)
         )
 
     def _fit(self) -> Work:

@@ -20,6 +20,7 @@ from fingerlab.report.diagnosis_words import (
     NOTHING_WORDS,
     PHASE_WORDS,
     UNKNOWN_WORDS,
+    alone,
     effect_title,
     exchange_words,
     holds,
@@ -220,14 +221,24 @@ def outcome_explanation(outcome: str, diagnosis: Diagnosis) -> str:
         chance = percent(diagnosis.probability_nothing)
         left = " What is left to it is what these data could not have shown." if not_shown(diagnosis) else ""
         return (
-            f"{model} misses held-out runs by {score} times what the bench itself repeats; 1.0 would be "
+            f"{model} misses {_runs(diagnosis)} by {score} times what the bench itself repeats; 1.0 would be "
             f"perfect. Probability that no effect is missing: {chance}.{left}"
         )
     chance = percent(diagnosis.probability_unknown)
     return (
-        f"{model} misses held-out runs by {score} times the floor. Probability that the cause is none of the "
-        f"{len(diagnosis.candidates)} effects tried: {chance}. The picture shows what is left to explain."
+        f"{model} misses {_runs(diagnosis)} by {score} times the floor. Probability that the cause is none "
+        f"of the {len(diagnosis.candidates)} effects tried: {chance}. The picture shows what is left over."
     )
+
+
+def _runs(diagnosis: Diagnosis) -> str:
+    return "the one run" if alone(diagnosis) else "held-out runs"
+
+
+def _holds_words(diagnosis: Diagnosis) -> str:
+    if alone(diagnosis):
+        return "of this one run"
+    return "yes, as far as seen" if not_shown(diagnosis) else "yes, on held-out runs"
 
 
 def step_results(diagnosis: Diagnosis, history: ModelHistory) -> dict[str, str]:
@@ -249,7 +260,7 @@ def step_results(diagnosis: Diagnosis, history: ModelHistory) -> dict[str, str]:
     elif rivalled(diagnosis) and diagnosis.verdict == NOTHING:
         results["true"] = "perhaps, as is another"
     elif holds(diagnosis):
-        results["true"] = "yes, as far as seen" if not_shown(diagnosis) else "yes, on held-out runs"
+        results["true"] = _holds_words(diagnosis)
     elif diagnosis.verdict == NOTHING:
         results["true"] = "too much is left"
     elif history.now.added or diagnosis.verdict == UNKNOWN:

@@ -12,6 +12,7 @@ from fingerlab.core.text import score_text
 from fingerlab.diagnosis.answer.results import HeldOutRuns
 from fingerlab.report.diagnosis_words import (
     PHASE_WORDS,
+    alone,
     as_good_sentence,
     effect_title,
     holds,
@@ -45,12 +46,18 @@ ROOM = 4
 
 
 class HeldOutTable(NumberTable):
-    """One row a motion."""
+    """One row a motion. Signal ``run_chosen(name)``: a click on it, or Enter, asks for its curves."""
+
+    run_chosen = Signal(str)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("heldOutRuns", "Error on held-out runs by motion", COLUMNS, parent=parent)
         self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         self.horizontalHeader().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        self._runs: list[str] = []
+        self.cellClicked.connect(lambda row, _column: self.run_chosen.emit(self._runs[row]))
+        self.cellActivated.connect(lambda row, _column: self.run_chosen.emit(self._runs[row]))
+        self.setToolTip("A click on a row shows its curves above.")
         self.setWordWrap(False)  # a row is a line; one that is too long ends in … and is whole in its tooltip
         line = QFontMetrics(small_font()).height() + ROOM
         self.verticalHeader().setMinimumSectionSize(line)
@@ -61,6 +68,12 @@ class HeldOutTable(NumberTable):
     def show_runs(self, nominal: Sequence[HeldOutRuns], now: Sequence[HeldOutRuns]) -> None:
         """Scores by the nominal and by the present model; without any the table is not seen."""
         self.setVisible(bool(now))
+        self._runs = [one.runs[0] for one in now]
+        single = [len(one.runs) for one in now] == [1]
+        title = self.horizontalHeaderItem(0)
+        assert title is not None
+        title.setText("Run" if single else COLUMNS[0][0])
+        title.setToolTip("The fit has seen it, for there is no other." if single else COLUMNS[0][1])
         before = {one.runs: one.score for one in nominal}
         self.setRowCount(len(now))
         for row, one in enumerate(now):
@@ -156,6 +169,8 @@ class TruthPanel(QWidget):
             self.title.setText("Not true: another model is better")
         elif rivalled(diagnosis) and diagnosis.verdict == NOTHING:
             self.title.setText("Perhaps true: another model is as good")
+        elif holds(diagnosis) and alone(diagnosis):
+            self.title.setText("True of this one run, which the fit has seen")
         elif holds(diagnosis):
             self.title.setText("True, as far as these recordings can show")
         elif diagnosis.verdict == NOTHING:
@@ -164,9 +179,13 @@ class TruthPanel(QWidget):
             self.title.setText("Not true yet, and the catalogue cannot make it so")
         else:
             self.title.setText("Not true yet")
-        misses = f"{model} misses runs held out of the fit by {score_text(diagnosis.score)} times the floor"
+        runs = "the one run there is" if alone(diagnosis) else "runs held out of the fit"
+        misses = f"{model} misses {runs} by {score_text(diagnosis.score)} times the floor"
         before = f"; the nominal model missed them by {score_text(history.first.diagnosis.score)} times"
-        self.held_out.setText(f"{misses}{before if names else ''}.{_force_words(history)}")
+        second = (
+            " The fit has seen it: only a second run shows whether that holds." if alone(diagnosis) else ""
+        )
+        self.held_out.setText(f"{misses}{before if names else ''}.{second}{_force_words(history)}")
         self.next.setText(
             " ".join(filter(None, (as_good_sentence(diagnosis), next_experiment_words(diagnosis))))
         )

@@ -8,9 +8,11 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeyEvent, QMouseEvent
-from PySide6.QtWidgets import QComboBox, QLabel, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QStackedWidget, QWidget
 
+from fingerlab.core.text import ScreenUnit, largest_of, screen_unit
 from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.diagnosis.answer.shapes import SHAPES, Shape
 from fingerlab.diagnosis.answer.where import COORDINATES, Profile, most_orderly, profile
 from fingerlab.report.diagnosis_words import (
     PHASE_WORDS,
@@ -21,15 +23,22 @@ from fingerlab.report.diagnosis_words import (
     residual_unit,
     worst_words,
 )
+from fingerlab.sessions.model import Array
 
 from ..widgets.labels import ElidedLabel, remark
 from ..widgets.layout import FLUSH, hbox, vbox
-from ..widgets.plots import QuietPlot
+from ..widgets.plots import QuietPlot, plain_curve, span_of
 from ..widgets.series import Series
 from ..widgets.theme import colours_of, line, tint
-from .comparison_bar import WHERE, LegendKeys
+from .comparison_bar import CURVES, WHERE, LegendKey, LegendKeys
 from .result_words import FLOOR_HELP, equation_text
 
+UNITLESS = ScreenUnit("", 1.0)
+SHAPE_KEYS = {
+    **dict.fromkeys(("angle_loop", "tension_loop"), CURVES[:2]),
+    "autocorrelation": (CURVES[2], LegendKey("what noise leaves, 95 %", "floor", "band")),
+    "spectrum": (CURVES[2], LegendKey("floor", "floor")),
+}
 BAR_GAP = 0.12
 """Share of a bin's width left between bars."""
 KEY_STEPS = {Qt.Key.Key_Left: -1, Qt.Key.Key_Right: 1}
@@ -171,6 +180,67 @@ class WherePlot(QuietPlot):
         self.choose(int(known[row]))
 
 
+class ShapePlot(QuietPlot):
+    """A loop, or what the residual of the run shown has in common with itself."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__("shapePlot", "Loop, autocorrelation or spectrum of the run shown", parent)
+        self.shape: Shape | None = None
+
+    def show_shape(self, shape: Shape | None) -> None:
+        """Another picture; None: none can be drawn."""
+        self.shape = shape
+        self.redraw()
+
+    def redraw(self) -> None:
+        plot, shape = self.getPlotItem(), getattr(self, "shape", None)
+        plot.clear()
+        for name in ("left", "bottom"):
+            plot.getAxis(name).setStyle(showValues=shape is not None)
+        if shape is None:
+            self.write("This run does not tell it.", 0.5, 0.5, (0.5, 0.5))
+            self.name_axes("", UNITLESS, "")
+            return
+        every = [np.concatenate(values) for values in zip(*shape.curves.values(), strict=True)]
+        across, up = (_unit(axis, v) for axis, v in zip((shape.across[1], shape.up[1]), every, strict=True))
+        self.name_axes(shape.up[0], up, across.label(shape.across[0]))
+        for name, (x, y) in shape.curves.items():
+            pen = self.pen(name, 1.0, dashed=name == "modelled")
+            plot.addItem(plain_curve(across.factor * x, up.factor * y, pen, name))
+        if shape.chance:
+            band = pg.LinearRegionItem((-shape.chance, shape.chance), orientation="horizontal", movable=False)
+            band.setBrush(tint(colours_of(self).floor, 0.35))
+            for edge in band.lines:
+                edge.setPen(pg.mkPen(None))
+            plot.addItem(band, ignoreBounds=True)
+        plot.setRange(
+            xRange=span_of(across.factor * every[0]), yRange=span_of(up.factor * every[1]), padding=0.0
+        )
+        self.setAccessibleDescription(f"{shape.title}: {', '.join(shape.curves)}")
+
+
+def _unit(si: str, values: Array) -> ScreenUnit:
+    """A unit for the screen; that of a density keeps what it is over."""
+    unit, _, over = si.partition("/√")
+    found = screen_unit(unit, largest_of(values))
+    return ScreenUnit(f"{found.symbol}/√{over}", found.factor) if over else found
+
+
+SHAPE_TITLES = {
+    "angle_loop": "Loop over the angle",
+    "tension_loop": "Loop over the tension",
+    "autocorrelation": "Autocorrelation",
+    "spectrum": "Spectrum",
+}
+LOOPS = ("angle_loop", "tension_loop")
+SHAPE_WORDS = {
+    "angle_loop": "Wider than the model's loop: a loss that the model lacks. Turned against it: a spring.",
+    "tension_loop": "Where the loops part, what is missing grows with the load, or does not.",
+    "autocorrelation": "Beyond the grey band the residual resembles itself later: it is no noise (95 %).",
+    "spectrum": "Lines above the grey floor come again at that frequency: they are no noise.",
+}
+
+
 WHERE_HELP = (
     "Bars: root mean square of measured less modelled in each bin, over all runs. Points: its mean with the "
     "90 % interval; a mean far from zero is what a missing effect leaves, bars without it are scatter. "
@@ -207,8 +277,14 @@ class WherePanel(QWidget):
         self.plot = WherePlot()
         self.plot.setToolTip(WHERE_HELP)
         top = hbox(None, (self.title, 1), label, self.coordinate, spacing=8)
-        keys = hbox(None, LegendKeys(WHERE, wraps=True), margins=(72, 0, 0, 0))
-        vbox(self, top, self.words, keys, (self.plot, 1), margins=FLUSH, spacing=4)
+        self._comparison: Comparison | None = None
+        self.shape = ShapePlot()
+        self.keys = LegendKeys(WHERE, wraps=True)
+        self.pictures = QStackedWidget()
+        self.pictures.addWidget(self.plot)
+        self.pictures.addWidget(self.shape)
+        keys = hbox(None, self.keys, margins=(72, 0, 0, 0))
+        vbox(self, top, self.words, keys, (self.pictures, 1), margins=FLUSH, spacing=4)
         self.coordinate.activated.connect(self._on_coordinate)
         self.plot.chosen.connect(self._on_bin)
 
@@ -221,13 +297,24 @@ class WherePanel(QWidget):
         self._comparisons, self._equation = given, equation or ""
         made = {name: profile(given, self._equation, name) for name in COORDINATES} if given else {}
         self._profiles = {name: one for name, one in made.items() if one is not None}
-        self.title.setText(f"Residual of {equation_text(self._equation).quantity}" if self._profiles else "")
         self.coordinate.clear()
         for name, one in self._profiles.items():
             self.coordinate.addItem(axis_title(one), name)
-        wanted = self._by_hand if self._by_hand in self._profiles else most_orderly(self._profiles)
+        if self._profiles:
+            self.coordinate.insertSeparator(self.coordinate.count())
+            for name, title in SHAPE_TITLES.items():
+                self.coordinate.addItem(f"{title} of this run", name)
+        known = self._by_hand in self._profiles or (self._by_hand in SHAPE_TITLES and self._profiles)
+        wanted = self._by_hand if known else most_orderly(self._profiles)
         self.coordinate.setCurrentIndex(self.coordinate.findData(wanted))
         self._show()
+
+    def show_run(self, comparison: Comparison | None) -> None:
+        """The run whose loops and spectrum are drawn, where one of these is chosen."""
+        if comparison is not self._comparison:
+            self._comparison = comparison
+            if str(self.coordinate.currentData()) in SHAPE_TITLES:
+                self._show()
 
     @property
     def found(self) -> Profile | None:
@@ -245,7 +332,17 @@ class WherePanel(QWidget):
         self.choose_worst()
 
     def _show(self) -> None:
-        found = self.found
+        found, chosen = self.found, str(self.coordinate.currentData())
+        self.pictures.setCurrentWidget(self.shape if chosen in SHAPE_TITLES else self.plot)
+        self.keys.set_keys(SHAPE_KEYS.get(chosen, WHERE))
+        quantity = equation_text(self._equation).quantity
+        self.title.setText(
+            quantity if chosen in LOOPS else f"Residual of {quantity}" if self._profiles else ""
+        )
+        if chosen in SHAPE_TITLES:
+            self.words.setText(SHAPE_WORDS[chosen])
+            self.shape.show_shape(SHAPES[chosen](self._comparison) if self._comparison is not None else None)
+            return
         self.plot.show_profile(found)
         self.words.setText(worst_words(found) if found is not None else "")
 

@@ -7,14 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import Qt
-from PySide6.QtGui import QColor, QIcon, QPainter, QPen, QPixmap
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QColor, QIcon, QKeyEvent, QPainter, QPen, QPixmap
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.core.text import NEWTON, UNITLESS, fixed, r2_text
 from fingerlab.prediction.beside import RunForce
+from fingerlab.sessions.model import Array
 
-from ..widgets.plots import QuietPlot, plain_curve, span_of
+from ..widgets.closer import HELP, CursorPair, LookBox
+from ..widgets.plots import QuietPlot, move_by_key, plain_curve, span_of
 from ..widgets.theme import Colours, colours_of, tint
 
 PATTERNS = (
@@ -69,8 +71,10 @@ ShownForces = Mapping[str, tuple[ModelLine, RunForce]]
 class ShownPlot(QuietPlot):
     """A plot of the models that are ticked."""
 
-    def __init__(self, name: str, accessible: str, parent: QWidget | None = None) -> None:
-        super().__init__(name, accessible, parent)
+    def __init__(
+        self, name: str, accessible: str, parent: QWidget | None = None, box: pg.ViewBox | None = None
+    ) -> None:
+        super().__init__(name, accessible, parent, box)
         self.shown: ShownForces = {}
 
     def show_forces(self, shown: ShownForces) -> None:
@@ -80,16 +84,66 @@ class ShownPlot(QuietPlot):
 
 
 class ForcePlot(ShownPlot):
-    """Measured and modelled force over the run, with the 90 % interval where a model has one."""
+    """Measured and modelled force over the run, with the 90 % interval where a model has one.
+
+    Signal ``read(wordings)``: what two cursors (C) read, the longest wording first; () for none.
+    """
+
+    read = Signal(object)
+    pair: CursorPair | None = None
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__("forcePlot", "Measured and modelled endpoint force over the run", parent)
-        self.getPlotItem().setMouseEnabled(x=True, y=False)
+        box = LookBox()
+        super().__init__("forcePlot", "Measured and modelled endpoint force over the run", parent, box)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        box.whole_asked.connect(self.show_whole)
+        self.pair = CursorPair((self.getPlotItem(),), self)
+        self.pair.moved.connect(self._tell)
+        self.pair.recolour(self)
         self.name_axes("Endpoint force", NEWTON, "Time in the run (s)")
         self.setToolTip(
             "F, N: force of the fingertip on the load cell, compression positive.\n"
-            "Modelled by F = (s·b·T + L2 − LHS2) / lever, thesis (3.18), by the MCP equation, or by both."
+            "Modelled by F = (s·b·T + L2 − LHS2) / lever, thesis (3.18), by the MCP equation, or by both.\n"
+            f"{HELP}"
         )
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        key = event.key()
+        if key == Qt.Key.Key_C:
+            self.toggle_cursors()
+        elif key == Qt.Key.Key_Home:
+            self.show_whole()
+        elif key == Qt.Key.Key_F:
+            self.fit_height()
+        elif not move_by_key(self.getPlotItem(), event):
+            super().keyPressEvent(event)
+
+    def toggle_cursors(self) -> None:
+        """Two cursors, or none."""
+        if self.pair is not None:
+            self.pair.show(self.pair.times is None)
+
+    def fit_height(self) -> None:
+        """The height of what is in view."""
+        left, right = self.getPlotItem().viewRange()[0]
+        seen = [
+            values[(force.time >= left) & (force.time <= right)]
+            for _, force in self.shown.values()
+            for values in (force.measured, force.modelled)
+        ]
+        if seen:
+            self.getPlotItem().setYRange(*span_of(np.concatenate(seen)), padding=0)
+
+    def _tell(self) -> None:
+        times = self.pair.times if self.pair is not None else None
+        if times is None or not self.shown:
+            self.read.emit(())
+            return
+        first = next(iter(self.shown.values()))[1]
+        apart = f"B − A: {fixed(times[1] - times[0], 3)} s"
+        lines = {"measured": first.measured, **{name: one.modelled for name, (_, one) in self.shown.items()}}
+        said = [f"{name} {_less(first.time, values, times)}" for name, values in lines.items()]
+        self.read.emit(tuple(f"{', '.join([apart, *said[:many]])} N" for many in range(len(said), 0, -1)))
 
     def redraw(self) -> None:
         plot, colours = self.getPlotItem(), colours_of(self)
@@ -105,6 +159,8 @@ class ForcePlot(ShownPlot):
         plot.addItem(plain_curve(first.time, first.measured, self.pen("measured"), "measured"))
         for name, (one, force) in self.shown.items():
             plot.addItem(plain_curve(force.time, force.modelled, one.pen(colours, width), name))
+        if self.pair is not None:
+            self.pair.draw_again()
         ends = float(first.time[0]), float(first.time[-1])
         plot.setLimits(xMin=ends[0], xMax=ends[1])
         plot.setRange(xRange=ends, yRange=span_of(np.concatenate(everything)), padding=0)
@@ -112,6 +168,12 @@ class ForcePlot(ShownPlot):
     def show_whole(self) -> None:
         """The whole run after a zoom."""
         self.redraw()
+
+
+def _less(time: Array, values: Array, times: tuple[float, float]) -> str:
+    """B less A, in N with three decimals: a load cell tells some mN."""
+    change = float(np.interp(times[1], time, values) - np.interp(times[0], time, values))
+    return f"{'+' if change >= 0 else ''}{fixed(change, 3)}"
 
 
 class PeriodPlot(ShownPlot):

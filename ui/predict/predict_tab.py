@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QEvent, QObject
+from PySide6.QtCore import QEvent, QObject, Qt
 from PySide6.QtWidgets import QFileDialog, QPushButton, QStackedWidget, QWidget
 
 from fingerlab.core.errors import UserError
@@ -18,8 +18,9 @@ from ..app.tab_registry import Command, Tab
 from ..app.undo import UndoSteps
 from ..app.worker import IsCancelled, Progress
 from ..widgets.fields import ViewChoice
-from ..widgets.labels import header_name, heading, remark
-from ..widgets.layout import FLUSH, Panes, hbox, lay_out_invitation, vbox
+from ..widgets.labels import ElidedLabel, header_name, heading, remark
+from ..widgets.layout import FLUSH, Panes, described, hbox, lay_out_invitation, vbox
+from ..widgets.theme import small_font
 from .force_panel import PANEL_WIDTH, ForceTable, PredictPanel
 from .force_plots import ForcePlot, PeriodPlot, SweepPlot
 from .wanted_force import WantedView
@@ -76,6 +77,7 @@ class PredictTab(Tab):
             Command("&Measured force", lambda: self.views.choose("measured"), "Alt+1"),
             Command("&Wanted force", lambda: self.views.choose("wanted"), "Alt+2"),
             Command("Whole run", self.force.show_whole, "Alt+Home", lambda: self.found is not None),
+            Command("&Cursors A and B", self.force.toggle_cursors, None, lambda: self.found is not None),
         )
         self._refresh()
 
@@ -88,7 +90,12 @@ class PredictTab(Tab):
         lay_out_invitation(self.empty, self.empty_title, self.empty_text, self.empty_open)
         middle = QWidget()
         hbox(middle, self.period, self.sweep, margins=FLUSH)
-        parts = ((self.force, 6), (middle, 5), (self.numbers, 3))
+        upper, self.read = QWidget(), described(ElidedLabel(), "forceRead", font=small_font())
+        self.read.setAlignment(Qt.AlignmentFlag.AlignRight)
+        self.force.read.connect(self._show_read)
+        self.read.hide()
+        vbox(upper, self.read, (self.force, 1), margins=FLUSH, spacing=0)
+        parts = ((upper, 6), (middle, 5), (self.numbers, 3))
         self.panes = Panes("predict", parts, (270, 230, 190))
         for panes in (self.panes, self.wanted.widget):
             panes.remember(self.context.settings)
@@ -103,6 +110,11 @@ class PredictTab(Tab):
         side.setFixedWidth(PANEL_WIDTH)
         vbox(side, self.views, (self.sides, 1), margins=(8, 0, 0, 0), spacing=8)
         hbox(self.widget, (self.pages, 1), side, margins=(8, 8, 8, 8))
+
+    def _show_read(self, wordings: tuple[str, ...]) -> None:
+        """What two cursors read, in the longest wording that has room."""
+        self.read.set_texts(wordings or ("",))
+        self.read.setVisible(bool(wordings))
 
     # what the frame asks
 

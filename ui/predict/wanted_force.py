@@ -210,7 +210,7 @@ class WantedView(QObject):
         except OSError as error:
             self._context.tell(f"{path} cannot be written ({error.strerror}); choose another folder.")
             return
-        self._context.tell(f"Trajectory saved: {path}")
+        self._context.announce(f"Trajectory saved: {path}", path)
 
     def hand(self) -> None:
         """One contact run with this torque, as a protocol in Acquire."""

@@ -9,7 +9,6 @@ from typing import Any
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import (
     QComboBox,
-    QDoubleSpinBox,
     QFileDialog,
     QFormLayout,
     QLabel,
@@ -19,8 +18,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from ..widgets.fields import NumberField, number
 from ..widgets.labels import heading, remark
-from ..widgets.layout import described
+from ..widgets.layout import as_written, described
 
 KINDS = {"sine": "Sine", "ramp_hold": "Ramp and hold", "steps": "Steps", "file": "From a file"}
 TABLES = "Text tables of time and force (*.csv *.txt *.tsv);;All files (*)"
@@ -127,7 +127,9 @@ class WantedPanel(QWidget):
             box.clear()
             box.addItems(list(names))
             for row, name in enumerate(names):
-                box.setItemData(row, name, Qt.ItemDataRole.ToolTipRole)  # the list may be too narrow
+                box.setItemData(
+                    row, as_written(name), Qt.ItemDataRole.ToolTipRole
+                )  # the list may be too narrow
             box.setCurrentIndex(max(box.findText(before), 0))
             box.blockSignals(False)
         self.model_name.setText(self.model.currentText())
@@ -182,13 +184,7 @@ def _choice(name: str, accessible: str) -> QComboBox:
 
 def _number(
     name: str, label: str, kinds: Sequence[str], spec: tuple[float, float, float, int, float], words: str
-) -> QDoubleSpinBox:
+) -> NumberField:
     value, least, most, decimals, step = spec
-    field = described(QDoubleSpinBox(), f"wanted_{name}", accessible=label.replace("&", ""), tip=words)
-    field.setRange(least, most)
-    field.setDecimals(decimals)
-    field.setSingleStep(step)
-    field.setValue(value)
-    field.setKeyboardTracking(False)
-    field.setAlignment(Qt.AlignmentFlag.AlignRight)
-    return field
+    field = number(f"wanted_{name}", value, least, most, decimals, step, words)
+    return described(field, accessible=label.replace("&", ""))

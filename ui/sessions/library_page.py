@@ -26,7 +26,7 @@ from fingerlab.library.pyramid import Thumbnail
 
 from ..widgets.labels import ElidedLabel, heading, remark
 from ..widgets.layout import FLUSH, described, hbox, vbox
-from ..widgets.tables import ColumnKeeper
+from ..widgets.tables import ColumnKeeper, copies
 from .session_table import (
     LENGTH,
     MOTOR,
@@ -223,6 +223,7 @@ class LibraryPage(QWidget):
         self._columns: ColumnKeeper | None = None
         self.model = SessionTable()
         self.table = QTableView()
+        copies(self.table)
         self.details = DetailsPanel()
         self.folder = ElidedLabel()
         self.folder.setObjectName("libraryFolder")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from PySide6.QtCore import QObject, QTimer, Signal
+from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtWidgets import (
     QDialog,
     QDialogButtonBox,
@@ -103,6 +103,7 @@ class ImportDialog(QDialog):
         grid.setColumnStretch(0, 1)
         for row, (path, fields) in enumerate(zip(self._files, self._each, strict=True)):
             name = QLabel(path.name)
+            name.setTextFormat(Qt.TextFormat.PlainText)
             name.setToolTip(str(path))
             grid.addWidget(name, row, 0)
             for column, field in enumerate(fields, start=1):
@@ -314,5 +315,5 @@ class Writer(QObject):
         self._context.tasks.start(title, work, self._on_done, OWNER)
 
     def _on_done(self, path: Path) -> None:
-        self._context.tell(f"Written: {path}")
+        self._context.announce(f"Written: {path}", path)
         self.written.emit(path)

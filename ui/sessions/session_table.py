@@ -27,6 +27,7 @@ from fingerlab.library.notes import LibraryEntry, Note, Test, Verdict
 from fingerlab.library.pyramid import Thumbnail, make_thumbnail
 
 from ..app.worker import Worker
+from ..widgets.layout import as_written
 from ..widgets.theme import colours_of, line, tint
 from .session_words import clock_time, duration, phases_text, quality_text, verdict_help, verdict_text
 
@@ -124,7 +125,7 @@ class SessionTable(QAbstractTableModel):
         if role == Qt.ItemDataRole.DisplayRole:
             return self._text(path, index.column())
         if role == Qt.ItemDataRole.ToolTipRole:
-            return self._help(path, index.column())
+            return as_written(self._help(path, index.column()))
         if role == Qt.ItemDataRole.AccessibleTextRole and index.column() == MOTOR:
             return f"Motor position of {self._facts[path].name}"
         return None

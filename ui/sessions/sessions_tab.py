@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from PySide6.QtWidgets import QFileDialog, QStackedWidget
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import seen_as
 from fingerlab.library.index import SessionFacts, scan
 from fingerlab.library.notes import Note, Notebook, Verdict, find_verdicts
 from fingerlab.sessions.model import Session
@@ -173,10 +174,10 @@ class SessionsTab(Tab):
 
     def accept_files(self, paths: Sequence[Path]) -> bool:
         """A folder is browsed, text files are imported; sessions go to the Model lab as everywhere."""
-        if all(path.suffix.lower() in (".txt", ".csv", ".tsv") and path.is_file() for path in paths):
+        if all(path.suffix.lower() in (".txt", ".csv", ".tsv") and seen_as(path) == "file" for path in paths):
             self.writer.import_texts(paths, self.folder)
             return True
-        folders = [path for path in paths if path.is_dir()]
+        folders = [path for path in paths if seen_as(path) == "folder"]
         if not folders:
             return False
         self.browse(folders[0])
@@ -244,7 +245,7 @@ class SessionsTab(Tab):
         self._looked = True
         self._choose_next = choose if isinstance(choose, Path) else None
         folder, known = self.folder, self.page.model.all_facts()
-        if not folder.is_dir() and folder == self.context.settings.recordings():
+        if seen_as(folder) != "folder" and folder == self.context.settings.recordings():
             self.page.show_count()  # nothing has been recorded yet; that is no mistake
             return
         self.page.show_reading(True)

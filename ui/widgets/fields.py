@@ -7,12 +7,15 @@ takes it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QEvent, QPoint, Qt, Signal
+from PySide6.QtGui import QColor, QPalette, QStandardItemModel, QValidator
 from PySide6.QtWidgets import (
     QAbstractSpinBox,
+    QApplication,
     QButtonGroup,
     QComboBox,
     QDoubleSpinBox,
@@ -20,11 +23,13 @@ from PySide6.QtWidgets import (
     QLayout,
     QProgressBar,
     QPushButton,
+    QToolTip,
     QVBoxLayout,
     QWidget,
 )
 
-from .layout import FLUSH, Spacer, described, hbox, vbox
+from .layout import FLUSH, Spacer, as_written, described, hbox, vbox
+from .theme import colours_of
 
 WAITS_FOR_FOCUS = "waitsForFocus"
 
@@ -81,24 +86,180 @@ class ActionButton(QPushButton):
             return
         self._refused = sentence
         set_usable(self, not sentence)
-        self.setToolTip(sentence or self._help)
+        self.setToolTip(as_written(sentence or self._help))
         self.setAccessibleDescription(sentence or self._help)
+
+
+COMPLAINT = QEvent.Type(QEvent.registerEventType())
+
+
+class Complaint(QEvent):
+    """To a field's window: what is wrong with what was typed, and what was before; empty for nothing."""
+
+    def __init__(self, sentence: str, before: str) -> None:
+        super().__init__(COMPLAINT)
+        self.sentence, self.before = sentence, before
+
+
+class NumberField(QDoubleSpinBox):
+    """Keeps what was typed, right or wrong, and says what is wrong; its value then stays the last right one.
+
+    Qt's own drops keys that would lead out of the range: who types 170 where 120 is the most has 17 there.
+    Comma and point both stand before the decimals.
+
+    Attributes:
+        complaint: what is wrong with what stands there, one sentence; empty where nothing is.
+
+    Signal ``complained(sentence)``.
+    """
+
+    complained = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        self._kept: str | None = None
+        self.complaint = self._help = self._special = ""
+        super().__init__(parent)
+        self.setKeyboardTracking(False)
+        self.setAlignment(Qt.AlignmentFlag.AlignRight)
+        self.lineEdit().textEdited.connect(self._on_typed)
+
+    def setValue(self, value: float) -> None:
+        self._forget()
+        super().setValue(value)
+
+    def stepBy(self, steps: int) -> None:
+        self._forget()
+        super().stepBy(steps)
+
+    def validate(self, text: str, position: int) -> tuple[QValidator.State, str, int]:
+        right = QValidator.State.Intermediate if self._fault(text) else QValidator.State.Acceptable
+        return right, text, position
+
+    def fixup(self, text: str) -> str:
+        self._keep(text, self._fault(text))
+        return text
+
+    def valueFromText(self, text: str) -> float:
+        if text == self.specialValueText():
+            return self.minimum()
+        return float(_plain(self._bare(text)))
+
+    def textFromValue(self, value: float) -> str:
+        return super().textFromValue(value) if self._kept is None else self._kept
+
+    def complain(self, sentence: str) -> None:
+        """What stands there is wrong for a reason that lies beside it; empty where it is not."""
+        if sentence:
+            self._keep(self.text(), sentence)
+        else:
+            self._forget()
+
+    def _bare(self, text: str) -> str:
+        return text.removeprefix(self.prefix()).removesuffix(self.suffix()).strip()
+
+    def _fault(self, text: str) -> str:
+        """What is wrong with a text, or nothing."""
+        if text and text == (self._special or self.specialValueText()):
+            return ""
+        name, bare = self.accessibleName() or "This number", self._bare(text)
+        right = f"give a number from {self.minimum():g} to {self.maximum():g}."
+        if not bare:
+            return f"{name}: nothing stands there; {right}"
+        try:
+            value = float(_plain(bare))
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            return f"{name}: {bare!r} is no number; {right}"
+        if not self.minimum() <= value <= self.maximum():
+            return f"{name}: {bare} is {'less' if value < self.minimum() else 'more'} than it takes; {right}"
+        if abs(value - round(value, self.decimals())) > 1e-9 * max(abs(value), 1.0):
+            digits = f"at most {self.decimals()} decimal{'s' * (self.decimals() != 1)}"
+            wanted = f"a number with {digits}" if self.decimals() else "a whole number"
+            return f"{name}: {bare} is finer than it takes; give {wanted}."
+        return ""
+
+    def _keep(self, text: str, sentence: str) -> None:
+        self._kept = self._bare(text)
+        if self.specialValueText():  # Qt would show it in place of what was typed
+            self._special = self.specialValueText()
+            self.setSpecialValueText("")
+        palette = QPalette()
+        for role in (QPalette.ColorRole.Text, QPalette.ColorRole.Window):  # the style's outline, too
+            palette.setColor(role, QColor(colours_of(self).stop))
+        self.setPalette(palette)
+        self._say(sentence)
+
+    def _forget(self) -> None:
+        if self._kept is None and not self.complaint:
+            return
+        self._kept = None
+        if self._special:
+            self.setSpecialValueText(self._special)
+            self._special = ""
+        self.setPalette(QPalette())
+        self._say("")
+
+    def _say(self, sentence: str) -> None:
+        before, self.complaint = self.complaint, sentence
+        if sentence == before:
+            return
+        if not before:
+            self._help = self.toolTip()
+        self.setToolTip(as_written(sentence or self._help))
+        self.setAccessibleDescription(sentence)
+        self.complained.emit(sentence)
+        heard = QApplication.sendEvent(self.window(), Complaint(sentence, before))
+        if sentence and not heard and self.isVisible():  # a dialog, which has no place for messages
+            QToolTip.showText(self.mapToGlobal(QPoint(0, self.height())), as_written(sentence), self)
+
+    def _on_typed(self, text: str) -> None:
+        if self.complaint and not self._fault(text):
+            self._forget()  # what stands there is taken once the field is left
+            self.lineEdit().setText(text)
+
+
+class WholeField(NumberField):
+    """A number field for whole numbers."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setDecimals(0)
+
+    def value(self) -> int:
+        return round(super().value())
+
+
+def _plain(text: str) -> str:
+    return text.replace(",", ".").replace("−", "-")
+
+
+def complaint_of(fields: Sequence[QWidget]) -> str:
+    """The first complaint of number fields that can be seen and changed; empty for none."""
+    numbers = (one for one in fields if isinstance(one, NumberField) and one.isEnabled())
+    return next((one.complaint for one in numbers if one.complaint and not one.isHidden()), "")
+
+
+def take_typed(fields: Sequence[QWidget]) -> str:
+    """Take what stands in number fields, one that is being typed into included; the first complaint."""
+    for one in fields:
+        if isinstance(one, NumberField):
+            one.interpretText()
+    return complaint_of(fields)
 
 
 def number(
     name: str, value: float, low: float, high: float, decimals: int, step: float, help_text: str
-) -> QDoubleSpinBox:
+) -> NumberField:
     """A number field; its unit stands in the label beside it."""
-    field = QDoubleSpinBox()
+    field = NumberField()
     field.setObjectName(name)
     field.setRange(low, high)
     field.setDecimals(decimals)
     field.setSingleStep(step)
     field.setValue(value)
-    field.setAlignment(Qt.AlignmentFlag.AlignRight)
     field.setToolTip(help_text)
     field.setAccessibleName(help_text.split(":")[0].split(".")[0])
-    field.setKeyboardTracking(False)
     return field
 
 
@@ -117,6 +278,21 @@ def choice(name: str, entries: dict[str, str], help_text: str) -> QComboBox:
     for key, words in entries.items():
         field.addItem(words, key)
     return field
+
+
+def refuse_entries(field: QComboBox, reasons: Mapping[str, str]) -> None:
+    """Grey out entries of a list by their keys, each with the reason why it cannot be chosen now.
+
+    All other entries can be; the reason stands at the entry when the mouse rests on it.
+    """
+    model = field.model()
+    assert isinstance(model, QStandardItemModel)
+    for number_ in range(field.count()):
+        reason, item = reasons.get(str(field.itemData(number_)), ""), model.item(number_)
+        if item.isEnabled() == bool(reason):
+            item.setEnabled(not reason)
+        if (item.toolTip() or "") != reason:
+            item.setToolTip(reason)
 
 
 def row(*widgets: QWidget | QLayout) -> QHBoxLayout:

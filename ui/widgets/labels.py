@@ -8,7 +8,7 @@ from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
-from .layout import described
+from .layout import as_written, described
 from .theme import large_font, small_font
 
 
@@ -20,12 +20,12 @@ class ElidedLabel(QLabel):
         self._shorter: tuple[str, ...] = ()
         self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.setTextFormat(Qt.TextFormat.PlainText)
-        self.setToolTip(text)
+        self.setToolTip(as_written(text))
 
     def setText(self, text: str) -> None:
         self._shorter = ()
         super().setText(text)
-        self.setToolTip(text)
+        self.setToolTip(as_written(text))
 
     def set_texts(self, texts: Sequence[str]) -> None:
         """Wordings, the longest first: the first that has room is drawn."""
@@ -80,6 +80,43 @@ class FittingLabel(ElidedLabel):
         return QSize(min(map(self._width, self.wordings)), super().minimumSizeHint().height())
 
 
+class LinesLabel(ElidedLabel):
+    """As many lines as it is made for, always as high; what has no room there ends in …"""
+
+    def __init__(self, lines: int, parent: QWidget | None = None) -> None:
+        super().__init__(parent=parent)
+        self._lines = lines
+
+    @property
+    def seen(self) -> str:
+        text = self.text()
+        if self._height(text) <= self.contentsRect().height():
+            return text
+        short, long = 0, len(text)
+        while long - short > 1:  # so many characters have room, so many have not
+            middle = (short + long) // 2
+            fits = self._height(f"{text[:middle]}…") <= self.contentsRect().height()
+            short, long = (middle, long) if fits else (short, middle)
+        return f"{text[:short].rstrip()}…"
+
+    def _height(self, text: str) -> int:
+        room = self.contentsRect()
+        wraps = Qt.TextFlag.TextWordWrap | Qt.TextFlag.TextWrapAnywhere
+        return self.fontMetrics().boundingRect(0, 0, room.width(), 1 << 16, wraps, text).height()
+
+    def sizeHint(self) -> QSize:
+        return QSize(super().sizeHint().width(), self._lines * self.fontMetrics().lineSpacing())
+
+    def minimumSizeHint(self) -> QSize:
+        return QSize(0, self.sizeHint().height())
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setPen(self.palette().color(self.foregroundRole()))
+        wraps = Qt.TextFlag.TextWordWrap | Qt.TextFlag.TextWrapAnywhere
+        painter.drawText(self.contentsRect(), self.alignment() | wraps, self.seen)
+
+
 class WholeLabel(QLabel):
     """Wrapped words that keep the height that they need at their width: a layout cuts none of them."""
 
@@ -114,6 +151,7 @@ def header_name(name: str, accessible: str, alone: bool = True) -> ElidedLabel:
 def heading(text: str = "", large: bool = False) -> QLabel:
     """A bold label."""
     label = QLabel(text)
+    label.setTextFormat(Qt.TextFormat.PlainText)
     label.setProperty("role", "heading")
     if large:
         label.setFont(large_font())
@@ -123,5 +161,6 @@ def heading(text: str = "", large: bool = False) -> QLabel:
 def remark(text: str = "", wrap: bool = True) -> QLabel:
     """A quiet label for side remarks."""
     label = described(QLabel(text), font=small_font(), role="muted")
+    label.setTextFormat(Qt.TextFormat.PlainText)
     label.setWordWrap(wrap)
     return label

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from PySide6.QtCore import QEvent, QObject, QPoint, QSize, Qt
-from PySide6.QtGui import QFont, QResizeEvent
+from PySide6.QtCore import QEvent, QObject, QPoint, QSize
+from PySide6.QtGui import QFont, QResizeEvent, Qt
 from PySide6.QtWidgets import (
     QBoxLayout,
     QFrame,
@@ -24,6 +25,12 @@ from PySide6.QtWidgets import (
 
 if TYPE_CHECKING:
     from ..app.settings import Settings
+
+
+def as_written(text: str) -> str:
+    """A text for a tooltip: markup in what others wrote is shown, not obeyed."""
+    return f"<qt>{escape(text)}</qt>".replace("\n", "<br>") if Qt.mightBeRichText(text) else text
+
 
 GAP = 8
 FLUSH = (0, 0, 0, 0)

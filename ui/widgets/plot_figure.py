@@ -42,6 +42,7 @@ LEAST_HEIGHT = 60.0
 BUCKETS = 2000
 """Of a long curve, at least five a printed millimetre; the eye sees no more, and the file stays small."""
 STACK_GAP = 0.02
+HATCH = "////"
 STYLES = {
     Qt.PenStyle.SolidLine: "solid",
     Qt.PenStyle.DashLine: "dashed",
@@ -307,7 +308,12 @@ def _band(axes: Axes, item: Any, ink: _Ink) -> None:
 
 def _tints(axes: Axes, item: Any, ink: _Ink) -> None:
     for start, stop in item.stretches:
-        axes.axvspan(start, stop, color=ink.colour(item.colour), lw=0, zorder=0.5)
+        colour = ink.colour(item.colour)
+        if item.hatched:
+            how: dict[str, Any] = {"facecolor": "none", "edgecolor": colour, "hatch": HATCH}
+        else:
+            how = {"color": colour}
+        axes.axvspan(start, stop, **how, lw=0, zorder=0.5, label=item.name or None)
 
 
 def _line(axes: Axes, item: Any, ink: _Ink) -> None:

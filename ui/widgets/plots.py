@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QRectF, Qt
-from PySide6.QtGui import QColor, QFontMetricsF, QKeyEvent, QPainter
+from PySide6.QtGui import QBrush, QColor, QFontMetricsF, QKeyEvent, QPainter
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.core.text import ScreenUnit, with_minus
@@ -116,10 +116,15 @@ class Cursor(pg.InfiniteLine):
 
 
 class Tints(pg.GraphicsObject):
-    """Lies behind the curves."""
+    """Lies behind the curves.
 
-    def __init__(self) -> None:
+    Args:
+        hatched: strokes, where a tint would be taken for another. name: of what they are, in a legend.
+    """
+
+    def __init__(self, hatched: bool = False, name: str = "") -> None:
         super().__init__()
+        self.hatched, self.name = hatched, name
         self.stretches: tuple[tuple[float, float], ...] = ()
         self.colour = QColor(Qt.GlobalColor.transparent)
         self.setZValue(-20)
@@ -142,9 +147,20 @@ class Tints(pg.GraphicsObject):
 
     def paint(self, painter: QPainter, *_: Any) -> None:
         view = self.viewRect()
-        for start, stop in self.stretches:
-            if stop > view.left() and start < view.right():
-                painter.fillRect(QRectF(start, view.top(), stop - start, view.height()), self.colour)
+        seen = [
+            QRectF(start, view.top(), stop - start, view.height()).intersected(view)
+            for start, stop in self.stretches
+            if stop > view.left() and start < view.right()
+        ]
+        if not self.hatched:
+            for room in seen:
+                painter.fillRect(room, self.colour)
+            return
+        # A pattern would be stretched as the axes are: it is drawn in pixels.
+        to_pixels, brush = painter.worldTransform(), QBrush(self.colour, Qt.BrushStyle.BDiagPattern)
+        painter.resetTransform()
+        for room in seen:
+            painter.fillRect(to_pixels.mapRect(room), brush)
 
 
 EDGE_PX = 2.0
@@ -221,15 +237,19 @@ MARGIN = 0.08
 class QuietPlot(pg.PlotWidget):
     """One plot that keeps quantity and unit on its axes and follows light and dark."""
 
-    def __init__(self, name: str, accessible: str, parent: QWidget | None = None) -> None:
-        super().__init__(parent, enableMenu=False)
+    def __init__(
+        self, name: str, accessible: str, parent: QWidget | None = None, box: pg.ViewBox | None = None
+    ) -> None:
+        """``box``: one that hands can zoom and move; None: the plot stands still."""
+        super().__init__(parent, enableMenu=False, **({"viewBox": box} if box is not None else {}))
         self.setObjectName(name)
         self.setAccessibleName(accessible)
         self.setAcceptDrops(False)  # a file dropped here is for the window
         self._left: tuple[str, ScreenUnit] | None = None
         plot = self.getPlotItem()
         prepare_plot(plot)
-        plot.setMouseEnabled(x=False, y=False)
+        if box is None:
+            plot.setMouseEnabled(x=False, y=False)
         plot.setContentsMargins(0, 4, 8, 0)
         plot.getAxis("left").setWidth(AXIS_WIDTH)
         plot.getAxis("bottom").setHeight(bottom_axis_height())

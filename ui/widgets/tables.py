@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QEvent, QModelIndex, QObject, QPersistentModelIndex, Qt
-from PySide6.QtGui import QPainter, QPalette
+from PySide6.QtGui import QGuiApplication, QKeyEvent, QKeySequence, QPainter, QPalette, QShortcut
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QApplication,
@@ -39,16 +39,10 @@ class NumberTable(QTableWidget):
         """Args:
         columns: title and meaning of each. words: so many columns at the left hold words, the rest numbers.
         """
-        super().__init__(0, len(columns), parent)
+        super().__init__(0, 0, parent)
         self.setObjectName(name)
         self.setAccessibleName(accessible)
-        self.setHorizontalHeaderLabels([title for title, _ in columns])
-        for column, (_, meaning) in enumerate(columns):
-            item = self.horizontalHeaderItem(column)
-            assert item is not None
-            item.setToolTip(meaning)
-            side = Qt.AlignmentFlag.AlignLeft if column < words else Qt.AlignmentFlag.AlignRight
-            item.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
+        self.set_columns(columns, words)
         self.setFont(small_font())
         self.horizontalHeader().setFont(small_font())
         self.verticalHeader().hide()
@@ -56,6 +50,48 @@ class NumberTable(QTableWidget):
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.setTabKeyNavigation(False)  # Tab leaves the table; the arrows move in it
         self.setShowGrid(False)
+
+    def set_columns(self, columns: Sequence[tuple[str, str]], words: int = 1) -> None:
+        """Other columns, and no rows; as for the table itself."""
+        self.setRowCount(0)
+        self.setColumnCount(len(columns))
+        self.setHorizontalHeaderLabels([title for title, _ in columns])
+        for column, (_, meaning) in enumerate(columns):
+            item = self.horizontalHeaderItem(column)
+            assert item is not None
+            item.setToolTip(meaning)
+            side = Qt.AlignmentFlag.AlignLeft if column < words else Qt.AlignmentFlag.AlignRight
+            item.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        if event.matches(QKeySequence.StandardKey.Copy):
+            copy_cells(self)
+            return
+        super().keyPressEvent(event)
+
+
+def copies(table: QTableView) -> None:
+    """Let Ctrl+C in a table copy it, as in a :class:`NumberTable`."""
+    keys = QShortcut(QKeySequence(QKeySequence.StandardKey.Copy), table)
+    keys.setContext(Qt.ShortcutContext.WidgetShortcut)
+    keys.activated.connect(lambda: copy_cells(table))
+
+
+def copy_cells(table: QTableView) -> None:
+    """Put a table as text with tabs on the clipboard: the chosen cells if more than one row is, else all."""
+    model, header = table.model(), table.horizontalHeader()
+    chosen = table.selectionModel().selectedIndexes() if table.selectionModel() is not None else []
+    rows = sorted({index.row() for index in chosen})
+    columns = sorted({index.column() for index in chosen}, key=header.visualIndex)
+    if len(rows) < 2:
+        rows = list(range(model.rowCount()))
+        columns = sorted(range(model.columnCount()), key=header.visualIndex)
+    columns = [column for column in columns if not table.isColumnHidden(column)]
+    across = Qt.Orientation.Horizontal
+    lines = [[model.headerData(column, across) for column in columns]]
+    lines += [[model.index(row, column).data() for column in columns] for row in rows]
+    cells = [["" if cell is None else " ".join(str(cell).split()) for cell in line] for line in lines]
+    QGuiApplication.clipboard().setText("\n".join("\t".join(line) for line in cells))
 
 
 class ColumnKeeper(QObject):

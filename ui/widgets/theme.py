@@ -78,7 +78,23 @@ def apply_appearance(app: QApplication, appearance: Appearance) -> None:
         app.setPalette(_framed_palette(colours), name)  # type: ignore[arg-type]  # the stub is wrong
     template = files("fingerlab.resources").joinpath("style/window.qss").read_text(encoding="utf-8")
     values = {field.name: str(getattr(colours, field.name)) for field in fields(colours)}
-    app.setStyleSheet(Template(template).substitute(values))
+    soft = {f"{name}_soft": _mixed(values[name], colours.surface, SOFT) for name in BEHIND_WORDS}
+    off = _mixed(colours.muted, colours.surface, OFF)
+    app.setStyleSheet(Template(template).substitute(values, off=off, **soft))
+
+
+BEHIND_WORDS = ("accent", "candidate", "fault")
+SOFT = 0.3
+"""Of a colour behind words, which stay legible on it."""
+OFF = 0.5
+"""Of the quiet colour in words of what cannot be used now."""
+
+
+def _mixed(colour: str, ground: str, share: float) -> str:
+    """A share of a colour, the rest the ground's, as ``#rrggbb``."""
+    one, other = QColor(colour), QColor(ground)
+    pairs = ((one.red(), other.red()), (one.green(), other.green()), (one.blue(), other.blue()))
+    return QColor(*(round(share * mine + (1 - share) * its) for mine, its in pairs)).name()
 
 
 def _palette(colours: Colours) -> QPalette:

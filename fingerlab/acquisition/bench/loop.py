@@ -43,6 +43,7 @@ from fingerlab.acquisition.control.commands import (
     Quit,
     Release,
     Reset,
+    SetGains,
     SetUp,
     Tare,
     Winding,
@@ -289,6 +290,8 @@ class ControlLoop:
                 sentence = self._set_up(command)
             elif isinstance(command, ReadyStart | Winding):
                 sentence = self._start(command, reading)
+            elif isinstance(command, SetGains):
+                self._steering.change_gains(command, reading.position)
             elif isinstance(command, AtRest):
                 sentence = self._at_rest(command)
             elif isinstance(command, HoldDeadMan):

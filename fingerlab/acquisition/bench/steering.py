@@ -10,13 +10,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fingerlab.acquisition.control.commands import Approach, Command, Jog, Start, TakeUp, Winding
+from fingerlab.acquisition.control.commands import Approach, Command, Jog, SetGains, Start, TakeUp, Winding
 from fingerlab.acquisition.control.motion import (
+    GAIN_RANGES,
     Gains,
     PositionLoop,
     Reference,
     Settling,
     TorqueDrive,
+    check_gains,
     check_torque,
     slowed,
 )
@@ -37,6 +39,7 @@ class LoopSettings:
 
     ``proves_drive``: signs and gains of the drive are being found out. ``watch_...``: whose silence stops the
     motor. ``watch_guardian``: none is driven before the guardian has tried that it can stop it.
+    ``current_share``: of the limit of the current that is sent at most; a tenth on a bench nobody checked.
     """
 
     units: BenchUnits
@@ -46,6 +49,7 @@ class LoopSettings:
     watch_window: bool = True
     watch_recorder: bool = True
     watch_guardian: bool = True
+    current_share: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,8 @@ def prepare(command: Command, settings: LoopSettings, cable: bool = True) -> Com
     try:
         trajectory = read_trajectory(command.trajectory)
         if trajectory.is_torque:
-            check_torque(trajectory, settings.limits, settings.units, cable)
+            most = settings.current_share * settings.limits.current
+            check_torque(trajectory, replace(settings.limits, current=most), settings.units, cable)
         else:
             _check_range(trajectory, settings.limits)
     except UserError as error:
@@ -110,7 +115,7 @@ MOVED_SAMPLES = 20
 def gains_within(settings: LoopSettings, hold: int) -> Gains:
     """The position loop's gains for a command every ``hold`` samples, its current below the rig's limit."""
     gains = settings.gains if hold == 1 else slowed(settings.gains, hold)
-    most = min(gains.current_limit, CURRENT_MARGIN * settings.limits.current)
+    most = min(gains.current_limit, CURRENT_MARGIN * settings.current_share * settings.limits.current)
     return replace(gains, current_limit=most)
 
 
@@ -145,6 +150,8 @@ class Steering:
 
     def __init__(self, settings: LoopSettings, period: float, hold: int, board: SharedStatus) -> None:
         gains = gains_within(settings, hold)
+        self._settings = settings
+        self._tell_gains(settings.gains, board)
         self.reference = Reference(period)
         self.amps = self.volts = 0.0
         self._units, self._hold, self._board = settings.units, hold, board
@@ -158,6 +165,25 @@ class Steering:
         self._joints: list[float] = []  # of a take-up: both together before it began
         self._moving = 0
         self._most = math.inf  # A
+
+    @staticmethod
+    def _tell_gains(gains: Gains, board: SharedStatus) -> None:
+        board.set_number(Number.PROPORTIONAL, gains.proportional)
+        board.set_number(Number.INTEGRAL, gains.integral)
+        board.set_number(Number.DERIVATIVE, gains.derivative)
+
+    def change_gains(self, command: SetGains, position: float) -> None:
+        """Go on with other gains, the motor at ``position`` (rad).
+
+        Raises:
+            UserError: they are out of their ranges.
+        """
+        asked = command.proportional, command.integral, command.derivative
+        gains = replace(self._settings.gains, **dict(zip(GAIN_RANGES, asked, strict=True)))
+        check_gains(gains)
+        self._settings = replace(self._settings, gains=gains)
+        self._controller.change(gains_within(self._settings, self._hold), self.reference.value - position)
+        self._tell_gains(gains, self._board)
 
     def off(self) -> None:
         """No current."""

@@ -19,7 +19,7 @@ from fingerlab.acquisition.check_rig.look import (
     Outcome,
     asked,
 )
-from fingerlab.rig.daq import AnalogInput
+from fingerlab.rig.daq import AnalogInput, encoder_wires, second_terminal
 
 REST_SECONDS = 1.0
 HAND_SECONDS = 4.0
@@ -77,7 +77,7 @@ def channels_at_rest(look: Look) -> Iterator[Outcome]:
     look.rest, look.rest_spread = raw.mean(axis=0), raw.std(axis=0)
     for k, name in enumerate(CHANNELS):
         channel = look.rig.daq.inputs[k]
-        title = f"{_sentence_case(TITLES[name])} at rest, {channel.terminal or 'no terminal'}"
+        title = f"{_sentence_case(TITLES[name])} at rest, {_wires(channel)}"
         if not channel.terminal:
             yield Outcome(f"rest/{name}", title, NOT_HERE, "The rig file has no such channel.")
             continue
@@ -129,7 +129,7 @@ def scaling(look: Look) -> Iterator[Outcome]:
 def encoder_turned(look: Look) -> Iterator[Outcome]:
     """One turn by hand gives the counts of the rig file, and the sign too."""
     encoder = look.rig.daq.encoder
-    title = f"Encoder, {encoder.terminal}"
+    title = f"Encoder, {encoder.terminal}: {encoder_wires(encoder)}"
     question = (
         f"Turn the pulley by hand by one whole turn in the direction that winds the cable, within "
         f"{HAND_SECONDS:g} s from your 'yes'. Ready?"
@@ -154,6 +154,12 @@ def encoder_turned(look: Look) -> Iterator[Outcome]:
         )
         state = FAILED
     yield Outcome("encoder", title, state, sentence, question, answer, measured)
+
+
+def _wires(channel: AnalogInput) -> str:
+    """``ai0 against ai8``: both terminals, where a card's are told."""
+    second = second_terminal(channel)
+    return f"{channel.terminal or 'no terminal'}{f' against {second}' if second else ''}"
 
 
 def _fault_at_rest(channel: AnalogInput, volts: float, spread: float) -> str:

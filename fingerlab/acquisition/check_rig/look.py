@@ -44,16 +44,6 @@ YES, NO, SKIP = "yes", "no", "skip"
 CONFIRMED, FAILED, SKIPPED, NOTED, NOT_HERE = "confirmed", "failed", "skipped", "noted", "not applicable"
 
 
-class Operator(Protocol):
-    """Whoever stands at the bench, or answers in their place."""
-
-    def tell(self, text: str) -> None: ...
-
-    def ask(self, step: str, question: str) -> str:
-        """``yes``, ``no`` or ``skip``."""
-        ...
-
-
 @dataclass(frozen=True)
 class Outcome:
     """One question: what was asked, what was answered, what was measured (SI), and what follows."""
@@ -72,6 +62,20 @@ class Outcome:
         return self.state in (FAILED, SKIPPED)
 
 
+class Operator(Protocol):
+    """Whoever stands at the bench, or answers in their place."""
+
+    def tell(self, text: str) -> None: ...
+
+    def found(self, outcome: Outcome) -> None:
+        """A step has come to this."""
+        ...
+
+    def ask(self, step: str, question: str) -> str:
+        """``yes``, ``no`` or ``skip``. Raises BenchFailed where the bench was stopped meanwhile."""
+        ...
+
+
 @dataclass(frozen=True)
 class CheckProtocol:
     """Everything that was confirmed or not, ready for a file."""
@@ -81,6 +85,7 @@ class CheckProtocol:
     rig: Rig
     rig_source: str
     outcomes: tuple[Outcome, ...]
+    bench: str = ""
 
     @property
     def all_confirmed(self) -> bool:
@@ -96,6 +101,7 @@ class CheckProtocol:
             "software": f"FingerLab {fingerlab.__version__}",
             "device": self.device,
             "rig_file": self.rig_source,
+            "bench": self.bench,
             "daq": plain_section(self.rig.daq),
             "limits": plain_section(self.rig.limits),
             "all_confirmed": self.all_confirmed,

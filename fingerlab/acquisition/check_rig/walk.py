@@ -73,11 +73,13 @@ def check_rig(
     rig_source: str,
     card: bool = False,
     steps: Sequence[Step] = STEPS,
+    key: str = "",
 ) -> CheckProtocol:
     """Walk through all steps of an open bench, whose loop was given ``check_settings(rig)``.
 
     Args:
-        rig_source: the rig file's name, for the protocol. card: whether a card is checked.
+        rig_source: the rig file's name, for the protocol. card: whether a card is checked. key: of the bench
+            that is checked, for who looks for its last check.
 
     Raises:
         UserError: by the operator, where nobody is there to answer.
@@ -85,12 +87,12 @@ def check_rig(
     look, outcomes = Look(bench, rig, operator), list[Outcome]()
     for step in steps:
         for outcome in _taken(step, look, outcomes, card):
-            operator.tell(f"{outcome.state}: {outcome.title.rstrip('.')}. {outcome.sentence}")
+            operator.found(outcome)
             outcomes.append(outcome)
         if outcomes and outcomes[-1].id in (LOST, STOPPED):
             break
     date = datetime.now().astimezone().isoformat(timespec="seconds")
-    return CheckProtocol(bench.status().device, date, rig, rig_source, tuple(outcomes))
+    return CheckProtocol(bench.status().device, date, rig, rig_source, tuple(outcomes), key)
 
 
 def _taken(step: Step, look: Look, before: Sequence[Outcome], card: bool) -> Iterable[Outcome]:

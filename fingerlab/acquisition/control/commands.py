@@ -96,6 +96,15 @@ class Finish:
 
 
 @dataclass(frozen=True)
+class SetGains:
+    """Gains of the position loop from now on, A/rad, A/(rad s), A s/rad; the current makes no jump."""
+
+    proportional: float
+    integral: float
+    derivative: float
+
+
+@dataclass(frozen=True)
 class Release:
     """Open the latch of a stop."""
 
@@ -143,7 +152,7 @@ Winding = Approach | TakeUp | Jog
 Drive = Enable | Disable | Start | Winding | Finish | HoldDeadMan
 """What lets current flow, or takes it away."""
 
-Command = Initialise | Tare | SetUp | Drive | Release | Reset | AtRest | Quit
+Command = Initialise | Tare | SetUp | Drive | SetGains | Release | Reset | AtRest | Quit
 
 
 NAMES = {"position_deg": "position", "mcp_deg": "mcp", "pip_deg": "pip"}

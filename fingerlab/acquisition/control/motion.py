@@ -154,6 +154,26 @@ class Gains:
     """A; nominal current of the RE40 (thesis table 2.3)."""
 
 
+GAIN_RANGES = {
+    "proportional": (3.5, 21.0, "A/rad"),
+    "integral": (0.0, 50.0, "A/(rad s)"),
+    "derivative": (0.175, 0.4, "A s/rad"),
+}
+"""What they may be (assumed): from soft to half as stiff again, with a damping ratio never below 0.4."""
+
+
+def check_gains(gains: Gains) -> None:
+    """Refuse gains with which the loop would be no longer sure to be steady.
+
+    Raises:
+        UserError: one is out of its range.
+    """
+    for name, (low, high, unit) in GAIN_RANGES.items():
+        value = getattr(gains, name)
+        if not low <= value <= high:
+            raise UserError(f"The {name} gain is {value:g}; it should be {low:g} to {high:g} {unit}.")
+
+
 def slowed(gains: Gains, cycles: int) -> Gains:
     """Gains for a loop that sets its command only every ``cycles`` samples, with the delay of as many.
 
@@ -206,6 +226,12 @@ class PositionLoop:
         self.gains, self.period = gains, period
         self._share = 1.0 - math.exp(-2.0 * math.pi * gains.derivative_cutoff_hz * period)
         self.reset()
+
+    def change(self, gains: Gains, error: float) -> None:
+        """Go on with other gains; the current (A) at this ``error`` (rad) stays what it is."""
+        before = self.gains.proportional * error + self.gains.derivative * self._rate
+        self._integral += before - gains.proportional * error - gains.derivative * self._rate
+        self.gains = gains
 
     def reset(self) -> None:
         """Forget the past: no integral, no rate."""

@@ -17,6 +17,8 @@ key                   meaning (default)
 ``seed``              which sequence of step levels (0)
 ``rise_s``            time from one step level to the next (0.15)
 ``duration_s``        length of the run (20)
+``until_stopped``     true in place of a length: it goes on until it is brought to rest; a chirp goes up
+                      and down and steps come again, each of the length ``pattern_s`` (60)
 ``ramp_s``            time of the envelope (1.5)
 ``file``              text table of time (s) and angle (degrees), rows in the order of time; gives
                       amplitude, offset and, where none is given, duration
@@ -85,7 +87,7 @@ def with_points(settings: Mapping[str, Any], where: str, what: Points = POSITION
     if not (np.isfinite(time).all() and np.isfinite(points).all() and (np.diff(time) > 0).all()):
         raise UserError(f"{where} has a time that does not increase or a value that is not a number.")
     low, high = float(points.min()), float(points.max())
-    found.setdefault("duration_s", float(time[-1]))
+    found.setdefault("pattern_s" if found.get("until_stopped") else "duration_s", float(time[-1]))
     return found | {
         "time_s": time.tolist(),
         what.key: points.tolist(),
@@ -138,6 +140,10 @@ MULTISINE_RATIOS = (0.3, 0.7, 1.1, 1.9, 2.7)
 """Lines of a multisine that names none: no line is a harmonic of another, so that harmonics show."""
 
 DEFAULT_DURATION_S = 20.0
+DEFAULT_PATTERN_S = 60.0
+"""Of a motion without an end: so long a chirp goes up, and steps take to come again (assumed)."""
+REPEATED = ("chirp", "steps")
+"""Kinds whose motion depends on the length of its pattern."""
 DEFAULT_RAMP_S = 1.5
 
 KIND_TITLES = {
@@ -271,9 +277,13 @@ def read_trajectory(source: str | Mapping[str, Any], where: str = "the trajector
         raise UserError(f"{where} has the kind {kind!r}; it should be one of {', '.join(WAVES)}.")
     if kind in ("file", "torque"):
         settings = with_points(settings, where, TORQUE if kind == "torque" else POSITION)
-    duration = _number(settings, "duration_s", DEFAULT_DURATION_S, where, positive=True)
+    endless = settings.get("until_stopped", False)
+    if not isinstance(endless, bool):
+        raise UserError(f"{where} has 'until_stopped' = {endless!r}; it should be true or false.")
+    name, usual = ("pattern_s", DEFAULT_PATTERN_S) if endless else ("duration_s", DEFAULT_DURATION_S)
+    duration = _number(settings, name, usual, where, positive=True)
     if duration > MOST_S:
-        raise UserError(f"{where} has 'duration_s' = {duration:g}; a run lasts at most a day, {MOST_S:g} s.")
+        raise UserError(f"{where} has '{name}' = {duration:g}; a run lasts at most a day, {MOST_S:g} s.")
     ramp = _number(settings, "ramp_s", DEFAULT_RAMP_S, where)
     if ramp < 0:
         raise UserError(f"{where} has 'ramp_s' = {ramp:g}; it should be zero or more seconds.")
@@ -308,8 +318,14 @@ def _chirp(settings: Mapping[str, Any], duration: float, where: str) -> Callable
     rate = (end - start) / duration
 
     def wave(time: Array) -> Array:
-        t = np.clip(time, 0.0, duration)
-        return np.sin(2 * np.pi * (start * t + 0.5 * rate * t * t))
+        if not settings.get("until_stopped"):
+            t = np.clip(time, 0.0, duration)
+            return np.sin(2 * np.pi * (start * t + 0.5 * rate * t * t))
+        # Up and down again: frequency and angle then have no jump where it begins anew.
+        whole, t = np.divmod(np.maximum(time, 0.0), 2.0 * duration)
+        back = np.maximum(t - duration, 0.0)
+        both = start * t + 0.5 * rate * t * t - rate * back * back
+        return np.sin(2 * np.pi * (both + whole * (start + end) * duration))
 
     return wave
 
@@ -337,18 +353,18 @@ def _steps(settings: Mapping[str, Any], duration: float, where: str) -> Callable
         raise UserError(f"{where} has 'rise_s' = {rise:g}; it should not exceed the {hold:g} s of a step.")
     seed = int(_number(settings, "seed", 0.0, where))
     rng = np.random.default_rng(abs(seed))
-    count = math.ceil(duration / hold) + 2
+    endless, count = bool(settings.get("until_stopped")), math.ceil(duration / hold) + 2
     # One level from each fifth of the range in random order, again and again: even coverage.
     fifths = np.concatenate([rng.permutation(5) for _ in range(math.ceil(count / 5))])[:count]
     level = (fifths + rng.random(count)) / 2.5 - 1.0
 
     def wave(time: Array) -> Array:
-        position = np.clip(time, 0.0, duration) / hold
+        position = (np.maximum(time, 0.0) if endless else np.clip(time, 0.0, duration)) / hold
         index = position.astype(np.int64)
         share = np.clip((position - index) * hold / rise, 0.0, 1.0)
         blend = 0.5 - 0.5 * np.cos(np.pi * share)
-        before = level[np.maximum(index - 1, 0)]
-        return np.asarray(before + blend * (level[index] - before))
+        before = level[np.maximum(index - 1, 0) % count]
+        return np.asarray(before + blend * (level[index % count] - before))
 
     return wave
 

@@ -41,7 +41,7 @@ from fingerlab.acquisition.protocols.steps import (
 from fingerlab.acquisition.record.recording import RunInfo
 from fingerlab.acquisition.record.trigger import Level, Lookout
 from fingerlab.acquisition.ring import COLUMN
-from fingerlab.acquisition.status import Slot
+from fingerlab.acquisition.status import Number, Slot
 from fingerlab.core.errors import UserError
 
 LET_GO, LET_GO_SPEED = math.radians(2.0), math.radians(4.0)
@@ -49,6 +49,13 @@ LET_GO, LET_GO_SPEED = math.radians(2.0), math.radians(4.0)
 
 LONGEST_BEFORE_S = 25.0
 """Pre-trigger: well within the shortest ring."""
+
+
+def gains_of(bench: Bench) -> dict[str, float]:
+    """Gains of the position loop as they are now, A/rad, A/(rad s), A s/rad."""
+    board = bench.board
+    told = (Number.PROPORTIONAL, Number.INTEGRAL, Number.DERIVATIVE)
+    return {number.name.lower(): board.number(number) for number in told}
 
 
 def run_to_record(
@@ -64,7 +71,8 @@ def run_to_record(
 
     It reaches back to where the sensors' references and the set-up of now began to hold, and with a known
     load to where the load was carried. Its attributes tell of the seconds before (``pre_trigger_s``) and,
-    where its time is not the trajectory's own, when that began in it (``trajectory_start_s``).
+    where its time is not the trajectory's own, when that began in it (``trajectory_start_s``), and of the
+    position loop's ``gains`` at its beginning.
 
     Args:
         stop: index after its last sample; None until it is ended. attributes: further ones.
@@ -74,7 +82,7 @@ def run_to_record(
     start = max(at - round(before_s * bench.rate_hz), min(bench.board[Slot.SET_AT], at), 0)
     if set_up.load_torque:
         start = max(start, status.run_start)
-    further: dict[str, Any] = {}
+    further: dict[str, Any] = {"gains": gains_of(bench)}
     if at > start:
         further["pre_trigger_s"] = (at - start) / bench.rate_hz
     if status.run_active and status.run_start != start:
@@ -179,6 +187,7 @@ class ProtocolDriver:
 
     Attributes:
         samples: recorded so far. number, run: of the run that is being recorded or was last; 0, None before.
+        completed: number of the last run that was recorded whole.
         set_up: what is on the bench. share: of all runs. doing: what is under way.
         step_left_s: of the run or rest that goes on, s.
         left_s: of the whole protocol as planned, s, without the operator and without finding the contact.
@@ -199,7 +208,7 @@ class ProtocolDriver:
         self._between = between or (lambda: None)
         self._beginning = beginning or Beginning()
         self._ending = False
-        self.number = 0
+        self.number = self.completed = 0
         self.run: RunInfo | None = None
         self.set_up = SetUp()
         self._offset_deg: float | None = None
@@ -373,6 +382,7 @@ class ProtocolDriver:
             return bench.board[Slot.RECORDED_RUNS] > done
 
         self._until(recorded, seconds + 30.0, f"Recording {words}")
+        self.completed = step.number
         self.samples += bench.board[Slot.RECORDED]
 
     def _crossed(self, level: Level, lookout: Lookout, stop: int, words: str) -> int:

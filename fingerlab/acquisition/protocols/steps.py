@@ -119,6 +119,29 @@ def plan_steps(runs: Sequence[PlannedRun], contact_force: float, rest_s: float =
     return tuple(_steps(runs, contact_force, rest_s))
 
 
+def steps_from(steps: Sequence[Step], first: int) -> tuple[Step, ...]:
+    """The steps from run ``first`` on, with what puts the bench there: its set-up, and where the contact is.
+
+    Raises:
+        UserError: there is no such run.
+    """
+    if first == 1:
+        return tuple(steps)
+    numbers = [step.number for step in steps if isinstance(step, Record)]
+    if first not in numbers:
+        raise UserError(f"There is no run {first}; the protocol has the runs 1 to {max(numbers, default=0)}.")
+    before: list[Step] = []
+    for place, step in enumerate(steps):
+        if isinstance(step, Change):
+            before = [step]
+        elif isinstance(step, Find):
+            before = [*before, step]
+        elif isinstance(step, Record) and step.number == first:
+            lift = [one for one in steps[max(place - 1, 0) : place] if isinstance(one, Lift)]
+            return (*before, *lift, *steps[place:])
+    raise AssertionError(first)
+
+
 def plan_seconds(steps: Sequence[Step]) -> float:
     """How long the steps take without the operator and without finding the contact, s."""
     seconds = 0.0
@@ -227,3 +250,16 @@ def own_runs(
     return (
         runs if contact_amplitude_deg is None else [*runs, *[in_contact(air, contact_amplitude_deg)] * count]
     )
+
+
+def scan_runs(motion: Mapping[str, Any], name: str, first: float, last: float, count: int) -> list[OwnRun]:
+    """Runs of a motion on air, of which one number goes from ``first`` to ``last`` in ``count`` equal steps.
+
+    Raises:
+        UserError: one of them is no motion.
+    """
+    values = [round(float(value), 4) for value in np.linspace(first, last, count)]
+    motions = [{**motion, name: value} for value in values]
+    for one in motions:
+        read_trajectory(one)
+    return [OwnRun("on_air", "extension", one) for one in motions]

@@ -91,6 +91,7 @@ class Recorder:
             raise UserError(f"{self._place.path} is being recorded; close it before another is begun.")
         self._place, self._info, self._done = RecordingPlace.claim(info.path), info, []
         self._why = ""
+        self._board[Slot.RECORDED_RUNS] = 0  # of this session: who waits for its first run counts from here
         self._lines = wired_lines(json.loads(info.rig))
 
     def begin(self, run: RunInfo) -> None:

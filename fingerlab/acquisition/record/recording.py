@@ -14,7 +14,7 @@ from fingerlab.acquisition.ring import COLUMN, UNITS, Array, RingReader, RowFlag
 from fingerlab.acquisition.status import SharedStatus, Text
 from fingerlab.devices.protocol import LINES, RAW_CHANNELS
 from fingerlab.sessions.format import MAY_BE_NAN, REQUIRED_CHANNELS
-from fingerlab.sessions.recording_files import PartWriter
+from fingerlab.sessions.recording_files import PartWriter, is_held, recording_folder
 
 FINGER = ("mcp_angle", "pip_angle", "endpoint_force")
 ALWAYS = ("motor_command", "motor_position", "motor_current", "motor_torque")
@@ -62,6 +62,38 @@ def rescue_folder() -> Path:
     from platformdirs import user_data_path
 
     return user_data_path("FingerLab", appauthor=False) / "rescued"
+
+
+@dataclass(frozen=True)
+class Saved:
+    """What is left of a session whose window ended while it was recorded.
+
+    Attributes:
+        path: to be opened. whole: whether it is a file already, or becomes one when it is opened.
+        sentence: where it is. held: whether some program still writes it.
+    """
+
+    path: Path
+    whole: bool
+    sentence: str
+    held: bool = False
+
+
+def what_was_saved(session: Path) -> Saved | None:
+    """Look for it at its place, and where it was rescued to; None where nothing had been recorded."""
+    folder, name = recording_folder(session), session.name
+    if folder.is_dir() and is_held(folder):
+        return Saved(session, False, f"{session} is being recorded or written at this moment.", held=True)
+    ended = f"FingerLab ended while {name} was being recorded."
+    if session.exists():
+        return Saved(session, True, f"{ended} It was saved as far as it went: {session}")
+    if folder.is_dir():
+        kept = f"What it had is kept in {folder} and becomes the file when you open it."
+        return Saved(session, False, f"{ended} {kept}")
+    rescued = rescue_folder() / name
+    if rescued.exists():
+        return Saved(rescued, True, f"{ended} Its folder had vanished; it was saved as {rescued}")
+    return None
 
 
 def wired_lines(rig: Mapping[str, Any]) -> tuple[str, ...]:

@@ -161,13 +161,19 @@ class Tasks:
         from nidaqmx.constants import AngleUnits, EncoderType
 
         encoder = self._daq.encoder
-        task.ci_channels.add_ci_ang_encoder_chan(
+        channel = task.ci_channels.add_ci_ang_encoder_chan(
             f"{self._daq.device}/{encoder.terminal}",
             decoding_type=EncoderType.X_4,
             zidx_enable=encoder.index,
             units=AngleUnits.TICKS,
             pulses_per_rev=max(1, round(encoder.counts_per_turn / 4.0)),
         )
+        for wire, terminal in (("a", encoder.a), ("b", encoder.b), ("z", encoder.z)):
+            if terminal:
+                setattr(channel, f"ci_encoder_{wire}_input_term", f"/{self._daq.device}/{terminal}")
+            if encoder.filter_time > 0.0 and (wire != "z" or encoder.index):
+                setattr(channel, f"ci_encoder_{wire}_input_dig_fltr_min_pulse_width", encoder.filter_time)
+                setattr(channel, f"ci_encoder_{wire}_input_dig_fltr_enable", True)
         self._time(task, self._shared_clock)
 
     def _add_output(self, task: Any) -> None:

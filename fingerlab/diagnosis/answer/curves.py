@@ -10,6 +10,7 @@ import numpy as np
 from fingerlab.diagnosis.answer.results import (
     EQUATION_TITLES,
     ROW_EQUATIONS,
+    AsideStretch,
     Comparison,
     Failure,
     Fingerprint,
@@ -49,9 +50,12 @@ class Kept:
     key: GroupKey
     columns: Array  # (n, features), float32
     taut: BoolArray
+    rest: BoolArray
     time: Array
     coordinates: Mapping[str, Array]
     levers: tuple[Array, Array] | None  # of the contact force about MCP and PIP, m
+    repaired_at: Array  # s, samples that were put right
+    run_ends: float  # s
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,7 @@ class Display:
             levers = (both[0], both[1])
         kept = Kept(
             str(session.path), run.name, run.phase, group_key(run), low.columns.astype(np.float32), low.taut,
-            low.time, _coordinates(motion), levers,
+            low.rest, low.time, _coordinates(motion), levers, motion.repaired_at, run.seconds,
         )  # fmt: skip
         self.stretches.append(kept)
 
@@ -99,8 +103,14 @@ class Display:
         groups = {g.key: g for g in reduced.groups}
         comparisons: list[Comparison] = []
         before = offsets(evidence.base)
-        for kept in self.stretches:
-            comparisons += _comparisons(reduced, evidence.base, groups[kept.key], kept, before)
+        last: Kept | None = None
+        for kept, following in zip(self.stretches, (*self.stretches[1:], None), strict=True):
+            aside = _aside(last, kept, following, evidence.base)
+            comparisons += [
+                replace(one, aside=tuple(a for a in aside if a.reason != "slack" or one.equation == CABLE))
+                for one in _comparisons(reduced, evidence.base, groups[kept.key], kept, before)
+            ]
+            last = kept
         prints = {}
         for fitted in evidence.candidates:
             one = fitted.last_effect
@@ -118,6 +128,45 @@ class Display:
         return Curves(tuple(comparisons), prints, failure)
 
 
+CABLE = ROW_EQUATIONS[Row.CABLE]
+
+
+def _aside(
+    last: Kept | None, kept: Kept, following: Kept | None, fitted: FittedModel
+) -> tuple[AsideStretch, ...]:
+    """What of a stretch, and of its run before it and behind it, is left aside.
+
+    Args:
+        last, following: the stretches before and after it; of another run, or none.
+    """
+
+    def of_this_run(other: Kept | None) -> bool:
+        return other is not None and (other.session, other.run) == (kept.session, kept.run)
+
+    half = 0.5 / NARROW_RATE_HZ
+    begins = last.time[-1] + half if last is not None and of_this_run(last) else 0.0
+    around = [(begins, kept.time[0] - half)]
+    if not of_this_run(following):
+        around.append((kept.time[-1] + half, kept.run_ends))
+    reasons = {"ramp": around, "slack": _where(~kept.taut, kept.time, half)}
+    if fitted.model.sticking:
+        reasons["standstill"] = _where(kept.rest, kept.time, half)
+    here = (kept.time[0] <= kept.repaired_at) & (kept.repaired_at <= kept.time[-1])
+    reasons["spikes"] = [(t - half, t + half) for t in kept.repaired_at[here]]
+    return tuple(
+        AsideStretch(reason, float(start), float(stop))
+        for reason, stretches in reasons.items()
+        for start, stop in stretches
+        if stop > start
+    )
+
+
+def _where(chosen: BoolArray, time: Array, half: float) -> list[tuple[float, float]]:
+    """From where to where samples are chosen, each with half a step on either side."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], chosen, [False])).astype(int)))
+    return [(time[a] - half, time[b - 1] + half) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
 def _told_comparison(one: Comparison, scales: Scales) -> Comparison:
     """In SI, where the fit has reduced units."""
     size = scales.of(one.unit)
@@ -125,6 +174,9 @@ def _told_comparison(one: Comparison, scales: Scales) -> Comparison:
     return replace(
         one, time=one.time * scales.time, measured=one.measured * size, modelled=one.modelled * size,
         floor=one.floor * size, coordinates=places,
+        aside=tuple(
+            AsideStretch(a.reason, a.start * scales.time, a.stop * scales.time) for a in one.aside
+        ),
     )  # fmt: skip
 
 

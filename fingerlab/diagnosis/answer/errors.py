@@ -6,13 +6,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerlab.diagnosis.answer.results import ROW_EQUATIONS, EquationError, HeldOutRuns, ScorePart
+from fingerlab.diagnosis.answer.results import (
+    ROW_EQUATIONS,
+    EquationError,
+    HeldOutRuns,
+    LeftAside,
+    ScorePart,
+)
 from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
 from fingerlab.diagnosis.fit.noise import floor_covariance
+from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.settings import NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
+from fingerlab.diagnosis.signals.repairs import BRIDGED
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array, Run, Session
@@ -167,6 +176,38 @@ def score_parts(sessions: Sequence[Session], reduced: Reduced, fitted: FittedMod
                     )
                 )  # fmt: skip
     return tuple(parts)
+
+
+def left_aside(reduction: Reduction, reduced: Reduced, fitted: FittedModel) -> tuple[LeftAside, ...]:
+    """What of each condition's time some equation, or none at all, is not judged by, and why."""
+    members, found = _members(reduction.sessions), list[LeftAside]()
+    numbers = {id(run): k for k, (_, run) in enumerate(runs_to_analyse(reduction.sessions)[0])}
+    for group in reduced.groups:
+        for condition in group.conditions:
+            runs = members[group.key, condition]
+            folds = [group.folds[k] for k in group.of_condition(condition)]
+            whole = NARROW_RATE_HZ * sum(run.seconds for run in runs)
+            mine = [numbers[id(run)] for run in runs]
+            put_right = sum(
+                count for n in mine for name, count in reduction.repairs[n].items() if name != BRIDGED
+            )
+            shares = (
+                ("", "ramp", 1.0 - sum(fold.samples for fold in folds) / whole),
+                ("cable_kinematics", "slack", sum(fold.slack_samples for fold in folds) / whole),
+                (
+                    "",
+                    "standstill",
+                    sum(f.rest_samples for f in folds) / whole if fitted.model.sticking else 0.0,
+                ),
+                ("", "spikes", put_right / max(sum(run.length for run in runs), 1)),
+            )
+            names, lasts = tuple(run.name for run in runs), sum(as_recorded(run).seconds for run in runs)
+            found += [
+                LeftAside(names, runs[0].phase, runs[0].cable, equation, reason, share, share * lasts)
+                for equation, reason, share in shares
+                if share > 0
+            ]
+    return tuple(found)
 
 
 def _shares_of_rows(fitted: FittedModel, group: Group) -> dict[Row, float]:

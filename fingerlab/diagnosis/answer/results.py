@@ -33,6 +33,15 @@ ROW_EQUATIONS = {
 
 
 @dataclass(frozen=True)
+class AsideStretch:
+    """A stretch of a run, s from its start, that an equation leaves aside; ``reason`` as in LeftAside."""
+
+    reason: str
+    start: float
+    stop: float
+
+
+@dataclass(frozen=True)
 class Comparison:
     """One equation over one run: what was measured and what the model says, shapes (n,).
 
@@ -40,6 +49,7 @@ class Comparison:
     the equation says nothing (start-up, filter edges, slack cable). ``floor`` is the repeatability
     of the bench for this equation, in ``unit``. ``coordinates`` tell at the same times, each (n,) in SI,
     what :mod:`fingerlab.diagnosis.where` asks for: "tension", "motor angle", "joint speed mcp" and so on.
+    ``aside`` are the stretches of the whole run that do not count here.
     """
 
     equation: str
@@ -53,6 +63,7 @@ class Comparison:
     floor: float
     held_out: bool = True
     coordinates: Mapping[str, Array] = field(default_factory=dict)
+    aside: tuple[AsideStretch, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -194,6 +205,27 @@ class ScorePart:
 
 
 @dataclass(frozen=True)
+class LeftAside:
+    """How much of the runs of one motion an equation is not judged by, and why.
+
+    Attributes:
+        runs, phase, cable: as in :class:`ScorePart`. equation: its id; empty: every equation.
+        reason: "ramp" (start-up and the edges of filters and gaps), "slack" (the cable may hang loose),
+            "standstill" (counted, but weighed less: friction that sticks may hold any torque there),
+            "spikes" (samples put on the line between their neighbours).
+        share: of the runs' time, 0 to 1. seconds: the same as time, s.
+    """
+
+    runs: tuple[str, ...]
+    phase: str
+    cable: str
+    equation: str
+    reason: str
+    share: float
+    seconds: float
+
+
+@dataclass(frozen=True)
 class Failure:
     """Where the model fails worst, in words, with the stretch that shows it (seconds into a run).
 
@@ -240,6 +272,7 @@ class Diagnosis:
     failure: Failure | None = None
     held_out: tuple[HeldOutRuns, ...] = ()
     score_parts: tuple[ScorePart, ...] = ()
+    left_aside: tuple[LeftAside, ...] = ()
     repeats: bool = True
     bench: tuple[BenchFinding, ...] = ()
     better: OtherModel | None = None
@@ -286,6 +319,7 @@ class Diagnosis:
             "seconds": self.seconds,
             "floor_from_repetition": self.repeats,
             "score_parts": [vars(part) | {"runs": list(part.runs)} for part in self.score_parts],
+            "left_aside": [vars(one) | {"runs": list(one.runs)} for one in self.left_aside],
             "bench": [vars(one) | {"runs": list(one.runs)} for one in self.bench],
             "better_model": None if self.better is None else self.better.to_json(),
             "as_good_models": [one.to_json() for one in self.as_good],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -31,7 +32,7 @@ SCREEN_UNITS = {
 
 def deviations(fitted: FittedModel, heat: float) -> dict[str, float]:
     """Standard deviation of every unknown, given what else is unknown; in the model's units."""
-    spread = fitted.fit.deviations * np.sqrt(heat)
+    spread = fitted.fit.deviations_at(heat)
     return dict(zip((u.key for u in fitted.model.unknowns), (float(s) for s in spread), strict=True))
 
 
@@ -80,8 +81,9 @@ def would_have_shown(fitted: FittedModel, effect: Effect, least: float) -> str:
     """
     names = {key: name for name, key in own_keys(fitted, effect).items()}
     gains, told = {u.key: u.parameter for u in fitted.model.unknowns}, fitted.model.layout.scales.of
+    title = partial(parameter_title, effect)
     said = [
-        f"{_title(effect, names[key])} {_amount(least * strength * told(gains[key].unit), gains[key].unit)}"
+        f"{title(names[key])} {_amount(least * strength * told(gains[key].unit), gains[key].unit)}"
         for key, strength in fitted.sensitivity.strengths.items()
         if least * strength <= MOST_NAMED * max(abs(gains[key].high), abs(gains[key].low))
     ]
@@ -114,13 +116,16 @@ def explanation(
     shown: bool,
     least: float,
     replaced: Sequence[str] = (),
+    alone: bool = False,
 ) -> str:
     """One or two plain sentences with the evidence in numbers.
 
     Args:
         shown: whether it would have shown at a typical strength. least: the multiple of that from which on.
         replaced: ids of the effects of the base in whose place it is in ``fitted``.
+        alone: there is one run, so that none was held out.
     """
+    error = "the error" if alone else "the held-out error"
     fall = f"{evidence.base.score:.2f} to {fitted.score:.2f} floors"
     said = _said(fitted, effect)
     if not shown:
@@ -130,15 +135,15 @@ def explanation(
             f"{said} These data could not show it at a plausible strength{from_there}; {effect.reveal} would."
         )
     if fitted.misfit > evidence.base.misfit * 0.98 and not replaced:
-        return f"{said} Nothing of that is seen: the held-out error goes from {fall}."
+        return f"{said} Nothing of that is seen: {error} goes from {fall}."
     numbers = [
-        f"{_title(effect, name)} {quantity(p) if name not in effect.shape_units else _grid_value(p)}"
+        f"{parameter_title(effect, name)} {quantity(p) if name not in effect.shape_units else _grid_value(p)}"
         for name, p in parameters(fitted, effect, evidence.temperature).items()
     ]
     found = f" ({'; '.join(numbers)})" if numbers else ""
     there = f" in place of {_in_sentence(evidence.base, replaced)}" if replaced else ""
     bounds = _at_bounds(fitted, effect)
-    return f"{said[:-1]}{found}. With it{there} the held-out error goes from {fall}.{bounds}"
+    return f"{said[:-1]}{found}. With it{there} {error} goes from {fall}.{bounds}"
 
 
 def _at_bounds(fitted: FittedModel, effect: Effect) -> str:
@@ -152,7 +157,7 @@ def _at_bounds(fitted: FittedModel, effect: Effect) -> str:
             continue
         shown = _amount(bound * fitted.model.layout.scales.of(before.unit), before.unit)
         where = "is beyond" if value > bound else "stands at"
-        said.append(f"{_title(effect, name)} {where} the assumed bound of {shown}")
+        said.append(f"{parameter_title(effect, name)} {where} the assumed bound of {shown}")
     return f" Its {' and its '.join(said)}, so that it may be another effect." if said else ""
 
 
@@ -179,7 +184,8 @@ def _grid_value(estimate: ParameterEstimate) -> str:
     return f"about {estimate.value * factor:.3g} {unit}"
 
 
-def _title(effect: Effect, name: str) -> str:
+def parameter_title(effect: Effect, name: str) -> str:
+    """What a number of an effect is called in a sentence."""
     gain = effect.unknowns.get(name)
     title = gain.title if gain is not None and gain.title else name.removesuffix("_deg").replace("_", " ")
     joint = {"mcp": "MCP ", "pip": "PIP "}.get(name.rsplit("_", 1)[-1], "")

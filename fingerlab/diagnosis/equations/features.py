@@ -61,6 +61,12 @@ class Pick:
         """1 where both do, (k, k)."""
         return np.logical_and.outer(self.cable, self.cable).astype(float)
 
+    @cached_property
+    def each_once(self) -> tuple[IntArray, IntArray]:
+        """Their signals, each once, (n,), and the place of every feature's among them, (k,)."""
+        signals, place = np.unique(self.signals, return_inverse=True)
+        return signals, place
+
     def __getitem__(self, chosen: Any) -> Pick:
         return Pick(self.signals[chosen], self.rows[chosen])
 

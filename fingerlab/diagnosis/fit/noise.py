@@ -15,10 +15,11 @@ covariance that the equations get on top of their noise, at those moments alone.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, Layout
+from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, IntArray, Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
 from fingerlab.diagnosis.gram.state_law import left_out_variance
@@ -36,43 +37,64 @@ from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
 
 
-def noise_of_a_sample(group: Group) -> Array:
-    """What noise adds to the products of signals at one sample, (signals, signals)."""
-    return group.noise / max(group.noise_samples, 1.0)
+def noise_of_a_sample(group: Group, square: Any = slice(None)) -> Array:
+    """What noise adds to the products of signals at one sample, (signals, signals), or to a part of them."""
+    return np.asarray(group.noise[square] / max(group.noise_samples, 1.0))
 
 
-def limit_noise(group: Group) -> None:
-    """Cut the group's noise back to what its own recordings hold, in every combination of signals.
+def limited_noise(group: Group, signals: IntArray) -> tuple[Array, Array]:
+    """What noise adds to the products of some signals at one sample, and at a taut one, (n, n) each.
 
-    The noise is read from the runs with a cycle; in a combination that those runs happen to excite more
-    than the others it would exceed the whole, and a fit could run away along it.
+    It is cut back to what the recordings hold in every combination of these signals: the noise is read from
+    the runs with a cycle, and in a combination that those runs happen to excite more than the others it
+    would exceed the whole, and a fit could run away along it. Only the signals of one model are looked at
+    together, for so many as the catalogue has would share out the noise of a short recording among them
+    until none were left.
+
+    Args:
+        signals: of a model, each once, (n,).
     """
-    if group.noise_samples <= 0 or group.noise_told:
-        return
+    square = np.ix_(signals, signals)
+    noise = noise_of_a_sample(group, square)
+    if group.noise_samples <= 0:
+        return noise, noise
     whole = group.whole
-    noise = _limited(noise_of_a_sample(group), whole.products / whole.samples)
-    group.noise = noise * group.noise_samples
-    if whole.loose is not None:
-        # Few taut moments hold little of it; what is not in them says nothing of how noisy the others are.
-        group.taut_noise = _limited(noise, whole.taut() / max(whole.taut_samples, 1))
+    every = whole.products[square]
+    limited = _limited(noise, every / whole.samples)
+    if whole.loose is None:
+        return limited, limited
+    # Few taut moments hold little of it; what is not in them says nothing of how noisy the others are.
+    return limited, _limited(limited, (every - whole.loose[square]) / max(whole.taut_samples, 1))
 
 
 def _limited(noise: Array, whole: Array) -> Array:
     """``noise`` cut back to a share of ``whole`` in every direction; both (n, n), of one sample."""
     size = np.diag(whole)
     live = np.flatnonzero(size > 0)
-    scale = 1.0 / np.sqrt(size[live])
     among = np.ix_(live, live)
+    scale = 1.0 / np.sqrt(size[live])
     units = np.outer(scale, scale)
+    share, every = noise[among] * units, whole[among] * units
+    limited = np.zeros_like(noise)
+    if _definite(MOST_NOISE * every - share):
+        limited[among] = noise[among]
+        return limited
     # In units of the whole (its Cholesky factor) the noise is a share between 0 and 1 in every direction.
-    factor = _factor(whole[among] * units)
-    half = np.linalg.solve(factor, noise[among] * units)
+    factor = _factor(every)
+    half = np.linalg.solve(factor, share)
     shares, directions = np.linalg.eigh(np.linalg.solve(factor, half.T))
     # Put together from its parts: what is cut off may be so much that a difference would be rounding.
     reach = factor @ directions
-    limited = np.zeros_like(noise)
     limited[among] = (reach * np.clip(shares, 0.0, MOST_NOISE)) @ reach.T / units
     return limited
+
+
+def _definite(products: Array) -> bool:
+    try:
+        np.linalg.cholesky(products)
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def _factor(products: Array) -> Array:
@@ -90,22 +112,23 @@ def _factor(products: Array) -> Array:
 def fill_missing_noise(reduced: Reduced) -> None:
     """Groups without a repeated cycle take the noise of the others with the same equations, per sample.
 
-    A bench that never repeats takes that of the current, which is the same in a finger's runs; without those,
-    what no law of its state would tell of the torque.
+    First of those that press on the load cell as they do, or do not: how a tip rubs is noise in contact
+    alone. A bench that never repeats takes that of the current, which is the same in a finger's runs; without
+    those, what no law of its state would tell of the torque.
     """
     for on_bench in (False, True):
         alike = [g for g in reduced.groups if g.on_bench == on_bench]
         known = [g for g in alike if g.noise_samples > 0]
         if known:
-            total = sum(g.noise_samples for g in known)
-            pooled = sum((g.noise for g in known[1:]), known[0].noise) / total
-            _give(alike, pooled * total, total)
+            for phase in (False, True):
+                like = [g for g in known if g.in_contact == phase] or known
+                pooled = sum((g.noise for g in like[1:]), like[0].noise)
+                samples = sum(g.noise_samples for g in like)
+                _give([g for g in alike if g.in_contact == phase], pooled, samples)
         elif on_bench and alike:
             variance = torque_noise(reduced)
             if variance == 0.0:
                 variance = max(left_out_variance(g.state_products) for g in alike)
-                for group in alike:
-                    group.noise_told = True
             signal = _signal(reduced.layout, Row.BENCH, None)
             noise = np.zeros((reduced.layout.signal_count,) * 2)
             noise[signal, signal] = variance

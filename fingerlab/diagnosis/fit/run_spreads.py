@@ -56,13 +56,16 @@ class Contrasts:
 
 
 def find_constants(
-    reduced: Reduced, model: Model, values: Array, weights: Weights, rig: Rig, motions: Sequence[int | None]
-) -> RunConstants | None:
+    reduced: Reduced, model: Model, values: Array, weights: Weights, rig: Rig, motions: Sequence[int | None],
+    alone: bool = False,
+) -> RunConstants | None:  # fmt: skip
     """The constants that runs of these sessions have of their own; None: none that would matter.
 
     Args:
         model, values, weights: the bare model, its unknowns, (p,), and the weights that it was fitted under.
         motions: which runs were told just the same, see ``conditions.repeated_motions``.
+        alone: where no motion comes again, or constants were found already and may not be all, take what the
+            model misses on the average of every run for its constants; it has to explain all but those.
     """
     known = dict(zip(model.index, map(float, values), strict=True))
     shares = {
@@ -70,6 +73,8 @@ def find_constants(
         for g in reduced.groups
     }
     found = [_contrasts(model, values, g, weights[g.key], shares[g.key], motions) for g in reduced.groups]
+    if alone and (reduced.constants is not None or not any(len(one.pull) for one in found)):
+        found = [_averages(model, values, g, weights[g.key], shares[g.key]) for g in reduced.groups]
     pull = np.concatenate([one.pull for one in found])
     if not len(pull):
         return None
@@ -99,6 +104,16 @@ def _contrasts(
         told.append(np.repeat((share.T @ mean @ share)[None], len(basis), axis=0))
         count += EFFECTIVE_SHARE * group.equations * float(lengths.sum())
     return Contrasts(np.concatenate(pulls), np.concatenate(told), count)
+
+
+def _averages(model: Model, values: Array, group: Group, weights: Array, share: Array) -> Contrasts:
+    """What every run of a group misses on its average."""
+    h = model.features(values, group)
+    totals = [t for fold in group.folds for t in fold.totals]
+    pull = np.einsum("rke,k,es->rs", with_constants(totals, model.pick, weights, None), -h, share)
+    told = share.T @ of_constants(totals, weights, None) @ share
+    count = EFFECTIVE_SHARE * group.equations * float(sum(t.counts[0] for t in totals))
+    return Contrasts(pull, told, count)
 
 
 def _helmert(count: int) -> Array:

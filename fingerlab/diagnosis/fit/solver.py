@@ -11,7 +11,7 @@ friction's or the current's zero, and how far that may be off is known.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -20,12 +20,22 @@ from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES, DELAY
 from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import ARMS, LOSSES, TORQUE_ZERO
-from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, feature_weights
+from fingerlab.diagnosis.fit.weights import (
+    Data,
+    FoldNumbers,
+    Gathered,
+    Weighted,
+    Weights,
+    feature_weights,
+    own_to_a_run,
+    temperature,
+)
 from fingerlab.diagnosis.gram.run_constants import taken_up
 from fingerlab.diagnosis.gram.sums import Group, Sums
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
     LEAST_GAIN_SHARE,
+    MOST_WANDER,
     PIVOTING_ROUNDS,
     SETTLING_ITERATIONS,
     SIMPLER_FIRST,
@@ -115,11 +125,15 @@ def surprise(
 
 @dataclass(frozen=True)
 class Fit:
-    """Best values and their inverse covariance (information), with the cost reached."""
+    """Best values and their inverse covariance (information), with the cost reached.
+
+    ``with_own``: the information if nothing in a run were its own; None: nothing is.
+    """
 
     values: Array
     information: Array
     cost: float
+    with_own: Array | None = None
 
     @cached_property
     def covariance(self) -> Array:
@@ -129,7 +143,12 @@ class Fit:
     @cached_property
     def deviations(self) -> Array:
         """Standard deviation of every unknown, given what else is unknown, (p,)."""
-        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return self.deviations_at(1.0)
+
+    def deviations_at(self, heat: float) -> Array:
+        """The same where what the model leaves weighs so many times less, (p,); not what runs differ by."""
+        by_noise = self.covariance if self.with_own is None else scaled_inverse(self.with_own)
+        return np.sqrt(np.maximum(np.diag(self.covariance + (heat - 1.0) * by_noise), 0.0))
 
 
 @dataclass(frozen=True)
@@ -153,6 +172,7 @@ class Fitter:
         self.model = model
         self.data = data
         self.weights = weights
+        self._gathered: dict[tuple[int, FoldNumbers | None], Gathered] = {}
         self._parts: dict[tuple[int, FoldNumbers | None], Weighted] = {}
         self._stacked: Weighted | None = None
         self._cables = tuple(g.cable_sign for g in data.groups)
@@ -160,6 +180,9 @@ class Fitter:
         self.sticks = bool(model.sticking) and any(g.whole.rest is not None for g in data.groups)
         self.widening = 0.0  # see Data.held, all groups together
         self._held: list[Array | None] = [None] * len(data.groups)
+        self.wanders = bool(model.wandering) or bool(model.set_down.any())
+        self._own: dict[int, dict[int, Array]] = {}  # parts that a run has of its own, by group and fold
+        self._taken_up: dict[tuple[int, int], Weighted] = {}
         self._still: dict[int, Array] = {}
         self._weight: dict[int, Array] = {}
         self._change: dict[int, Array] = {}
@@ -169,8 +192,48 @@ class Fitter:
 
     @property
     def sums(self) -> list[Weighted]:
-        """Weighted products over each group."""
-        return [self.part(i, None) for i in range(len(self.data.groups))]
+        """Weighted products over each group, less what is a run's own."""
+        found = []
+        for i in range(len(self.data.groups)):
+            whole = self.part(i, None)
+            taken = [self._of_the_run(i, k) for k in self._own.get(i, ())]
+            found.append(
+                Weighted(
+                    whole.curvature - sum(one.curvature for one in taken),
+                    whole.matrix - sum(one.matrix for one in taken),
+                )
+            )
+        return found
+
+    def _weighed(self, own: dict[int, dict[int, Array]], told: Array) -> dict[int, dict[int, Array]]:
+        """The runs' own parts, the smaller the more the model leaves all the same.
+
+        What weighs less than its face value must not be bought with a friction of each run's own.
+        """
+        groups = self.data.groups
+        left = sum(float(h @ sums.matrix @ h) for h, sums in zip(told, self.sums, strict=True))
+        heat = temperature(left, EFFECTIVE_SHARE * sum(g.equations * g.samples for g in groups))
+        return {i: {k: part / np.sqrt(heat) for k, part in parts.items()} for i, parts in own.items()}
+
+    def _of_the_run(self, i: int, k: int) -> Weighted:
+        """What of the products of fold ``k`` the run's own share of the features takes up, (k, k) each.
+
+        It is integrated out as a Gaussian: what is one run's friction alone tells nothing of the others.
+        """
+        if (i, k) not in self._taken_up:
+            sums, own = self.part(i, (k,)), self._own[i][k]
+            curved, pulled = sums.curvature @ own, sums.matrix @ own
+            inverse = np.linalg.inv(own.T @ curved + np.eye(own.shape[1]))
+            self._taken_up[i, k] = Weighted(curved @ inverse @ curved.T, pulled @ inverse @ pulled.T)
+        return self._taken_up[i, k]
+
+    def _seen(self, i: int, k: int) -> Weighted:
+        """Weighted products over fold ``k`` as they count in those of the group."""
+        sums = self.part(i, (k,))
+        if k not in self._own.get(i, ()):
+            return sums
+        taken = self._of_the_run(i, k)
+        return Weighted(sums.curvature - taken.curvature, sums.matrix - taken.matrix)
 
     def stacked(self) -> Weighted:
         """The same for all groups together, (groups, k, k)."""
@@ -186,7 +249,10 @@ class Fitter:
         if (i, part) not in self._parts:
             if i not in self._weight:
                 self._weight[i] = self._of_products(self.weights[self.data.groups[i].key])
-            found = self.data.weighted(i, part, self.model, self._weight[i], partial(self._less, i))
+            if (i, part) not in self._gathered:
+                self._gathered[i, part] = self.data.gathered(i, part, self.model)
+            less = partial(self._less, i)
+            found = self.data.weighted(self._gathered[i, part], self.model, self._weight[i], less)
             if self.data.constants is not None:
                 found = self._without_constants(found, i, part)
             self._parts[i, part] = found
@@ -219,20 +285,52 @@ class Fitter:
         held = self._held[i]
         return self._still[i] if held is None else self._still[i] + held
 
-    def hold(self, values: Array) -> None:
-        """Weigh the moments at rest as the friction of ``values`` allows."""
-        if not self.sticks:
+    def hold(self, values: Array, apart: bool = True, trusted: bool = False) -> None:
+        """Weigh the moments at rest, and what differs from run to run, as the friction of ``values`` does.
+
+        ``apart``: whether what is a run's own is set apart; ``trusted``: as if the model left nothing.
+        """
+        if not (self.sticks or self.wanders):
             return
         told = self.model.features_of(values, self._cables)
-        found = [
-            self.data.held(i, self.model, told[i], self.weights[g.key])
-            for i, g in enumerate(self.data.groups)
-        ]
-        self._held = [None if one is None else one[0] for one in found]
-        self.widening = sum(one[1] for one in found if one is not None)
-        self._parts.clear()
-        self._change.clear()
         self._stacked = self._whole = None
+        self._taken_up.clear()
+        if self.sticks:
+            found = [
+                self.data.held(i, self.model, told[i], self.weights[g.key])
+                for i, g in enumerate(self.data.groups)
+            ]
+            self._held = [None if one is None else one[0] for one in found]
+            self.widening = sum(one[1] for one in found if one is not None)
+            self._parts.clear()
+            self._change.clear()
+        if self.wanders and apart:
+            self._own = self._own_parts(values, told, trusted)
+            if not trusted:
+                self._own = self._weighed(self._own, told)
+                self._taken_up.clear()
+
+    def _own_parts(self, values: Array, told: Array, every: bool) -> dict[int, dict[int, Array]]:
+        """Parts that the runs have of their own, (k, parts) by group and fold.
+
+        Unless ``every`` run's are wanted, not where one would have to be beyond what is plausible: a friction
+        that differs more from run to run follows something that the model lacks.
+        """
+        result: dict[int, dict[int, Array]] = {}
+        for i, group in enumerate(self.data.groups):
+            each = {c: own_to_a_run(self.model, values, told[i], group, c) for c in group.conditions}
+            for k, fold in enumerate(group.dealt):
+                own = each[fold.condition]
+                if own.shape[1] and (every or self._is_plausible(i, k, own, told[i])):
+                    result.setdefault(i, {})[k] = own
+        return result
+
+    def _is_plausible(self, i: int, k: int, own: Array, told: Array) -> bool:
+        """Whether the run of fold ``k`` would differ by no more of its own parts than runs do."""
+        sums = self.part(i, (k,))
+        stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
+        found = np.linalg.solve(stiffness, own.T @ sums.matrix @ told)
+        return bool(np.abs(found).max() <= MOST_WANDER)
 
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""
@@ -261,17 +359,26 @@ class Fitter:
     def run(self, start: Array | None = None, iterations: int = 12) -> Fit:
         """Newton steps with halving from ``start``; stops when the cost no longer falls.
 
-        What a friction may hold at rest follows from its size, so that size is found first.
+        What a friction may hold at rest, and by how much it differs from run to run, follows from its size,
+        so that size is found first.
         """
         known = self._mean if start is None else start
-        if not self.sticks:
+        if not (self.sticks or self.wanders):
             return self._run(known, iterations)
-        self.hold(known)
+        self.hold(known, trusted=True)
         fit = self._run(known, iterations)
         if iterations < SETTLING_ITERATIONS:
             return fit
         self.hold(fit.values)
-        return self._run(fit.values, iterations)
+        fit = self._run(fit.values, iterations)
+        return replace(fit, with_own=self._information_with_own(fit.values)) if self._own else fit
+
+    def _information_with_own(self, values: Array) -> Array:
+        """Curvature of the cost, with noise, (p, p), if nothing in a run were its own."""
+        own, self._own, self._stacked = self._own, {}, None
+        information = self.normal_equations(values)[1]
+        self._own, self._stacked = own, None
+        return information
 
     def _run(self, start: Array, iterations: int) -> Fit:
         values = np.clip(start, self._low, self._high)
@@ -322,7 +429,7 @@ class Fitter:
         _, (features, jacobians), (gradient, information) = self._whole
         for i, group in enumerate(self.data.groups):
             for k in group.of_turn(turn):
-                fold = self.part(i, (k,))
+                fold = self._seen(i, k)
                 h, jacobian = features[i], jacobians[i]
                 gradient = gradient - (h @ fold.matrix) @ jacobian
                 information = information - jacobian.T @ (fold.curvature @ jacobian)

@@ -16,10 +16,23 @@ import numpy as np
 from fingerlab.diagnosis.equations.features import IntArray, Pick
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import SET_DOWN
-from fingerlab.diagnosis.fit.noise import change_of_weight, encoder_spread, log_widening, noise_of_a_sample
+from fingerlab.diagnosis.fit.noise import (
+    change_of_weight,
+    encoder_spread,
+    limited_noise,
+    log_widening,
+    noise_of_a_sample,
+)
 from fingerlab.diagnosis.gram.run_constants import Offsets, RunConstants, RunTotals
 from fingerlab.diagnosis.gram.sums import Group, Sums, total
-from fingerlab.diagnosis.settings import HELD_SHARE, LEAST_REPEATS, SET_DOWN_N, SLACK_SPREAD_M, WANDER
+from fingerlab.diagnosis.settings import (
+    CORRELATED_VALUES,
+    HELD_SHARE,
+    LEAST_REPEATS,
+    SET_DOWN_N,
+    SLACK_SPREAD_M,
+    WANDER,
+)
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.sessions.model import Array
@@ -79,11 +92,7 @@ class Data:
         """``constants``: that every run has of its own; None: there are none."""
         self.groups = groups
         self.constants = constants
-        self._noise = [noise_of_a_sample(g) for g in groups]
-        self._taut_noise = [
-            noise if g.taut_noise is None else g.taut_noise
-            for g, noise in zip(groups, self._noise, strict=True)
-        ]
+        self._noise: dict[tuple[int, bytes], tuple[Array, Array]] = {}
         self._kept: dict[tuple[int, int], tuple[Model, Gathered]] = {}
         self._joined: dict[tuple[int, FoldNumbers], Sums] = {}
         self._at_rest: dict[int, tuple[Array, Array, float]] = {}
@@ -107,18 +116,16 @@ class Data:
     @cached_property
     def noiseless(self) -> list[Sums]:
         """All folds of every group as one, without noise."""
-        noises = zip(self._noise, self._taut_noise, strict=True)
-        return [g.whole.without(*noise) for g, noise in zip(self.groups, noises, strict=True)]
+        return [g.whole.without(noise_of_a_sample(g)) for g in self.groups]
 
     def weighted(
-        self, i: int, part: FoldNumbers | None, model: Model, weight: Array, standing: Callable[[], Array]
+        self, found: Gathered, model: Model, weight: Array, standing: Callable[[], Array]
     ) -> Weighted:
-        """What a fit needs of group ``i``, or of a part of it; a slack cable costs unless it may be so.
+        """What a fit needs of what was gathered; a slack cable costs unless it may be so.
 
         ``weight`` of each product of the model's features, (k, k); ``standing`` gives by how much it changes
         where the motor stands, if it ever does.
         """
-        found = self.gathered(i, part, model)
         curvature, matrix = found.raw * weight, found.clean * weight
         if found.still is not None and found.quiet is not None:
             less = standing()
@@ -137,10 +144,10 @@ class Data:
         if known is not None:
             return known[1]
         sums, pick = self.raw(i, part), model.pick
-        noise = self._noise[i][pick.square]
+        noise, taut_noise = self._noise_of(i, pick)
         found = Gathered(
             sums.of(pick),
-            sums.of(pick, noise, self._taut_noise[i][pick.square]),
+            sums.of(pick, noise, taut_noise),
             sums.at_rest(pick),
             sums.at_rest(pick, noise),
             sums.slack(pick),
@@ -148,6 +155,16 @@ class Data:
         if whole:
             self._kept[id(model), i] = model, found  # with the model, so that its identity stays its own
         return found
+
+    def _noise_of(self, i: int, pick: Pick) -> tuple[Array, Array]:
+        """What noise adds to the features' products at one sample of a group and at a taut one, (k, k)."""
+        signals, place = pick.each_once
+        key = i, signals.tobytes()
+        if key not in self._noise:
+            self._noise[key] = limited_noise(self.groups[i], signals)
+        noise, taut = self._noise[key]
+        square = place[:, None], place[None, :]
+        return noise[square], taut[square]
 
     def by_constants(
         self, i: int, part: FoldNumbers | None, weights: Array, at_rest: Array, picks: Sequence[Pick]
@@ -228,6 +245,14 @@ class Data:
 def feature_weights(weights: Array, rows: IntArray) -> Array:
     """Weight of each product of features, (k, k)."""
     return weights.take(rows, axis=0).take(rows, axis=1)
+
+
+def temperature(misfit: float, count: float) -> float:
+    """How much less than its face value a misfit of ``count`` independent values weighs.
+
+    What no model explains is systematic and stays the same for a while.
+    """
+    return 1.0 + CORRELATED_VALUES * max(misfit, 0.0) / max(count, 1.0)
 
 
 def own_to_a_run(model: Model, values: Array, told: Array, group: Group, condition: int = 0) -> Array:

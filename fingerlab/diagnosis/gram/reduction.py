@@ -180,8 +180,8 @@ class Reduction:
                 self._closer.pop(next(iter(self._closer)))
             self._closer[key] = self._reduced(acting, self._layouts(acting), watch, None, anew=True)
         known = self._closer[key]
-        # Noise is limited in place by whoever asks.
-        groups = [replace(g, noise=g.noise.copy()) for g in known.groups]
+        # Missing noise is filled in by whoever asks.
+        groups = [replace(g) for g in known.groups]
         return replace(known, groups=groups, constants=self.constants)
 
     def _acting(self, effects: Sequence[Effect]) -> list[Effect]:

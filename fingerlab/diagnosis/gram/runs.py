@@ -80,7 +80,7 @@ class SegmentCache:
     def keep(self, run: int, segments: Sequence[CachedSegment]) -> None:
         """Keep a run that was read to its end."""
         self._size += sum(one.size for one in segments)
-        self._runs[run] = [replace(s, motion=replace(s.motion, _memory={})) for s in segments]
+        self._runs[run] = list(segments)
 
     def has_room(self, segments: Sequence[CachedSegment]) -> bool:
         """Whether these could be kept, too."""
@@ -109,9 +109,9 @@ def decimated_again(segment: CachedSegment, effects: Sequence[Effect], asked: As
 
 
 def to_cache(low: Decimated) -> CachedSegment:
-    """What later passes need of a segment."""
+    """What later passes need of a segment; what its motion remembers, many times its size, is formed anew."""
     signals = low.columns.T[low.live].astype(np.float32)
-    return CachedSegment(low.wide, signals, low.live, low.taut, low.rest, low.time)
+    return CachedSegment(replace(low.wide, _memory={}), signals, low.live, low.taut, low.rest, low.time)
 
 
 Keep = Callable[[Session, Run, Decimated], None]

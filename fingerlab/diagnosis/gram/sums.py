@@ -91,10 +91,10 @@ class Sums:
         """Products where the cable is taut, (signals, signals)."""
         return self.products if self.loose is None else self.products - self.loose
 
-    def without(self, noise: Array, taut_noise: Array) -> Sums:
-        """The sums less what noise adds to one sample, and to a taut one, (signals, signals)."""
+    def without(self, noise: Array) -> Sums:
+        """The sums less what noise adds to one sample, (signals, signals)."""
         added = self.samples * noise
-        loose = None if self.loose is None else self.loose - (added - self.taut_samples * taut_noise)
+        loose = None if self.loose is None else self.loose - self.slack_samples * noise
         rest = None if self.rest is None else self.rest - self.rest_samples * noise
         return replace(self, products=self.products - added, loose=loose, rest=rest)
 
@@ -216,15 +216,10 @@ class Group:
     folds: list[Sums]
     noise: Array
     noise_samples: float = 0.0
-    taut_noise: Array | None = None
-    """What noise adds to the products at one taut moment, (signals, signals); None: as at any other."""
     encoder_variance: float = 0.0  # m^2 of cable: what a standing encoder's step leaves open
     dealt: list[Fold] = field(default_factory=list)
     trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)
     """While runs are read: slow trends by condition and stretch, (signals, degrees) for each run."""
-    noise_told: bool = False
-    """The noise is of the torque alone, as runs left out told it: it is not limited by what so many signals
-    happen to hold in so few samples."""
     state_products: list[list[Array]] = field(default_factory=list)
     """Of each run of a motor alone whose motion does not come again: see ``state_law``."""
 

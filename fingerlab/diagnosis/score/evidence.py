@@ -239,12 +239,8 @@ def shares_of_rivals(log_odds: Mapping[str, float]) -> dict[str, float]:
 
 
 def doubted(evidence: Evidence) -> Evidence:
-    """The evidence where effects were added, and the model still leaves so much: something else is missing.
-
-    Of a bare model the evidence itself has weighed that: a short recording's floor may be told too low.
-    """
-    added = bool(evidence.base.choices)
-    if not added or evidence.verdict != "nothing_missing" or not much_left(evidence.base):
+    """The evidence where a model leaves so much that "nothing missing" cannot be said: something is."""
+    if evidence.verdict != "nothing_missing" or not much_left(evidence.base):
         return evidence
     nothing = DOUBTED * evidence.nothing
     return replace(evidence, nothing=nothing, unknown=evidence.unknown + evidence.nothing - nothing)

@@ -21,7 +21,6 @@ from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
 from fingerlab.diagnosis.fit.noise import (
     fill_missing_noise,
     first_weights,
-    limit_noise,
     misfit_weights,
     noise_covariance,
     noise_weights,
@@ -54,7 +53,6 @@ class Scorer:
             list(threads.map(attrgetter("whole"), reduced.groups))
             self._arms = starting_arms(reduced.layout, reduced.groups)
             fill_missing_noise(reduced)
-            list(threads.map(limit_noise, reduced.groups))
         self.data = Data(reduced.groups, reduced.constants)
         self._models: dict[tuple[object, ...], Model] = {}
         self._fitters: dict[tuple[object, ...], Fitter] = {}
@@ -165,11 +163,25 @@ class Scorer:
         like: FittedModel | None = None,
         weights: Weights | None = None,
     ) -> FittedModel:
-        """Fit and reweigh until the weights belong to the fit; it starts as :meth:`fit` does."""
-        fitted = self.fit(choices, like, weights=weights)
+        """Fit and reweigh until the weights belong to the fit; it starts as :meth:`fit` does.
+
+        A tip that sticks leaves the weights wide in contact, and under wide weights nothing speaks against
+        it: one that slides is then seen under its own weights, too.
+        """
+        settled = self._settled(self.fit(choices, like, weights=weights))
+        if settled.model.tip_law == "slides" or not any(g.in_contact for g in self.reduced.groups):
+            return settled
+        sliding = self._settled(self._fit(choices, "slides", settled, FULL_ITERATIONS), "slides")
+        return min(settled, sliding, key=self.deviance)
+
+    def _settled(self, fitted: FittedModel, law: str | None = None) -> FittedModel:
+        """The model fitted again until its weights belong to it; under one ``law`` of the tip if told."""
         for _ in range(MOST_ROUNDS):
-            before = fitted.weights
-            fitted = self.fit(choices, fitted, weights=self.own_weights(fitted))
+            before, weights = fitted.weights, self.own_weights(fitted)
+            if law is None:
+                fitted = self.fit(fitted.choices, fitted, weights=weights)
+            else:
+                fitted = self._fit(fitted.choices, law, fitted, FULL_ITERATIONS, weights)
             if change(before, fitted.weights) < SETTLED:
                 break
         return fitted
@@ -221,7 +233,11 @@ class Scorer:
                             products[group.key] += self._products(fitter, left.values, i, k)
         misfits = np.array([np.sum(scored[i, c], axis=0) for i, g in enumerate(groups) for c in g.conditions])
         means = {g.key: products[g.key] / max(g.samples, 1) for g in groups} if residuals else {}
-        found = self._scored(fitted, fitter, misfits=misfits, in_sample=np.zeros((0, 2)), held_out=True)
+        # Of two conditions each may allow what the other does, and no values both: a model leaves no less on
+        # runs that were left out than where it has seen them all.
+        in_sample = self._in_sample(fitter, fitted)
+        misfits[:, 0] = np.maximum(misfits[:, 0], in_sample[:, 0])
+        found = self._scored(fitted, fitter, misfits=misfits, in_sample=in_sample, held_out=True)
         return replace(found, residuals=means)
 
     def with_sensitivity(self, fitted: FittedModel) -> FittedModel:
@@ -267,7 +283,9 @@ class Scorer:
         """Chi-square without noise and independent values of each condition, (conditions, 2)."""
         return np.array(
             [
-                self._square(fitter, fitted.fit.values, i, tuple(group.of_condition(c)))
+                np.sum(
+                    [self._square(fitter, fitted.fit.values, i, (k,)) for k in group.of_condition(c)], axis=0
+                )
                 for i, group in enumerate(self.reduced.groups)
                 for c in group.conditions
             ]

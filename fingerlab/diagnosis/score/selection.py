@@ -16,11 +16,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from fingerlab.diagnosis.equations.features import BoolArray
+from fingerlab.diagnosis.fit.weights import temperature
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.settings import (
     CONTACT_CHARGE,
     CONTACT_SHARE,
-    CORRELATED_VALUES,
     COST_OF_A_GAIN,
     DECIDING_LOG_ODDS,
     EARNED_MOST,
@@ -40,15 +40,16 @@ from fingerlab.diagnosis.settings import (
 from fingerlab.sessions.model import Array
 
 
-def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0) -> bool:
+def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0, reach: float = 0.0) -> bool:
     """Whether adding the model's last effect to ``base`` is a step that the held-out runs bear out.
 
     ``level`` is added to the model's misfit where the two are seen under different weights. That a further
-    effect lowers the floor makes it likelier, but explains nothing of what the first one left.
+    effect lowers the floor makes it likelier, but explains nothing of what the first one left. ``reach``: the
+    misfit of ``base`` under the other's weights, if there is more to explain by those.
     """
     fall = base.misfit - fitted.misfit - level
     explained = min(fall, fall + level) if base.choices else fall
-    explained = min(explained, max(base.misfit, 0.0))  # what lies below the floor is no misfit
+    explained = min(explained, max(base.misfit, reach, 0.0))  # what lies below the floor is no misfit
     heat = temperature(fitted.misfit, fitted.count)
     in_contact = contact_charge(base, fitted)
     likely = 0.5 * (fall - charge(base, fitted) - in_contact * fitted.count) / heat > DECIDING_LOG_ODDS
@@ -98,11 +99,6 @@ def contact_charge(base: FittedModel, fitted: FittedModel) -> float:
         return CONTACT_CHARGE
     fall, there = base.misfit - fitted.misfit, base.misfit_in_contact - fitted.misfit_in_contact
     return CONTACT_CHARGE if fall > 0 and there > CONTACT_SHARE * fall else 0.0
-
-
-def temperature(misfit: float, count: float) -> float:
-    """How much less than its face value a misfit weighs (see the module's text)."""
-    return 1.0 + CORRELATED_VALUES * max(misfit, 0.0) / max(count, 1.0)
 
 
 def much_left(fitted: FittedModel, much: float = MUCH) -> bool:

@@ -195,6 +195,40 @@ def extend_path(
     return refine_path(reduction, [*fewer, *found], watch)
 
 
+def with_plainer_end(
+    reduction: Reduction,
+    catalogue: Sequence[Effect],
+    scorer: Scorer,
+    path: Sequence[FittedModel],
+    watch: Watch,
+) -> tuple[Scorer, list[FittedModel]]:
+    """The path; where a plainer law than its last effect's does as well beside the others, with that one.
+
+    On its grid a law with gains to spare takes up what only the shape of the plainer one lacks.
+    """
+    end = path[-1]
+    *others, last = at_found_shapes(end)
+    plainer = [
+        e for e in catalogue
+        if e.gains.keys() < last.gains.keys() and e.equation == last.equation and e.id not in end.effect_ids
+    ] if last.excess else []  # fmt: skip
+    for effect in plainer:
+        by = Scorer(reduction.closer([*others, effect], watch))
+        given = [Choice(one) for one in others]
+        each = [
+            by.fit([*given, Choice(effect, i)], end, LOOKING_ITERATIONS) for i in range(len(effect.shapes))
+        ]
+        best = by.fit_reweighted(min(each, key=lambda m: m.fit.cost).choices, end)
+        finer, steps = refine_path(reduction, [*path[:-1], best], watch)
+        if len(steps) != len(path):
+            continue
+        under = scorer.fit(end.choices, end, FULL_ITERATIONS, steps[-1].weights)
+        odds = log_odds_among(steps[-2], [steps[-1], scorer.score_held_out(under)])
+        if odds[0] >= odds[1]:
+            return finer, steps
+    return scorer, list(path)
+
+
 def break_ties(
     reduction: Reduction,
     scorer: Scorer,

@@ -54,7 +54,7 @@ class ScoreTest:
         model, values = base.model, base.fit.values
         self.layout = model.layout
         fitter = Fitter(model, data, base.weights)
-        fitter.hold(values)
+        fitter.hold(values, apart=False)  # as the sums of single features, which hold all of every run
         gradient, information = fitter.normal_equations(values)
         # Unknowns that stand at a bound and are pushed out of it stay where they are.
         held = ((values <= model.low) & (gradient > 0)) | ((values >= model.high) & (gradient < 0))
@@ -161,8 +161,10 @@ def off_its_bounds(scorer: Scorer, fitted: FittedModel, iterations: int = SCREEN
         if not names:
             break
         *given, last = fitted.choices
-        wider = Choice(last.effect.wider(names), last.shape)
-        fitted = scorer.fit([*given, wider], fitted, iterations)
+        wider = scorer.fit([*given, Choice(last.effect.wider(names), last.shape)], fitted, iterations)
+        if wider.fit.cost >= fitted.fit.cost:
+            break
+        fitted = wider
     return fitted
 
 

@@ -133,12 +133,16 @@ def _refitted_steps(scorer: Scorer, end: FittedModel, keep: int) -> list[FittedM
 def worth_adding(scorer: Scorer, base: FittedModel, best: FittedModel) -> bool:
     """Whether the step is justified with either model seen under its own weights.
 
-    A model may not earn its own floor: what it calls noise has to be paid for in density.
+    A model may not earn its own floor: what it calls noise has to be paid for in density. Nor may the bare
+    model hide behind its own: where a tip seems to rub, its friction is noise to all else in contact.
     """
     settled = scorer.fit_reweighted(base.choices, base, best.weights)
     before = scorer.score_held_out(scorer.fit(base.choices, base, FULL_ITERATIONS, settled.weights))
     gained = scorer.noise_deviance(best) - scorer.noise_deviance(before)
-    return justified(before, best, gained)
+    reach = 0.0
+    if not base.choices:
+        reach = scorer.score_held_out(scorer.fit(base.choices, base, FULL_ITERATIONS, best.weights)).misfit
+    return justified(before, best, gained, reach)
 
 
 def eliminate_backward(scorer: Scorer, fitted: FittedModel, keep: int) -> FittedModel:

@@ -141,6 +141,8 @@ def _plainest(scorer: Scorer, base: FittedModel, tried: Sequence[FittedModel]) -
     """
     gains = {t.last_effect.id: scorer.deviance(base) - scorer.deviance(t) for t in tried}
     best = max(gains.values())
+    if not best > 0.0:
+        return None
     near = [t for t in tried if gains[t.last_effect.id] >= NEARLY_AS_GOOD * best]
     first = max(near, key=lambda t: gains[t.last_effect.id]).last_effect
     freed = [t for t in near if t.last_effect.relaxes]

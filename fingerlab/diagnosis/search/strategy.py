@@ -27,6 +27,7 @@ from fingerlab.diagnosis.search.grid_refinement import (
     extend_path,
     fit_effects,
     refine_path,
+    with_plainer_end,
 )
 from fingerlab.diagnosis.search.next_effect import judge_all, rescore
 from fingerlab.diagnosis.search.path import forward_selection
@@ -110,6 +111,19 @@ class RefinedPath:
         return _points(self.of) == _points(end)
 
 
+@dataclass(frozen=True)
+class FirstStep:
+    """The path of one effect at most, and the same between the points of its grid, if it has one."""
+
+    path: list[FittedModel]
+    refined: RefinedPath | None
+
+    @property
+    def end(self) -> FittedModel:
+        """The model it leads to, as closely as it was looked at."""
+        return (self.path if self.refined is None else self.refined.path)[-1]
+
+
 def _points(fitted: FittedModel) -> list[tuple[str, int]]:
     return [(c.effect.id, c.shape) for c in fitted.choices]
 
@@ -126,20 +140,25 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     effects = scorer.reduced.layout.effects
     base = fit_effects(scorer, question.given)
     evidence = judge_all(scorer, base, effects, question.stages.part(0.4, 0.7))
-    many = _many(question, scorer, evidence)
+    first = _first_step(question, scorer, evidence)
+    many = _many(question, scorer, evidence, first)
     refined: Scorer | None
     if many is not None:
         refined, path = many
         weights = path[-1].weights
     else:
-        evidence, path, first = _path(question, scorer, evidence)
+        evidence, path = _path(question, scorer, evidence, first)
         evidence, weights = _judged_beside(scorer, evidence, path, effects)
         if len(path) == 1 and evidence.verdict == "missing_effect":
             evidence = distrusted(evidence)
-        refined, path = _refined(question, path, first)
+        refined, path = _refined(question, path, first.refined)
         if refined is not None:
             refined, path = _restarted(question, evidence.best, refined, path)
             weights = path[-1].weights
+    if refined is not None and len(path) > 2:
+        watch = question.stages.part(0.97, 0.98)
+        refined, path = with_plainer_end(question.reduction, question.catalogue, refined, path, watch)
+        weights = path[-1].weights
     if refined is not None or len(path) > 2:
         # Every score of an answer is told in the floors of the same, last model.
         evidence = rescore(scorer, evidence, weights)
@@ -181,39 +200,49 @@ def _rivals(
     return [first, *rivals[1:]]
 
 
-def _many(question: Question, scorer: Scorer, evidence: Evidence) -> tuple[Scorer, list[FittedModel]] | None:
+def _first_step(question: Question, scorer: Scorer, evidence: Evidence) -> FirstStep:
+    """The best effect, looked at between the points of its grid before others are tried beside it.
+
+    What only its shape lacks, no other effect is asked for.
+    """
+    watch = question.stages.part(0.7, 0.72)
+    effects = scorer.reduced.layout.effects
+    path = forward_selection(scorer, evidence, effects, len(question.given), watch, most=1)
+    if len(path) != 2 or not can_refine(path[-1].choices):
+        return FirstStep(path, None)
+    watch = question.stages.part(0.72, 0.75)
+    return FirstStep(path, RefinedPath(path[-1], *refine_path(question.reduction, path, watch)))
+
+
+def _many(
+    question: Question, scorer: Scorer, evidence: Evidence, first: FirstStep
+) -> tuple[Scorer, list[FittedModel]] | None:
     """The path of many effects where no single one leaves a bench near its model; None: there is none."""
-    if scorer.reduced.on_bench or evidence.least_left < FAR:
+    far = evidence.least_left >= FAR and much_left(first.end, FAR)
+    if scorer.reduced.on_bench or not far:
         return None
-    watch = question.stages.part(0.7, 0.95)
+    watch = question.stages.part(0.75, 0.95)
     return path_of_many(question.reduction, question.catalogue, scorer, evidence.base, watch)
 
 
 def _path(
-    question: Question, scorer: Scorer, evidence: Evidence
-) -> tuple[Evidence, list[FittedModel], RefinedPath | None]:
+    question: Question, scorer: Scorer, evidence: Evidence, first: FirstStep
+) -> tuple[Evidence, list[FittedModel]]:
     """The path from the evidence for one effect to all; and the evidence, where ties of it were broken.
 
-    They are where the path ends at once: among rivals it may have taken the wrong one. The best effect is
-    looked at between the points of its grid before others are tried beside it: what only its shape lacks, no
-    other effect is asked for.
+    They are where the path ends at once: among rivals it may have taken the wrong one.
     """
-    keep = len(question.given)
-    effects, watch = scorer.reduced.layout.effects, question.stages.part(0.7, 0.88)
-    path = forward_selection(scorer, evidence, effects, keep, watch, most=1)
-    first = None
-    if len(path) == 2 and can_refine(path[-1].choices):
-        watched = question.stages.part(0.7, 0.75)
-        first = RefinedPath(path[-1], *refine_path(question.reduction, path, watched))
-    if first is None or asks_for_more(first.path[-1]):
-        path = forward_selection(scorer, evidence, effects, keep, watch)
+    path = first.path
+    if first.refined is None or asks_for_more(first.end):
+        effects, watch = scorer.reduced.layout.effects, question.stages.part(0.75, 0.88)
+        path = forward_selection(scorer, evidence, effects, len(question.given), watch)
     if evidence.verdict != "missing_effect" or len(path) != 2:
-        return evidence, path, first
+        return evidence, path
     watch = question.stages.part(0.88, 0.9)
     untied = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch)
     if untied.best is evidence.best:
-        return untied, path, first
-    return untied, [untied.base, untied.best], first
+        return untied, path
+    return untied, [untied.base, untied.best]
 
 
 def asks_for_more(refined: FittedModel) -> bool:

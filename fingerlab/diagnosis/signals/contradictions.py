@@ -30,6 +30,8 @@ LOOK_S = 4.0
 """So much of a run is looked at beside its command and its current, s."""
 LOOKED_AT = 2000
 """So many samples tell how far a channel swings."""
+PULLS_SHARE = 0.2
+"""Of its mean a tension swings by more, where a load cell has to show it; assumed: less may rub away."""
 NOT_KNOWN = float("nan")
 
 
@@ -43,7 +45,7 @@ class Facts:
         still: channels that do not move while another one says that they should.
         arm: moment arm (m) that both joints together would need to follow the cable.
         spring: moment arm (m) that the springs' torque has by the swing of the tension.
-        force: the load cell's force over what the cable's tension is good for.
+        force: the load cell's force over what the cable's tension is good for; swing: that of its swing.
     """
 
     run: str
@@ -55,6 +57,7 @@ class Facts:
     arm: float = NOT_KNOWN
     spring: float = NOT_KNOWN
     force: float = NOT_KNOWN
+    swing: float = NOT_KNOWN
 
 
 def facts_of(run: Run, motion: Motion, rig: Rig) -> Facts:
@@ -73,9 +76,12 @@ def facts_of(run: Run, motion: Motion, rig: Rig) -> Facts:
     if motion.force is not None:
         force = motion.force[inner]
         # A fingertip's lever is a phalanx, the cable's an arm.
-        usual = _usual_arm(rig) * max(float(np.mean(pull)), 0.0) / (2.0 * rig.finger.distal_half_length)
-        share = float(np.mean(force)) / usual if usual > 0 else NOT_KNOWN
-        return Facts(run.name, False, current, command, agrees, tuple(still), force=share)
+        lever = 2.0 * rig.finger.distal_half_length
+        newton = _usual_arm(rig) / lever if lever > 0 else NOT_KNOWN
+        mean, varies = max(float(np.mean(pull)), 0.0), _swing(pull)
+        share = float(np.mean(force)) / (newton * mean) if mean > 0 else NOT_KNOWN
+        swing = _swing(force) / (newton * varies) if varies > PULLS_SHARE * mean > 0 else NOT_KNOWN
+        return Facts(run.name, False, current, command, agrees, tuple(still), force=share, swing=swing)
     moved = np.radians(MOVED_DEG)
     for name, mine, other in (("mcp_angle", mcp, pip), ("pip_angle", pip, mcp)):
         if other > moved and mine < DEAD_SHARE * other:
@@ -194,6 +200,12 @@ def _force(seen: Sequence[Facts]) -> str:
         return (
             f"Channel 'endpoint_force' reads next to nothing in every contact run (run {run}, for one) while "
             "the cable pulls; the load cell is dead, not connected, or not in N."
+        )
+    moves = _known(seen, lambda f: f.swing)
+    if moves and max(v for _, v in moves) < 1.0 / ANOTHER_UNIT:
+        return (
+            f"Channel 'endpoint_force' stands still in every contact run (run {moves[0][0]}, for one) while "
+            "the cable's tension swings; the load cell is stuck or not connected: mend it and record again."
         )
     if (values < 0).all():
         return (

@@ -99,17 +99,20 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
     for piece, its_lead in _whole(samples["time"], run.sample_rate_hz, lead):
         mine = {name: values[piece] for name, values in samples.items()}
         repairs = {BRIDGED: lost_samples} if lost_samples else {}
+        spiked: set[int] = set()
         for name in names:
             if name != "endpoint_force":
                 _check_numbers(run, name, mine[name], start - lead + piece.start)
             mine[name], spikes = without_spikes(mine[name])
-            counted = int(np.sum(spikes >= its_lead))
-            repairs |= {name: counted} if counted else {}
+            spikes = spikes[spikes >= its_lead]
+            repairs |= {name: len(spikes)} if len(spikes) else {}
+            spiked |= set(spikes.tolist())
         motion = _motion(run, rig, start - lead + piece.start, mine, on_bench, its_lead)
-        motion = replace(motion, repairs=repairs)
+        at = (start - lead + piece.start + np.array(sorted(spiked), dtype=float)) / run.sample_rate_hz
         lost_samples = 0  # told once
         lost = float(mine["time"][0] - samples["time"][0]) - piece.start / run.sample_rate_hz
-        yield replace(motion, time=motion.time + lost) if piece.start else motion
+        lost = lost if piece.start else 0.0
+        yield replace(motion, repairs=repairs, time=motion.time + lost, repaired_at=at + lost)
 
 
 def _whole(time: Array, rate: float, lead: int) -> Iterator[tuple[slice, int]]:

@@ -75,6 +75,7 @@ class CardTask:
     newest: Any = None
     unread: bool = False
     total: int = 0
+    attributes: dict[int, Any] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:

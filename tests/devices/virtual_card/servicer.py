@@ -123,6 +123,10 @@ def _reset(card: Card, request: Any) -> None:
     card.reset()
 
 
+def _set_attribute(card: Card, request: Any) -> None:
+    card.task(request.task.name).attributes[request.attribute_raw or request.attribute] = request.value
+
+
 def _channel_type(card: Card, request: Any) -> dict[str, Any]:
     return {"value_raw": CHANNEL_TYPES[card.task(request.task.name).kind]}
 
@@ -159,6 +163,9 @@ for _name, _work in {
     "GetReadAttributeUInt32": _attribute(READ_COUNTS, "task"),
     "GetReadAttributeUInt64": _attribute(READ_NUMBERS, "task"),
     "GetChanAttributeInt32": _channel_type,
+    "SetChanAttributeString": _set_attribute,
+    "SetChanAttributeDouble": _set_attribute,
+    "SetChanAttributeBool": _set_attribute,
     "GetErrorString": lambda card, r: {"error_string": f"Driver's text for {r.error_code}."},
 }.items():
     _rpc(_name, _work)

@@ -153,7 +153,7 @@ def test_a_torque_given_point_by_point_can_be_chosen(rig: Rig, tmp_path: Path) -
     table = tmp_path / "torque.csv"
     table.write_text("time_s,torque_n_m\n0,0\n1,0.02\n2,0\n", encoding="utf-8")
     motion.show_file(table)
-    assert motion.settings() == {"kind": "torque", "file": str(table)}
+    assert motion.settings() == {"kind": "torque", "file": str(table), "until_stopped": True}
 
 
 @pytest.mark.qt_log_ignore("This plugin does not support")  # dialogs, on a screen that is none

@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QLabel, QLineEdit
+from PySide6.QtWidgets import QFileDialog, QInputDialog, QLabel, QLineEdit
 from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.protocols.steps import Change, Record
 from fingerlab.sessions import open_session
+from fingerlab.ui.acquire import motion_form
 from fingerlab.ui.app.settings import Settings
 
 from ..bench_hands import PATIENCE, Rig, opener, tabs_with
@@ -153,3 +155,107 @@ def test_a_dropped_table_is_the_trajectory(rig: Rig, tmp_path: Path) -> None:
     rig.click("start")
     rig.run(1.2)
     assert rig.mode is Mode.RUNNING
+
+
+def test_a_stopped_protocol_goes_on_with_the_run_in_which_it_was_stopped(rig: Rig, qtbot: QtBot) -> None:
+    rig.click("byProtocol")
+    rig.choose("protocol", "own_scan")
+    form = rig.tab.panel.protocol
+    form.scan_from.setValue(0.5)
+    form.scan_to.setValue(1.5)
+    form.runs.setValue(3)
+    form.seconds.setValue(2.0)
+    form.rest.setValue(0.5)
+    rig.click("runProtocol")
+    qtbot.waitUntil(rig.tab.prompt.isVisible, timeout=PATIENCE)
+    QTest.mouseClick(rig.tab.prompt.button, LEFT)
+    said = rig.tab.panel.left
+    qtbot.waitUntil(lambda: said.text().startswith("Run 2 of 3"), timeout=PATIENCE)
+    rig.key(Qt.Key.Key_Escape)
+    qtbot.waitUntil(lambda: not rig.recording.in_protocol, timeout=PATIENCE)
+    rig.wait_idle()
+    assert said.text() == "Given up in run 2"
+    assert form.first.value() == 2
+    (first,) = rig.files()
+    rig.run(0.2)
+    rig.click("release")
+    rig.settle()
+    rig.click("runProtocol")
+    qtbot.waitUntil(rig.tab.prompt.isVisible, timeout=PATIENCE)  # the cable is asked for anew
+    QTest.mouseClick(rig.tab.prompt.button, LEFT)
+    qtbot.waitUntil(lambda: len(rig.files()) == 2 and not rig.recording.in_protocol, timeout=PATIENCE)
+    (second,) = set(rig.files()) - {first}
+    runs = open_session(second).runs
+    assert [run.trajectory["frequency_hz"] for run in runs] == [1.0, 1.5]
+    assert [run.length for run in runs] == [2000, 2000]
+    assert form.first.value() == 1  # all are taken
+
+
+def test_a_table_of_runs_is_chosen_and_a_wrong_one_says_why(
+    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "runs.csv"
+    path.write_text("kind,amplitude_deg,duration_s,runs\nsine,5 10,4,3\n", encoding="utf-8")
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", staticmethod(lambda *_: (str(path), "")))
+    rig.click("byProtocol")
+    rig.choose("protocol", "table")
+    rig.click("runTable")
+    assert rig.label("protocolTotal").startswith("6 runs, about 42 s")  # 6 of 4 + 1 s, 5 rests of 2, 1.5 s
+    path.write_text("kind,amplitude_deg\nwobble,5\n", encoding="utf-8")
+    rig.click("runProtocol")
+    assert "wobble" in rig.label("message")
+    assert not rig.recording.in_protocol
+
+
+def test_gains_are_changed_while_it_runs_and_marked(rig: Rig) -> None:
+    rig.start()
+    rig.click("record")
+    rig.run(0.5)
+    rig.tab.panel.gains.numbers["proportional"].setValue(20.0)
+    rig.run(0.5)
+    assert rig.tab.panel.gains.text() == "Gains: 20, 25, 0.25"
+    rig.click("record")
+    rig.run(0.2)
+    (run,) = open_session(rig.write()).runs
+    told = run.attributes["gains"]
+    assert (json.loads(told) if isinstance(told, str) else told)["proportional"] == 14.0  # as it began
+    markers = run.attributes["markers"]
+    (marker,) = json.loads(markers) if isinstance(markers, str) else markers
+    assert marker["note"] == "gains: 20, 25, 0.25"
+    assert 0.4 < marker["time"] < 0.7
+
+
+def test_a_motion_is_kept_by_name_set_again_and_forgotten(
+    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(motion_form, "motions_folder", lambda: tmp_path / "motions")
+    names = iter(["slow & wide", "slow wide", "slow wide"])
+    monkeypatch.setattr(QInputDialog, "getText", staticmethod(lambda *_: (next(names), True)))
+    panel, menu = rig.tab.panel, rig.tab.panel.motions
+
+    def pick(words: str) -> None:
+        menu.fill()
+        actions = [
+            *menu.menu().actions(),
+            *(a for top in menu.menu().actions() if top.menu() for a in top.menu().actions()),
+        ]
+        next(action for action in actions if action.text().replace("&", "") == words).trigger()
+
+    panel.motion.numbers["amplitude_deg"].setValue(31.0)
+    panel.motion.duration.setValue(0.0)
+    pick("Keep this motion…")
+    assert "is no name for a motion" in rig.label("message")
+    pick("Keep this motion…")
+    kept = tmp_path / "motions" / "slow wide.json"
+    assert json.loads(kept.read_text(encoding="utf-8"))["until_stopped"] is True
+    pick("Keep this motion…")
+    assert "kept already" in rig.label("message")
+    panel.motion.numbers["amplitude_deg"].setValue(5.0)
+    panel.motion.duration.setValue(8.0)
+    pick("slow wide")
+    assert panel.motion.numbers["amplitude_deg"].value() == 31.0
+    assert panel.motion.endless
+    menu.fill()
+    forget = next(action.menu() for action in menu.menu().actions() if action.menu() is not None)
+    forget.actions()[0].trigger()
+    assert not kept.exists()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QLabel, QLineEdit, QProgressBar
+from PySide6.QtWidgets import QLabel, QLineEdit, QProgressBar, QPushButton
 from pytestqt.qtbot import QtBot
 
 from fingerlab.core.progress import Progress
@@ -221,3 +221,43 @@ def test_who_disconnects_does_not_wait_for_a_long_recording(rig: Rig, qtbot: QtB
     assert tab.review_page.session is not None
     assert tab.review_page.session.runs[0].length >= 900
     assert rig.files() == [session.path]
+
+
+@pytest.mark.qt_log_ignore("This plugin does not support")  # of two windows, off screen
+@pytest.mark.parametrize("ended", ["whole", "cut"])
+def test_the_next_start_says_what_became_of_a_recording_that_ended_with_its_window(
+    rig: Rig,
+    make_window,
+    qtbot: QtBot,
+    ended: str,  # type: ignore[no-untyped-def]
+) -> None:
+    """Killed, the recorder's process writes the session; with the machine off nobody does."""
+    rig.start()
+    rig.click("record")
+    rig.run(1.0)
+    session = rig.recording.session
+    assert session is not None
+    rig.bench.recorder.cut("The window was lost.")
+    kept = recording_folder(session.path)
+    parts = [(part.name, part.read_bytes()) for part in kept.glob("*.h5part")]
+    rig.bench.recorder.close()
+    if ended == "cut":  # as after a power cut: the runs are there and nobody holds them
+        session.path.unlink()
+        kept.mkdir()
+        for name, content in parts:
+            (kept / name).write_bytes(content)
+    again = make_window(tab="sessions")  # nobody tells the first window: to it the recording goes on
+    message = child(again, QLabel, "message").text()
+    assert "ended while" in message
+    assert str(session.path if ended == "whole" else kept) in message
+    assert again.current == "acquire"
+    button = child(again, QPushButton, "openRecording")
+    assert button.text() == ("Look at the recording" if ended == "whole" else "Finish the recording")
+    QTest.mouseClick(button, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: again.context.sessions != (), timeout=PATIENCE)
+    (run,) = again.context.sessions[0].runs
+    assert run.length >= 950
+    assert run.trajectory["until_stopped"] is True  # and no length that nobody gave it
+    assert "duration_s" not in run.trajectory
+    assert again.settings.under_way() is None
+    rig.recording.session = None  # the first window's fate, as a killed process has it

@@ -15,15 +15,25 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QFileDialog, QLabel, QLineEdit, QProgressBar, QPushButton, QTableWidget
+from PySide6.QtWidgets import (
+    QDoubleSpinBox,
+    QFileDialog,
+    QLabel,
+    QLineEdit,
+    QProgressBar,
+    QPushButton,
+    QTableWidget,
+)
 from pytestqt.qtbot import QtBot
 
+from fingerlab.acquisition.bench.inline import InlineBench
 from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring
 from fingerlab.calibration import StepTiming
 from fingerlab.calibration.wizard import Phase
 from fingerlab.rig.daq import plain_section
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import open_session, text_table
+from fingerlab.ui.acquire import acquire_tab
 from fingerlab.ui.acquire.bench_setup import BenchRequest, OpenBench, open_bench
 from fingerlab.ui.app.context import RigLine
 from fingerlab.ui.app.settings import Settings
@@ -331,7 +341,7 @@ def test_live_volts_of_the_rig_that_acquire_connects(
     window.show_tab("calibrate")
     tab = window.tab("calibrate")
     assert isinstance(tab, CalibrateTab)
-    assert "no weight can be placed" in child(tab.widget, QLabel, "calibrateRig").text()
+    assert "a button does what you would do" in child(tab.widget, QLabel, "calibrateRig").text()
     rig.click("start-load-cell")
     assert tab.wizard is not None
     levels = []
@@ -385,3 +395,59 @@ def test_every_page_of_the_wizard_is_whole_and_its_plots_are_saved(bench: Bench,
     assert "objection" in bench.label("calibrationVerdict")
     look(bench.window)
     save_each_plot(bench.window, tmp_path / "result", 2)
+
+
+@pytest.mark.parametrize(("fault", "words"), [("", ""), ("load-cell-weak", "changes by 50 %")])
+def test_a_calibration_is_rehearsed_on_the_simulated_rig_with_weights_of_one_s_own(
+    make_window: Callable[..., MainWindow],
+    settings: Settings,
+    qtbot: QtBot,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    fault: str,
+    words: str,
+) -> None:
+    """By its buttons; a sensor that shows half of its span is told at the second weight."""
+    monkeypatch.setattr(acquire_tab, "ask_to_close", lambda *_: True)
+    monkeypatch.setattr("fingerlab.calibration.applying.default_folder", lambda *_: tmp_path / "rig")
+
+    def inline(choice: Any, loop: Any, rate_hz: float) -> InlineBench:
+        return InlineBench(replace(choice, real_time=False).build(), loop, tmp_path / "rescue")
+
+    def make(context: Any) -> CalibrateTab:
+        return CalibrateTab(context, StepTiming(2.0, 1.0), tmp_path / "default-rig")
+
+    tabs = tabs_with(lambda wanted: open_bench(wanted, inline))
+    tabs = tuple(replace(entry, make=make) if entry.key == "calibrate" else entry for entry in tabs)
+    rig = Rig(make_window(tab="acquire", tabs=tabs), qtbot, connect=False)
+    rig.choose("simulatedFault", fault)
+    child(rig.window, QDoubleSpinBox, "faultAfter").setValue(1.0)
+    rig.connect("connectSimulated")
+    rig.run(1.5)
+    rig.window.show_tab("calibrate")
+    tab = rig.window.tab("calibrate")
+    assert isinstance(tab, CalibrateTab)
+    marks = child(rig.window, QLineEdit, "marks-load-cell")
+    marks.setText("0 half 1000")
+    rig.click("start-load-cell")
+    assert "no list of known values" in rig.label("message")
+    marks.setText("0 300 600 1000")
+    rig.click("start-load-cell")
+    wizard = tab.wizard
+    assert wizard is not None
+    assert wizard.plan.marks == (0.0, 0.3, 0.6, 1.0, 0.6, 0.3, 0.0)
+    seen = ""
+    for _ in range(7):
+        step = wizard.number
+        rig.click("rehearseStep")
+        for _ in range(20):
+            if wizard.number > step:
+                break
+            rig.run(1.0)
+            tab.source.tick()
+        seen = seen or rig.label("calibrationDoubt").replace("\u00a0", " ") * (wizard.number == 2)
+    assert words in seen
+    assert bool(seen) == bool(words)
+    assert tab.outcome is not None
+    gain = tab.outcome.calibration.gain.value
+    assert gain == pytest.approx(11.194 * (2.0 if fault else 1.0), rel=0.03)

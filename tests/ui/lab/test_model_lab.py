@@ -212,12 +212,12 @@ def test_dropping_a_session_opens_it(qtbot: QtBot, make_window, session_file: Pa
 def test_a_wrong_file_is_one_sentence_and_what_was_open_stays(
     qtbot: QtBot, opened: MainWindow, tmp_path: Path
 ) -> None:
-    wrong = tmp_path / "notes.txt"
+    wrong = tmp_path / "notes.rtf"
     wrong.write_text("not a session", encoding="utf-8")
     drop(opened, wrong)
     message = child(opened, QLabel, "message")
     qtbot.waitUntil(message.isVisible, timeout=PATIENCE)
-    assert "notes.txt" in message.text()
+    assert "notes.rtf" in message.text()
     assert "Traceback" not in message.text()
     assert lab_of(opened).view.isVisible()
     assert "invented.h5" in child(opened, QLabel, "sessionName").text()

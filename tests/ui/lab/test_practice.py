@@ -10,8 +10,11 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
+from fingerlab.effects import find_effect
+from fingerlab.models.file import ParameterEstimate
 from fingerlab.report.diagnosis_words import effect_title
 from fingerlab.sessions import open_session
+from fingerlab.twin.effects import EFFECTS
 from fingerlab.twin.session import reveal_session
 from fingerlab.ui.lab import practice
 
@@ -66,8 +69,8 @@ def test_cancelled_practice_leaves_nothing_behind(
     assert list((tmp_path / "practice").iterdir()) == []
 
 
-FRICTION = {"motor_coulomb_friction": {"torque": 0.012}}
-TOLD = "Hidden was: Coulomb friction in motor and gearbox (torque 12 mN m). "
+FRICTION = {"motor_coulomb_friction": {"torque": 0.012, "travel": 0.004}}
+TOLD = "Hidden was: Coulomb friction in motor and gearbox (friction torque at the gearbox output 12 mN m). "
 NOTHING = "Nothing was hidden: the bench has noise and tolerances and no missing effect. "
 
 
@@ -95,3 +98,30 @@ def test_what_reveal_says(
 ) -> None:
     monkeypatch.setattr("fingerlab.twin.session.reveal_session", lambda path: {"effects": effects})
     assert practice.reveal(open_session(session_file), model).startswith(answer)
+
+
+def test_what_was_hidden_stands_beside_what_was_fitted(
+    session_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hidden = {
+        "stribeck_friction": {"mcp": 2e-3, "excess": 1.5, "speed": 0.3, "pip_ratio": 0.6, "travel": 1e-3}
+    }
+    monkeypatch.setattr("fingerlab.twin.session.reveal_session", lambda path: {"effects": hidden})
+    fitted = {"stribeck_friction.extra_pip": ParameterEstimate(1.75e-3, "N m", 1.65e-3, 1.85e-3)}
+    said = practice.reveal(open_session(session_file), ("stribeck_friction",), fitted)
+    # 2 mN m at the MCP, 0.6 of it at the PIP; near standstill 1.5 times as much comes on top.
+    assert said.startswith(
+        "Hidden was: Stribeck joint friction (MCP friction torque 2 mN m; PIP friction torque 1.2 mN m; "
+        "MCP friction added near standstill 3 mN m; PIP friction added near standstill 1.8 mN m, fitted "
+        "1.75 ± 0.10 mN m). Your guess was right"
+    )
+    assert said.endswith("open recordings of your own.")
+
+
+def test_the_fit_has_names_for_what_is_told() -> None:
+    for name, gains in practice.FITTED_AS.items():
+        effect = find_effect(name)
+        assert effect is not None
+        assert gains.keys() <= effect.unknowns.keys()
+        defaults = {p.name: p.default for p in EFFECTS[name].parameters}
+        assert all(size(defaults) != 0 for size in gains.values())

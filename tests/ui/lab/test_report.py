@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.ui.app.window import MainWindow
 
-from ..hands import child, click
+from ..hands import child, click, lab_of
 
 PATIENCE = 120_000
 
@@ -31,13 +32,18 @@ def test_the_page_shows_what_the_window_shows(
     page = tmp_path / "page.html"
     page.write_text("an older page, and the dialog has asked", encoding="utf-8")
     choose(monkeypatch, page)
+    click(opened, "addToModel")
+    qtbot.waitUntil(lambda: lab_of(opened).can_undo, timeout=PATIENCE)
     QTest.keyClick(opened, Qt.Key.Key_S, Qt.KeyboardModifier.ControlModifier)
     message = child(opened, QLabel, "message")
     qtbot.waitUntil(message.isVisible, timeout=PATIENCE)
     assert message.text() == f"Report page saved: {page}"
     text = page.read_text(encoding="utf-8")
-    assert "Coulomb joint friction" in text
-    assert "12.4" in text
+    story = " ".join(re.sub("<[^>]*>", " ", text.split('id="story"')[1].split("</section>")[0]).split())
+    # The addition with the error before and after it, its probability, its evidence, errors by equation.
+    assert "Coulomb joint friction 12.4 1.10 83 %" in story
+    assert "The residual flips sign with speed and is 4.8 mN m on both sides." in story
+    assert "Joint torque 4.81 0.44 0.40 mN m" in story
     assert [file.name for file in tmp_path.glob("page*")] == ["page.html"]
 
 

@@ -10,10 +10,12 @@ import pytest
 from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 
+from fingerlab.diagnosis.answer.results import Diagnosis, HeldOutRuns
 from fingerlab.library.notes import Verdict
 from fingerlab.report.diagnosis_words import set_sentence
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.result_words import set_help, set_words
+from fingerlab.ui.lab.truth import HeldOutTable
 from fingerlab.ui.sessions.session_words import verdict_help, verdict_text
 
 from .. import invented
@@ -28,6 +30,23 @@ def window(qtbot: QtBot, make_window: Any, session_file: Path) -> MainWindow:
     made.context.open_paths([session_file])
     wait_for_result(qtbot, made)
     return made
+
+
+def test_one_run_alone_is_not_called_held_out(qtbot: QtBot, make_window: Any, session_file: Path) -> None:
+    def diagnose(sessions: Any, *_: Any) -> Diagnosis:
+        found = invented.friction_diagnosis(str(sessions[0].path))
+        only = HeldOutRuns(("001",), "on_air", "extension", {"kind": "sine"}, 1.1)
+        return replace(found, held_out=(only,))
+
+    made: MainWindow = make_window(diagnose=diagnose)
+    made.context.open_paths([session_file])
+    wait_for_result(qtbot, made)
+    lab_of(made).view.go_to("true")
+    said = [label.text() for label in made.findChildren(QLabel) if label.isVisible()]
+    said += [made.findChildren(HeldOutTable)[0].horizontalHeaderItem(0).text()]
+    assert not [text for text in said if "held out" in text.lower() or "held-out" in text.lower()]
+    assert "True of this one run, which the fit has seen" in said
+    assert any("only a second run shows whether that holds" in text for text in said)
 
 
 def test_the_verdict_says_what_it_could_not_see_and_offers_the_run(window: MainWindow) -> None:

@@ -153,6 +153,26 @@ def test_keys_go_from_run_to_run(predicted: MainWindow) -> None:
     assert predict_of(predicted).numbers.rowCount() == 2
 
 
+def test_two_cursors_read_the_force_between_them(predicted: MainWindow) -> None:
+    plot = predict_of(predicted).force
+    plot.setFocus()
+    QTest.keyClick(plot, Qt.Key.Key_C)
+    assert plot.pair is not None
+    assert plot.pair.times is not None
+    read = child(predicted, QLabel, "forceRead")
+    assert read.isVisible()
+    a, b = plot.pair.times
+    _, force = next(iter(plot.shown.values()))
+    change = float(np.interp(b, force.time, force.measured) - np.interp(a, force.time, force.measured))
+    assert read.text().startswith(f"B − A: {b - a:.3f} s, measured ")
+    told = float(read.text().split("measured ")[1].split(",")[0].replace("−", "-"))
+    assert told == pytest.approx(change, abs=6e-4)
+    QTest.keyClick(predicted, Qt.Key.Key_Down, Qt.KeyboardModifier.AltModifier)
+    assert plot.pair.times == pytest.approx((a, b))  # they stand where they stood, in the next run
+    QTest.keyClick(plot, Qt.Key.Key_C)
+    assert not read.isVisible()
+
+
 def test_removing_and_dropping_a_model(
     qtbot: QtBot, predicted: MainWindow, model_files: tuple[Path, Path]
 ) -> None:

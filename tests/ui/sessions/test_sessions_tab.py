@@ -7,9 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
-from PySide6.QtCore import QPoint, Qt
-from PySide6.QtGui import QAction
+from PySide6.QtCore import QPoint, QSettings, Qt
+from PySide6.QtGui import QAction, QGuiApplication
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import (
     QApplication,
@@ -24,6 +25,7 @@ from pytestqt.qtbot import QtBot
 from fingerlab.core.errors import Cancelled
 from fingerlab.library.notes import FILE_NAME
 from fingerlab.sessions import open_session
+from fingerlab.ui.app.settings import Settings
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.sessions import sessions_tab as browse_tab
 from fingerlab.ui.sessions.session_table import NAME, QUALITY, RECORDED, TAGS, VERDICT
@@ -88,6 +90,49 @@ def test_the_table_tells_latest_first_and_by_the_benchs_clock(browsing: Opened, 
     assert texts(tab, RECORDED)[:2] == ["2026-11-02\n14:30:00", "2026-11-01\n09:00:00"]
     assert texts(tab, QUALITY) == ["! 12 late cycles", "✓ clean", "✗ unreadable"]
     assert window.settings.library() == folder
+
+
+def test_ctrl_c_copies_the_table_as_it_is_seen(browsing: Opened) -> None:
+    _, tab = browsing
+    table = tab.page.table
+    table.setFocus()
+    QTest.keyClick(table, Qt.Key.Key_C, Qt.KeyboardModifier.ControlModifier)
+    lines = [line.split("\t") for line in QGuiApplication.clipboard().text().splitlines()]
+    assert len(lines) == 4  # the titles and three sessions
+    shown = sum(not table.isColumnHidden(column) for column in range(table.model().columnCount()))
+    assert {len(line) for line in lines} == {shown}
+    assert "may/index.h5 Index finger" in lines[1]
+    assert "! 12 late cycles" in lines[1]
+    assert "ring.h5 Ring finger, Łódź" in lines[2]
+
+
+def test_files_that_cannot_be_looked_at_end_no_list_and_no_start(
+    qtbot: QtBot, make_window, make_session, folder: Path, settings: Settings, tmp_path: Path
+) -> None:  # type: ignore[no-untyped-def]
+    """A link to a name that no system takes stands for a folder that may not be entered: both raise."""
+    unreachable = folder / "away.h5"
+    try:
+        unreachable.symlink_to("n" * 300)
+    except OSError:
+        pytest.skip("this system makes no such link")
+    (folder / "round.h5").symlink_to("round.h5")
+    (folder / "folder.h5").mkdir()
+    strange = {"created": np.zeros(0), "title": "\x1b]0;x", "tags": 1e308, "operator": "[/b]{0}%s"}
+    make_session("library/odd.h5", lambda file: [file.attrs.__setitem__(*one) for one in strange.items()])
+    store = QSettings(str(tmp_path / "settings.ini"), QSettings.Format.IniFormat)
+    store.setValue(
+        "recent", [str(unreachable), str(folder), str(folder / "gone.h5"), str(folder / "ring.h5")]
+    )
+    store.sync()
+    settings.set_library(folder)
+    window = make_window(tab="sessions", diagnose=invented_diagnosis)
+    assert settings.recent() == [folder / "ring.h5"]
+    tab = sessions_of(window)
+    qtbot.waitUntil(lambda: tab.page.count.text() == "6 sessions", timeout=PATIENCE)
+    said = dict(zip(texts(tab, NAME), texts(tab, QUALITY), strict=True))
+    assert [said[name] for name in ("away.h5", "round.h5", "odd.h5")] == ["✗ unreadable"] * 3
+    window.open_paths([unreachable])
+    qtbot.waitUntil(lambda: window.message.sentence.text().startswith(str(unreachable)), timeout=PATIENCE)
 
 
 def test_thumbnails_are_read_when_rows_are_seen(browsing: Opened, qtbot: QtBot, folder: Path) -> None:

@@ -1,0 +1,183 @@
+"""What the headline is made of: the squared score as a table that adds up, and what was left aside."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+from fingerlab.core.text import fixed, score_text
+from fingerlab.diagnosis.answer.results import Diagnosis, LeftAside, ScorePart
+from fingerlab.report.diagnosis_words import PHASE_WORDS, listed
+
+EQUATION_NAMES = {
+    "mcp_torque": "MCP torque", "pip_torque": "PIP torque", "cable_kinematics": "cable length",
+    "motor_torque": "motor torque", "tip_depth": "the tip's depth",
+}  # fmt: skip
+
+ASIDE_WORDS = {
+    "ramp": "start and edges",
+    "slack": "cable slack",
+    "standstill": "standstill",
+    "spikes": "spikes",
+}
+"""Why a moment is left aside, in as few words as it can be said."""
+
+ASIDE_HELP = {
+    "ramp": "The start-up of a run, and the edges of filters and gaps: no equation is judged there.",
+    "slack": "The cable may hang loose: its length counts by 0.1 mm there, or not at all.",
+    "standstill": "The motor stands: weighed less there, for friction that sticks may hold any torque.",
+    "spikes": "Single samples far off their neighbours were put on the line between those.",
+}
+"""What that means."""
+
+LARGEST_PARTS = 3
+"""So many parts of a score are named in a sentence; the rest is one number."""
+WORTH_NAMING = 0.05
+"""Of the squared score; the floor is 1."""
+
+
+def runs_words(runs: Sequence[str]) -> str:
+    """``001``, ``001 to 004``."""
+    return runs[0] if len(runs) == 1 else f"{runs[0]} to {runs[-1]}"
+
+
+@dataclass(frozen=True)
+class ScoreRow:
+    """The runs of one motion: what each equation adds, in the columns' order (empty: it says nothing there).
+
+    ``samples``: their share of all samples. ``aside``: what was left aside of them, with its share.
+    """
+
+    runs: tuple[str, ...]
+    title: str
+    samples: str
+    cells: tuple[str, ...]
+    together: str
+    aside: str
+
+
+@dataclass(frozen=True)
+class ScoreTable:
+    """Cells sum to the last row and column, and with ``floor`` to ``squared``, digit by digit.
+
+    ``equations``: ids of the columns; ``titles`` of these.
+    """
+
+    equations: tuple[str, ...]
+    titles: tuple[str, ...]
+    rows: tuple[ScoreRow, ...]
+    sums: tuple[str, ...]
+    together: str
+    floor: str
+    squared: str
+
+
+def score_table(diagnosis: Diagnosis) -> ScoreTable | None:
+    """The squared score by runs and equations; None where its parts are not known."""
+    parts = diagnosis.score_parts
+    if not parts:
+        return None
+    equations = tuple(name for name in EQUATION_NAMES if any(part.equation == name for part in parts))
+    decimals = max(3 - math.floor(math.log10(max(diagnosis.score**2, 1.0))), 0)
+    unit = 10.0**-decimals
+    steps = list(zip(parts, _apportioned([part.squared for part in parts], unit), strict=True))
+
+    def told(chosen: Sequence[tuple[ScorePart, int]]) -> str:
+        return fixed(sum(count for _, count in chosen) * unit, decimals)
+
+    rows = []
+    for (runs, phase, cable), group in groupby(steps, lambda step: _motion(step[0])):
+        mine = list(group)
+        cells = {name: [step for step in mine if step[0].equation == name] for name in equations}
+        how = [PHASE_WORDS.get(phase, phase), *([] if cable == "none" else [cable])]
+        rows.append(
+            ScoreRow(
+                runs,
+                f"{runs_words(runs)}, {', '.join(how)}",
+                share_text(mine[0][0].samples),
+                tuple(told(cell) if cell else "" for cell in cells.values()),
+                told(mine),
+                _aside_words([one for one in diagnosis.left_aside if _motion(one) == (runs, phase, cable)]),
+            )
+        )
+    return ScoreTable(
+        equations,
+        tuple(EQUATION_NAMES[name][:1].upper() + EQUATION_NAMES[name][1:] for name in equations),
+        tuple(rows),
+        tuple(told([step for step in steps if step[0].equation == name]) for name in equations),
+        told(steps),
+        fixed(1.0, decimals),
+        fixed(1.0 + sum(count for _, count in steps) * unit, decimals),
+    )
+
+
+def _motion(one: ScorePart | LeftAside) -> tuple[tuple[str, ...], str, str]:
+    return one.runs, one.phase, one.cable
+
+
+def _apportioned(values: Sequence[float], step: float) -> list[int]:
+    """Whole numbers of steps that sum to the rounded sum: each is rounded, the largest remainders up."""
+    exact = [value / step for value in values]
+    found = [math.floor(value) for value in exact]
+    missing = round(sum(exact)) - sum(found)
+    order = sorted(range(len(exact)), key=lambda k: found[k] - exact[k])
+    for k in order[:missing]:
+        found[k] += 1
+    return found
+
+
+def _aside_words(found: Sequence[LeftAside]) -> str:
+    return ", ".join(f"{ASIDE_WORDS.get(one.reason, one.reason)} {share_text(one.share)}" for one in found)
+
+
+def share_text(share: float) -> str:
+    """``14 %``, ``0.17 %``: a share that may be small, and may be all."""
+    return f"{100 * share:.2g} %" if share < 0.01 else f"{round(100 * share)} %"
+
+
+def score_sentence(diagnosis: Diagnosis) -> str:
+    """What the squared score is the sum of, largest first; empty where that is not known, or is nothing."""
+    parts = sorted(diagnosis.score_parts, key=lambda part: -part.squared)
+    named = [part for part in parts[:LARGEST_PARTS] if part.squared > WORTH_NAMING]
+    if not named:
+        return ""
+    rest = sum(part.squared for part in parts) - sum(part.squared for part in named)
+    said = ", ".join(f"{_part(part)} {score_text(part.squared)}" for part in named)
+    whole = f"The squared score is {score_text(diagnosis.score**2)}: 1 for the floor, {said}"
+    return f"{whole}, and {score_text(rest)} for all other runs and equations."
+
+
+def _part(part: ScorePart) -> str:
+    many = "s" if len(part.runs) > 1 else ""
+    return f"{EQUATION_NAMES.get(part.equation, part.equation)} in run{many} {runs_words(part.runs)}"
+
+
+def aside_sentence(diagnosis: Diagnosis) -> str:
+    """What share of the time is left aside, or weighed less, and why; empty where that is not known."""
+    whole = sum(one.seconds / one.share for one in diagnosis.left_aside if one.reason == "ramp")
+    if not whole > 0:
+        return ""
+    shares = {
+        reason: sum(one.seconds for one in diagnosis.left_aside if one.reason == reason) / whole
+        for reason in ASIDE_WORDS
+    }
+    said = {
+        "ramp": "the start of the runs and the edges of filters",
+        "slack": "the cable's length where it may hang loose",
+    }
+    text = [f"{said[reason]} ({share_text(shares[reason])})" for reason in said if shares[reason] > 0]
+    sentences = [f"Left aside of the time: {listed(text)}."] if text else []
+    if shares["standstill"] > 0:
+        still = share_text(shares["standstill"])
+        sentences.append(f"Standstill ({still}) is weighed less, for friction may hold any torque there.")
+    if shares["spikes"] > 0:
+        spikes = share_text(shares["spikes"])
+        sentences.append(f"Spikes ({spikes} of the time) were put on the line between their neighbours.")
+    return " ".join(sentences)
+
+
+def score_words(diagnosis: Diagnosis) -> str:
+    """Both sentences."""
+    return " ".join(filter(None, (score_sentence(diagnosis), aside_sentence(diagnosis))))
