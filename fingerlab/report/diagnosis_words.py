@@ -141,7 +141,18 @@ def floor_sentence(diagnosis: Diagnosis) -> str:
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """The answer in one plain sentence with its numbers; another where they stand on little."""
-    return " ".join(filter(None, (_verdict_sentence(diagnosis), floor_sentence(diagnosis))))
+    return " ".join(
+        filter(None, (_verdict_sentence(diagnosis), floor_sentence(diagnosis), held_sentence(diagnosis)))
+    )
+
+
+def held_sentence(diagnosis: Diagnosis) -> str:
+    """That all of it holds for what somebody held; empty where nothing was."""
+    if not diagnosis.held:
+        return ""
+    from fingerlab.report.parameter_words import held_words
+
+    return f"All of this is with {held_words(diagnosis.held)}, by hand."
 
 
 def _verdict_sentence(diagnosis: Diagnosis) -> str:
