@@ -15,7 +15,7 @@ from fingerlab.report.diagnosis_words import UNEXPLAINED, path_sentence
 from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
-from tests.hidden.axis.plant import Axis, session
+from tests.hidden.axis.plant import Axis, drawn, session
 from tests.hidden.axis.regression import baselines
 
 LIKE_COULOMB = {"motor_coulomb_friction", "motor_presliding"}
@@ -122,6 +122,24 @@ def test_friction_at_one_speed_is_told_although_sixty_times_the_floor() -> None:
     assert result.candidates[0].effect == "motor_coulomb_friction"
     assert result.candidates[0].parameters["coulomb"].value == pytest.approx(0.05, rel=0.05)
     assert result.path[1].added == "motor_coulomb_friction"
+
+
+def test_what_was_found_with_a_wider_range_is_found_again_when_it_is_given() -> None:
+    """Viscous friction of 2.6 N m at 1.7 rad/s, beyond the usual range, and uneven by 3 %.
+
+    Given to the model it once stood at the bound of the usual range, at 0.28 N m s/rad, and left 28 times as
+    much; with the prior of the usual range it was told 10 % too low.
+    """
+    axis = drawn("viscous", 2)
+    machine = session(axis)
+    found = verdict_on(machine)
+    assert found.final_model == ("motor_viscous_friction",)
+    given = diagnose([machine], found.final_model, with_curves=False)
+    value = given.parameters["motor_viscous_friction.viscous"].value
+    assert value == pytest.approx(axis.torque / axis.speed, rel=0.03)
+    assert value == pytest.approx(found.final_parameters["motor_viscous_friction.viscous"].value, rel=1e-3)
+    assert given.score == pytest.approx(found.path[-1].score, rel=1e-3)
+    assert given.verdict == "nothing_missing"
 
 
 @pytest.mark.parametrize("seed", [0, 4])

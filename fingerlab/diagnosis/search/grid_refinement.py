@@ -22,7 +22,7 @@ from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import idle_steps, justified, least_fall, log_odds_among
-from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all
+from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all, off_its_bounds
 from fingerlab.diagnosis.search.path import forward_selection, worth_adding
 from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,
@@ -43,7 +43,9 @@ def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:
         choices = list(fitted.choices)
         shapes = [scorer.fit([*choices, Choice(one, i)], fitted, 3) for i in range(len(one.shapes))]
         fitted = climb_grid(scorer, min(shapes, key=lambda m: m.fit.cost))
-        fitted = scorer.fit_reweighted(fitted.choices, fitted)
+        fitted = off_its_bounds(scorer, scorer.fit_reweighted(fitted.choices, fitted), FULL_ITERATIONS)
+        if fitted.last_effect is not one:  # under a wider range
+            fitted = scorer.fit_reweighted(fitted.choices, fitted)
     return _at_best_shapes(scorer, fitted) if len(effects) > 1 else fitted
 
 
