@@ -33,10 +33,9 @@ from fingerlab.report.diagnosis_words import (
     NOTHING_WORDS,
     PHASE_WORDS,
     UNKNOWN_WORDS,
-    parameter_titles,
     shown_best_first,
 )
-from fingerlab.report.parameter_words import parameter_title
+from fingerlab.report.parameter_words import parameter_title, parameter_titles
 from fingerlab.rig.constants import Finger, Motor
 from fingerlab.rig.file import CONSTANT_UNITS, sources_of
 from fingerlab.sessions import content_hash

@@ -10,7 +10,6 @@ from fingerlab.core.text import ScreenUnit, decimals_for, estimate_text, fixed, 
 from fingerlab.core.units import ParameterEstimate
 from fingerlab.diagnosis.equations.parameters import SLIPS
 from fingerlab.effects import find_effect
-from fingerlab.report.diagnosis_words import listed, parameter_titles
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.answer.at_hand import FittedParameter
@@ -47,6 +46,32 @@ TITLES = {
     "tip_compliance": ("Compliance of tip and load cell", "m/N"),
 } | {name: (f"Slip of the tip at {name.rpartition('_')[2]} N/m", "1") for name in SLIPS}
 """Title and unit of what every model leaves open; "%": the model has the share, 0.01 of it."""
+
+
+_JOINT_ENDINGS = {"mcp": "MCP", "pip": "PIP"}
+
+
+def parameter_titles(effect: str, names: Sequence[str]) -> dict[str, str]:
+    """Each of the effect's parameters in words, such as ``MCP friction torque``; no title twice."""
+    titles = {name: _parameter_title(effect, name) for name in names}
+    twice = {t for t in titles.values() if list(titles.values()).count(t) > 1}
+    return {name: f"{title} ({_plain(name)})" if title in twice else title for name, title in titles.items()}
+
+
+def _parameter_title(effect: str, name: str) -> str:
+    one = find_effect(effect)
+    gain = None if one is None else one.unknowns.get(name)
+    title = gain.title if gain is not None and gain.title else _plain(name)
+    joint = _JOINT_ENDINGS.get(name.rsplit("_", 1)[-1], "")
+    return f"{joint} {title}" if joint and not title.upper().startswith(joint) else title
+
+
+def _plain(name: str) -> str:
+    """A parameter's name without joint and unit."""
+    parts = name.split("_")
+    while len(parts) > 1 and parts[-1] in (*_JOINT_ENDINGS, "deg", "s", "hz"):
+        parts.pop()
+    return " ".join(parts)
 
 
 def parameter_title(key: str, keys: Sequence[str]) -> str:
@@ -95,7 +120,7 @@ def held_words(held: Mapping[str, float]) -> str:
         title = parameter_title(key, list(held))
         title = title if title.startswith(("MCP", "PIP")) else title[:1].lower() + title[1:]
         said.append(f"{title} held at {value_words(key, ParameterEstimate(value, _unit(key), value, value))}")
-    return listed(said)
+    return "; ".join(said)
 
 
 def known_by(one: FittedParameter) -> str:
