@@ -11,7 +11,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -258,6 +258,20 @@ def table_beside(folder: Path) -> Path:
             return path
     names = (f"{TABLE_NAME}{'' if number == 1 else f'-{number}'}.parquet" for number in count(1))
     return next(folder / name for name in names if not (folder / name).exists())
+
+
+def contents_beside(folder: Path) -> Contents:
+    """What the batches of this folder found so far, those that were stopped included.
+
+    Raises:
+        UserError: the table cannot be read.
+    """
+    path = table_beside(folder)
+    table = read_table(path) or Contents(str(folder.resolve()), ())
+    parts = Parts.of(path).read()
+    fresh = {part.row["session"] for part in parts}
+    rows = [row for row in table.rows if row["session"] not in fresh] + [complete(p.row) for p in parts]
+    return replace(table, rows=tuple(in_order_of_time(rows)), units=units_of(parts, table.units))
 
 
 @dataclass(frozen=True)

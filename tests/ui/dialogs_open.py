@@ -322,6 +322,12 @@ DIALOGS = (
         ("lab/side_by_side.py:SideBySideDialog",),
         "model_lab",
     ),
+    Surface(
+        "Trend over days",
+        (lambda s: s.tab("sessions").show_trend(),),
+        ("sessions/trend_dialog.py:TrendDialog",),
+        "sessions",
+    ),
     Surface("Own effects", (_own_effects,), ("lab/own_effects.py:OwnEffects",), "model_lab"),
     Surface(
         "Own effects > Folder",

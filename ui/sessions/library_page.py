@@ -202,10 +202,15 @@ NAME_NEEDS, VERDICT_MOST = 32, 44
 
 
 AGAIN_HELP = "Look for new and changed files (F5)."
+DIAGNOSE_HELP = (
+    "Say of every session below this folder what its model lacks, in the background; what a table beside "
+    "them holds already is not done again."
+)
 
 
 class LibraryPage(QWidget):
-    """Signals: folder_asked, texts_asked, again_asked; review_asked(paths), lab_asked(paths); chosen().
+    """Signals: folder_asked, texts_asked, again_asked, diagnose_asked, trend_asked; review_asked(paths),
+    lab_asked(paths); chosen().
 
     The last one: other rows are marked.
     """
@@ -213,6 +218,8 @@ class LibraryPage(QWidget):
     folder_asked = Signal()
     texts_asked = Signal()
     again_asked = Signal()
+    diagnose_asked = Signal()
+    trend_asked = Signal()
     review_asked = Signal(object)
     lab_asked = Signal(object)
     chosen = Signal()
@@ -235,6 +242,12 @@ class LibraryPage(QWidget):
             "Text files of the bench's earlier program become a session; or drop them here."
         )
         self.again = described(QPushButton("Read a&gain"), "readAgain", tip=AGAIN_HELP)
+        self.diagnose = described(QPushButton("&Diagnose all"), "diagnoseAll", tip=DIAGNOSE_HELP)
+        self.trend = described(
+            QPushButton("Tre&nd…"),
+            "showTrend",
+            tip="How the bench aged over the sessions of this folder, and when it changed.",
+        )
         self.search = QLineEdit()
         self.search.setObjectName("search")
         self.search.setPlaceholderText("Search: words, phase:contact, tag:good, is:clean, after:2026-05 …")
@@ -250,7 +263,9 @@ class LibraryPage(QWidget):
         self._connect()
 
     def _build(self) -> None:
-        top = hbox(None, (self.folder, 1), self.choose, self.texts, self.again, spacing=8)
+        top = hbox(
+            None, (self.folder, 1), self.choose, self.texts, self.again, self.diagnose, self.trend, spacing=8
+        )
         find = hbox(None, (self.search, 1), self.count, spacing=8)
         left = vbox(None, top, find, self.empty, (self.table, 1), margins=(16, 8, 0, 8), spacing=8)
         hbox(self, (left, 1), self.details, margins=FLUSH, spacing=0)
@@ -285,6 +300,8 @@ class LibraryPage(QWidget):
         self.choose.clicked.connect(self.folder_asked)
         self.texts.clicked.connect(self.texts_asked)
         self.again.clicked.connect(self.again_asked)
+        self.diagnose.clicked.connect(self.diagnose_asked)
+        self.trend.clicked.connect(self.trend_asked)
         self.search.textChanged.connect(self._on_search)
         self.table.doubleClicked.connect(self._on_double_click)
         self.table.selectionModel().selectionChanged.connect(lambda *_: self._on_chosen())
@@ -301,6 +318,12 @@ class LibraryPage(QWidget):
         self.again.setText("&Stop reading" if on else "Read a&gain")
         self.again.setToolTip("Leave the list as it is." if on else AGAIN_HELP)
         self.show_count("Reading …" if on else "")
+
+    def show_diagnosing(self, words: str) -> None:
+        """How far a batch is, which the button then stops; empty: none runs."""
+        self.diagnose.setText("Stop &diagnosing" if words else "&Diagnose all")
+        self.diagnose.setToolTip("What is done so far is kept." if words else DIAGNOSE_HELP)
+        self.show_count(words)
 
     # what is shown
 
