@@ -50,7 +50,7 @@ DETAILS_WIDTH = 272
 
 
 class DetailsPanel(QWidget):
-    """Signals: review_asked, lab_asked, merge_asked; noted(facts, Note): tags or notes are to be kept.
+    """Signals: review_asked, lab_asked, merge_asked, compare_asked; noted(facts, Note): keep tags and notes.
 
     What was typed is also kept when another session is chosen: nothing that was written is lost.
     """
@@ -58,6 +58,7 @@ class DetailsPanel(QWidget):
     review_asked = Signal()
     lab_asked = Signal()
     merge_asked = Signal()
+    compare_asked = Signal()
     noted = Signal(object, object)
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -86,6 +87,9 @@ class DetailsPanel(QWidget):
         self.merge = QPushButton("Mer&ge…")
         self.merge.setObjectName("merge")
         self.merge.setToolTip("The runs of the chosen sessions as one session; mark two or more rows.")
+        self.compare = QPushButton("&Compare run by run…")
+        self.compare.setObjectName("compareRuns")
+        self.compare.setToolTip("Two days or two benches, the same motions in phase; mark two rows.")
         self.tags = QLineEdit()
         self.tags.setObjectName("tags")
         self.tags.setPlaceholderText("good, new cable")
@@ -103,6 +107,7 @@ class DetailsPanel(QWidget):
         self.review.clicked.connect(self.review_asked)
         self.lab.clicked.connect(self.lab_asked)
         self.merge.clicked.connect(self.merge_asked)
+        self.compare.clicked.connect(self.compare_asked)
         self.keep.clicked.connect(self.flush)
         self.tags.returnPressed.connect(self.flush)
         self.tags.textChanged.connect(self._refresh)
@@ -115,6 +120,7 @@ class DetailsPanel(QWidget):
         )
         row = hbox(None, self.export, self.merge, spacing=8)
         layout.addLayout(row)
+        layout.addWidget(self.compare)
         layout.addSpacing(8)
         for text, field in (("&Tags", self.tags), ("&Notes", self.notes)):
             label = QLabel(text)
@@ -160,6 +166,7 @@ class DetailsPanel(QWidget):
         self.lab.setEnabled(chosen > 0)
         self.export.setEnabled(one and good)
         self.merge.setEnabled(chosen > 1)
+        self.compare.setEnabled(chosen == 2)
         self._refresh()
 
     def kept(self, note: Note) -> None:

@@ -31,7 +31,9 @@ from .session_table import Thumbnails
 
 if TYPE_CHECKING:
     from fingerlab.batch.run import BatchResult
+    from fingerlab.signals.run_pairs import SessionPair
 
+    from .pairs_dialog import PairsDialog
     from .review_page import ReviewPage
     from .trend_dialog import TrendDialog
 
@@ -88,6 +90,7 @@ class SessionsTab(Tab):
         self.clock: Callable[[], float] = time.monotonic
         self.batch = BatchControl(self)
         self._trend: TrendDialog | None = None
+        self._pairs: PairsDialog | None = None
         self._scanner = Worker(self)
         self._looked, self._began = False, 0.0
         self._choose_next: Path | None = None
@@ -113,6 +116,7 @@ class SessionsTab(Tab):
         page.chosen.connect(self.context.commands_changed)
         page.details.noted.connect(self._keep_note)
         page.details.merge_asked.connect(self.merge)
+        page.details.compare_asked.connect(self.compare)
         for kind, title in FORMATS.items():
             action = page.details.exports.addAction(f"{title}…")
             action.triggered.connect(lambda _checked=False, k=kind: self.export(k))
@@ -156,6 +160,7 @@ class SessionsTab(Tab):
             Command("&Review runs", page.ask_review, None, lambda: bool(page.paths())),
             Command("Open in &Model lab", self.open_chosen, "Ctrl+Return", lambda: bool(self.chosen())),
             SEPARATOR,
+            Command("Compare two sessions run &by run…", self.compare, None, lambda: len(page.paths()) == 2),
             Command("M&erge the chosen sessions…", self.merge, "Ctrl+M", lambda: len(page.paths()) > 1),
             *(
                 Command(f"Export as {title}…", lambda k=kind: self.export(k), None, self._one)  # type: ignore[misc]
@@ -450,6 +455,34 @@ class SessionsTab(Tab):
         """Write the runs of the marked sessions as one session."""
         if len(self.page.paths()) > 1:
             self.writer.merge(self.page.paths())
+
+    def compare(self) -> None:
+        """The runs of two sessions beside those of the same motion, in phase, in a window of its own."""
+        paths = self.page.paths()
+        if len(paths) != 2:
+            return
+
+        def work(progress: Progress, cancelled: IsCancelled) -> SessionPair:
+            from fingerlab.core.progress import Watch
+            from fingerlab.signals.run_pairs import compare_sessions
+
+            # The earlier one first, as the table's order is the user's own.
+            a, b = sorted((read_session(path) for path in paths), key=lambda one: str(one.created))
+            return compare_sessions(a, b, Watch(progress, cancelled))
+
+        names = " and ".join(path.name for path in paths)
+        self.context.hush()
+        self.context.tasks.start(f"Comparing {names}", work, self.show_pair, "comparing runs")
+
+    def show_pair(self, found: SessionPair) -> None:
+        """Show two sessions that were compared run by run."""
+        from .pairs_dialog import PairsDialog
+
+        if self._pairs is None:
+            self._pairs = PairsDialog(self.widget)
+        self._pairs.show_pair(found)
+        self._pairs.show()
+        self._pairs.raise_()
 
     def export(self, kind: str) -> None:
         """Write the chosen session for other tools."""

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, Qt, Signal
-from PySide6.QtGui import QFontMetrics, QMouseEvent
-from PySide6.QtWidgets import QDialog, QDialogButtonBox, QHeaderView, QTableWidgetItem, QWidget
+from PySide6.QtGui import QMouseEvent
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QWidget
 
 from fingerlab.batch.changes import LEAST_SESSIONS, Change, changes
 from fingerlab.batch.rows import recorded_at
@@ -35,8 +35,6 @@ from ..widgets.tables import NumberTable
 from ..widgets.theme import colours_of, small_font, tint
 
 WIDTH, HEIGHT = 940, 700
-ROOM = 6
-"""About the words of a row, px."""
 NEAR = 12
 """From so many px a click means a session."""
 COLUMNS = (
@@ -48,7 +46,6 @@ COLUMNS = (
     ("Sessions", "That have this number and a time."),
     ("A step", "Probability that it changed at one moment, and neither drifted nor stayed."),
 )
-STEP = 6
 
 
 class TrendPlot(QuietPlot):
@@ -169,8 +166,6 @@ class TrendDialog(QDialog):
         self.title = heading()
         self.words = described(WholeLabel(), "trendWords", font=small_font())
         self.table = NumberTable("trendTable", "Numbers of the bench over time", COLUMNS)
-        self.table.setWordWrap(False)
-        self.table.verticalHeader().setDefaultSectionSize(QFontMetrics(small_font()).height() + ROOM)
         self.table.currentCellChanged.connect(lambda *_: self._show_chosen())
         self.plot = TrendPlot()
         self.plot.session_asked.connect(self.chosen)
@@ -210,23 +205,14 @@ class TrendDialog(QDialog):
         return "No change between two sessions is likelier than none; what drifts has a slope below."
 
     def _fill(self) -> None:
-        self.table.setRowCount(len(self._trends))
-        for row, trend in enumerate(self._trends):
+        rows = []
+        for trend in self._trends:
             change = self._changes.get(trend.column)
             own = change is not None and change.column == trend.column
             step = "–" if change is None else percent(change.chance) if own else "with another"
-            cells = (*trend_cells(trend), step)
-            for column, text in enumerate(cells):
-                item = QTableWidgetItem(text)
-                side = Qt.AlignmentFlag.AlignLeft if column == 0 else Qt.AlignmentFlag.AlignRight
-                item.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
-                if column == STEP and change is not None:
-                    item.setToolTip(change_sentence(change))
-                self.table.setItem(row, column, item)
-        header = self.table.horizontalHeader()
-        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
-        if self._trends:
+            rows.append((*trend_cells(trend), step))
+        self.table.show_rows(rows)
+        if rows:
             self.table.setCurrentCell(0, 0)
         self._show_chosen()
 
