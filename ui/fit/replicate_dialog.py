@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QLabel, QPushButton, QWidget
 
+from fingerlab.core.text import with_minus
+
 from ..app.worker import IsCancelled, Progress, Worker
 from ..widgets.fields import WholeField, progress_bar, set_usable
 from ..widgets.labels import WholeLabel, remark
@@ -26,6 +28,7 @@ COLUMNS = (
     ("", "*: further off than the published deviation."),
     ("Unit", ""),
 )
+PUBLISHED = 1
 PRESET = "as-built"
 
 
@@ -87,8 +90,12 @@ class ReplicateDialog(QDialog):
     def _show(self, lines: Sequence[ComparedQuantity]) -> None:
         from fingerlab.report.replicate import cells, outcome_sentences
 
-        self.table.show_rows([cells(line) for line in lines])
-        self.words.setText(" ".join(outcome_sentences(lines)))
+        self.table.show_rows([[with_minus(text) for text in cells(line)] for line in lines])
+        for row, line in enumerate(lines):
+            item = self.table.item(row, PUBLISHED)
+            if item is not None and line.tolerance is not None:
+                item.setToolTip(line.tolerance.reason)
+        self.words.setText(f"{outcome_sentences(lines)[0]} Spreads in brackets are ours; the mouse says why.")
 
     def _refresh(self) -> None:
         busy = self._worker.busy
