@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -46,6 +46,7 @@ from fingerlab.sessions.model import Array, Session
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.answer.curves import Display
+    from fingerlab.diagnosis.experiment.proposal import NextRun
 
 
 def diagnose(
@@ -169,6 +170,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     prints = curves.fingerprints if curves else {}
     alone = len(reduction.runs) == 1
     candidates = _candidates(evidence, told, chosen, loose, prints, closer, replaced, alone)
+    following = _next_run(sessions, scorer, evidence, chosen, usual)
     return Diagnosis(
         sessions=tuple(str(s.path) for s in sessions),
         model=tuple(e.id for e in question.given),
@@ -179,7 +181,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         set=tuple(evidence.candidates[i].last_effect.id for i in chosen),
         path=_path_steps(path, found.better),
         final_model=tuple(path[-1].effect_ids),
-        next_experiment=_next_experiment(sessions, scorer, evidence, chosen),
+        next_experiment=None if following is None else following.told,
         seconds=time.perf_counter() - started,
         probability_nothing=told[NOTHING],
         probability_unknown=told[UNKNOWN],
@@ -193,6 +195,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         repeats=all(group.repeats for group in scorer.reduced.groups),
         calibration=calibration,
         odds=evidence.odds,
+        predicted=None if following is None else following.predicted,
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
@@ -247,9 +250,13 @@ def _display() -> Display:
     return Display()
 
 
-def _next_experiment(
-    sessions: Sequence[Session], scorer: Scorer, evidence: Evidence, chosen: Sequence[int]
-) -> dict[str, Any] | None:
+def _next_run(
+    sessions: Sequence[Session],
+    scorer: Scorer,
+    evidence: Evidence,
+    chosen: Sequence[int],
+    usual: tuple[dict[str, float], str],
+) -> NextRun | None:
     """The run that would separate the effects of the set, or show those that could not be seen; or None."""
     verdict = evidence.verdict
     if verdict == "missing_effect":
@@ -258,7 +265,7 @@ def _next_experiment(
         return None
     from fingerlab.diagnosis.experiment.proposal import propose, reveal
 
-    return (propose if verdict == "missing_effect" else reveal)(sessions, scorer, evidence, chosen)
+    return (propose if verdict == "missing_effect" else reveal)(sessions, scorer, evidence, chosen, usual)
 
 
 def _last(fitted: FittedModel) -> str | None:

@@ -11,6 +11,7 @@ from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 if TYPE_CHECKING:
+    from fingerlab.diagnosis.experiment.foretelling import Predicted
     from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds
     from fingerlab.diagnosis.score.evidence import Verdict
 
@@ -250,7 +251,8 @@ class Diagnosis:
     some motion came again, which tells the floor; else it is what the last model of the path leaves.
     ``better``: with given effects exchanged, and likelier than ``model`` and what may be missing beside it;
     the path leads there. ``as_good``: others that these data cannot tell from the best.
-    ``calibration`` says what the probabilities were learned from, ``odds`` what they were before.
+    ``calibration`` says what the probabilities were learned from, ``odds`` what they were before, and
+    ``predicted`` what of the proposed run was.
     """
 
     sessions: tuple[str, ...]
@@ -279,6 +281,7 @@ class Diagnosis:
     as_good: tuple[OtherModel, ...] = ()
     calibration: CalibratedAnswer | None = None
     odds: Odds | None = None
+    predicted: Predicted | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The object of ``cli.md``, "diagnose --json", ready for ``json.dumps``."""
