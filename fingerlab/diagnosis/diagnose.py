@@ -14,7 +14,14 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.answer.bench import bench_findings, residual_offsets
 from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, left_aside, score_parts
-from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, OtherModel, PathStep
+from fingerlab.diagnosis.answer.results import (
+    Candidate,
+    Diagnosis,
+    Fingerprint,
+    OtherModel,
+    PairedDifference,
+    PathStep,
+)
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
@@ -34,6 +41,7 @@ from fingerlab.diagnosis.score.evidence import (
     undetectable,
 )
 from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.paired import paired_score
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, much_left
 from fingerlab.diagnosis.search.grid_refinement import at_found_shapes, fit_refined, with_shapes_of
@@ -196,10 +204,29 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         calibration=calibration,
         odds=evidence.odds,
         predicted=None if following is None else following.predicted,
+        paired=_paired(question.reduction, scorer, evidence, chosen),
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
     )
+
+
+def _paired(
+    reduction: Reduction, scorer: Scorer, evidence: Evidence, chosen: Sequence[int]
+) -> tuple[PairedDifference, ...]:
+    """What was made of every pair of runs before a known change of the machine and with it."""
+    found = []
+    for k, pair in enumerate(scorer.reduced.pairs):
+        (first, before), (second, after) = reduction.runs[pair.before], reduction.runs[pair.after]
+        change = reduction.changes[pair.after]
+        each = {c.last_effect.id: paired_score(c, k) for c in (evidence.candidates[i] for i in chosen)}
+        found.append(
+            PairedDifference(
+                before, after, (first, second), change.to_json(), change.words(),
+                paired_score(evidence.base, k), each,
+            )
+        )  # fmt: skip
+    return tuple(found)
 
 
 def _cannot_be_ruled_out(evidence: Evidence, said: CalibratedAnswer) -> list[int]:

@@ -449,8 +449,9 @@ LEAST_SEPARATION = 0.2
 """A run that is expected to bring less (nats) is not worth the operator's time."""
 LEAST_MORE = 0.03
 """... nor one after which the truth is alone in the set no more probably than this beyond now; assumed."""
-RIVALS = 4
-"""So many effects of the set are separated from its first by one run; more are rarely left."""
+RIVALS = 7
+"""So many effects of a set are looked at beside its first, or of those that could not show; more are rarely
+left."""
 TRUTHS = 3
 """So many of them are looked at as the true one; the fourth is seldom as likely as one in twenty."""
 LOOKED_AT = 8
@@ -462,8 +463,8 @@ SEEN_LOG_ODDS = 300.0
 COST_OF_CHANGE = 0.05
 """Chance that a run with a known change of the machine must bring beyond one without; assumed: it costs the
 operator some minutes, and the sensors are set anew."""
-FIRST_WORTH = 0.25
-"""What it is worth that the truth is first in a set of several, if it is 1 that it is alone; assumed."""
+FIRST_WORTH = 0.5
+"""What it is worth that the truth is found and first, alone or not, if it is 1 that it is alone; assumed."""
 DECISIVE = 10.0
 """A separation beyond this (nats) is worth no more: the effect is out of the set."""
 LENGTHS_S = (DURATION_S, 60.0)

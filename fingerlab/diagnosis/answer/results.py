@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from fingerlab.effects.base import Row
@@ -227,6 +227,26 @@ class LeftAside:
 
 
 @dataclass(frozen=True)
+class PairedDifference:
+    """Two runs of one motion, before a known change of the machine and with it, and what models make of that.
+
+    Attributes:
+        before, after: names of the runs. sessions: that they are in.
+        intervention: the change, SI, as the run tells it. words: the same in words.
+        score: error of the model as given on the difference of the two, in its floors. with_effect: the same
+            with an effect of the set, or of the path, by its id.
+    """
+
+    before: str
+    after: str
+    sessions: tuple[str, str]
+    intervention: Mapping[str, float]
+    words: str
+    score: float
+    with_effect: Mapping[str, float]
+
+
+@dataclass(frozen=True)
 class Failure:
     """Where the model fails worst, in words, with the stretch that shows it (seconds into a run).
 
@@ -282,6 +302,7 @@ class Diagnosis:
     calibration: CalibratedAnswer | None = None
     odds: Odds | None = None
     predicted: Predicted | None = None
+    paired: tuple[PairedDifference, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The object of ``cli.md``, "diagnose --json", ready for ``json.dumps``."""
@@ -324,6 +345,7 @@ class Diagnosis:
             "score_parts": [vars(part) | {"runs": list(part.runs)} for part in self.score_parts],
             "left_aside": [vars(one) | {"runs": list(one.runs)} for one in self.left_aside],
             "bench": [vars(one) | {"runs": list(one.runs)} for one in self.bench],
+            **({"paired": [asdict(one) for one in self.paired]} if self.paired else {}),
             "better_model": None if self.better is None else self.better.to_json(),
             "as_good_models": [one.to_json() for one in self.as_good],
             "calibration": None if self.calibration is None else self.calibration.to_json(),

@@ -61,15 +61,21 @@ class ForetellingTable:
 
     Attributes:
         version: of the table. fitted: proposals that it was fitted to. population: what they are, in words.
-        among: gain in the log odds of a true effect against another. shows: what a run says of an effect
-            that could not be seen, where ``DECIDING_LOG_ODDS`` changes the verdict.
+        among: gain in the log odds of a true effect against another. bench: the same of a run of the motor
+            alone, where what constants may be counts, too. shows: what a run says of an effect that could not
+            be seen, where ``DECIDING_LOG_ODDS`` changes the verdict.
     """
 
     version: str
     fitted: int
     population: str
     among: Line
+    bench: Line
     shows: Line
+
+    def line(self, on_bench: bool) -> Line:
+        """What comes of gains among effects in a run of the motor alone, or of a finger."""
+        return self.bench if on_bench else self.among
 
 
 @cache
@@ -84,11 +90,13 @@ class Predicted:
     """What was predicted of a proposed run before any correction; kept so that it can be learned from.
 
     ``gains`` in nats: by the id of an effect that may be true, those of its log odds against the others, by
-    id; by ``nothing_missing``, what the run says of an effect that could not be seen.
+    id; by ``nothing_missing``, what the run says of an effect that could not be seen. ``bench``: it is of the
+    motor alone.
     """
 
     verdict: Verdict
     gains: Mapping[str, Mapping[str, float]]
+    bench: bool = False
 
 
 @dataclass(frozen=True)

@@ -143,10 +143,10 @@ def _next(scorer: Scorer, view: Among | Hidden, proposal: Proposal, found: Judge
     told = proposal.to_json(list(found.separates), found.expected, scorer.reduced.layout.scales)
     told |= {
         "expected_if": dict(found.each),
-        "chance_alone": found.alone,
+        "chance_alone": min(found.alone, 1.0),
         "foretelling": foretelling().version,
     }
-    return NextRun(told, Predicted(view.verdict, found.gains))
+    return NextRun(told, Predicted(view.verdict, found.gains, proposal.phase == "motor_bench"))
 
 
 def best_run(
@@ -211,7 +211,7 @@ class Among:
 
     def glanced(self, run: PredictedRun) -> tuple[float, ...]:
         """What the run brings if its gains come out as foretold."""
-        line, alone, first = foretelling().among, 0.0, 0.0
+        line, alone, first = foretelling().line(run.kind.group.on_bench), 0.0, 0.0
         predicted = self.predicted(run)
         for true, gains in predicted.items():
             told = self.outlook.probabilities(self.outlook.with_gains(true, self._corrected(line, gains)))
@@ -222,7 +222,8 @@ class Among:
 
     def judged(self, run: PredictedRun) -> Judged:
         """The same with what gains scatter by."""
-        line, now, predicted = foretelling().among, self.outlook, self.predicted(run)
+        now, predicted = self.outlook, self.predicted(run)
+        line = foretelling().line(run.kind.group.on_bench)
         head, *rivals = self.chosen
         away = _chances(len(self.evidence.candidates))
         alone = first = 0.0
@@ -308,7 +309,9 @@ class Hidden:
                     )
                     moved.append(0.0)
                     continue
-                among = np.where(predicted != 0.0, table.among.gain(predicted, e[:-1]), DECISIVE)
+                among = np.where(
+                    predicted != 0.0, table.line(run.kind.group.on_bench).gain(predicted, e[:-1]), DECISIVE
+                )
                 told = now.probabilities(now.when_found(true, among))
                 change = np.log(np.maximum(told, LEAST_PROBABILITY)) - self._told
                 moved.append(float(change[true] - change[count]))

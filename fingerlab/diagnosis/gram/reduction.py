@@ -39,11 +39,12 @@ from fingerlab.diagnosis.signals.conditions import (
     with_changes_told,
 )
 from fingerlab.diagnosis.signals.contradictions import Facts, check_channels
-from fingerlab.diagnosis.signals.scales import Scales, find_scales, reduced_sessions
+from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.rig.constants import Rig
+from fingerlab.rig.intervention import UNCHANGED, Intervention, intervention_of
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import told_frequency
 
@@ -137,6 +138,12 @@ class Reduction:
     def runs(self) -> list[tuple[str, str]]:
         """Session and name of each run that is analysed."""
         return [(str(session.path), run.name) for session, run in self._pairs]
+
+    @property
+    def changes(self) -> list[Intervention]:
+        """The known change of the machine in every run, SI."""
+        each = (as_recorded(run) for _, run in self._pairs)
+        return [intervention_of(run.attributes, run.name) or UNCHANGED for run in each]
 
     @property
     def motions(self) -> list[int | None]:

@@ -36,8 +36,8 @@ STRIDE = 7
 """Seeds in a row take effects that stand so far apart in the catalogue."""
 LEAST_ODDS = 1e-280
 """A probability below it is rounding, and what it lost cannot be told."""
-LITTLE = 0.5
-"""Nats; a gain below is none, and a ratio of such gains says nothing."""
+LITTLE = math.log(2.0)
+"""Nats; what does not double the odds is no gain, and a ratio of such gains says nothing."""
 POPULATION = "simulated benches of the thesis' protocol with one effect each, and the run that was proposed"
 
 
@@ -71,15 +71,16 @@ def pairs(entry: Entry) -> Iterator[tuple[str, float, float]]:
     predicted = (follow.get("predicted") or {}).get("gains", {}).get(truth, {})
     before, after = (_logs(odds) for odds in follow.get("odds", [{}, {}]))
     hidden = bool(predicted) and follow["predicted"]["verdict"] == "nothing_missing"
+    among = "bench" if follow and follow["proposal"]["phase"] == "motor_bench" else "among"
     for rival, gain in predicted.items():
         last = after[truth] - after[rival]
         if rival == "nothing_missing":
             yield "shows", gain, float(follow["verdict"] == "missing_effect")
         elif hidden:
             if follow["verdict"] == "missing_effect":
-                yield "among", gain, last  # what was not seen was as likely as each other
+                yield among, gain, last  # what was not seen was as likely as each other
         else:
-            yield "among", gain, last - (before[truth] - before[rival])
+            yield among, gain, last - (before[truth] - before[rival])
 
 
 def _logs(odds: Entry) -> dict[str, float]:
@@ -126,9 +127,13 @@ def fit_shows(found: Sequence[tuple[float, float]]) -> Line:
 def fit_table(entries: Sequence[Entry], version: str) -> ForetellingTable:
     """The correction that these proposals call for."""
     found = [one for entry in entries for one in pairs(entry)]
-    among = fit_line([(p, g) for k, p, g in found if k == "among" and p > 0.0])
+    among, bench = (
+        fit_line([(p, g) for k, p, g in found if k == kind and p > 0.0]) for kind in ("among", "bench")
+    )
     shows = fit_shows([(p, g) for k, p, g in found if k == "shows"])
-    return ForetellingTable(version, sum("after" in entry for entry in entries), POPULATION, among, shows)
+    return ForetellingTable(
+        version, sum("after" in entry for entry in entries), POPULATION, among, bench, shows
+    )
 
 
 def told_of_truth(entry: Entry) -> tuple[float, float] | None:
@@ -221,7 +226,8 @@ def page(entries: Sequence[Entry], table: ForetellingTable, command: str, before
         *markdown_table([
             ["gain", "offset", "slope", "scatter", "gains"],
             *([name, f"{line.offset:.2f}", f"{line.slope:.2f}", f"{line.spread:.2f}", str(line.trials)]
-              for name, line in (("among effects", table.among), ("shows what was hidden", table.shows))),
+              for name, line in (("among effects", table.among), ("... of the motor alone", table.bench),
+                                 ("shows what was hidden", table.shows))),
         ]), "",
         "## Every proposal", "", *markdown_table(each(entries)),
     ]  # fmt: skip
@@ -239,13 +245,14 @@ def read(path: Path) -> dict[str, Entry]:
 @click.option("--count", default=60, show_default=True, help="Benches.")
 @click.option("--jobs", default=-1, show_default=True, help="Processes; -1 is one for each core.")
 @click.option("--results", default="foretold.jsonl", type=click.Path(path_type=Path), show_default=True)
-@click.option("--table", type=click.Path(path_type=Path), help="Fit a table, resources/foretelling.json.")
+@click.option("--table", type=click.Path(path_type=Path), help="Fit a table to them, and to --also.")
+@click.option("--also", multiple=True, type=click.Path(path_type=Path, exists=True), help="More results.")
 @click.option("--page", "target", type=click.Path(path_type=Path), help="Page, such as docs/foretold.md.")
 @click.option("--version", default="1", show_default=True)
 @click.option("--command", default="python -m tests.hidden.sweep.foretell", hidden=True)
 def main(
-    first: int, count: int, jobs: int, results: Path, table: Path | None, target: Path | None, version: str,
-    command: str,
+    first: int, count: int, jobs: int, results: Path, table: Path | None, also: tuple[Path, ...],
+    target: Path | None, version: str, command: str,
 ) -> None:  # fmt: skip
     """Take proposed runs on simulated benches; fit what comes of them, or tell how well it was foretold."""
     from fingerlab.diagnosis.experiment.foretelling import foretelling
@@ -262,7 +269,8 @@ def main(
     for row in figures(entries):
         click.echo(": ".join(row))
     if table is not None:
-        made = asdict(fit_table(entries, version))
+        more = [entry for path in also for entry in read(path).values()]
+        made = asdict(fit_table([*entries, *more], version))
         table.write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
     if target is not None:
         before = target.read_text(encoding="utf-8") if target.exists() else ""
