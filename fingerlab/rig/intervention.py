@@ -7,13 +7,13 @@ their defaults, SI. The same motion before and after it is a pair: what they hav
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import read_object
+from fingerlab.rig.constants import LARGEST
 
 INTERVENTION = "intervention"
 """The run's attribute."""
@@ -103,7 +103,8 @@ def read_intervention(told: object, where: str) -> Intervention:
     for name, value in data.items():
         if name not in UNITS:
             raise UserError(f"{where} holds '{name}'; it should be one of {known}.")
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not -LARGEST <= value <= LARGEST:
             raise UserError(f"{where} holds '{name}' = {value!r}; it should be a number in {UNITS[name]}.")
         if name in ("added_mass", "mcp_arm", "pip_arm") and (
             value < 0 or (name != "added_mass" and not value)

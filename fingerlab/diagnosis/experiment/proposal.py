@@ -177,9 +177,10 @@ def _chances(scatter: int) -> Array:
 
 
 def _worth(run: PredictedRun, alone: float, first: float, gains: Iterable[float]) -> tuple[float, ...]:
-    """What a run is worth; to a hundredth, so that of two as good the one that separates more is taken."""
+    """What a run is worth; of two that are as good to a twentieth, the one that separates more."""
     cost = 0.0 if run.paired is None else COST_OF_CHANGE
-    return round(alone + FIRST_WORTH * first - cost, 2), sum(min(gain, DECISIVE) for gain in gains)
+    worth = alone + FIRST_WORTH * first - cost
+    return round(20.0 * worth) / 20.0, sum(min(gain, DECISIVE) for gain in gains)
 
 
 class Among:
