@@ -142,6 +142,23 @@ def test_what_was_found_with_a_wider_range_is_found_again_when_it_is_given() -> 
     assert given.verdict == "nothing_missing"
 
 
+def test_ripple_is_found_beside_friction_where_laps_are_few() -> None:
+    """29 periods a turn, 30 % of the friction's size, on a stroke of an eighth of a turn in one speed.
+
+    A floor that knows no waves over the angle called it noise: 8 % of the friction. At one speed viscous
+    friction is Coulomb's.
+    """
+    axis = drawn("coulomb and ripple", 1)
+    result = verdict_on(session(axis))
+    assert result.errors["motor_torque"].floor < 0.015 * axis.torque
+    assert result.final_model[1:] == ("torque_ripple",)
+    assert result.final_model[0] in {*LIKE_COULOMB, "motor_viscous_friction"}
+    assert set(result.set) >= LIKE_COULOMB
+    found = result.final_parameters
+    size = np.hypot(*(found[f"torque_ripple.{part}"].value for part in ("sine", "cosine")))
+    assert size == pytest.approx(0.3 * axis.torque, rel=0.05)
+
+
 @pytest.mark.parametrize("seed", [0, 4])
 def test_viscous_friction_is_earned_beside_coulombs_where_nothing_comes_again(seed: int) -> None:
     """Motions as robots are identified by: no cycle, no repeated run; the floor is of no effect's making.

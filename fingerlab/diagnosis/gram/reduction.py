@@ -25,7 +25,7 @@ from fingerlab.diagnosis.gram.decimation import Decimated
 from fingerlab.diagnosis.gram.run_constants import RunConstants
 from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, run_sums
 from fingerlab.diagnosis.gram.sums import Group, Reduced, RunSums, add_among, empty
-from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, TASKS_AHEAD
+from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, STATE_ORDERS, TASKS_AHEAD
 from fingerlab.diagnosis.signals.conditions import (
     Fold,
     GroupKey,
@@ -40,6 +40,7 @@ from fingerlab.diagnosis.signals.scales import Scales, find_scales, reduced_sess
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
+from fingerlab.physics.motion import Motion, strongest_orders
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import told_frequency
@@ -109,11 +110,19 @@ class Reduction:
 
     def _suited(self, effect: Effect) -> Effect:
         if effect.id not in self._seen:
-            runs = self._pairs[:: -(-len(self._pairs) // MOST_LOOKED_AT)]
-            motions = [next(segments_of(run, session.rig)) for session, run in runs]
             assert effect.shapes_seen is not None
-            self._seen[effect.id] = tuple(effect.shapes_seen(motions))
+            self._seen[effect.id] = tuple(effect.shapes_seen(self._looked_at()))
         return replace(effect, shapes=self._seen[effect.id] or effect.shapes)
+
+    def _looked_at(self) -> list[Motion]:
+        """The first stretch of some runs, evenly among all."""
+        runs = self._pairs[:: -(-len(self._pairs) // MOST_LOOKED_AT)]
+        return [next(segments_of(run, session.rig)) for session, run in runs]
+
+    @cached_property
+    def _orders(self) -> tuple[float, ...]:
+        """Periods a turn at which the torque of a motor alone repeats with its angle."""
+        return strongest_orders(self._looked_at())[:STATE_ORDERS] if self._on_bench else ()
 
     @property
     def rig(self) -> Rig:
@@ -222,7 +231,8 @@ class Reduction:
         seek_cycle = all(told_frequency(run) is None for run in runs)
         asked, start = {}, 0
         for on_bench, layout in layouts.items():
-            asked[on_bench] = asked_of(layout, effects, self._first.get(on_bench), start, anew, seek_cycle)
+            found = asked_of(layout, effects, self._first.get(on_bench), start, anew, seek_cycle)
+            asked[on_bench] = replace(found, orders=self._orders)
             start += layout.signal_count
         whole = _joined(*layouts.values())
         dealt, places = deal_runs(runs)
