@@ -8,6 +8,7 @@ between the two (see ``fingerlab.core.parallel``), and each keeps what it read.
 
 from __future__ import annotations
 
+import operator
 import os
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -55,6 +56,7 @@ class Reduction:
     Attributes:
         constants: that every run has of its own, as was found; None: none.
         settled: whether they were looked for.
+        held: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run and channel; samples: that it has.
     """
 
@@ -75,6 +77,7 @@ class Reduction:
         self._seen: dict[str, tuple[Shape, ...]] = {}
         self.constants: RunConstants | None = None
         self.settled = False
+        self.held: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[str, int]] = {}
         self.samples: dict[int, float] = {}
         self._forget()
@@ -123,6 +126,10 @@ class Reduction:
     def _orders(self) -> tuple[float, ...]:
         """Periods a turn at which the torque of a motor alone repeats with its angle."""
         return strongest_orders(self._looked_at())[:STATE_ORDERS] if self._on_bench else ()
+
+    def is_of(self, sessions: Sequence[Session]) -> bool:
+        """Whether it was made of these very sessions."""
+        return len(sessions) == len(self._given) and all(map(operator.is_, self._given, sessions))
 
     @property
     def rig(self) -> Rig:
@@ -191,7 +198,7 @@ class Reduction:
         known = self._closer[key]
         # Missing noise is filled in by whoever asks.
         groups = [replace(g) for g in known.groups]
-        return replace(known, groups=groups, constants=self.constants)
+        return replace(known, groups=groups, constants=self.constants, held=self.held)
 
     def _acting(self, effects: Sequence[Effect]) -> list[Effect]:
         """Those that can act in these runs."""
@@ -256,7 +263,7 @@ class Reduction:
         for group in groups.values():
             remove_common_trend(group)
         radius = 1.0 if self._on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
-        return Reduced(whole, list(groups.values()), self._on_bench, radius, self.constants)
+        return Reduced(whole, list(groups.values()), self._on_bench, radius, self.constants, self.held)
 
 
 def narrowed(effect: Effect, rig: Rig, scales: Scales) -> Effect:
