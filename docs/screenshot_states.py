@@ -156,7 +156,7 @@ def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
 
 
 def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """Nothing open; a session with one effect: what is missing, where it shows, and after it is added."""
+    """Nothing open; a session with one effect: what is missing, where, after it is added; a value moved."""
     yield "empty"
     tab = opened_in_lab(window, record(folder / "finger-rig.h5"))
     tell_diagnosis("model_lab", tab)
@@ -171,6 +171,10 @@ def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tell_diagnosis("model_lab.added", tab)
     tell_truth("model_lab.added", tab)
     yield "added"
+    tab.view.numbers.click()
+    wait_until(lambda: not window.tasks.busy and tab.view.parameters.table.rowCount() > 0)
+    tab.view.parameters.slider.setValue(tab.view.parameters.slider.value() + 60)
+    yield "parameters"
 
 
 def practice_states(window: MainWindow, folder: Path) -> Iterator[str]:

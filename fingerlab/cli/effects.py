@@ -191,7 +191,8 @@ def _print(files: tuple[OwnFile, ...]) -> None:
 def _paragraph(effect: Effect, mark: str) -> Text:
     from rich.text import Text
 
-    from fingerlab.report.diagnosis_words import FAMILY_TITLES, parameter_titles
+    from fingerlab.report.diagnosis_words import FAMILY_TITLES
+    from fingerlab.report.parameter_words import parameter_titles
 
     text = Text()
     text.append(effect.id, style="bold")

@@ -16,7 +16,8 @@ from fingerlab.core.text import (
     screen_unit,
 )
 from fingerlab.models.file import ParameterEstimate
-from fingerlab.report.diagnosis_words import in_sentence, listed, parameter_titles
+from fingerlab.report.diagnosis_words import in_sentence, listed
+from fingerlab.report.parameter_words import parameter_titles
 
 
 @pytest.mark.parametrize(

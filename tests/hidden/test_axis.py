@@ -15,7 +15,7 @@ from fingerlab.report.diagnosis_words import UNEXPLAINED, path_sentence
 from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
-from tests.hidden.axis.plant import Axis, session
+from tests.hidden.axis.plant import Axis, drawn, session
 from tests.hidden.axis.regression import baselines
 
 LIKE_COULOMB = {"motor_coulomb_friction", "motor_presliding"}
@@ -122,6 +122,41 @@ def test_friction_at_one_speed_is_told_although_sixty_times_the_floor() -> None:
     assert result.candidates[0].effect == "motor_coulomb_friction"
     assert result.candidates[0].parameters["coulomb"].value == pytest.approx(0.05, rel=0.05)
     assert result.path[1].added == "motor_coulomb_friction"
+
+
+def test_what_was_found_with_a_wider_range_is_found_again_when_it_is_given() -> None:
+    """Viscous friction of 2.6 N m at 1.7 rad/s, beyond the usual range, and uneven by 3 %.
+
+    Given to the model it once stood at the bound of the usual range, at 0.28 N m s/rad, and left 28 times as
+    much; with the prior of the usual range it was told 10 % too low.
+    """
+    axis = drawn("viscous", 2)
+    machine = session(axis)
+    found = verdict_on(machine)
+    assert found.final_model == ("motor_viscous_friction",)
+    given = diagnose([machine], found.final_model, with_curves=False)
+    value = given.parameters["motor_viscous_friction.viscous"].value
+    assert value == pytest.approx(axis.torque / axis.speed, rel=0.03)
+    assert value == pytest.approx(found.final_parameters["motor_viscous_friction.viscous"].value, rel=1e-3)
+    assert given.score == pytest.approx(found.path[-1].score, rel=1e-3)
+    assert given.verdict == "nothing_missing"
+
+
+def test_ripple_is_found_beside_friction_where_laps_are_few() -> None:
+    """29 periods a turn, 30 % of the friction's size, on a stroke of an eighth of a turn in one speed.
+
+    A floor that knows no waves over the angle called it noise: 8 % of the friction. At one speed viscous
+    friction is Coulomb's.
+    """
+    axis = drawn("coulomb and ripple", 1)
+    result = verdict_on(session(axis))
+    assert result.errors["motor_torque"].floor < 0.015 * axis.torque
+    assert result.final_model[1:] == ("torque_ripple",)
+    assert result.final_model[0] in {*LIKE_COULOMB, "motor_viscous_friction"}
+    assert set(result.set) >= LIKE_COULOMB
+    found = result.final_parameters
+    size = np.hypot(*(found[f"torque_ripple.{part}"].value for part in ("sine", "cosine")))
+    assert size == pytest.approx(0.3 * axis.torque, rel=0.05)
 
 
 @pytest.mark.parametrize("seed", [0, 4])

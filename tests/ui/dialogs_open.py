@@ -317,7 +317,7 @@ DIALOGS = (
     ),
     Surface(
         "Models tried",
-        (lambda s: TriedDialog(s.tab("model_lab").pages, [TriedModel((), 12.4)], ()).open(),),
+        (lambda s: TriedDialog(s.tab("model_lab").pages, [TriedModel((), 12.4)], ((), ())).open(),),
         ("lab/project_dialogs.py:TriedDialog",),
         "model_lab",
     ),

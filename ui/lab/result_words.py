@@ -23,6 +23,7 @@ from fingerlab.report.diagnosis_words import (
     alone,
     effect_title,
     exchange_words,
+    held_sentence,
     holds,
     in_sentence,
     left_open,
@@ -149,6 +150,11 @@ def best_choice(diagnosis: Diagnosis) -> str:
 
 def verdict_headline(diagnosis: Diagnosis) -> str:
     """The verdict in as few words as it can be said."""
+    with_held = f" (with {len(diagnosis.held)} held)" if diagnosis.held else ""
+    return _verdict(diagnosis) + with_held
+
+
+def _verdict(diagnosis: Diagnosis) -> str:
     if diagnosis.better is not None:
         chance = percent(1.0 / (1.0 + exp(-diagnosis.better.log_odds))).replace(" ", NO_BREAK)
         return f"Rather {exchange_words(diagnosis.better)}, {chance}"
@@ -167,7 +173,7 @@ def set_words(diagnosis: Diagnosis) -> str:
     And that the floor is no bench's own, where it is none.
     """
     floor = "" if diagnosis.repeats else " No motion repeats: the floor is what the best model leaves."
-    return _set_words(diagnosis) + floor
+    return " ".join(filter(None, (_set_words(diagnosis) + floor, held_sentence(diagnosis))))
 
 
 def bench_words(diagnosis: Diagnosis) -> tuple[str, str]:
