@@ -33,6 +33,7 @@ from fingerlab.report.diagnosis_words import (
     would_show,
 )
 from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
+from fingerlab.report.documents import meaning
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.trajectory import trajectory_words
 
@@ -106,14 +107,7 @@ EQUATION_TEXTS = {
     ),
 }
 
-FLOOR_HELP = (
-    "Floor: how well the bench repeats itself when the same motion is run again. "
-    "No model can be expected to do better."
-)
-SCORE_HELP = (
-    "Error of the whole model on runs held out of the fit, over all equations, in multiples of the floor. "
-    "1.0 is as good as the bench repeats itself."
-)
+FLOOR_HELP, SCORE_HELP = meaning("floor"), meaning("score")
 
 
 def equation_text(equation: str) -> EquationText:
