@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,7 @@ from fingerlab.diagnosis.answer.results import (
     PathStep,
 )
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
+from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.calibration import (
@@ -40,11 +42,11 @@ from fingerlab.diagnosis.score.evidence import (
     shares_of_rivals,
     undetectable,
 )
-from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.paired import paired_score
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, much_left
-from fingerlab.diagnosis.search.grid_refinement import at_found_shapes, fit_refined, with_shapes_of
+from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_shapes_of
 from fingerlab.diagnosis.search.rivals import Rival, odds_of_rivals
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
 from fingerlab.diagnosis.settings import NEARLY_RIGHT, RUN_LOG_ODDS, SET_LOG_ODDS, STILL_LEFT
@@ -66,6 +68,7 @@ def diagnose(
     executor: Executor | None = None,
     left_out: Sequence[str] = (),
     kept: Reduction | None = None,
+    held: Mapping[str, float] | None = None,
 ) -> Diagnosis:
     """Where the model fails and which effect is missing.
 
@@ -77,9 +80,10 @@ def diagnose(
         executor: a second process (``core.parallel``) to share the reading, if no curves are wanted.
         left_out: ids that the catalogue is to be without; so it is tried what it says of the unknown.
         kept: what an earlier diagnosis of these sessions was given; their runs are not read again.
+        held: unknowns of the model as given, by key, and the value that every model is to hold them at, SI.
 
     Raises:
-        UserError: an unknown effect, nothing to analyse, a run that cannot be read.
+        UserError: an unknown effect or unknown to hold, nothing to analyse, a run that cannot be read.
         Cancelled: ``cancelled`` answered True.
     """
     started = time.perf_counter()
@@ -93,6 +97,7 @@ def diagnose(
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
         reduction = kept or Reduction(sessions, executor)
+        reduction.held = dict(held or {})
         catalogue = reduction.suited(catalogue)
         reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
         if given:
@@ -104,6 +109,7 @@ def diagnose(
         watch = stages.part(0.25 if given else 0.0, 0.4)
         scorer = Scorer(reduction.of(catalogue, watch, display.keep if display is not None else None))
         scorer = settle_constants(reduction, scorer)
+        check_held(reduction, scorer, given)
         question = Question(reduction, catalogue, given, stages, alone)
         found = search_effects(question, scorer)
         if much_left(found.path[-1], NEARLY_RIGHT):
@@ -117,12 +123,32 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
     They are looked for once, under the bare model, whatever effects are given.
     """
     if reduction.constants is None and not reduction.settled:
-        bare, rig = scorer.bare, reduction.sessions[0].rig
+        free = Scorer(replace(scorer.reduced, held={})) if scorer.reduced.held else scorer
+        bare, rig = free.bare, reduction.sessions[0].rig
         reduction.constants = find_constants(
             scorer.reduced, bare.model, bare.fit.values, bare.weights, rig, reduction.motions
         )
         reduction.settled = True
     return scorer if reduction.constants is None else scorer.with_constants(reduction.constants)
+
+
+def check_held(reduction: Reduction, scorer: Scorer, given: Sequence[Effect]) -> None:
+    """Refuse to hold what the model as given lacks, or where no fit goes.
+
+    Raises:
+        UserError: so it is; the sentence names what could be held, or between which values.
+    """
+    reduced = scorer.reduced
+    free = build(reduced.layout, reduced.groups, [Choice(one) for one in given])
+    known = {u.key: u.parameter for u in free.unknowns}
+    for key, value in reduction.held.items():
+        if key not in known:
+            raise UserError(f"This model has no parameter '{key}' to hold; it has {', '.join(known)}.")
+        size = reduced.layout.scales.of(known[key].unit)
+        low, high = known[key].low * size, known[key].high * size
+        if not low <= value <= high:
+            unit = known[key].unit
+            raise UserError(f"{key} is {value:g} {unit}; hold it between {low:g} and {high:g} {unit}.")
 
 
 def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
@@ -205,6 +231,8 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         odds=evidence.odds,
         predicted=None if following is None else following.predicted,
         paired=_paired(question.reduction, scorer, evidence, chosen),
+        held=dict(reduction.held),
+        fitted=evidence.base,
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),

@@ -191,6 +191,8 @@ STATE_SPEEDS = tuple(0.01 * 4.0**k for k in range(7))
 """Speeds about which friction may change, rad/s: any function of speed is made of them; assumed."""
 STATE_TRAVELS_DEG = (0.1, 0.4, 1.6, 6.4)
 """Travels over which friction may build up after a reversal, degrees; assumed."""
+STATE_ORDERS = 3
+"""So many lines of the torque's spectrum over the angle; assumed: a ripple and its double are two."""
 STATE_RIDGE = 1e-6
 """Ridge as a share of a function's own size: functions are much alike, and numbers have sixteen digits."""
 STATE_LEAST_GAIN = 0.02

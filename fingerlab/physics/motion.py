@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -15,6 +16,18 @@ from fingerlab.rig.intervention import Intervention
 from fingerlab.sessions.model import Array
 
 GLIMPSE_SAMPLES = 300
+
+STRONGEST = 16
+"""So many lines of the spectrum over the motor's angle are told; assumed."""
+HIGHEST_ORDER = 300.0
+"""Beyond, the encoder's own error repeats; assumed: three times a motor of 14 poles and 12 slots."""
+LINE_WIDTHS = 2.0
+"""A line under Hann's window reaches so many periods within the travel to either side."""
+LEAST_PERIODS = 2.0
+"""A line is told by so many periods within the travel at least."""
+BINS_A_TURN = 2048
+STANDSTILL = 0.05
+"""Share of the usual speed below which friction is on its way from one sign to the other; assumed."""
 
 
 @dataclass(frozen=True)
@@ -186,3 +199,47 @@ def added_body(finger: Finger, change: Intervention) -> Finger:
 def nothing(length: int) -> Array:
     """Zeros, shape (length,), read-only and without memory of their own; another array at every call."""
     return np.ndarray((length,), np.float64, bytes(8), 0, (0,))
+
+
+def strongest_orders(motions: Sequence[Motion]) -> tuple[float, ...]:
+    """Periods a turn at which the torque of a motor alone repeats most with its angle, strongest first.
+
+    Of what a smooth law of angle, speed, acceleration and load leaves, in quarters of a period.
+    """
+    travel = float(np.median([np.ptp(one.position) for one in motions]))
+    size = 1 << math.ceil(math.log2(4.0 * BINS_A_TURN * max(travel / (2.0 * math.pi), 1.0)))
+    power = np.zeros(size // 2 + 1)
+    for one in motions:
+        power += np.abs(np.fft.rfft(_over_angle(one)[:size], size)) ** 2
+    orders = np.arange(len(power)) * BINS_A_TURN / size
+    width = 2.0 * math.pi / max(travel, 1e-9)  # of a line, in orders
+    places = np.flatnonzero((orders >= LEAST_PERIODS * width) & (orders <= HIGHEST_ORDER))
+    found: list[float] = []
+    for place in places[np.argsort(-power[places], kind="stable")]:
+        order = round(4.0 * float(orders[place])) / 4.0
+        if power[place] > 0 and all(abs(order - other) > LINE_WIDTHS * width for other in found):
+            found.append(order)
+        if len(found) == STRONGEST:
+            break
+    return tuple(found)
+
+
+def _over_angle(motion: Motion) -> Array:
+    """Mean torque by bins of the angle, less a smooth law of angle, speed, acceleration and load."""
+    inner = slice(motion.lead, None)
+    angle, torque = motion.position[inner], motion.torque[inner]
+    across = (angle - angle.mean()) / max(float(np.ptp(angle)), 1e-12)
+    speed = motion.velocity[inner] / max(float(np.sqrt(np.mean(motion.velocity[inner] ** 2))), 1e-12)
+    load = np.zeros_like(angle) if motion.load is None else motion.load[inner]
+    smooth = np.stack(
+        (
+            np.ones_like(angle), across, across**2, across**3, speed, np.tanh(speed / STANDSTILL),
+            motion.acceleration[inner], load,
+        ),
+        axis=1,
+    )  # fmt: skip
+    scale = np.maximum(np.abs(smooth).max(axis=0), 1e-300)
+    rest = torque - smooth / scale @ np.linalg.lstsq(smooth / scale, torque, rcond=None)[0]
+    number = ((angle - angle.min()) * (BINS_A_TURN / (2.0 * math.pi))).astype(int)
+    count = np.bincount(number)
+    return np.asarray(np.bincount(number, rest) / np.maximum(count, 1) * np.hanning(len(count)))

@@ -11,6 +11,7 @@ from fingerlab.core.text import in_sentence as in_sentence
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel
 from fingerlab.diagnosis.answer.where import JOINTS, Profile
 from fingerlab.effects import find_effect
+from fingerlab.report.parameter_words import held_words
 from fingerlab.rig.intervention import read_intervention
 from fingerlab.sessions.trajectory import trajectory_words
 
@@ -46,8 +47,6 @@ MOST_PAIRED_NAMES = 3
 
 LEAST_PAIRED = 0.02
 """... and by so much of its floor better than the model as given; assumed."""
-
-_JOINT_ENDINGS = {"mcp": "MCP", "pip": "PIP"}
 
 
 def effect_title(effect: str) -> str:
@@ -149,7 +148,16 @@ def floor_sentence(diagnosis: Diagnosis) -> str:
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """The answer in one plain sentence with its numbers; another where they stand on little."""
-    return " ".join(filter(None, (_verdict_sentence(diagnosis), floor_sentence(diagnosis))))
+    return " ".join(
+        filter(None, (_verdict_sentence(diagnosis), floor_sentence(diagnosis), held_sentence(diagnosis)))
+    )
+
+
+def held_sentence(diagnosis: Diagnosis) -> str:
+    """That all of it holds for what somebody held; empty where nothing was."""
+    if not diagnosis.held:
+        return ""
+    return f"All of this is with {held_words(diagnosis.held)}, by hand."
 
 
 def _verdict_sentence(diagnosis: Diagnosis) -> str:
@@ -399,29 +407,6 @@ def _gain_words(gain: object) -> str:
     if not isinstance(gain, (int, float)):
         return ""
     return f" (expected gain in log evidence {'over 100' if gain > 100 else f'{gain:.1f}'}; 5 decides)"
-
-
-def parameter_titles(effect: str, names: Sequence[str]) -> dict[str, str]:
-    """Each of the effect's parameters in words, such as ``MCP friction torque``; no title twice."""
-    titles = {name: _parameter_title(effect, name) for name in names}
-    twice = {t for t in titles.values() if list(titles.values()).count(t) > 1}
-    return {name: f"{title} ({_plain(name)})" if title in twice else title for name, title in titles.items()}
-
-
-def _parameter_title(effect: str, name: str) -> str:
-    one = find_effect(effect)
-    gain = None if one is None else one.unknowns.get(name)
-    title = gain.title if gain is not None and gain.title else _plain(name)
-    joint = _JOINT_ENDINGS.get(name.rsplit("_", 1)[-1], "")
-    return f"{joint} {title}" if joint and not title.upper().startswith(joint) else title
-
-
-def _plain(name: str) -> str:
-    """A parameter's name without joint and unit."""
-    parts = name.split("_")
-    while len(parts) > 1 and parts[-1] in (*_JOINT_ENDINGS, "deg", "s", "hz"):
-        parts.pop()
-    return " ".join(parts)
 
 
 CLEARLY = 1.2

@@ -33,9 +33,9 @@ from fingerlab.report.diagnosis_words import (
     NOTHING_WORDS,
     PHASE_WORDS,
     UNKNOWN_WORDS,
-    parameter_titles,
     shown_best_first,
 )
+from fingerlab.report.parameter_words import parameter_title, parameter_titles
 from fingerlab.rig.constants import Finger, Motor
 from fingerlab.rig.file import CONSTANT_UNITS, sources_of
 from fingerlab.rig.intervention import intervention_of
@@ -136,15 +136,9 @@ def parameter_rows(candidate: Candidate) -> list[tuple[str, str]]:
     return [(titles[name], estimate_text(value)) for name, value in candidate.parameters.items()]
 
 
-_MODEL_TITLES = {
-    "arm_mcp": "Moment arm at the MCP",
-    "arm_pip": "Moment arm at the PIP",
-    "loss_mcp": "Friction loss at the MCP",
-    "loss_pip": "Friction loss at the PIP",
-    "bench_inertia": "Inertia J",
-    "bench_gain": "Gain on the load",
-    "bench_offset": "Offset of the torque",
-}
+_MODEL_ROWS = (
+    "arm_mcp", "arm_pip", "loss_mcp", "loss_pip", "bench_inertia", "bench_gain", "bench_offset",
+)  # fmt: skip
 
 
 def model_rows(parameters: Mapping[str, ParameterEstimate]) -> list[tuple[str, str]]:
@@ -153,12 +147,10 @@ def model_rows(parameters: Mapping[str, ParameterEstimate]) -> list[tuple[str, s
     Nuisances that only let a constant move within its tolerance are left out.
     """
     rows = []
-    for key in _MODEL_TITLES:
+    for key in _MODEL_ROWS:
         for name, estimate in parameters.items():
-            base, _, cable = name.partition("@")
-            if base == key:
-                title = _MODEL_TITLES[key] + (f", {cable} cable" if cable else "")
-                rows.append((title, estimate_text(estimate)))
+            if name.partition("@")[0] == key:
+                rows.append((parameter_title(name, ()), estimate_text(estimate)))
     return rows
 
 

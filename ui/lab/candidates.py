@@ -246,11 +246,18 @@ class CandidateView(QListView):
         super().keyPressEvent(event)
 
 
+OWN_HELP = "A file with law, parameters and explanation to edit, which then takes part in the comparison."
+
+
 class CandidatesPanel(QWidget):
-    """Signals: ``chosen(key)`` when another row is chosen, ``add_asked(effect)``."""
+    """Signals: ``chosen(key)`` when another row is chosen, ``add_asked(effect)``.
+
+    ``own_asked``: what is missing is not in the catalogue, and is to become an effect of the user's own.
+    """
 
     chosen = Signal(str)
     add_asked = Signal(str)
+    own_asked = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -317,14 +324,16 @@ class CandidatesPanel(QWidget):
 
     def _ask(self) -> None:
         row = self.chosen_row()
-        if row is not None and self.add_button.isEnabled():
+        if row is not None and row.key == UNKNOWN and self.add_button.isEnabled():
+            self.own_asked.emit()
+        elif row is not None and self.add_button.isEnabled():
             self.add_asked.emit(row.key)
 
     def _update_button(self) -> None:
         row = self.chosen_row()
         if row is None:
             why = "Choose an effect first."
-        elif row.key in OUTCOME_TITLES:
+        elif row.key in OUTCOME_TITLES and row.key != UNKNOWN:
             why = f"“{row.title}” is a result, not an effect: there is nothing to add."
         elif self._busy:
             why = "Work is running; wait for it or cancel it below."
@@ -335,5 +344,8 @@ class CandidatesPanel(QWidget):
         self.add_button.setText("Exchange in &the model" if gone else "Add &to model")
         there = f"in place of {gone}" if gone else "in the model"
         help_text = f"Refit with {row.title} {there} (Enter)." if row is not None else ""
+        if row is not None and row.key == UNKNOWN:
+            self.add_button.setText("Wri&te an effect of your own…")
+            help_text = OWN_HELP
         self.add_button.setToolTip(why or help_text)
         self.add_button.setAccessibleDescription(why or help_text)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from fingerlab.diagnosis.experiment.foretelling import Predicted
     from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds
     from fingerlab.diagnosis.score.evidence import Verdict
+    from fingerlab.diagnosis.score.fitted_model import FittedModel
 
 EQUATION_TITLES = {
     "mcp_torque": "MCP torque",
@@ -273,6 +274,8 @@ class Diagnosis:
     the path leads there. ``as_good``: others that these data cannot tell from the best.
     ``calibration`` says what the probabilities were learned from, ``odds`` what they were before, and
     ``predicted`` what of the proposed run was.
+    ``held``: unknowns that somebody held, by key, and their values, SI; all that is told holds only then.
+    ``fitted``: the model as given, as it was fitted.
     """
 
     sessions: tuple[str, ...]
@@ -303,6 +306,8 @@ class Diagnosis:
     odds: Odds | None = None
     predicted: Predicted | None = None
     paired: tuple[PairedDifference, ...] = ()
+    held: Mapping[str, float] = field(default_factory=dict)
+    fitted: FittedModel | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
         """The object of ``cli.md``, "diagnose --json", ready for ``json.dumps``."""
@@ -349,4 +354,5 @@ class Diagnosis:
             "better_model": None if self.better is None else self.better.to_json(),
             "as_good_models": [one.to_json() for one in self.as_good],
             "calibration": None if self.calibration is None else self.calibration.to_json(),
+            **({"held": dict(self.held)} if self.held else {}),
         }

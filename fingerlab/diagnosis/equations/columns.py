@@ -139,7 +139,8 @@ class Asked:
     ``cached`` (signals,) says which signal of the first reading each is, -1 for those to be formed;
     ``formed`` are the positions of the effects that bring the latter, and ``features`` the signals of every
     effect's features in order. ``first``: there was no reading before.
-    ``seek_cycle``: no run says how often its motion repeats.
+    ``seek_cycle``: no run says how often its motion repeats. ``orders``: periods a turn at which a torque may
+    repeat with the angle of a motor alone.
     """
 
     signals: IntArray
@@ -150,6 +151,7 @@ class Asked:
     features: tuple[IntArray, ...]
     first: bool
     seek_cycle: bool = False
+    orders: tuple[float, ...] = ()
 
 
 def asked_of(

@@ -51,7 +51,7 @@ class RunKind:
         key = (fitted.model.tip_law, *((c.effect.id, c.shape) for c in choices))
         if key not in self._models:
             self._models[key] = build(self.layout, [self.group], choices, fitted.model.tip_law)
-        return self._models[key]
+        return self._models[key].holding(fitted.model.held)
 
     def contrast(self, truth: FittedModel, rival: FittedModel, heat: float) -> Contrast:
         """What two models predict of such a run; each pair is asked for every run and length."""

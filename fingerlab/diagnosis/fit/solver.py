@@ -46,6 +46,9 @@ from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
 
+HELD = 1e12
+"""Weight of the prior of an unknown that is held: its deviation is a millionth of what it usually is."""
+
 
 def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
     """Moment arms (m) of each routing from a straight regression of tension on joint torque."""
@@ -354,7 +357,8 @@ class Fitter:
             u.open or (u.name in LOSSES and u.cable in pressed) or (u.key == DELAY and self.model.delayed)
             for u in self.model.unknowns
         ]
-        return np.where(weak, WEAK_PRIOR, 1.0)
+        held = [u.key in self.model.held for u in self.model.unknowns]
+        return np.where(held, HELD, np.where(weak, WEAK_PRIOR, 1.0))
 
     def run(self, start: Array | None = None, iterations: int = 12) -> Fit:
         """Newton steps with halving from ``start``; stops when the cost no longer falls.

@@ -8,7 +8,7 @@ says nothing at moments when the cable may be slack.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -302,8 +302,9 @@ class PairSums:
 class Reduced:
     """All that the diagnosis needs of the sessions; ``on_bench``: all runs are of the motor alone.
 
-    ``constants`` are those that every run has of its own; None: none was found. ``pairs`` are of runs before
-    a known change of the machine and with it.
+    ``constants`` are those that every run has of its own; None: none was found. ``held``: values that
+    somebody holds unknowns of every model at, by key, SI. ``pairs`` are of runs before a known change of the
+    machine and with it.
     """
 
     layout: Layout
@@ -311,4 +312,5 @@ class Reduced:
     on_bench: bool
     radius: float  # of the pulley, m; 1 on a bench without one
     constants: RunConstants | None = None
+    held: Mapping[str, float] = field(default_factory=dict)
     pairs: tuple[PairSums, ...] = ()

@@ -9,7 +9,7 @@ take its place.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -55,6 +55,11 @@ def at_assumed_bounds(fitted: FittedModel) -> list[str]:
         if any(bound != 0.0 and value / bound > AT_BOUND for bound in (gain.low, gain.high)):
             found.append(name)
     return found
+
+
+def at_found_shapes(fitted: FittedModel) -> list[Effect]:
+    """The model's effects, each with the one shape that was found as its grid."""
+    return [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in fitted.choices]
 
 
 NO_SENSITIVITY = Sensitivity(np.zeros(0), {})
