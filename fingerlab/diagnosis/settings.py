@@ -115,6 +115,9 @@ FOLDS = 10
 
 # ## What every model leaves open
 
+MOST_CHANGES = 6
+"""So many known changes of the machine are told apart, assumed: more are not made for one question."""
+
 LIFTED_M = 1e-4
 """A tip that is higher or lower than this (twice this: for certain) than where it presses has let go, m;
 assumed: several times what the joint angles' noise moves it by."""

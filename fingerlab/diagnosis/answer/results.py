@@ -11,8 +11,7 @@ from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.experiment.foretelling import Predicted
-    from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds
+    from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds, Predicted
     from fingerlab.diagnosis.score.evidence import Verdict
     from fingerlab.diagnosis.score.fitted_model import FittedModel
 

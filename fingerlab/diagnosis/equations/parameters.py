@@ -16,6 +16,7 @@ import numpy as np
 
 from fingerlab.diagnosis.settings import (
     CURRENT_ZERO_A,
+    MOST_CHANGES,
     SLIP_STIFFNESSES,
     STIFFNESS,
     TOLERANCES,
@@ -31,9 +32,8 @@ ARMS, LOSSES = ("arm_mcp", "arm_pip"), ("loss_mcp", "loss_pip")
 SLIPS = tuple(f"lateral_slip_{stiffness:g}" for stiffness in SLIP_STIFFNESSES)
 CABLE_OFFSET = "offset"
 """Cable that is wound where the joints are straight, m: the motor's zero, for each routing."""
-CHANGED_OFFSET, MOST_CHANGES = "offset_of_change_", 6
-"""What the offset is otherwise in runs with a known change, m: the change's number follows; and how many of
-them are told apart, assumed: a bench is not changed more often for one question."""
+CHANGED_OFFSET = "offset_of_change_"
+"""What the offset is otherwise in runs with a known change, m: the change's number follows."""
 RUBS = "lateral_rub"
 """Friction coefficient of a tip that slides."""
 SET_DOWN = "lateral_constant"

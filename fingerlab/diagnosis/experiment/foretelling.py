@@ -25,7 +25,7 @@ from fingerlab.diagnosis.score.calibration import (
     answer_distances,
     calibration,
 )
-from fingerlab.diagnosis.score.evidence import Evidence, Verdict
+from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.settings import LEAST_PROBABILITY, MOST_UNDETECTED, SEEN_LOG_ODDS
 from fingerlab.sessions.model import Array
 
@@ -83,20 +83,6 @@ def foretelling() -> ForetellingTable:
     """The table that comes with the program."""
     text = files("fingerlab.resources").joinpath("foretelling.json").read_text(encoding="utf-8")
     return structured(ForetellingTable, json.loads(text))
-
-
-@dataclass(frozen=True)
-class Predicted:
-    """What was predicted of a proposed run before any correction; kept so that it can be learned from.
-
-    ``gains`` in nats: by the id of an effect that may be true, those of its log odds against the others, by
-    id; by ``nothing_missing``, what the run says of an effect that could not be seen. ``bench``: it is of the
-    motor alone.
-    """
-
-    verdict: Verdict
-    gains: Mapping[str, Mapping[str, float]]
-    bench: bool = False
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ import numpy as np
 
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
-from fingerlab.diagnosis.equations.parameters import MOST_CHANGES
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.settings import (
     BALANCE_STEPS,
@@ -23,6 +22,7 @@ from fingerlab.diagnosis.settings import (
     BENCH_LOADS_NM,
     DURATION_S,
     LEAST_PULL_N,
+    MOST_CHANGES,
     MOST_PULL_N,
     SETTLING_S,
     WIDE_RATE_HZ,

@@ -18,7 +18,6 @@ from fingerlab.diagnosis.experiment.foretelling import (
     HIDDEN,
     Line,
     Outlook,
-    Predicted,
     SessionFeatures,
     foretelling,
     outlook,
@@ -33,6 +32,7 @@ from fingerlab.diagnosis.experiment.separation import (
     run_kind,
     separation,
 )
+from fingerlab.diagnosis.score.calibration import Predicted
 from fingerlab.diagnosis.score.evidence import Evidence, Verdict
 from fingerlab.diagnosis.score.fitted_model import FittedModel, condition_weights, values_at_typical_strength
 from fingerlab.diagnosis.score.scorer import Scorer

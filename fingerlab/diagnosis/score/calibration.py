@@ -65,6 +65,20 @@ class Odds:
 
 
 @dataclass(frozen=True)
+class Predicted:
+    """What was predicted of a proposed run before any correction; kept so that it can be learned from.
+
+    ``gains`` in nats: by the id of an effect that may be true, those of its log odds against the others, by
+    id; by ``nothing_missing``, what the run says of an effect that could not be seen. ``bench``: it is of the
+    motor alone.
+    """
+
+    verdict: str
+    gains: Mapping[str, Mapping[str, float]]
+    bench: bool = False
+
+
+@dataclass(frozen=True)
 class ProbabilityMap:
     """Values of the map from odds to probabilities; log odds are multiplied by a sharpness.
 
