@@ -22,9 +22,18 @@ RIPPLE = Parameter("N m", -0.05, 0.05, 0.003, title="ripple amplitude")
 
 DOUBLE = Parameter("N m", -0.02, 0.02, 0.001, title="ripple amplitude at twice the order")
 
+TRIPLE = Parameter("N m", -0.02, 0.02, 0.001, title="ripple amplitude at three times the order", cable="none")
+"""Of a motor alone: behind a finger's cable nobody would tell it from the joints' own friction."""
+
+
+HARMONICS: dict[str, Parameter] = {"": RIPPLE, "double_": DOUBLE, "triple_": TRIPLE}
+
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
-    """A torque with the period of the order, and its double: no mesh or commutator makes a pure sine."""
+    """A torque with the period of the order, and its double: no mesh or commutator makes a pure sine.
+
+    Of a motor alone, with the third harmonic, too: cogging is as sharp as its teeth.
+    """
     order = shape["order"]
 
     def column(gain: str, of: float, part: str) -> list[Term]:
@@ -34,10 +43,10 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
         return drive_terms(motion, gain, pull) if motion.finger is None else pull_terms(gain, pull)
 
     return [
-        *column("sine", order, "imag"),
-        *column("cosine", order, "real"),
-        *column("double_sine", 2 * order, "imag"),
-        *column("double_cosine", 2 * order, "real"),
+        term
+        for times, name in enumerate(list(HARMONICS)[: 3 if motion.finger is None else 2], 1)
+        for part, of in (("sine", "imag"), ("cosine", "real"))
+        for term in column(f"{name}{part}", times * order, of)
     ]
 
 
@@ -67,7 +76,7 @@ EFFECT = Effect(
     acts_on=("motor_torque",),
     gains={
         f"{order}{part}": replace(ripple, title=f"{ripple.title}, {part}")
-        for order, ripple in (("", RIPPLE), ("double_", DOUBLE))
+        for order, ripple in HARMONICS.items()
         for part in ("sine", "cosine")
     },
     columns=columns,
@@ -81,15 +90,33 @@ EFFECT = Effect(
     closer=plus("order", tuple(k / 2 for k in range(-6, 7))),
     bench=True,
     formula=Formula(
-        equation=r"\tau_m = A\sin n\theta_m + B\cos n\theta_m + A_2\sin 2n\theta_m + B_2\cos 2n\theta_m",
-        symbols="A, B: amplitudes, with 2 at twice the order. n: periods a turn of the pulley.",
-        source="Ours: the first two terms of a Fourier series over a turn, assumed.",
-        values={"sine": "A", "cosine": "B", "double_sine": "A_2", "double_cosine": "B_2", "order": "n"},
+        equation=r"\tau_m = \sum_{k=1}^{3} A_k\sin kn\theta_m + B_k\cos kn\theta_m",
+        symbols=(
+            "A, B: amplitudes at the order and its multiples, the third of a motor alone only. n: periods a "
+            "turn of the pulley."
+        ),
+        source="Ours: the first terms of a Fourier series over a turn, assumed.",
+        values={
+            "sine": "A_1",
+            "cosine": "B_1",
+            "double_sine": "A_2",
+            "double_cosine": "B_2",
+            "triple_sine": "A_3",
+            "triple_cosine": "B_3",
+            "order": "n",
+        },
     ),
     example=Example(
         {"order": 8.0},
         {"position": math.pi / 16.0},
-        {"BENCH sine": 1.0, "BENCH cosine": 0.0, "BENCH double_sine": 0.0, "BENCH double_cosine": -1.0},
+        {
+            "BENCH sine": 1.0,
+            "BENCH cosine": 0.0,
+            "BENCH double_sine": 0.0,
+            "BENCH double_cosine": -1.0,
+            "BENCH triple_sine": -1.0,
+            "BENCH triple_cosine": 0.0,
+        },
         on_bench=True,
     ),
 )

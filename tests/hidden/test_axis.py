@@ -10,13 +10,15 @@ import pytest
 
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.diagnosis.signals.scales import find_scales
 from fingerlab.effects import CATALOGUE
 from fingerlab.report.diagnosis_words import UNEXPLAINED, path_sentence
 from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
+from tests.hidden.axis.makers import MAKERS, imported
 from tests.hidden.axis.plant import Axis, drawn, session
-from tests.hidden.axis.regression import baselines
+from tests.hidden.axis.regression import CUTOFF_HZ, baselines
 
 LIKE_COULOMB = {"motor_coulomb_friction", "motor_presliding"}
 """Friction that flips with the direction of travel; they differ in the first degree of a stroke alone."""
@@ -103,6 +105,20 @@ def test_the_brushless_motor_cogs_seventy_two_times_a_turn(shared_data: Path) ->
 
 def verdict_on(machine: Session) -> Diagnosis:
     return diagnose([machine], with_curves=False)
+
+
+@pytest.mark.parametrize("name", ["hydraulic cylinder, 100 Hz, kN", "belt axis, 500 Hz, rev and mN m"])
+def test_a_strangers_log_has_its_friction_named_in_two_commands(name: str, tmp_path: Path) -> None:
+    """A decimal comma, kN and mm at 100 Hz; revolutions without a time; friction of 3.2 and of 0.028 N m."""
+    maker = MAKERS[name]
+    path = imported(maker, tmp_path)
+    result = diagnosed(path)
+    assert result.path[1].added in maker.truth[0]
+    assert all(one & set(result.final_model) for one in maker.truth)
+    assert result.path[-1].score < 1.15
+    machine = open_session(path)
+    cutoff = CUTOFF_HZ / find_scales([machine]).time
+    assert error_at_the_end(path) < 0.5 * min(baselines(machine, cutoff).values())
 
 
 def test_a_rotor_alone_lacks_nothing() -> None:
