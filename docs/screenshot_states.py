@@ -23,6 +23,7 @@ from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.effects.own import template
 from fingerlab.report import diagnosis_words as words
 from fingerlab.sessions import open_session
+from fingerlab.sessions.mapping import BENCH_ORDER
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS
