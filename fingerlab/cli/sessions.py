@@ -6,7 +6,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -256,16 +256,13 @@ def _of_one_axis(
     radius: float | None,
 ) -> tuple[list[TextRun], Rig]:
     """The files as motor-bench runs, and a rig that knows no finger."""
-    from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis
+    from fingerlab.sessions.importing import of_one_axis
 
     if set(phases) - {"motor_bench"}:
         raise UserError("--axis makes runs of phase motor_bench; leave --phase out.")
     if rig is not None and torque_constant is not None:
         raise UserError("--torque-constant and --rig both say what a current gives; give one of them.")
-    lever = Axis(radius or AXIS_RADIUS_M)
-    motor = rig.motor if rig is not None else Motor(torque_constant or Motor.torque_constant, 1.0)
-    runs = [replace(s, phase="motor_bench", cable="none", axis=lever) for s in sources]
-    return runs, Rig(None, motor) if rig is None else replace(rig, finger=None)
+    return of_one_axis(sources, rig, torque_constant, radius)
 
 
 def _refuse_unknown_constant(
