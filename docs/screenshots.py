@@ -101,11 +101,11 @@ def take(app: QApplication, tab: str, states: States, target: Path, folder: Path
 
 
 def save(window: MainWindow, path: Path) -> None:
-    """The window, or the dialog that stands open, as a PNG with a palette of its own colours."""
-    dialogs = [one for one in window.findChildren(QDialog) if one.isVisible()]
+    """The window, or the dialog that stands open over it, as a PNG with a palette of its own colours."""
+    shown = [dialog for dialog in window.findChildren(QDialog) if dialog.isVisible()]
     buffer = QBuffer()
     buffer.open(QBuffer.OpenModeFlag.ReadWrite)
-    (dialogs or [window])[-1].grab().save(buffer, "PNG")
+    (shown[-1] if shown else window).grab().save(buffer, "PNG")
     picture = Image.open(io.BytesIO(bytes(buffer.data().data()))).convert("RGB")
     most = sorted(picture.getcolors(picture.width * picture.height), reverse=True)[:EXACT]
     rest = picture.quantize(

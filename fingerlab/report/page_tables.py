@@ -41,9 +41,10 @@ from fingerlab.report.diagnosis_words import (
 from fingerlab.report.parameter_words import parameter_title, parameter_titles
 from fingerlab.rig.constants import Finger, Motor
 from fingerlab.rig.file import CONSTANT_UNITS, sources_of
+from fingerlab.rig.intervention import changed_words
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Run, Session
-from fingerlab.sessions.trajectory import trajectory_words
+from fingerlab.sessions.trajectory import run_told
 
 SHOWN_OUTCOMES = 6
 """Candidates in the short ranking; the whole catalogue stands at the end of the page."""
@@ -181,12 +182,11 @@ def run_rows(session: Session) -> list[RunRow]:
 
 
 def _alike(one: Run, other: Run) -> bool:
-    return (one.phase, one.cable, one.sample_rate_hz, dict(one.trajectory)) == (
-        other.phase,
-        other.cable,
-        other.sample_rate_hz,
-        dict(other.trajectory),
-    ) and abs(one.seconds - other.seconds) < 0.05 * max(one.seconds, 1.0)
+    mine, theirs = (
+        (run.phase, run.cable, run.sample_rate_hz, dict(run.trajectory), changed_words(run.attributes))
+        for run in (one, other)
+    )
+    return mine == theirs and abs(one.seconds - other.seconds) < 0.05 * max(one.seconds, 1.0)
 
 
 def _run_row(block: Sequence[Run]) -> RunRow:
@@ -195,7 +195,7 @@ def _run_row(block: Sequence[Run]) -> RunRow:
     seconds = f"{len(block)} × {first.seconds:.1f}" if len(block) > 1 else f"{first.seconds:.1f}"
     cable = "–" if first.cable == "none" else first.cable
     phase = PHASE_WORDS.get(first.phase, first.phase)
-    words = trajectory_words(first.trajectory)
+    words = run_told(first)
     return RunRow(names, len(block), phase, cable, words, seconds, f"{first.sample_rate_hz:g}")
 
 

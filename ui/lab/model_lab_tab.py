@@ -94,6 +94,7 @@ class ModelLabTab(Tab):
         view.panes.remember(self.context.settings)
         self.pages.addWidget(view)
         view.report_asked.connect(self.save_report)
+        view.candidates.own_asked.connect(self.write_own_effect)
         view.looked_elsewhere.connect(self._glance.start)
         view.parameters.history.changed.connect(self.context.commands_changed)
         view.truth.hand_asked.connect(self.actions.hand_experiment)
@@ -227,6 +228,18 @@ class ModelLabTab(Tab):
         from .own_effects import OwnEffects
 
         OwnEffects(self.pages, self.context.settings.folder()).open()
+
+    def write_own_effect(self) -> None:
+        """A file to start an own effect from, with the equation in which the present model fails."""
+        from .own_effects import OwnEffects
+
+        diagnosis = self.controller.diagnosis
+        failure = diagnosis.failure if diagnosis is not None else None
+        dialog = OwnEffects(self.pages, self.context.settings.folder())
+        if failure is not None:
+            dialog.start_from(failure.equation, failure.text)
+        dialog.open()
+        dialog.write_new()
 
     # what the frame asks
 

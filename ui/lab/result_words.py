@@ -33,6 +33,8 @@ from fingerlab.report.diagnosis_words import (
     would_show,
 )
 from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
+from fingerlab.report.documents import meaning
+from fingerlab.rig.intervention import changed_words
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.trajectory import trajectory_words
 
@@ -106,14 +108,7 @@ EQUATION_TEXTS = {
     ),
 }
 
-FLOOR_HELP = (
-    "Floor: how well the bench repeats itself when the same motion is run again. "
-    "No model can be expected to do better."
-)
-SCORE_HELP = (
-    "Error of the whole model on runs held out of the fit, over all equations, in multiples of the floor. "
-    "1.0 is as good as the bench repeats itself."
-)
+FLOOR_HELP, SCORE_HELP = meaning("floor"), meaning("score")
 
 
 def equation_text(equation: str) -> EquationText:
@@ -291,7 +286,7 @@ def run_text(comparison: Comparison, session: Session | None, many: bool) -> str
     if run is not None:
         if run.cable != "none":
             parts.append(run.cable)
-        parts.append(motor_words(run.trajectory))
+        parts += filter(None, (motor_words(run.trajectory), changed_words(run.attributes)))
     text = f"Run {comparison.run} · {', '.join(parts)}"
     return f"{session.path.stem}: {text}" if many and session is not None else text
 
