@@ -87,7 +87,7 @@ class DetailsPanel(QWidget):
         self.merge = QPushButton("Mer&ge…")
         self.merge.setObjectName("merge")
         self.merge.setToolTip("The runs of the chosen sessions as one session; mark two or more rows.")
-        self.compare = QPushButton("&Compare run by run…")
+        self.compare = QPushButton("&Compare…")
         self.compare.setObjectName("compareRuns")
         self.compare.setToolTip("Two days or two benches, the same motions in phase; mark two rows.")
         self.tags = QLineEdit()
@@ -115,12 +115,9 @@ class DetailsPanel(QWidget):
         self.show_session(None, Note(), None, 0)
 
     def _build(self) -> None:
-        layout = vbox(
-            self, self.title, self.file, self.about, self.review, self.lab, margins=(16, 8, 16, 8), spacing=8
-        )
-        row = hbox(None, self.export, self.merge, spacing=8)
-        layout.addLayout(row)
-        layout.addWidget(self.compare)
+        layout = vbox(self, self.title, self.file, self.about, self.review, margins=(16, 8, 16, 8), spacing=8)
+        for pair in ((self.lab, self.export), (self.merge, self.compare)):
+            layout.addLayout(hbox(None, *pair, spacing=8))
         layout.addSpacing(8)
         for text, field in (("&Tags", self.tags), ("&Notes", self.notes)):
             label = QLabel(text)
