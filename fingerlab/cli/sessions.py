@@ -32,7 +32,7 @@ from fingerlab.rig.file import CONSTANT_UNITS, default_rig, load_rig, sources_of
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
 from fingerlab.sessions.format import CABLES, PHASES
 from fingerlab.sessions.recording_files import CLEAN
-from fingerlab.sessions.trajectory import trajectory_words
+from fingerlab.sessions.trajectory import run_told
 
 if TYPE_CHECKING:
     from fingerlab.sessions.importing import ImportPlan, TextRun
@@ -350,7 +350,7 @@ def _runs_table(session: Session, report: CheckReport) -> Table:
     )
     gaps = {check.run: check.gaps for check in report.runs}
     for run in session.runs:
-        words = trajectory_words(run.trajectory)
+        words = run_told(run)
         if tuple(run.units) != usual:
             words += f"; channels {', '.join(run.units)}"
         table.add_row(
