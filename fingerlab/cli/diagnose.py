@@ -172,7 +172,7 @@ def _errors(result: Diagnosis) -> Table:
     from fingerlab.report.diagnosis_words import judged_on
     from fingerlab.report.page_tables import error_rows
 
-    title = f"Error on {judged_on(result)}: {score_text(result.score)} times the floor"
+    title = f"Error on {judged_on(result).rstrip(',')}: {score_text(result.score)} times the floor"
     columns = ("equations", ">error (rms)", ">floor", "unit", ">error / floor", ">R2")
     table = result_table(*columns, box=None, pad_edge=False, title=title, title_style="")
     for row in error_rows(result.errors):

@@ -61,6 +61,23 @@ def test_a_csv_with_units_in_its_header_needs_no_mapping(tmp_path, capsys):
     assert not run.has("motor_current")  # what a current would give is not known
 
 
+def test_units_behind_the_names_need_no_mapping_either(tmp_path, capsys):
+    """``m`` is no unit there: a motor's angle would be a length. Files that are alike are told in a word."""
+    header = "t_ms,theta_m_deg,tau_Ncm"
+    files = [
+        written(tmp_path / f"{k}.csv", header, 1000 * TIME, np.degrees(TURN), 100 * TORQUE) for k in (1, 2, 3)
+    ]
+    code, _, err = run_main(["import", "--axis", *files, "--out", tmp_path / "a.h5"], capsys)
+    assert code == 0
+    assert [line.endswith("csv: as the one before it") for line in err.splitlines()].count(True) == 2
+    assert err.count("motor_torque") == 1
+    run = open_session(tmp_path / "a.h5").runs[2]
+    np.testing.assert_allclose(run.channel("motor_position"), TURN, atol=1e-9)
+    np.testing.assert_allclose(run.channel("motor_torque"), TORQUE, atol=1e-9)
+    bare = written(tmp_path / "b.csv", "t_ms,theta_m,tau_Ncm", TIME, TURN, TORQUE)
+    assert "names no unit of 'motor_position' (column 2)" in refused(capsys, bare)
+
+
 def test_two_commands_to_a_verdict(tmp_path, capsys):
     """Friction of 0.04 N m on a rotor of 2e-4 kg m^2: four runs of 3 s, told by name after two commands."""
     rng = np.random.default_rng(4)
@@ -112,7 +129,7 @@ def test_a_current_needs_its_torque_constant(tmp_path, capsys):
         ("t (s),q (rad),tau", (), "names no unit of 'motor_torque' (column 3); say them, such as "
          "--map time=1:s,position=2:rad,torque=3:Nm."),
         ("t (s),q (furlong),tau (Nm)", (), "in 'furlong'; it should be in one of rad, mrad, deg"),
-        ("t (s),q (rad),speed (rad/s)", (), "gives no 'motor_torque'"),
+        ("t (s),q (rad),speed (rad/s)", (), "gives no torque"),
         ("t (s),q (rad),tau (Nm)", ("--phase", "contact"), "--axis makes runs of phase motor_bench"),
     ],
 )  # fmt: skip

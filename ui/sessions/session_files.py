@@ -147,7 +147,7 @@ class ImportDialog(QDialog):
 
     def look(self) -> None:
         """Plan with the fields as they are, and say what would be written, or why that cannot be."""
-        from fingerlab.sessions.importing import TextRun, describe, plan_import
+        from fingerlab.sessions.importing import TextRun, describe_all, plan_import
 
         sources = [
             TextRun(path, str(phase.currentData()), str(cable.currentData()))
@@ -155,7 +155,7 @@ class ImportDialog(QDialog):
         ]
         try:
             self.plans = plan_import(sources, self.mapping.text().strip() or None, self.rate.value() or None)
-            words = "\n".join(line for plan in self.plans for line in describe(plan))
+            words = "\n".join(describe_all(self.plans))
         except UserError as error:
             self.plans, words = (), in_the_window(str(error))
         self.seen.setPlainText(words)
