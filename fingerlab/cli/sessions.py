@@ -27,6 +27,7 @@ from fingerlab.cli.common import (
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
 from fingerlab.core.plain_data import read_object
+from fingerlab.core.units import factor
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.rig.file import CONSTANT_UNITS, default_rig, load_rig, sources_of
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
@@ -178,6 +179,7 @@ def import_text(
         click.echo(line, err=True)
     if axis:
         _refuse_unknown_constant(plans, rig_file, torque_constant)
+        rig = _with_lever(rig, plans)
     else:
         _tell_assumptions(rig_file, phases, cables)
     if dry_run or target is None:
@@ -265,6 +267,14 @@ def _of_one_axis(
     motor = rig.motor if rig is not None else Motor(torque_constant or Motor.torque_constant, 1.0)
     runs = [replace(s, phase="motor_bench", cable="none", axis=lever) for s in sources]
     return runs, Rig(None, motor) if rig is None else replace(rig, finger=None)
+
+
+def _with_lever(rig: Rig, plans: Sequence[ImportPlan]) -> Rig:
+    """The rig with the radius of the arc as which a linear axis is told."""
+    lengths = [p for p in plans for c in p.columns if c.target_unit == "rad" and factor(c.unit, "m")]
+    if not lengths or lengths[0].source.axis is None:
+        return rig
+    return replace(rig, extra={**rig.extra, "axis": {"radius_m": lengths[0].source.axis.radius}})
 
 
 def _refuse_unknown_constant(

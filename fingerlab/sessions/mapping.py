@@ -64,7 +64,7 @@ _AXIS_KEYWORDS = (
     ("motor_command", r"command|\bcmd|reference|\bref|set.?point|desired|target"),
     ("load_torque", r"load"),
     ("motor_current", r"current|^i(q|_q|a)?$"),
-    ("motor_torque", r"torque|effort|^tau|force|moment|^f$"),
+    ("motor_torque", r"torque|effort|^tau|force|moment|^f\b"),
     ("motor_position", r"^(q|x)\d*$|position|\bpos|angle|theta|encoder|stroke|displacement"),
     ("time", r"^(t|time|zeit|tempo|timestamp|stamp|elapsed.*|tout)$"),
 )

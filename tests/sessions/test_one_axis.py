@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import h5py
@@ -110,6 +111,28 @@ def test_a_linear_axis_is_told_as_an_arc(tmp_path, capsys):
     (run,) = imported(capsys, path, "--map", mapping, "--radius", 0.005).runs
     np.testing.assert_allclose(run.channel("motor_position"), 4.0 * TURN, atol=1e-9)
     np.testing.assert_allclose(run.channel("motor_torque"), 0.5 * TORQUE, atol=1e-9)
+
+
+def test_a_linear_axis_is_told_in_newtons_and_millimetres_beside(tmp_path, capsys):
+    """Friction of 4 N: at 20 mm radius 80 mN m; 1 N m is 50 N there."""
+    rng = np.random.default_rng(7)
+    files = []
+    for number, frequency in enumerate((0.8, 1.3, 1.7)):
+        time = np.arange(1800) / 300.0
+        way = 10.0 * np.sin(2 * np.pi * frequency * time)
+        held, ways = 0.0, np.diff(way, prepend=way[0])
+        state = np.array([held := min(max(held + step / 0.1, -1.0), 1.0) for step in ways])
+        force = 4.0 * state + rng.normal(0.0, 0.05, len(time))
+        files.append(written(tmp_path / f"{number}.csv", "t (s),x (mm),F (N)", time, way, force))
+    run_main(["import", "--axis", *files, "--radius", 0.02, "--out", tmp_path / "a.h5"], capsys)
+    code, out, _ = run_main(["diagnose", tmp_path / "a.h5"], capsys)
+    assert code == 0
+    said = " ".join(out.split())
+    assert "an arc of 20 mm: 1 N m is 50 N, 1 deg is 0.349 mm and 1 N m s/rad is 2500 N s/m." in said
+    (found,) = re.findall(
+        r"friction torque at the gearbox output ([\d.]+)[^;)]*; travel about [^)]*\)", said
+    )[:1]
+    assert float(found) == pytest.approx(80.0, rel=0.03)
 
 
 def test_a_current_needs_its_torque_constant(tmp_path, capsys):
