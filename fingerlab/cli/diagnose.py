@@ -158,6 +158,8 @@ def _print(result: Diagnosis, arc: str) -> None:
         console.print(Text(words.set_sentence(result)))
     if words.as_good_sentence(result):
         console.print(Text(words.as_good_sentence(result)))
+    if result.paired:
+        console.print(Text(words.paired_sentence(result)))
     if words.worth_adding(result):
         console.print(Text(words.path_sentence(result)))
         console.print(Text(_how_to_add(result)))

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -15,7 +15,14 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.answer.bench import bench_findings, residual_offsets
 from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, left_aside, score_parts
-from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, OtherModel, PathStep
+from fingerlab.diagnosis.answer.results import (
+    Candidate,
+    Diagnosis,
+    Fingerprint,
+    OtherModel,
+    PairedDifference,
+    PathStep,
+)
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
 from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.run_spreads import find_constants
@@ -36,6 +43,7 @@ from fingerlab.diagnosis.score.evidence import (
     undetectable,
 )
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
+from fingerlab.diagnosis.score.paired import paired_score
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, much_left
 from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_shapes_of
@@ -48,6 +56,7 @@ from fingerlab.sessions.model import Array, Session
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.answer.curves import Display
+    from fingerlab.diagnosis.experiment.proposal import NextRun
 
 
 def diagnose(
@@ -195,6 +204,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     prints = curves.fingerprints if curves else {}
     alone = len(reduction.runs) == 1
     candidates = _candidates(evidence, told, chosen, loose, prints, closer, replaced, alone)
+    following = _next_run(sessions, scorer, evidence, chosen, usual)
     return Diagnosis(
         sessions=tuple(str(s.path) for s in sessions),
         model=tuple(e.id for e in question.given),
@@ -205,7 +215,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         set=tuple(evidence.candidates[i].last_effect.id for i in chosen),
         path=_path_steps(path, found.better),
         final_model=tuple(path[-1].effect_ids),
-        next_experiment=_next_experiment(sessions, scorer, evidence, chosen),
+        next_experiment=None if following is None else following.told,
         seconds=time.perf_counter() - started,
         probability_nothing=told[NOTHING],
         probability_unknown=told[UNKNOWN],
@@ -219,12 +229,32 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         repeats=all(group.repeats for group in scorer.reduced.groups),
         calibration=calibration,
         odds=evidence.odds,
+        predicted=None if following is None else following.predicted,
+        paired=_paired(question.reduction, scorer, evidence, chosen),
         held=dict(reduction.held),
         fitted=evidence.base,
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
     )
+
+
+def _paired(
+    reduction: Reduction, scorer: Scorer, evidence: Evidence, chosen: Sequence[int]
+) -> tuple[PairedDifference, ...]:
+    """What was made of every pair of runs before a known change of the machine and with it."""
+    found = []
+    for k, pair in enumerate(scorer.reduced.pairs):
+        (first, before), (second, after) = reduction.runs[pair.before], reduction.runs[pair.after]
+        change = reduction.changes[pair.after]
+        each = {c.last_effect.id: paired_score(c, k) for c in (evidence.candidates[i] for i in chosen)}
+        found.append(
+            PairedDifference(
+                before, after, (first, second), change.to_json(), change.words(),
+                paired_score(evidence.base, k), each,
+            )
+        )  # fmt: skip
+    return tuple(found)
 
 
 def _cannot_be_ruled_out(evidence: Evidence, said: CalibratedAnswer) -> list[int]:
@@ -275,9 +305,13 @@ def _display() -> Display:
     return Display()
 
 
-def _next_experiment(
-    sessions: Sequence[Session], scorer: Scorer, evidence: Evidence, chosen: Sequence[int]
-) -> dict[str, Any] | None:
+def _next_run(
+    sessions: Sequence[Session],
+    scorer: Scorer,
+    evidence: Evidence,
+    chosen: Sequence[int],
+    usual: tuple[dict[str, float], str],
+) -> NextRun | None:
     """The run that would separate the effects of the set, or show those that could not be seen; or None."""
     verdict = evidence.verdict
     if verdict == "missing_effect":
@@ -286,7 +320,7 @@ def _next_experiment(
         return None
     from fingerlab.diagnosis.experiment.proposal import propose, reveal
 
-    return (propose if verdict == "missing_effect" else reveal)(sessions, scorer, evidence, chosen)
+    return (propose if verdict == "missing_effect" else reveal)(sessions, scorer, evidence, chosen, usual)
 
 
 def _last(fitted: FittedModel) -> str | None:

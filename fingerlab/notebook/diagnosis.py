@@ -149,6 +149,8 @@ class DiagnosisView(Displayed):
             parts.append(words.set_sentence(result))
         if words.as_good_sentence(result):
             parts.append(words.as_good_sentence(result))
+        if result.paired:
+            parts.append(words.paired_sentence(result))
         if words.worth_adding(result):
             parts.append(words.path_sentence(result))
         parts += [f"The bench: {finding.text}" for finding in result.bench]

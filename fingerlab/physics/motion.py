@@ -12,6 +12,7 @@ import numpy as np
 from fingerlab.physics import nominal
 from fingerlab.physics.friction_states import rubbing_forces, with_grid
 from fingerlab.rig.constants import Finger, Motor
+from fingerlab.rig.intervention import Intervention
 from fingerlab.sessions.model import Array
 
 GLIMPSE_SAMPLES = 300
@@ -52,6 +53,11 @@ class Motion:
     lead: int = 0  # samples at the start that only set the memory of what has one; no equation counts there
     position_step: float = 0.0  # of the motor's encoder, rad
     inertia_spread: float = 0.0  # of the rotor's inertia, one standard deviation, kg m^2
+    intervention: Intervention | None = None  # what is known to be otherwise; None: no run of these has one
+    change: tuple[int, int] = (
+        0,
+        0,
+    )  # number of that change among those of the sessions (0: none), and theirs
     repairs: Mapping[str, int] = field(default_factory=dict)  # samples put right, by channel
     repaired_at: Array = field(default_factory=lambda: np.zeros(0))  # s, where spikes were, in any channel
     _memory: dict[object, Array] = field(default_factory=dict, repr=False, compare=False)
@@ -89,7 +95,38 @@ class Motion:
     @property
     def tension(self) -> Array:
         """Motor torque over pulley radius, N; inertia not subtracted."""
-        return self.remember("tension", lambda: self.torque / self.radius)
+        return self.remember("tension", lambda: self.cable_torque / self.radius)
+
+    @property
+    def cable_torque(self) -> Array:
+        """Motor torque less what a known load beside the cable takes of it, N m; inertia not subtracted."""
+        load = 0.0 if self.intervention is None else self.intervention.load_torque
+        return self.torque - load if load else self.torque
+
+    @property
+    def known_torques(self) -> tuple[Array, Array]:
+        """What a known change adds to the left-hand sides of MCP and PIP, N m; with arms as usual."""
+        finger, q = self.finger_and_joints
+        change = self.intervention or Intervention()
+        body = added_body(finger, change)
+        return (
+            nominal.mcp_torque(body, q).total + change.mcp_stiffness * q.mcp,
+            nominal.pip_torque(body, q).total + change.pip_stiffness * q.pip,
+        )
+
+    @property
+    def weights(self) -> tuple[float, float]:
+        """First moments of weight, N m: of the proximal link with what it carries; of the distal."""
+        finger, _ = self.finger_and_joints
+        near = (
+            (finger.proximal_mass + 2.0 * finger.distal_mass) * finger.gravity * finger.proximal_half_length
+        )
+        far = finger.distal_mass * finger.gravity * finger.distal_half_length
+        if self.intervention is None or not self.intervention.added_mass:
+            return near, far
+        body = added_body(finger, self.intervention)
+        weight = body.distal_mass * body.gravity
+        return near + 2.0 * weight * body.proximal_half_length, far + weight * body.distal_half_length
 
     @property
     def inertial_pull(self) -> Array:
@@ -149,6 +186,14 @@ class Motion:
         if self.finger is None or self.joints is None:
             raise ValueError("a motor-bench run has no joints")
         return self.finger, self.joints
+
+
+def added_body(finger: Finger, change: Intervention) -> Finger:
+    """A finger that consists of the known mass of a change and nothing else."""
+    none = dict.fromkeys(
+        ("proximal_mass", "proximal_inertia", "distal_inertia", "mcp_stiffness", "pip_stiffness"), 0.0
+    )
+    return replace(finger, **none, distal_mass=change.added_mass, distal_half_length=change.added_mass_at)
 
 
 def nothing(length: int) -> Array:

@@ -96,7 +96,8 @@ class ResultActions(QObject):
         from fingerlab.twin.protocols import single_run
 
         try:
-            run = single_run(proposal["trajectory"], proposal["phase"], proposal.get("cable"))
+            change = proposal.get("intervention")
+            run = single_run(proposal["trajectory"], proposal["phase"], proposal.get("cable"), change)
             steps = plan_steps([run], CONTACT_FORCE_N)
         except UserError as error:
             self._context.tell(str(error))

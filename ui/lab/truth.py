@@ -18,6 +18,7 @@ from fingerlab.report.diagnosis_words import (
     holds,
     in_sentence,
     listed,
+    paired_sentence,
     rivalled,
 )
 
@@ -187,7 +188,16 @@ class TruthPanel(QWidget):
         )
         self.held_out.setText(f"{misses}{before if names else ''}.{second}{_force_words(history)}")
         self.next.setText(
-            " ".join(filter(None, (as_good_sentence(diagnosis), next_experiment_words(diagnosis))))
+            " ".join(
+                filter(
+                    None,
+                    (
+                        as_good_sentence(diagnosis),
+                        paired_sentence(diagnosis),
+                        next_experiment_words(diagnosis),
+                    ),
+                )
+            )
         )
         self.runs.show_runs(history.first.diagnosis.held_out, diagnosis.held_out)
         proposed = diagnosis.next_experiment is not None

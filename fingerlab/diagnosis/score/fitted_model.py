@@ -80,6 +80,7 @@ class FittedModel:
         widening: what it costs in twice the log density that sticking friction may hold any value at rest.
         prior_penalty: what the constants of the joints' equations cost in twice the log density.
         sensitivity: what the last effect would do; empty where it was not asked for.
+        paired: one line for each pair of runs before a known change and with it, (pairs, 2), as ``misfits``.
     """
 
     model: Model
@@ -93,6 +94,7 @@ class FittedModel:
     widening: float = 0.0
     prior_penalty: float = 0.0
     sensitivity: Sensitivity = NO_SENSITIVITY
+    paired: Array = field(default_factory=lambda: np.zeros((0, 2)))
 
     @property
     def choices(self) -> tuple[Choice, ...]:

@@ -31,6 +31,7 @@ from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights
 from fingerlab.diagnosis.gram.run_constants import Offsets, RunConstants
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel, sensitivity
+from fingerlab.diagnosis.score.paired import paired_misfit
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, MOST_WANDER, SETTLED
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.sessions.model import Array
@@ -282,7 +283,14 @@ class Scorer:
             held_out=held_out,
             widening=fitter.widening,
             prior_penalty=self._prior_penalty(fitted),
+            paired=self._paired(fitted),
         )
+
+    def _paired(self, fitted: FittedModel) -> Array:
+        """What is left of every pair's difference, (pairs, 2)."""
+        groups = {g.key: g for g in self.reduced.groups}
+        found = [paired_misfit(fitted, pair, groups[pair.group]) for pair in self.reduced.pairs]
+        return np.array(found).reshape(-1, 2)
 
     def _prior_penalty(self, fitted: FittedModel, zero_spread: float | None = None) -> float:
         routings = {g.key[0] for g in self.reduced.groups if not g.in_contact}
