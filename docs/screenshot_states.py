@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator
@@ -21,6 +22,8 @@ from fingerlab.core.text import estimate_text, score_text
 from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.effects.own import template
 from fingerlab.report import diagnosis_words as words
+from fingerlab.sessions import open_session
+from fingerlab.sessions.mapping import BENCH_ORDER
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS
@@ -36,6 +39,7 @@ from fingerlab.ui.fit.fit_tab import FitTab
 from fingerlab.ui.lab.model_lab_tab import ModelLabTab
 from fingerlab.ui.lab.own_effects import OwnEffects
 from fingerlab.ui.predict.predict_tab import PredictTab
+from fingerlab.ui.sessions.import_dialog import ImportDialog
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
 
 EFFECT = "coulomb_friction"
@@ -339,6 +343,23 @@ def help_states(window: MainWindow, folder: Path) -> Iterator[str]:
     own.close()
 
 
+def import_states(window: MainWindow, folder: Path) -> Iterator[str]:
+    """A text file of the simulated rig with decimal commas, as it is looked at before it is imported."""
+    session = open_session(record(folder / "finger-rig.h5"))
+    samples = session.runs[0].load(list(BENCH_ORDER))
+    units = ("s", "deg", "deg", "mNm", "deg", "deg", "N")
+    factors = {"deg": 180.0 / math.pi, "mNm": 1000.0}
+    columns = [samples[name] * factors.get(unit, 1.0) for name, unit in zip(BENCH_ORDER, units, strict=True)]
+    titles = [f"{name.replace('_', ' ')} ({unit})" for name, unit in zip(BENCH_ORDER, units, strict=True)]
+    rows = (";".join(f"{value:.5f}" for value in row).replace(".", ",") for row in zip(*columns, strict=True))
+    Path("bench.csv").write_text("\n".join([";".join(titles), *rows]), encoding="utf-8")
+    dialog = ImportDialog([Path("bench.csv")], window)
+    dialog.show()
+    dialog.columns.selectRow(5)
+    yield "columns"
+    dialog.close()
+
+
 TABS: dict[str, States] = {
     "acquire": acquire_states,
     "calibrate": calibrate_states,
@@ -348,6 +369,7 @@ TABS: dict[str, States] = {
     "model_lab": lab_states,
     "model_lab_practice": practice_states,
     "help": help_states,
+    "import": import_states,
 }
 
 

@@ -6,7 +6,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,13 +27,12 @@ from fingerlab.cli.common import (
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
 from fingerlab.core.plain_data import read_object
-from fingerlab.core.units import factor
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.rig.file import CONSTANT_UNITS, default_rig, load_rig, sources_of
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
 from fingerlab.sessions.format import CABLES, PHASES
 from fingerlab.sessions.recording_files import CLEAN
-from fingerlab.sessions.trajectory import trajectory_words
+from fingerlab.sessions.trajectory import run_told
 
 if TYPE_CHECKING:
     from fingerlab.sessions.importing import ImportPlan, TextRun
@@ -179,7 +178,6 @@ def import_text(
         click.echo(line, err=True)
     if axis:
         _refuse_unknown_constant(plans, rig_file, torque_constant)
-        rig = _with_lever(rig, plans)
     else:
         _tell_assumptions(rig_file, phases, cables)
     if dry_run or target is None:
@@ -257,24 +255,13 @@ def _of_one_axis(
     radius: float | None,
 ) -> tuple[list[TextRun], Rig]:
     """The files as motor-bench runs, and a rig that knows no finger."""
-    from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis
+    from fingerlab.sessions.importing import of_one_axis
 
     if set(phases) - {"motor_bench"}:
         raise UserError("--axis makes runs of phase motor_bench; leave --phase out.")
     if rig is not None and torque_constant is not None:
         raise UserError("--torque-constant and --rig both say what a current gives; give one of them.")
-    lever = Axis(radius or AXIS_RADIUS_M)
-    motor = rig.motor if rig is not None else Motor(torque_constant or Motor.torque_constant, 1.0)
-    runs = [replace(s, phase="motor_bench", cable="none", axis=lever) for s in sources]
-    return runs, Rig(None, motor) if rig is None else replace(rig, finger=None)
-
-
-def _with_lever(rig: Rig, plans: Sequence[ImportPlan]) -> Rig:
-    """The rig with the radius of the arc as which a linear axis is told."""
-    lengths = [p for p in plans for c in p.columns if c.target_unit == "rad" and factor(c.unit, "m")]
-    if not lengths or lengths[0].source.axis is None:
-        return rig
-    return replace(rig, extra={**rig.extra, "axis": {"radius_m": lengths[0].source.axis.radius}})
+    return of_one_axis(sources, rig, torque_constant, radius)
 
 
 def _refuse_unknown_constant(
@@ -362,7 +349,7 @@ def _runs_table(session: Session, report: CheckReport) -> Table:
     )
     gaps = {check.run: check.gaps for check in report.runs}
     for run in session.runs:
-        words = trajectory_words(run.trajectory)
+        words = run_told(run)
         if tuple(run.units) != usual:
             words += f"; channels {', '.join(run.units)}"
         table.add_row(

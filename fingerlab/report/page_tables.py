@@ -38,10 +38,10 @@ from fingerlab.report.diagnosis_words import (
 from fingerlab.report.parameter_words import parameter_title, parameter_titles
 from fingerlab.rig.constants import Finger, Motor
 from fingerlab.rig.file import CONSTANT_UNITS, sources_of
-from fingerlab.rig.intervention import intervention_of
+from fingerlab.rig.intervention import changed_words
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Run, Session
-from fingerlab.sessions.trajectory import trajectory_words
+from fingerlab.sessions.trajectory import run_told
 
 SHOWN_OUTCOMES = 6
 """Candidates in the short ranking; the whole catalogue stands at the end of the page."""
@@ -179,19 +179,11 @@ def run_rows(session: Session) -> list[RunRow]:
 
 
 def _alike(one: Run, other: Run) -> bool:
-    return (one.phase, one.cable, one.sample_rate_hz, dict(one.trajectory), _changed(one)) == (
-        other.phase,
-        other.cable,
-        other.sample_rate_hz,
-        dict(other.trajectory),
-        _changed(other),
-    ) and abs(one.seconds - other.seconds) < 0.05 * max(one.seconds, 1.0)
-
-
-def _changed(run: Run) -> str:
-    """What was changed on the machine for a run, in words; empty: nothing."""
-    change = intervention_of(run.attributes, run.name)
-    return "" if change is None else change.words()
+    mine, theirs = (
+        (run.phase, run.cable, run.sample_rate_hz, dict(run.trajectory), changed_words(run.attributes))
+        for run in (one, other)
+    )
+    return mine == theirs and abs(one.seconds - other.seconds) < 0.05 * max(one.seconds, 1.0)
 
 
 def _run_row(block: Sequence[Run]) -> RunRow:
@@ -200,7 +192,7 @@ def _run_row(block: Sequence[Run]) -> RunRow:
     seconds = f"{len(block)} × {first.seconds:.1f}" if len(block) > 1 else f"{first.seconds:.1f}"
     cable = "–" if first.cable == "none" else first.cable
     phase = PHASE_WORDS.get(first.phase, first.phase)
-    words = ", ".join(filter(None, (trajectory_words(first.trajectory), _changed(first))))
+    words = run_told(first)
     return RunRow(names, len(block), phase, cable, words, seconds, f"{first.sample_rate_hz:g}")
 
 

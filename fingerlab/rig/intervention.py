@@ -113,6 +113,15 @@ def read_intervention(told: object, where: str) -> Intervention:
     return Intervention(**{name: float(value) for name, value in data.items()})
 
 
+def changed_words(attributes: Mapping[str, Any]) -> str:
+    """The change that the attributes of a run tell, in words; empty where there is none that can be read."""
+    try:
+        change = intervention_of(attributes, "")
+    except UserError:
+        return ""
+    return "" if change is None else change.words()
+
+
 def intervention_of(attributes: Mapping[str, Any], run: str) -> Intervention | None:
     """The change that the ``attributes`` of a run tell; None: they tell of none.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +16,13 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.units import factor
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions.format import LEAST_RATE, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS
 from fingerlab.sessions.hdf5 import sample_fault
-from fingerlab.sessions.mapping import Axis, Column, Table, map_columns, short_name
+from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis, Column, Table, map_columns, short_name
 from fingerlab.sessions.mat_table import MatTable, is_mat, mat_tables
 from fingerlab.sessions.model import Array
-from fingerlab.sessions.text_table import SEPARATOR_WORDS, inspect_table, read_blocks
+from fingerlab.sessions.text_table import BLOCK_LINES, SEPARATOR_WORDS, inspect_table, read_blocks
 from fingerlab.sessions.trajectory import recognised, trajectory_words
 from fingerlab.sessions.writing import SessionWriter
 
@@ -98,6 +98,31 @@ def plan_import(
     return tuple(_plan(source, table, mapping, rate) for source in sources for table in _tables(source.path))
 
 
+def first_rows(path: Path) -> tuple[Table, Array]:
+    """The first table of a file and its first rows, (rows, columns), as they stand in it: to be looked at.
+
+    Raises:
+        UserError: the file cannot be read, or a row does not fit.
+    """
+    table = _tables(path)[0]
+    return table, next(_blocks(table))[:BLOCK_LINES]
+
+
+def of_one_axis(
+    sources: Sequence[TextRun], rig: Rig | None, torque_constant: float | None, radius: float | None
+) -> tuple[list[TextRun], Rig]:
+    """The files as motor-bench runs of any machine, and a rig that knows no finger.
+
+    Args:
+        rig: with the machine's constants; None: only ``torque_constant``, N m/A with the gear, if that.
+        radius: of the arc as which a linear axis is told, m; None: :data:`AXIS_RADIUS_M`.
+    """
+    lever = Axis(radius or AXIS_RADIUS_M)
+    motor = rig.motor if rig is not None else Motor(torque_constant or Motor.torque_constant, 1.0)
+    runs = [replace(source, phase="motor_bench", cable="none", axis=lever) for source in sources]
+    return runs, Rig(None, motor) if rig is None else replace(rig, finger=None)
+
+
 def _tables(path: Path) -> Sequence[Table]:
     return mat_tables(path) if is_mat(path) else [inspect_table(path)]
 
@@ -128,12 +153,24 @@ def import_files(
         UserError: a row does not fit, the samples break the format, or the target exists or is full;
             nothing is left behind.
     """
+    rig = _with_lever(rig, plans)
     with SessionWriter(target, rig, title, attributes=attributes) as writer:
         for number, plan in enumerate(plans):
             if progress:
                 progress(number / len(plans), plan.table.path.name)
             _write_run(writer, plan, rig)
     return Path(target)
+
+
+def _with_lever(rig: Rig, plans: Sequence[ImportPlan]) -> Rig:
+    """The rig with the radius of the arc as which a linear axis is told."""
+    levers = [
+        plan.source.axis.radius
+        for plan in plans
+        for column in plan.columns
+        if plan.source.axis and column.target_unit == "rad" and factor(column.unit, "m") is not None
+    ]
+    return replace(rig, extra={**rig.extra, "axis": {"radius_m": levers[0]}}) if levers else rig
 
 
 def describe_all(plans: Sequence[ImportPlan]) -> list[str]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -159,6 +160,43 @@ def map_columns(table: Table, mapping: str | None, axis: Axis | None = None) -> 
     if axis is not None:
         _refuse_unnamed(columns, table)
     return columns
+
+
+def likely_columns(table: Table, axis: Axis | None = None) -> tuple[Column | None, ...]:
+    """What each column of a table is likely to be, to start from where a person chooses; nothing is refused.
+
+    By the header or in the bench's own order; None for a column of which nothing is known, whose unit does
+    not fit, or that looks like one before it.
+    """
+    names: Sequence[str | None] = [None] * table.columns
+    if table.header:
+        words = _KEYWORDS if axis is None else _AXIS_KEYWORDS
+        names = [_channel_of(split_header(cell)[0], k, words) for k, cell in enumerate(table.header)]
+    elif table.columns == len(BENCH_ORDER) and axis is None:
+        names = BENCH_ORDER
+    found: list[Column | None] = []
+    for index, name in enumerate(names):
+        taken = [column.channel for column in found if column is not None]
+        found.append(None)
+        if name is not None and name not in taken:
+            unit = split_header(table.header[index])[1] if table.header else None
+            with suppress(UserError):
+                found[-1] = _column(name, index, unit, 1.0, "", table, axis)
+    return tuple(found)
+
+
+def units_of(channel: str, axis: Axis | None = None) -> tuple[str, ...]:
+    """In which units a column of a channel may be, one spelling each; SI first; none for an unknown one."""
+    target = CHANNEL_UNITS.get(channel)
+    if target is None:
+        return ()
+    along_a_line = {"rad": "m", "N m": "N"}.get(target) if axis is not None else None
+    each = [FACTORS[target], *([FACTORS[along_a_line]] if along_a_line else [])]
+    first: dict[tuple[int, float], str] = {}
+    for number, table in enumerate(each):
+        for unit, value in table.items():
+            first.setdefault((number, value), unit)
+    return tuple(first.values())
 
 
 def _refuse_unnamed(columns: tuple[Column, ...], table: Table) -> None:

@@ -14,7 +14,7 @@ import pytest
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.gram.pairs import sums_of_difference
 from fingerlab.diagnosis.signals.conditions import changed_pairs, with_changes_told
-from fingerlab.report.diagnosis_words import paired_sentence
+from fingerlab.report.diagnosis_words import next_experiment_sentence, paired_sentence
 from fingerlab.rig.intervention import Intervention
 from fingerlab.sessions.model import Run, Session
 
@@ -101,6 +101,29 @@ def test_a_changed_machine_that_hides_an_effect_still_shows_it(plain: Session) -
     assert said.set == ("stiffness_error",)
     (pair,) = said.paired
     assert pair.with_effect["stiffness_error"] == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_proposed_change_is_said_with_its_chance(plain: Session) -> None:
+    proposal = {
+        "trajectory": {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0},
+        "phase": "on_air", "cable": "extension", "intervention": {"load_torque": 0.02},
+        "separates": ["gravity_tilt", "nothing_missing"], "expected_separation": 6.4, "chance_alone": 0.83,
+    }  # fmt: skip
+    said = replace(diagnose([plain], with_curves=False), next_experiment=proposal)
+    assert next_experiment_sentence(said) == (
+        "Record next: sine, 15°, 1 Hz, on air, extension cable, with a known load of 20 mN m on the pulley "
+        "beside the cable. It would show tilted base, if there (expected gain in log evidence 6.4; 5 "
+        "decides). The chance that the true one then stands alone is 83 %."
+    )
+
+
+def test_what_only_a_left_out_run_could_tell_is_no_error(plain: Session) -> None:
+    """A changed run's own offset of the cable: its length is missed by no more than its floor."""
+    said = diagnose([plain, changed(made.Bench(), "mass")], with_curves=False)
+    length = said.errors["cable_kinematics"]
+    assert length.rmse < 1.5 * length.floor
+    told = [one.change for one in said.held_out]
+    assert told.count("with 10 g fixed to the finger 24 mm beyond the PIP axis") == 1
 
 
 def test_sessions_without_a_change_are_left_as_they_are(plain: Session) -> None:

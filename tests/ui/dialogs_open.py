@@ -28,7 +28,7 @@ from fingerlab.ui.calibrate.calibrate_tab import ask_to_leave
 from fingerlab.ui.lab.own_effects import OwnEffects
 from fingerlab.ui.lab.own_effects import ask_to_leave as ask_to_leave_text
 from fingerlab.ui.lab.project_dialogs import NotesDialog, TriedDialog
-from fingerlab.ui.sessions.session_files import ImportDialog
+from fingerlab.ui.sessions.import_dialog import ImportDialog
 from fingerlab.ui.widgets.plot_figure import paper_of
 
 from .standing_open import Stage, Step, Surface, standing
@@ -262,7 +262,7 @@ DIALOGS = (
         ("sessions/session_files.py:Writer.ask_texts",),
         "sessions",
     ),
-    Surface("Import text files", (_import,), ("sessions/session_files.py:ImportDialog",), "sessions"),
+    Surface("Import text files", (_import,), ("sessions/import_dialog.py:ImportDialog",), "sessions"),
     Surface(
         "Import text files > list of phases",
         (_import, lambda s: _of(s.window, ImportDialog)._each[0][0].showPopup()),
@@ -272,7 +272,7 @@ DIALOGS = (
     Surface(
         "Import text files > Rig file",
         (_import, lambda s: _of(s.window, ImportDialog)._choose_rig()),
-        ("sessions/session_files.py:ImportDialog._choose_rig",),
+        ("sessions/import_dialog.py:ImportDialog._choose_rig",),
         "sessions",
     ),
     Surface("Save model file (Fit)", (_fit_save,), ("fit/fit_tab.py:FitTab.save",), "fit"),

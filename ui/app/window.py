@@ -70,7 +70,7 @@ class PlaceKeeper(QObject):
 FIRST_SIZE = QSize(1280, 800)
 FIRST_TAB = "model_lab"
 """In front at the first start: its page says what the program is for, and where to begin."""
-IMPORTING, TABLES = "sessions", (".txt", ".csv", ".tsv")
+IMPORTING, TABLES = "sessions", (".txt", ".csv", ".tsv", ".mat")
 """Who takes tables in, and their endings."""
 SESSION_ENDINGS = (".h5", ".hdf5")
 SHOWN_ELSEWHERE = (".html", ".pdf", ".png", ".svg", ".csv", ".md")

@@ -32,6 +32,7 @@ from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed, 
 from ..widgets.fields import set_usable
 from ..widgets.labels import WholeLabel
 from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
+from ..widgets.tables import copies, with_tabs
 from ..widgets.theme import Colours, colours_of, large_font, small_font, tint
 from .result_words import (
     NOTHING,
@@ -121,6 +122,14 @@ class CandidateList(QAbstractListModel):
         if role in (Qt.ItemDataRole.ToolTipRole, Qt.ItemDataRole.AccessibleTextRole):
             return _spoken(row)
         return None
+
+    def as_table(self) -> str:
+        """All rows with probability and the error that each would leave, as text with tabs."""
+        lines = [
+            (row.title, percent(row.probability), "" if row.score is None else score_text(row.score))
+            for row in self.rows
+        ]
+        return with_tabs([("candidate", "probability", "error with it (floors)"), *lines])
 
     def index_of(self, key: str) -> QModelIndex:
         """The row of an effect or outcome; an invalid index where it is not listed."""
@@ -267,6 +276,7 @@ class CandidatesPanel(QWidget):
         self.list = CandidateList(self)
         self.view = described(CandidateView(), "candidates", accessible="Candidates, best first")
         self.view.setModel(self.list)
+        copies(self.view, self.list.as_table)
         self.view.setItemDelegate(CandidateDelegate(self.view))
         self.view.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.view.setVerticalScrollMode(QListView.ScrollMode.ScrollPerPixel)

@@ -19,6 +19,7 @@ from fingerlab.report.parameter_words import held_words, parameter_title
 from ..widgets.fields import set_usable
 from ..widgets.layout import FLUSH, Spacer, hbox, vbox
 from ..widgets.series import Series
+from ..widgets.tables import cells_of_grid, copies
 from ..widgets.theme import Colours, colours_of, small_font, tint
 from .controller import ModelHistory, ModelStep
 from .result_words import FLOOR_HELP, SCORE_HELP, error_texts
@@ -216,6 +217,8 @@ class ErrorTable(QWidget):
         self._grid.setVerticalSpacing(1)
         self._grid.setColumnStretch(len(HEADINGS), 1)
         self._labels: list[QLabel] = []
+        self.setFocusPolicy(Qt.FocusPolicy.ClickFocus)  # so that Ctrl+C is meant for it
+        copies(self, lambda: cells_of_grid(self._grid))
 
     def show_history(self, history: ModelHistory | None) -> None:
         """Rebuild the rows for the present model."""

@@ -34,6 +34,7 @@ from fingerlab.report.diagnosis_words import (
 )
 from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
 from fingerlab.report.documents import meaning
+from fingerlab.rig.intervention import changed_words
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.trajectory import trajectory_words
 
@@ -285,7 +286,7 @@ def run_text(comparison: Comparison, session: Session | None, many: bool) -> str
     if run is not None:
         if run.cable != "none":
             parts.append(run.cable)
-        parts.append(motor_words(run.trajectory))
+        parts += filter(None, (motor_words(run.trajectory), changed_words(run.attributes)))
     text = f"Run {comparison.run} · {', '.join(parts)}"
     return f"{session.path.stem}: {text}" if many and session is not None else text
 

@@ -98,7 +98,8 @@ def runs_text(one: HeldOutRuns) -> str:
 def motion_text(one: HeldOutRuns) -> str:
     """What these runs have in common: phase, cable, what the motor was told."""
     cable = f", {one.cable}" if one.cable != "none" else ""
-    return f"{PHASE_WORDS.get(one.phase, one.phase)}{cable}, {motor_words(one.trajectory)}"
+    change = f", {one.change}" if one.change else ""
+    return f"{PHASE_WORDS.get(one.phase, one.phase)}{cable}, {motor_words(one.trajectory)}{change}"
 
 
 def whole_text(one: HeldOutRuns) -> str:

@@ -156,7 +156,8 @@ class HeldOutRuns:
     """The model as given on runs that were told one motion, each left out of the fit that is scored on it.
 
     Attributes:
-        runs: their names. phase, cable, trajectory: as in the session format.
+        runs: their names. phase, cable, trajectory: as in the session format. change: what of the machine was
+            changed for them, in words.
         score: error over all equations in units of the floor; 1.0 is the floor.
     """
 
@@ -165,6 +166,7 @@ class HeldOutRuns:
     cable: str
     trajectory: Mapping[str, Any]
     score: float
+    change: str = ""
 
 
 @dataclass(frozen=True)

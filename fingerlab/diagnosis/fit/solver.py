@@ -19,7 +19,7 @@ import numpy as np
 from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES, DELAY
 from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, Layout
 from fingerlab.diagnosis.equations.model import Model
-from fingerlab.diagnosis.equations.parameters import ARMS, LOSSES, TORQUE_ZERO
+from fingerlab.diagnosis.equations.parameters import ARMS, CHANGED_OFFSET, LOSSES, TORQUE_ZERO
 from fingerlab.diagnosis.fit.weights import (
     Data,
     FoldNumbers,
@@ -438,8 +438,14 @@ class Fitter:
                 gradient = gradient - (h @ fold.matrix) @ jacobian
                 information = information - jacobian.T @ (fold.curvature @ jacobian)
         step = bounded_step(values, gradient, information, self._low, self._high)
+        step[self._of_changes] = 0.0
         values = np.clip(values + step, self._low, self._high)
         return LeftOut(values, information, (values > self._low) & (values < self._high))
+
+    @cached_property
+    def _of_changes(self) -> list[int]:
+        """Unknowns that only the runs with one known change of the machine tell, and no others could."""
+        return [i for key, i in self.model.index.items() if key.startswith(CHANGED_OFFSET)]
 
     def normal_equations(self, values: Array) -> tuple[Array, Array]:
         """Half the gradient of the cost, (p,), and its Gauss-Newton curvature with noise, (p, p)."""
