@@ -419,6 +419,50 @@ def import_states(window: MainWindow, folder: Path) -> Iterator[str]:
     dialog.close()
 
 
+def free_states(window: MainWindow, folder: Path) -> Iterator[str]:
+    """Plots of one's own: a loop and a spectrum beside the running rig; a loop of a recorded run."""
+    acquire.ask_to_close = lambda *_: True  # type: ignore[assignment]
+    window.show_tab("acquire")
+    tab = window.tab("acquire")
+    assert isinstance(tab, acquire.AcquireTab)
+    tab.controller._opener = lambda wanted: on_virtual_clock(wanted, folder)
+    wait_until(lambda: not tab.controller.worker.busy)
+    tab.controller.open(BenchRequest("simulated", effect=EFFECT))
+    wait_until(lambda: tab.controller.bench is not None)
+    tab.controller._timer.stop()
+    for button, seconds in ((tab.panel.initialise, 0.2), (tab.panel.enable, 0.2), (tab.panel.start, 12.0)):
+        button.click()
+        for _ in range(round(seconds / 0.033)):
+            tab.controller.tick()
+    free = tab.plots.free
+    tab.toolbar.arrange.add.click()
+    tab.toolbar.arrange.add.click()
+    free.plots[1].across.setCurrentIndex(free.plots[1].across.findData("frequency"))
+    tab.toolbar.arrange.boxes["angles"].setChecked(False)
+    yield "acquire"
+    tab.controller.stop()
+    sessions = window.tab("sessions")
+    assert isinstance(sessions, SessionsTab)
+    library = Path("recordings")
+    library.mkdir(exist_ok=True)
+    record(library / "finger-rig.h5")
+    window.show_tab("sessions")
+    sessions.browse(library)
+    wait_until(lambda: sessions.page.model.total == 1)
+    sessions.page.choose_path(library / "finger-rig.h5")
+    sessions.page.details.review.click()
+    page = sessions.review_page
+    wait_until(lambda: page.session is not None and not sessions.data.busy)
+    page.arrange.add.click()
+    page.arrange.add.click()
+    across = page.free.plots[1].across
+    across.setCurrentIndex(across.findData("mcp_angle"))
+    page.free.wanted.emit()
+    pause(500)
+    wait_until(lambda: not sessions.data.busy)
+    yield "review"
+
+
 TABS: dict[str, States] = {
     "acquire": acquire_states,
     "calibrate": calibrate_states,
@@ -428,6 +472,7 @@ TABS: dict[str, States] = {
     "model_lab": lab_states,
     "model_lab_practice": practice_states,
     "help": help_states,
+    "free": free_states,
     "import": import_states,
 }
 

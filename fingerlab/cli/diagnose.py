@@ -86,7 +86,7 @@ def diagnose(
     effects = added or result.final_model
     saved = None if model_file is None else (_model(opened, effects, fixed), model_file)
     if json_target != "-":
-        _print(result)
+        _print(result, _as_an_arc(opened[0]))
     drawn = None
     if figures is not None:
         from fingerlab.report.diagnosis_figures import diagnosis_figures
@@ -120,8 +120,23 @@ def _model(sessions: Sequence[Session], effects: Sequence[str], held: Mapping[st
         return model_of_extended(fit_extended(sessions, effects, report, held))
 
 
-def _print(result: Diagnosis) -> None:
-    """The answer on the terminal, made to fit 80 columns: verdict first, then what it rests on."""
+def _as_an_arc(session: Session) -> str:
+    """What the numbers mean where the axis is a linear one; empty where it is not."""
+    arc = session.rig.extra.get("axis")
+    radius = arc.get("radius_m") if isinstance(arc, Mapping) else None
+    if not isinstance(radius, int | float) or not radius > 0:
+        return ""
+    return (
+        f"The axis is linear, told as an arc of {1e3 * radius:g} mm: 1 N m is {1.0 / radius:g} N, "
+        f"1 deg is {1e3 * math.radians(radius):.3g} mm and 1 N m s/rad is {1.0 / radius**2:g} N s/m."
+    )
+
+
+def _print(result: Diagnosis, arc: str) -> None:
+    """The answer on the terminal, made to fit 80 columns: verdict first, then what it rests on.
+
+    ``arc``: what is to be said of a linear axis.
+    """
     from rich.text import Text
 
     from fingerlab.report import diagnosis_words as words
@@ -135,6 +150,8 @@ def _print(result: Diagnosis) -> None:
     console.print()
     console.print(_ranking(result))
     console.print(f"error: with that effect in the model{'; * cannot be ruled out' if result.set else ''}\n")
+    if arc:
+        console.print(Text(f"{arc}\n"))
     for candidate in words.suspected(result):
         console.print(Text(f"{candidate.title}: {candidate.explanation}\n"))
     if len(result.set) > 1 or words.not_shown(result):
@@ -174,7 +191,7 @@ def _errors(result: Diagnosis) -> Table:
     from fingerlab.report.diagnosis_words import judged_on
     from fingerlab.report.page_tables import error_rows
 
-    title = f"Error on {judged_on(result)}: {score_text(result.score)} times the floor"
+    title = f"Error on {judged_on(result).rstrip(',')}: {score_text(result.score)} times the floor"
     columns = ("equations", ">error (rms)", ">floor", "unit", ">error / floor", ">R2")
     table = result_table(*columns, box=None, pad_edge=False, title=title, title_style="")
     for row in error_rows(result.errors):

@@ -161,7 +161,7 @@ def import_text(
     in the mapping or the header. A linear axis (mm, N) is told as an arc. They become motor-bench runs of a
     rig without a finger, ready for "fingerlab diagnose".
     """
-    from fingerlab.sessions.importing import describe, import_files, plan_import
+    from fingerlab.sessions.importing import describe_all, import_files, plan_import
 
     if target is None and not dry_run:
         raise UserError("The option --out S.h5 is missing; it names the session to write.")
@@ -174,9 +174,8 @@ def import_text(
     elif torque_constant is not None or radius is not None:
         raise UserError("--torque-constant and --radius belong to --axis; the bench's stand in its rig file.")
     plans = plan_import(sources, mapping, rate)
-    for plan in plans:
-        for line in describe(plan):
-            click.echo(line, err=True)
+    for line in describe_all(plans):
+        click.echo(line, err=True)
     if axis:
         _refuse_unknown_constant(plans, rig_file, torque_constant)
     else:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from fingerlab.core.text import ScreenUnit, decimals_for, estimate_text, fixed, largest_of, screen_unit
 from fingerlab.core.units import ParameterEstimate
-from fingerlab.diagnosis.equations.parameters import SLIPS
+from fingerlab.diagnosis.equations.parameters import CHANGED_OFFSET, SLIPS
+from fingerlab.diagnosis.settings import MOST_CHANGES
 from fingerlab.effects import find_effect
 
 if TYPE_CHECKING:
@@ -44,7 +45,12 @@ TITLES = {
     "lateral_rub": ("Friction coefficient of the tip", "1"),
     "tip_tilt": ("Tilt of the pressed face", "1"),
     "tip_compliance": ("Compliance of tip and load cell", "m/N"),
-} | {name: (f"Slip of the tip at {name.rpartition('_')[2]} N/m", "1") for name in SLIPS}
+    **{name: (f"Slip of the tip at {name.rpartition('_')[2]} N/m", "1") for name in SLIPS},
+    **{
+        f"{CHANGED_OFFSET}{k}": (f"Offset of the cable, more with change {k}", "m")
+        for k in range(1, MOST_CHANGES + 1)
+    },
+}
 """Title and unit of what every model leaves open; "%": the model has the share, 0.01 of it."""
 
 

@@ -19,7 +19,7 @@ from fingerlab.core.units import factor
 from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions.format import LEAST_RATE, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS
 from fingerlab.sessions.hdf5 import sample_fault
-from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis, Column, Table, map_columns
+from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis, Column, Table, map_columns, short_name
 from fingerlab.sessions.mat_table import MatTable, is_mat, mat_tables
 from fingerlab.sessions.model import Array
 from fingerlab.sessions.text_table import BLOCK_LINES, SEPARATOR_WORDS, inspect_table, read_blocks
@@ -31,6 +31,8 @@ WHOLE_RATE = 1e-4
 
 RATE_AGREEMENT = 0.01
 """Relative difference allowed between a given rate and the time column. Assumed."""
+
+NOT_OF_THE_BENCH = "; a log of one axis of any machine is imported with --axis."
 
 _DERIVED = {
     "motor_current": ("motor_torque", "motor_torque / (torque_constant * gear_ratio)"),
@@ -151,12 +153,35 @@ def import_files(
         UserError: a row does not fit, the samples break the format, or the target exists or is full;
             nothing is left behind.
     """
+    rig = _with_lever(rig, plans)
     with SessionWriter(target, rig, title, attributes=attributes) as writer:
         for number, plan in enumerate(plans):
             if progress:
                 progress(number / len(plans), plan.table.path.name)
             _write_run(writer, plan, rig)
     return Path(target)
+
+
+def _with_lever(rig: Rig, plans: Sequence[ImportPlan]) -> Rig:
+    """The rig with the radius of the arc as which a linear axis is told."""
+    levers = [
+        plan.source.axis.radius
+        for plan in plans
+        for column in plan.columns
+        if plan.source.axis and column.target_unit == "rad" and factor(column.unit, "m") is not None
+    ]
+    return replace(rig, extra={**rig.extra, "axis": {"radius_m": levers[0]}}) if levers else rig
+
+
+def describe_all(plans: Sequence[ImportPlan]) -> list[str]:
+    """The plans in lines of text; a file that is laid out as the one before it is told in one."""
+    lines, before = list[str](), list[str]()
+    for plan in plans:
+        first, *rest = describe(plan)
+        layout = [first.removeprefix(str(plan.table.path)), *rest]
+        lines += [f"{plan.table.path}: as the one before it"] if layout == before else [first, *rest]
+        before = layout
+    return lines
 
 
 def describe(plan: ImportPlan) -> list[str]:
@@ -175,6 +200,8 @@ def describe(plan: ImportPlan) -> list[str]:
     if plan.counted_time:
         lines.append(f"  time <- counted at {plan.sample_rate_hz:g} samples a second")
     lines += [f"  {channel} <- {formula} (derived)" for channel, formula in plan.derived.items()]
+    if not isinstance(table, MatTable) and table.ahead > (table.header is not None):
+        lines.append(f"  of the {table.ahead} lines before the first row, names and units alone are read")
     used = {column.index for column in plan.columns}
     unused = [str(index + 1) for index in range(table.columns) if index not in used]
     if unused:
@@ -201,13 +228,19 @@ def _plan(source: TextRun, table: Table, mapping: str | None, rate: float | None
     counted = "time" not in present
     if counted and rate is None:
         raise UserError(
-            f"{table.path} gives no time; map its column with --map, or give the sampling rate with --rate."
+            f"{table.path} gives no time; map its column with --map, or give the sampling rate with --rate"
+            f"{'.' if source.axis else NOT_OF_THE_BENCH}"
         )
     for channel in REQUIRED_CHANNELS[source.phase]:
         if channel not in present and channel not in derived and channel != "time":
+            if source.axis is not None:
+                raise UserError(
+                    f"{table.path} gives no {short_name(channel)}, which the log of an axis needs; map its "
+                    f"column with --map{', or that of the current' if channel == 'motor_torque' else ''}."
+                )
             raise UserError(
                 f"{table.path} gives no '{channel}', which a run of phase '{source.phase}' needs; map its "
-                "column with --map, or choose another --phase."
+                f"column with --map, or choose another --phase{NOT_OF_THE_BENCH}"
             )
     first = next(_blocks(table))
     found = float(rate or 0.0) if counted else _rate(table, _values(first, columns, "time"), rate)

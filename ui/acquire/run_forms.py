@@ -34,6 +34,7 @@ from fingerlab.acquisition.protocols.steps import (
 )
 from fingerlab.core.errors import UserError
 from fingerlab.report.diagnosis_words import PHASE_WORDS
+from fingerlab.rig.intervention import changed_words
 from fingerlab.sessions.trajectory import trajectory_words
 
 from ..widgets.fields import WholeField, choice, form_menu, number, refuse_entries
@@ -370,7 +371,8 @@ def run_words(run: Record) -> str:
     told = {
         key: value for key, value in run.trajectory.items() if key not in ("duration_s", "sha256", "file")
     }
-    return f"{phase[:1].upper()}{phase[1:]}{cable}: {trajectory_words(told)}."
+    words = ", ".join(filter(None, (trajectory_words(told), changed_words(run.attributes))))
+    return f"{phase[:1].upper()}{phase[1:]}{cable}: {words}."
 
 
 def clock(seconds: float) -> str:

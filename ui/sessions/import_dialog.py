@@ -53,6 +53,7 @@ OPTION_NAMES = {
     "map its column with --map": "choose its column in the table",
     "say which column is which with --map": "choose what each column is",
     "say which is which with --map": "choose what each of them is",
+    "is imported with --axis": "is imported with 'Log of one axis of any machine' ticked",
     "--map": "the table of columns",
     "--rate": "'Samples a second'",
     "--phase": "phase",

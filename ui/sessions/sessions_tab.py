@@ -138,6 +138,7 @@ class SessionsTab(Tab):
         from .review_page import ReviewPage
 
         self._review = review = ReviewPage(self.data)
+        review.remember(self.context.settings)
         self.pages.addWidget(review)
         review.back_asked.connect(self.show_table)
         review.changed.connect(self.context.commands_changed)

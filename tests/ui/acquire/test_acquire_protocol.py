@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -116,6 +117,10 @@ def test_a_protocol_handed_over_is_chosen(rig: Rig) -> None:
     assert rig.button("runProtocol").isVisible()
     assert rig.label("protocolTotal").startswith("1 run, about 6 s, and the changes of cable.")
     assert rig.label("protocolTotal").endswith("On air, extension cable: sine, 5°, 1 Hz.")
+    load = {"intervention": json.dumps({"load_torque": 0.02})}
+    loaded = (steps[0], replace(steps[1], attributes=load))
+    rig.window.context.hand_protocol(loaded, "With a load")
+    assert "with a known load of 20 mN m on the pulley beside the cable." in rig.label("protocolTotal")
 
 
 def test_what_comes_before_a_rig_is_there_waits_for_it(
