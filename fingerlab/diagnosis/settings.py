@@ -426,6 +426,9 @@ LOOKING_ITERATIONS = 3
 """Steps of a fit that only tells which of several shapes is best."""
 ROUNDS = 2
 """Times that the shapes of several effects are gone through, each given the others'."""
+SAME_SHAPE = 0.02
+"""A number of a shape that follows what is fitted has moved if it did by more than this share; assumed: the
+errors of the law go with its square."""
 MOST_RIVALS = 3
 """So many of a set are looked at again, the likeliest first."""
 
