@@ -44,10 +44,10 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
     The share follows the tension of the moment or, where ``held``, only as far as what sticks is let go: a
     cable that sticks in its sheath keeps its friction while the tension rises on both ends of it.
 
-    What takes the share s of the motor's tension winding in, 1 - exp(-mu phi), gives exp(mu phi) - 1, which is
-    s / (1 - s), of it paying out. What sticks is equally stiff in either sheath, so that it slides over a travel
-    in proportion to s; the one told is that of the sheath which takes more. On the grid s is small, and the
-    same for both; between its points it is what was found.
+    What takes the share s of the motor's tension winding in, 1 - exp(-mu phi), gives exp(mu phi) - 1, which
+    is s / (1 - s), of it paying out. What sticks is equally stiff in either sheath, so that it slides over a
+    travel in proportion to s; the one told is that of the sheath which takes more. On the grid s is small,
+    and the same for both; between its points it is what was found.
     """
     shares = {sign: shape.get(SHARE + cable, 0.0) for cable, sign in CABLES.items()}
     share, most = shares.get(motion.cable_sign, 0.0), max(shares.values())
