@@ -175,9 +175,16 @@ def _each_left_out(scorer: Scorer, fitted: FittedModel, keep: int) -> list[Fitte
 
 
 def _in_order(scorer: Scorer, fitted: FittedModel, keep: int) -> list[FittedModel]:
-    """The path to a model; what it can spare least comes first."""
-    first, more = fitted.choices[:keep], fitted.choices[keep:]
+    """The path to a model: first what it can spare least, then always what leaves least beside those before."""
     without = [one.misfit for one in _each_left_out(scorer, fitted, keep)]
-    order = sorted(range(len(more)), key=lambda i: -without[i])
-    ends = ([*first, *(more[i] for i in order[:k])] for k in range(len(more) + 1))
-    return [scorer.score_held_out(scorer.fit(choices, fitted, FULL_ITERATIONS)) for choices in ends]
+    first = fitted.choices[keep + without.index(max(without))]
+    rest = [c for c in fitted.choices[keep:] if c is not first]
+    path = [
+        scorer.fit(choices, fitted, FULL_ITERATIONS)
+        for choices in (fitted.choices[:keep], [*fitted.choices[:keep], first])
+    ]
+    while rest:
+        longer = [scorer.fit([*path[-1].choices, one], fitted, FULL_ITERATIONS) for one in rest]
+        path.append(min(longer, key=lambda one: one.fit.cost))
+        rest = [c for c in rest if c is not path[-1].choices[-1]]
+    return [scorer.score_held_out(one) for one in path]
