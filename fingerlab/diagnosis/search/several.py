@@ -175,16 +175,17 @@ def _each_left_out(scorer: Scorer, fitted: FittedModel, keep: int) -> list[Fitte
 
 
 def _in_order(scorer: Scorer, fitted: FittedModel, keep: int) -> list[FittedModel]:
-    """The path to a model: first what it can spare least, then always what leaves least beside those before."""
-    without = [one.misfit for one in _each_left_out(scorer, fitted, keep)]
-    first = fitted.choices[keep + without.index(max(without))]
-    rest = [c for c in fitted.choices[keep:] if c is not first]
-    path = [
-        scorer.fit(choices, fitted, FULL_ITERATIONS)
-        for choices in (fitted.choices[:keep], [*fitted.choices[:keep], first])
-    ]
+    """The path to a model: always what explains most beside those before it.
+
+    Of effects that explain nearly as much, the one comes first that the whole model can spare least.
+    """
+    without = zip(fitted.choices[keep:], _each_left_out(scorer, fitted, keep), strict=True)
+    rest = [c for c, one in sorted(without, key=lambda pair: -pair[1].misfit)]
+    path = [scorer.fit(fitted.choices[:keep], fitted, FULL_ITERATIONS)]
     while rest:
         longer = [scorer.fit([*path[-1].choices, one], fitted, FULL_ITERATIONS) for one in rest]
-        path.append(min(longer, key=lambda one: one.fit.cost))
-        rest = [c for c in rest if c is not path[-1].choices[-1]]
+        gains = [path[-1].fit.cost - one.fit.cost for one in longer]
+        near = next(i for i, gain in enumerate(gains) if gain >= NEARLY_AS_GOOD * max(gains))
+        path.append(longer[near])
+        del rest[near]
     return [scorer.score_held_out(one) for one in path]
