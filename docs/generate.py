@@ -357,7 +357,7 @@ def on_page_content(html: str, **_: Any) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Write the generated pages into a folder."""
+    """Write the generated pages into a folder, and into its pages what they ask for."""
     if len(arguments) != 1:
         print("usage: python docs/generate.py FOLDER", file=sys.stderr)
         return 2
@@ -365,6 +365,9 @@ def main(arguments: list[str]) -> int:
         target = Path(arguments[0]) / path
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(text, encoding="utf-8")
+    for path in Path(arguments[0]).rglob("*.md"):  # those that are there already
+        text = path.read_text(encoding="utf-8")
+        path.write_text(on_page_markdown(text), encoding="utf-8")
     return 0
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -18,7 +20,10 @@ from fingerlab.calibration import StepTiming
 from fingerlab.cli.main import cli
 from fingerlab.core.text import estimate_text, score_text
 from fingerlab.devices.simulated import SimulatedRig, Simulation
+from fingerlab.effects.own import template
 from fingerlab.report import diagnosis_words as words
+from fingerlab.sessions import open_session
+from fingerlab.sessions.mapping import BENCH_ORDER
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS
@@ -26,12 +31,15 @@ from fingerlab.twin.session import write_session
 from fingerlab.ui.acquire import acquire_tab as acquire
 from fingerlab.ui.acquire.bench_setup import BenchRequest, OpenBench
 from fingerlab.ui.app.context import RigLine
+from fingerlab.ui.app.documents import Documents
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.calibrate.calibrate_tab import CalibrateTab
 from fingerlab.ui.calibrate.result_page import ResultPage
 from fingerlab.ui.fit.fit_tab import FitTab
 from fingerlab.ui.lab.model_lab_tab import ModelLabTab
+from fingerlab.ui.lab.own_effects import OwnEffects
 from fingerlab.ui.predict.predict_tab import PredictTab
+from fingerlab.ui.sessions.import_dialog import ImportDialog
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
 
 EFFECT = "coulomb_friction"
@@ -152,7 +160,7 @@ def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
 
 
 def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """Nothing open; a session with one effect: what is missing, where it shows, and after it is added."""
+    """Nothing open; a session with one effect: what is missing, where, after it is added; a value moved."""
     yield "empty"
     tab = opened_in_lab(window, record(folder / "finger-rig.h5"))
     tell_diagnosis("model_lab", tab)
@@ -167,6 +175,10 @@ def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tell_diagnosis("model_lab.added", tab)
     tell_truth("model_lab.added", tab)
     yield "added"
+    tab.view.numbers.click()
+    wait_until(lambda: not window.tasks.busy and tab.view.parameters.table.rowCount() > 0)
+    tab.view.parameters.slider.setValue(tab.view.parameters.slider.value() + 60)
+    yield "parameters"
 
 
 def practice_states(window: MainWindow, folder: Path) -> Iterator[str]:
@@ -312,6 +324,42 @@ def predict_states(window: MainWindow, folder: Path) -> Iterator[str]:
     yield "wanted"
 
 
+def help_states(window: MainWindow, folder: Path) -> Iterator[str]:
+    """The documents at the theory's equations, a word of the glossary, an effect of one's own to edit."""
+    window.show_documents("theory.md")
+    (pages,) = window.findChildren(Documents)
+    pages.view.verticalScrollBar().setValue(520)
+    yield "documents"
+    window.show_documents("glossary.md", "floor")
+    yield "glossary"
+    pages.close()
+    os.environ["FINGERLAB_SETTINGS_DIR"] = str(folder / "own")
+    own = OwnEffects(window, "own-effects")
+    path = folder / "own" / "seal_friction.py"
+    path.parent.mkdir(exist_ok=True)
+    own.show()
+    own._open(path, template(path, "pip_torque", "PIP torque, run 3: while extending slowly."))
+    yield "own-effect"
+    own.close()
+
+
+def import_states(window: MainWindow, folder: Path) -> Iterator[str]:
+    """A text file of the simulated rig with decimal commas, as it is looked at before it is imported."""
+    session = open_session(record(folder / "finger-rig.h5"))
+    samples = session.runs[0].load(list(BENCH_ORDER))
+    units = ("s", "deg", "deg", "mNm", "deg", "deg", "N")
+    factors = {"deg": 180.0 / math.pi, "mNm": 1000.0}
+    columns = [samples[name] * factors.get(unit, 1.0) for name, unit in zip(BENCH_ORDER, units, strict=True)]
+    titles = [f"{name.replace('_', ' ')} ({unit})" for name, unit in zip(BENCH_ORDER, units, strict=True)]
+    rows = (";".join(f"{value:.5f}" for value in row).replace(".", ",") for row in zip(*columns, strict=True))
+    Path("bench.csv").write_text("\n".join([";".join(titles), *rows]), encoding="utf-8")
+    dialog = ImportDialog([Path("bench.csv")], window)
+    dialog.show()
+    dialog.columns.selectRow(5)
+    yield "columns"
+    dialog.close()
+
+
 TABS: dict[str, States] = {
     "acquire": acquire_states,
     "calibrate": calibrate_states,
@@ -320,6 +368,8 @@ TABS: dict[str, States] = {
     "predict": predict_states,
     "model_lab": lab_states,
     "model_lab_practice": practice_states,
+    "help": help_states,
+    "import": import_states,
 }
 
 

@@ -26,7 +26,7 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 from PIL import Image
 from PySide6.QtCore import QBuffer, QSettings
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QDialog
 from screenshot_states import FACTS, TABS, States, pause
 
 from fingerlab.ui.app import application
@@ -101,10 +101,11 @@ def take(app: QApplication, tab: str, states: States, target: Path, folder: Path
 
 
 def save(window: MainWindow, path: Path) -> None:
-    """The window as a PNG with a palette of its own colours."""
+    """The window, or the dialog that stands open over it, as a PNG with a palette of its own colours."""
+    shown = [dialog for dialog in window.findChildren(QDialog) if dialog.isVisible()]
     buffer = QBuffer()
     buffer.open(QBuffer.OpenModeFlag.ReadWrite)
-    window.grab().save(buffer, "PNG")
+    (shown[-1] if shown else window).grab().save(buffer, "PNG")
     picture = Image.open(io.BytesIO(bytes(buffer.data().data()))).convert("RGB")
     most = sorted(picture.getcolors(picture.width * picture.height), reverse=True)[:EXACT]
     rest = picture.quantize(

@@ -27,6 +27,7 @@ def summary(folder: Path) -> str:
             _hidden,
             _wrong,
             _probabilities,
+            _foretold,
             _replicate,
             _faults,
             _sessions,
@@ -75,6 +76,13 @@ def _probabilities(folder: Path) -> Iterator[str]:
         if row[0] in ("expected calibration error", "truth in the set", "answers in the set, median; mean"):
             figure = f"{row[head.index('calibrated')]} (without calibration {row[1]})"
             yield _line(f"probabilities: {row[0]}", figure, "probabilities.md", "Probabilities")
+
+
+def _foretold(folder: Path) -> Iterator[str]:
+    _, rows = table(folder / "foretold.md", "what", "figure")
+    for what, figure, *_ in rows:
+        if "factor of two" in what or "alone in the set after" in what or "first after" in what:
+            yield _line(f"proposed runs: {what}", figure, "foretold.md", "Proposed runs")
 
 
 def _replicate(folder: Path) -> Iterator[str]:

@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = ("fingerlab", "ui", "resources")
+FOLDERS = ("fingerlab", "ui", "resources", "docs")
 FILES = ("pyproject.toml", "README.md")
 OPTIONAL_FILES = ("CHANGELOG.md", "CITATION.cff", "LICENSE", "MANIFEST.in")
 LAST_LINES = 15
@@ -32,6 +32,8 @@ def copy_source(target: Path, root: Path = ROOT) -> Path:
         shutil.copytree(root / folder, target / folder, ignore=LEAVE_OUT)
     for name in (*FILES, *(n for n in OPTIONAL_FILES if (root / n).exists())):
         shutil.copy(root / name, target / name)
+    # The pages that are made from the program, which the packaged one could not make.
+    subprocess.run([sys.executable, str(root / "docs" / "generate.py"), str(target / "docs")], check=True)
     return target
 
 

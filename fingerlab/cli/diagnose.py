@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from fingerlab.cli.common import (
     tell_own_effects,
     write_results,
 )
+from fingerlab.core.errors import UserError
 from fingerlab.core.parallel import second_process
 
 if TYPE_CHECKING:
@@ -33,6 +35,13 @@ if TYPE_CHECKING:
 @click.command(short_help="Where the model fails and which effect is missing.")
 @sessions_argument
 @added_option
+@click.option(
+    "--hold",
+    "held",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Hold a parameter of the model at a value (SI), such as arm_mcp@flexion=0.0105; repeatable.",
+)
 @click.option(
     "--save",
     "model_file",
@@ -50,6 +59,7 @@ if TYPE_CHECKING:
 def diagnose(
     sessions: tuple[Path, ...],
     added: tuple[str, ...],
+    held: tuple[str, ...],
     model_file: Path | None,
     figures: Path | None,
     json_target: str | None,
@@ -60,6 +70,7 @@ def diagnose(
     floor. A saved model predicts the endpoint force ('fingerlab predict') and can be compared with others
     ('fingerlab compare').
     """
+    fixed = dict(map(_held, held))
     # Curves are kept by one process only, so that a second one would have nothing to do.
     with second_process(() if figures else sessions, "fingerlab.diagnosis.gram.reduction") as executor:
         refuse_taken_early(model_file, figures)
@@ -70,10 +81,12 @@ def diagnose(
         tell_own_effects()
         bar, report = progress_bar("Diagnosing")
         with bar:
-            result = run(opened, added, progress=report, with_curves=figures is not None, executor=executor)
-    saved = None if model_file is None else (_model(opened, added or result.final_model), model_file)
+            curves = figures is not None
+            result = run(opened, added, report, with_curves=curves, executor=executor, held=fixed)
+    effects = added or result.final_model
+    saved = None if model_file is None else (_model(opened, effects, fixed), model_file)
     if json_target != "-":
-        _print(result)
+        _print(result, _as_an_arc(opened[0]))
     drawn = None
     if figures is not None:
         from fingerlab.report.diagnosis_figures import diagnosis_figures
@@ -82,17 +95,48 @@ def diagnose(
     write_results(result.to_json(), json_target, saved, drawn)
 
 
-def _model(sessions: Sequence[Session], effects: Sequence[str]) -> Model:
+def _held(text: str) -> tuple[str, float]:
+    """Name and value of what is to be held.
+
+    Raises:
+        UserError: it is not written so.
+    """
+    name, _, number = text.partition("=")
+    try:
+        value = float(number)
+    except ValueError:
+        value = math.nan
+    if not name or not math.isfinite(value):
+        raise UserError(f"--hold is '{text}'; give a name and a number, such as arm_mcp@flexion=0.0105.")
+    return name, value
+
+
+def _model(sessions: Sequence[Session], effects: Sequence[str], held: Mapping[str, float]) -> Model:
     """The model with these effects, ready to be written."""
     from fingerlab.prediction import fit_extended, model_of_extended
 
     bar, report = progress_bar("Fitting the model to save")
     with bar:
-        return model_of_extended(fit_extended(sessions, effects, report))
+        return model_of_extended(fit_extended(sessions, effects, report, held))
 
 
-def _print(result: Diagnosis) -> None:
-    """The answer on the terminal, made to fit 80 columns: verdict first, then what it rests on."""
+def _as_an_arc(session: Session) -> str:
+    """What the numbers mean where the axis is a linear one; empty where it is not."""
+    arc = session.rig.extra.get("axis")
+    radius = arc.get("radius_m") if isinstance(arc, Mapping) else None
+    if not isinstance(radius, int | float) or not radius > 0:
+        return ""
+    return (
+        f"The axis is linear, told as an arc of {1e3 * radius:g} mm: 1 N m is {1.0 / radius:g} N, "
+        f"1 deg is {1e3 * math.radians(radius):.3g} mm and 1 N m s/rad is {1.0 / radius**2:g} N s/m."
+    )
+
+
+def _print(result: Diagnosis, arc: str) -> None:
+    """The answer on the terminal, made to fit 80 columns: verdict first, then what it rests on.
+
+    ``arc``: what is to be said of a linear axis.
+    """
     from rich.text import Text
 
     from fingerlab.report import diagnosis_words as words
@@ -106,12 +150,16 @@ def _print(result: Diagnosis) -> None:
     console.print()
     console.print(_ranking(result))
     console.print(f"error: with that effect in the model{'; * cannot be ruled out' if result.set else ''}\n")
+    if arc:
+        console.print(Text(f"{arc}\n"))
     for candidate in words.suspected(result):
         console.print(Text(f"{candidate.title}: {candidate.explanation}\n"))
     if len(result.set) > 1 or words.not_shown(result):
         console.print(Text(words.set_sentence(result)))
     if words.as_good_sentence(result):
         console.print(Text(words.as_good_sentence(result)))
+    if result.paired:
+        console.print(Text(words.paired_sentence(result)))
     if words.worth_adding(result):
         console.print(Text(words.path_sentence(result)))
         console.print(Text(_how_to_add(result)))
@@ -143,7 +191,7 @@ def _errors(result: Diagnosis) -> Table:
     from fingerlab.report.diagnosis_words import judged_on
     from fingerlab.report.page_tables import error_rows
 
-    title = f"Error on {judged_on(result)}: {score_text(result.score)} times the floor"
+    title = f"Error on {judged_on(result).rstrip(',')}: {score_text(result.score)} times the floor"
     columns = ("equations", ">error (rms)", ">floor", "unit", ">error / floor", ">R2")
     table = result_table(*columns, box=None, pad_edge=False, title=title, title_style="")
     for row in error_rows(result.errors):

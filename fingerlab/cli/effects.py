@@ -10,6 +10,7 @@ import click
 
 from fingerlab.cli.common import json_option, write_json
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import refuse_taken
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -31,10 +32,21 @@ SHOWN_LINES = 60
 @click.option(
     "--untrust", metavar="FILE", type=click.Path(path_type=Path), help="Do not run this file any more."
 )
+@click.option(
+    "--template",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Write a new file of an own effect, to be edited.",
+)
 @click.option("--forget", is_flag=True, help="Forget the folder and every file that was confirmed.")
 @json_option
 def effects(
-    folder: Path | None, trust: Path | None, untrust: Path | None, forget: bool, json_target: str | None
+    folder: Path | None,
+    trust: Path | None,
+    untrust: Path | None,
+    template: Path | None,
+    forget: bool,
+    json_target: str | None,
 ) -> None:
     """List every effect that a diagnosis can rank: equations, parameters, ranges and their sources.
 
@@ -43,7 +55,7 @@ def effects(
     """
     from fingerlab.effects import CATALOGUE, own
 
-    if forget and (folder or trust or untrust):
+    if forget and (folder or trust or untrust or template):
         raise UserError("--forget forgets the folder and all files; leave out --forget, or all else.")
     if trust is not None and untrust is not None:
         raise UserError("--trust and --untrust together make no sense; give one of them.")
@@ -57,6 +69,10 @@ def effects(
             for file in own.own_files(CATALOGUE):
                 if file.state != "trusted":
                     _ask_and_trust(file.source)
+    if template is not None:
+        refuse_taken(template)
+        own.save_own(template, own.template(template))
+        click.echo(f"{template} is written; put its law and texts right, then confirm it.", err=True)
     if trust is not None:
         _ask_and_trust(own.find(trust))
     if untrust is not None:
@@ -67,7 +83,7 @@ def effects(
             click.echo(file.notice, err=True)
     if json_target is not None:
         write_json(_to_json(files), json_target)
-    elif trust is None and untrust is None and not forget:
+    elif trust is None and untrust is None and template is None and not forget:
         _print(files)
 
 
@@ -175,7 +191,8 @@ def _print(files: tuple[OwnFile, ...]) -> None:
 def _paragraph(effect: Effect, mark: str) -> Text:
     from rich.text import Text
 
-    from fingerlab.report.diagnosis_words import FAMILY_TITLES, parameter_titles
+    from fingerlab.report.diagnosis_words import FAMILY_TITLES
+    from fingerlab.report.parameter_words import parameter_titles
 
     text = Text()
     text.append(effect.id, style="bold")

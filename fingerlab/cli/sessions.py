@@ -6,7 +6,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +32,7 @@ from fingerlab.rig.file import CONSTANT_UNITS, default_rig, load_rig, sources_of
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
 from fingerlab.sessions.format import CABLES, PHASES
 from fingerlab.sessions.recording_files import CLEAN
-from fingerlab.sessions.trajectory import trajectory_words
+from fingerlab.sessions.trajectory import run_told
 
 if TYPE_CHECKING:
     from fingerlab.sessions.importing import ImportPlan, TextRun
@@ -161,7 +161,7 @@ def import_text(
     in the mapping or the header. A linear axis (mm, N) is told as an arc. They become motor-bench runs of a
     rig without a finger, ready for "fingerlab diagnose".
     """
-    from fingerlab.sessions.importing import describe, import_files, plan_import
+    from fingerlab.sessions.importing import describe_all, import_files, plan_import
 
     if target is None and not dry_run:
         raise UserError("The option --out S.h5 is missing; it names the session to write.")
@@ -174,9 +174,8 @@ def import_text(
     elif torque_constant is not None or radius is not None:
         raise UserError("--torque-constant and --radius belong to --axis; the bench's stand in its rig file.")
     plans = plan_import(sources, mapping, rate)
-    for plan in plans:
-        for line in describe(plan):
-            click.echo(line, err=True)
+    for line in describe_all(plans):
+        click.echo(line, err=True)
     if axis:
         _refuse_unknown_constant(plans, rig_file, torque_constant)
     else:
@@ -256,16 +255,13 @@ def _of_one_axis(
     radius: float | None,
 ) -> tuple[list[TextRun], Rig]:
     """The files as motor-bench runs, and a rig that knows no finger."""
-    from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis
+    from fingerlab.sessions.importing import of_one_axis
 
     if set(phases) - {"motor_bench"}:
         raise UserError("--axis makes runs of phase motor_bench; leave --phase out.")
     if rig is not None and torque_constant is not None:
         raise UserError("--torque-constant and --rig both say what a current gives; give one of them.")
-    lever = Axis(radius or AXIS_RADIUS_M)
-    motor = rig.motor if rig is not None else Motor(torque_constant or Motor.torque_constant, 1.0)
-    runs = [replace(s, phase="motor_bench", cable="none", axis=lever) for s in sources]
-    return runs, Rig(None, motor) if rig is None else replace(rig, finger=None)
+    return of_one_axis(sources, rig, torque_constant, radius)
 
 
 def _refuse_unknown_constant(
@@ -353,7 +349,7 @@ def _runs_table(session: Session, report: CheckReport) -> Table:
     )
     gaps = {check.run: check.gaps for check in report.runs}
     for run in session.runs:
-        words = trajectory_words(run.trajectory)
+        words = run_told(run)
         if tuple(run.units) != usual:
             words += f"; channels {', '.join(run.units)}"
         table.add_row(

@@ -71,7 +71,7 @@ def single_plan(source: str, phase: str | None, cable: str | None) -> RunPlan:
     phase = phase or found.get("phase")
     if phase is None:
         raise UserError("--trajectory needs --phase: on_air, contact, motor_bench or free.")
-    return single_run(found["trajectory"], phase, cable or found.get("cable"))
+    return single_run(found["trajectory"], phase, cable or found.get("cable"), found.get("intervention"))
 
 
 def read_proposal(text: str) -> dict[str, Any]:

@@ -181,8 +181,10 @@ def score_text(score: float) -> str:
     return fixed(score, 0 if score >= 100 else 1 if score >= 10 else 2)
 
 
-def percent(share: float) -> str:
-    """A probability in per cent, never a false 0 or 100."""
+def percent(share: float, counted: bool = False) -> str:
+    """A probability in per cent, never a false 0 or 100; a counted share may be all, or ``0.17 %``."""
+    if counted:
+        return f"{100 * share:.2g} %" if share < 0.01 else f"{round(100 * share)} %"
     if share > 0.995:
         return "> 99 %"
     if share < 0.005:

@@ -129,8 +129,8 @@ class CountsOn(Protocol):
 class SetUpBySoftware(Protocol):
     """A simulated bench, on which nobody changes cable and load cell by hand."""
 
-    def set_up(self, phase: str, cable: str, load_torque: float) -> None:
-        """Change them; raises DeviceFault."""
+    def set_up(self, phase: str, cable: str, load_torque: float, intervention: str = "") -> None:
+        """Change them, and the machine by a known change (JSON text); raises DeviceFault."""
 
 
 @runtime_checkable

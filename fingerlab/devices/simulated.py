@@ -21,6 +21,7 @@ from fingerlab.devices.protocol import LINES, NO_LINES, DeviceFault, DeviceLost,
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import AnalogInput, Daq, SafetyLines
 from fingerlab.rig.file import default_rig
+from fingerlab.rig.intervention import INTERVENTION, intervention_of
 from fingerlab.twin.effects import check_effects
 from fingerlab.twin.layout import OUTPUTS
 from fingerlab.twin.plant import CONTACT, ON_AIR
@@ -93,7 +94,9 @@ class SimulatedBench:
         self.stream: BenchStream
         self.set_up(simulation.phase, simulation.cable, simulation.load_torque)
 
-    def set_up(self, phase: str, cable: str | None = None, load_torque: float = 0.0) -> None:
+    def set_up(
+        self, phase: str, cable: str | None = None, load_torque: float = 0.0, intervention: str = ""
+    ) -> None:
         """Change the cable and the load cell's place, as an operator does between runs.
 
         The finger hangs at rest afterwards; the encoder goes on counting from where it was. A known load
@@ -103,14 +106,16 @@ class SimulatedBench:
         Raises:
             UserError: phase and cable do not go together.
         """
-        plan = RunPlan(*setup_of(phase, cable), {}, load_torque)
+        told = {INTERVENTION: intervention} if intervention else {}
+        plan = RunPlan(*setup_of(phase, cable), {}, load_torque, told)
+        change = intervention_of(told, "of the set-up")
         if hasattr(self, "stream"):
             self._counts_before += self.stream.seen()[4]
         rng = np.random.default_rng(self._seeds.spawn(1)[0])
         turn = self._daq.encoder.counts_per_turn
         self.stream = BenchStream(self.preset, self._truth, plan, self.effects, rng, counts_per_turn=turn)
         self.phase, self.cable = plan.phase, plan.cable
-        self._load = plan.load_torque
+        self._load = plan.load_torque + (0.0 if change is None else change.load_torque)
 
     def advance(self, volts: float, enabled: bool) -> None:
         """One cycle with the amplifier's set value held; without enable there is no current."""
@@ -237,7 +242,9 @@ class SimulatedRig:
         """What a session recorded from this device should carry so that ``reveal`` can tell."""
         return self.bench.session_attributes()
 
-    def set_up(self, phase: str, cable: str | None = None, load_torque: float = 0.0) -> None:
+    def set_up(
+        self, phase: str, cable: str | None = None, load_torque: float = 0.0, intervention: str = ""
+    ) -> None:
         """Change cable and load cell, as an operator does between runs; only with the amplifier off.
 
         Raises:
@@ -246,7 +253,7 @@ class SimulatedRig:
         if self._enabled:
             raise DeviceFault("The amplifier is enabled; disable it before the cable is changed.")
         try:
-            self.bench.set_up(phase, cable, load_torque)
+            self.bench.set_up(phase, cable, load_torque, intervention)
         except UserError as error:
             raise DeviceFault(str(error)) from error
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -14,8 +15,16 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.answer.bench import bench_findings, residual_offsets
 from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, left_aside, score_parts
-from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint, OtherModel, PathStep
+from fingerlab.diagnosis.answer.results import (
+    Candidate,
+    Diagnosis,
+    Fingerprint,
+    OtherModel,
+    PairedDifference,
+    PathStep,
+)
 from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
+from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.calibration import (
@@ -33,10 +42,11 @@ from fingerlab.diagnosis.score.evidence import (
     shares_of_rivals,
     undetectable,
 )
-from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
+from fingerlab.diagnosis.score.paired import paired_score
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, much_left
-from fingerlab.diagnosis.search.grid_refinement import at_found_shapes, fit_refined, with_shapes_of
+from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_shapes_of
 from fingerlab.diagnosis.search.rivals import Rival, odds_of_rivals
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
 from fingerlab.diagnosis.settings import NEARLY_RIGHT, RUN_LOG_ODDS, SET_LOG_ODDS, STILL_LEFT
@@ -46,6 +56,7 @@ from fingerlab.sessions.model import Array, Session
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.answer.curves import Display
+    from fingerlab.diagnosis.experiment.proposal import NextRun
 
 
 def diagnose(
@@ -57,6 +68,7 @@ def diagnose(
     executor: Executor | None = None,
     left_out: Sequence[str] = (),
     kept: Reduction | None = None,
+    held: Mapping[str, float] | None = None,
 ) -> Diagnosis:
     """Where the model fails and which effect is missing.
 
@@ -68,9 +80,10 @@ def diagnose(
         executor: a second process (``core.parallel``) to share the reading, if no curves are wanted.
         left_out: ids that the catalogue is to be without; so it is tried what it says of the unknown.
         kept: what an earlier diagnosis of these sessions was given; their runs are not read again.
+        held: unknowns of the model as given, by key, and the value that every model is to hold them at, SI.
 
     Raises:
-        UserError: an unknown effect, nothing to analyse, a run that cannot be read.
+        UserError: an unknown effect or unknown to hold, nothing to analyse, a run that cannot be read.
         Cancelled: ``cancelled`` answered True.
     """
     started = time.perf_counter()
@@ -84,6 +97,7 @@ def diagnose(
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
         reduction = kept or Reduction(sessions, executor)
+        reduction.held = dict(held or {})
         catalogue = reduction.suited(catalogue)
         reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
         if given:
@@ -95,6 +109,7 @@ def diagnose(
         watch = stages.part(0.25 if given else 0.0, 0.4)
         scorer = Scorer(reduction.of(catalogue, watch, display.keep if display is not None else None))
         scorer = settle_constants(reduction, scorer)
+        check_held(reduction, scorer, given)
         question = Question(reduction, catalogue, given, stages, alone)
         found = search_effects(question, scorer)
         if much_left(found.path[-1], NEARLY_RIGHT):
@@ -108,12 +123,32 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
     They are looked for once, under the bare model, whatever effects are given.
     """
     if reduction.constants is None and not reduction.settled:
-        bare, rig = scorer.bare, reduction.sessions[0].rig
+        free = Scorer(replace(scorer.reduced, held={})) if scorer.reduced.held else scorer
+        bare, rig = free.bare, reduction.sessions[0].rig
         reduction.constants = find_constants(
             scorer.reduced, bare.model, bare.fit.values, bare.weights, rig, reduction.motions
         )
         reduction.settled = True
     return scorer if reduction.constants is None else scorer.with_constants(reduction.constants)
+
+
+def check_held(reduction: Reduction, scorer: Scorer, given: Sequence[Effect]) -> None:
+    """Refuse to hold what the model as given lacks, or where no fit goes.
+
+    Raises:
+        UserError: so it is; the sentence names what could be held, or between which values.
+    """
+    reduced = scorer.reduced
+    free = build(reduced.layout, reduced.groups, [Choice(one) for one in given])
+    known = {u.key: u.parameter for u in free.unknowns}
+    for key, value in reduction.held.items():
+        if key not in known:
+            raise UserError(f"This model has no parameter '{key}' to hold; it has {', '.join(known)}.")
+        size = reduced.layout.scales.of(known[key].unit)
+        low, high = known[key].low * size, known[key].high * size
+        if not low <= value <= high:
+            unit = known[key].unit
+            raise UserError(f"{key} is {value:g} {unit}; hold it between {low:g} and {high:g} {unit}.")
 
 
 def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
@@ -169,6 +204,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     prints = curves.fingerprints if curves else {}
     alone = len(reduction.runs) == 1
     candidates = _candidates(evidence, told, chosen, loose, prints, closer, replaced, alone)
+    following = _next_run(sessions, scorer, evidence, chosen, usual)
     return Diagnosis(
         sessions=tuple(str(s.path) for s in sessions),
         model=tuple(e.id for e in question.given),
@@ -179,7 +215,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         set=tuple(evidence.candidates[i].last_effect.id for i in chosen),
         path=_path_steps(path, found.better),
         final_model=tuple(path[-1].effect_ids),
-        next_experiment=_next_experiment(sessions, scorer, evidence, chosen),
+        next_experiment=None if following is None else following.told,
         seconds=time.perf_counter() - started,
         probability_nothing=told[NOTHING],
         probability_unknown=told[UNKNOWN],
@@ -193,10 +229,32 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         repeats=all(group.repeats for group in scorer.reduced.groups),
         calibration=calibration,
         odds=evidence.odds,
+        predicted=None if following is None else following.predicted,
+        paired=_paired(question.reduction, scorer, evidence, chosen),
+        held=dict(reduction.held),
+        fitted=evidence.base,
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
     )
+
+
+def _paired(
+    reduction: Reduction, scorer: Scorer, evidence: Evidence, chosen: Sequence[int]
+) -> tuple[PairedDifference, ...]:
+    """What was made of every pair of runs before a known change of the machine and with it."""
+    found = []
+    for k, pair in enumerate(scorer.reduced.pairs):
+        (first, before), (second, after) = reduction.runs[pair.before], reduction.runs[pair.after]
+        change = reduction.changes[pair.after]
+        each = {c.last_effect.id: paired_score(c, k) for c in (evidence.candidates[i] for i in chosen)}
+        found.append(
+            PairedDifference(
+                before, after, (first, second), change.to_json(), change.words(),
+                paired_score(evidence.base, k), each,
+            )
+        )  # fmt: skip
+    return tuple(found)
 
 
 def _cannot_be_ruled_out(evidence: Evidence, said: CalibratedAnswer) -> list[int]:
@@ -247,9 +305,13 @@ def _display() -> Display:
     return Display()
 
 
-def _next_experiment(
-    sessions: Sequence[Session], scorer: Scorer, evidence: Evidence, chosen: Sequence[int]
-) -> dict[str, Any] | None:
+def _next_run(
+    sessions: Sequence[Session],
+    scorer: Scorer,
+    evidence: Evidence,
+    chosen: Sequence[int],
+    usual: tuple[dict[str, float], str],
+) -> NextRun | None:
     """The run that would separate the effects of the set, or show those that could not be seen; or None."""
     verdict = evidence.verdict
     if verdict == "missing_effect":
@@ -258,7 +320,7 @@ def _next_experiment(
         return None
     from fingerlab.diagnosis.experiment.proposal import propose, reveal
 
-    return (propose if verdict == "missing_effect" else reveal)(sessions, scorer, evidence, chosen)
+    return (propose if verdict == "missing_effect" else reveal)(sessions, scorer, evidence, chosen, usual)
 
 
 def _last(fitted: FittedModel) -> str | None:

@@ -115,6 +115,9 @@ FOLDS = 10
 
 # ## What every model leaves open
 
+MOST_CHANGES = 6
+"""So many known changes of the machine are told apart, assumed: more are not made for one question."""
+
 LIFTED_M = 1e-4
 """A tip that is higher or lower than this (twice this: for certain) than where it presses has let go, m;
 assumed: several times what the joint angles' noise moves it by."""
@@ -191,6 +194,8 @@ STATE_SPEEDS = tuple(0.01 * 4.0**k for k in range(7))
 """Speeds about which friction may change, rad/s: any function of speed is made of them; assumed."""
 STATE_TRAVELS_DEG = (0.1, 0.4, 1.6, 6.4)
 """Travels over which friction may build up after a reversal, degrees; assumed."""
+STATE_ORDERS = 3
+"""So many lines of the torque's spectrum over the angle; assumed: a ripple and its double are two."""
 STATE_RIDGE = 1e-6
 """Ridge as a share of a function's own size: functions are much alike, and numbers have sixteen digits."""
 STATE_LEAST_GAIN = 0.02
@@ -308,6 +313,10 @@ LEAST_EXCESS = 0.2
 assumed. The unevenness of a simple law of friction is taken up by a smaller one."""
 EXCESS_SPREAD = 0.3
 """How far below it may lie, one standard deviation of its logarithm; assumed."""
+
+MOST_PAIRED = 8.0
+"""Log odds by which what models leave of a pair's difference tells them apart at most; assumed: a fit has
+seen both runs, so that they count a second time."""
 
 # ## When an effect is missing
 
@@ -454,8 +463,24 @@ LEAST_PULL_N, MOST_PULL_N = 0.1, 60.0
 """A run is proposed where the cable pulls between these, N; assumed: it neither hangs loose nor hurts."""
 LEAST_SEPARATION = 0.2
 """A run that is expected to bring less (nats) is not worth the operator's time."""
-RIVALS = 4
-"""So many effects of the set are separated from its first by one run; more are rarely left."""
+LEAST_MORE = 0.03
+"""... nor one after which the truth is alone in the set no more probably than this beyond now; assumed."""
+RIVALS = 7
+"""So many effects of a set are looked at beside its first, or of those that could not show; more are rarely
+left."""
+TRUTHS = 3
+"""So many of them are looked at as the true one; the fourth is seldom as likely as one in twenty."""
+LOOKED_AT = 8
+"""So many runs of the menu are looked at with what gains scatter by; the rest are behind at first glance."""
+CHANCES = 24
+"""Draws of that scatter: a chance is then known to a tenth; all runs have the same ones."""
+SEEN_LOG_ODDS = 300.0
+"""Log odds against nothing of an effect that a run was made to show, and does: hundreds in trials."""
+COST_OF_CHANGE = 0.05
+"""Chance that a run with a known change of the machine must bring beyond one without; assumed: it costs the
+operator some minutes, and the sensors are set anew."""
+FIRST_WORTH = 0.5
+"""What it is worth that the truth is found and first, alone or not, if it is 1 that it is alone; assumed."""
 DECISIVE = 10.0
 """A separation beyond this (nats) is worth no more: the effect is out of the set."""
 LENGTHS_S = (DURATION_S, 60.0)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
+from fingerlab.effects.base import BESIDE_A_FINGER, Effect, Formula, Row, Shape, Term
 from fingerlab.effects.example import Example
 from fingerlab.effects.grids import rubbing
 from fingerlab.effects.transmission import FRICTION, WINDING_SHAPES, coulomb_terms, drive_terms, pull_terms
@@ -13,7 +13,8 @@ from fingerlab.physics.parameter import LOSS, Parameter
 def columns(motion: Motion, shape: Shape) -> list[Term]:
     """Friction of its own size in each direction: Coulomb friction of their mean, and half their difference.
 
-    What sticks knows no zero between the two sizes, so that the difference is a constant torque at all times.
+    What sticks knows no zero between the two sizes, so that the difference is a constant torque at all times:
+    of a motor alone, whose torque has an offset that nobody knows, it cannot be told.
     """
     one = motion.remember("constant drag", lambda: np.full_like(motion.position, 1.0 / motion.radius))
     constant = (
@@ -47,7 +48,7 @@ EFFECT = Effect(
     shapes=WINDING_SHAPES,
     shape_units={"travel_deg": "deg"},
     closer=rubbing(),
-    bench=True,
+    bench=BESIDE_A_FINGER,
     formula=Formula(
         equation=r"\tau_m = C\,z(\theta_m;\delta) + D",
         symbols=(

@@ -217,13 +217,13 @@ class Effect:
         return Parameter(unit, low, high, middle, "tried", "", name, middle, Role.SHAPE, symbol)
 
     def wider(self, names: Sequence[str]) -> Effect:
-        """The effect with ten times the range of some of its unknowns."""
+        """The effect with ten times the range of some of its unknowns, and ten times their usual size."""
+
+        def tenfold(one: Parameter) -> Parameter:
+            return replace(one, low=10.0 * one.low, high=10.0 * one.high, typical=10.0 * one.typical)
 
         def ranges(known: Mapping[str, Parameter]) -> dict[str, Parameter]:
-            return {
-                name: replace(one, low=10.0 * one.low, high=10.0 * one.high) if name in names else one
-                for name, one in known.items()
-            }
+            return {name: tenfold(one) if name in names else one for name, one in known.items()}
 
         return replace(
             self, gains=ranges(self.gains), relaxes=ranges(self.relaxes), widened=(*self.widened, *names)

@@ -77,8 +77,9 @@ def _standing_torques(motion: Motion, force: Array | None, tilt: float) -> tuple
     c, s = np.cos(tilt), np.sin(tilt)
     pressed: Array | float = 0.0 if force is None else force
     near = 2.0 * f.proximal_half_length * pressed
-    near = near - (f.proximal_mass + 2.0 * f.distal_mass) * f.gravity * f.proximal_half_length
-    far = 2.0 * f.distal_half_length * pressed - f.distal_mass * f.gravity * f.distal_half_length
+    weight_near, weight_far = motion.weights
+    near = near - weight_near
+    far = 2.0 * f.distal_half_length * pressed - weight_far
     pip = far * (c * sines["cos d"] + s * sines["sin d"])
     turn_pip = far * (c * sines["sin d"] - s * sines["cos d"])
     mcp = near * (c * sines["cos p"] - s * sines["sin p"]) + pip

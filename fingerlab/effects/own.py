@@ -7,15 +7,19 @@ same :class:`~fingerlab.effects.base.Effect` as the built-in catalogue.
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
+from importlib.resources import files
 from pathlib import Path
+from string import Template
 from threading import Lock
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import whole_file
 from fingerlab.core.trust import (
     OwnSettings,
     OwnSource,
@@ -29,7 +33,7 @@ from fingerlab.core.trust import (
     with_state,
     write_settings,
 )
-from fingerlab.effects.base import Effect
+from fingerlab.effects.base import Effect, Row
 from fingerlab.effects.own_checks import checked
 
 
@@ -155,6 +159,127 @@ def trust(source: OwnSource, taken: Collection[str]) -> OwnFile:
         if file.source == source:
             return file
     raise UserError(f"{source.file} was changed meanwhile; look at it again and confirm it anew.")
+
+
+@dataclass(frozen=True)
+class _Law:
+    """A law to start from, by the equation in which the model fails."""
+
+    row: Row
+    family: str
+    lines: tuple[str, ...]
+    coordinate: str
+    unit: str
+    typical: float
+    equation: str
+    symbols: str
+
+
+_NO_JOINTS = ("if motion.joints is None:  # a run of the motor alone", "    return []")
+_LAWS = {
+    **{
+        name: _Law(
+            row,
+            "joint_torque",
+            (
+                *_NO_JOINTS,
+                f"speed = motion.joints.{joint}_velocity  # rad/s",
+                "torque = speed * np.abs(speed)  # N m at the joint",
+                f'return [Term(Row.{row.name}, "strength", torque, "joint")]',
+            ),
+            "joint speed",
+            "N m s^2/rad^2",
+            1e-4,
+            rf"\tau_{index} = C\,\dot\theta_{index}|\dot\theta_{index}|",
+            "C: strength.",
+        )
+        for name, row, joint, index in (("mcp", Row.MCP, "mcp", 1), ("pip", Row.PIP, "pip", 2))
+    },
+    "cable": _Law(
+        Row.CABLE,
+        "cable_kinematics",
+        (
+            *_NO_JOINTS,
+            "length = motion.tension * np.abs(motion.tension)  # m of cable; the tension in N",
+            'return [Term(Row.CABLE, "strength", length)]',
+        ),
+        "tension",
+        "m/N^2",
+        1e-6,
+        r"x = C\,T|T|",
+        "C: strength.",
+    ),
+    "motor": _Law(
+        Row.BENCH,
+        "motor_torque",
+        (
+            "torque = motion.velocity * np.abs(motion.velocity)  # N m; the motor's speed in rad/s",
+            "if motion.finger is None:  # a run of the motor alone",
+            '    return [Term(Row.BENCH, "strength", torque)]',
+            "tension = torque / motion.radius  # N, which both joints miss",
+            'return [Term(Row.MCP, "strength", tension), Term(Row.PIP, "strength", tension)]',
+        ),
+        "motor speed",
+        "N m s^2/rad^2",
+        1e-4,
+        r"\tau_m = C\,\dot\theta_m|\dot\theta_m|",
+        "C: strength.",
+    ),
+}
+"""A square of speed or tension, which no effect of the catalogue is; the strengths are assumed."""
+
+
+def template(path: Path, equation: str = "", found: str = "") -> str:
+    """An effect to be edited, which can be let in as it stands.
+
+    Args:
+        path: of its file; its name becomes the effect's id and title. equation: in which the model fails, an
+            id of a comparison. found: a sentence on where it fails.
+
+    Raises:
+        UserError: no id can be made of the file's name.
+    """
+    name = re.sub(r"[^a-z0-9]+", "_", path.stem.lower()).strip("_")
+    if path.suffix != ".py" or not name[:1].isalpha():
+        raise UserError(
+            f"{path.name} should begin with a letter and end in .py; its name is the effect's id."
+        )
+    law = next((law for part, law in _LAWS.items() if part in equation), _LAWS["pip"])
+    text = files("fingerlab.resources").joinpath("effects", "own.py.txt").read_text(encoding="utf-8")
+    return Template(text).substitute(
+        id=name,
+        title=name.replace("_", " ").capitalize(),
+        found=re.sub(r'[\\"]', "'", found) or "The model fails, and no effect of the catalogue explains it.",
+        bench=law.row is Row.BENCH,
+        law="\n".join(f"    {line}" for line in law.lines),
+        family=law.family,
+        unit=law.unit,
+        high=f"{10 * law.typical:g}",
+        typical=f"{law.typical:g}",
+        coordinate=law.coordinate,
+        row=law.row.name,
+        grows=law.coordinate.upper(),
+        equation=law.equation,
+        symbols=law.symbols,
+        symbol="C",
+    )
+
+
+def save_own(path: Path, text: str) -> None:
+    """Write an effect's file into the folder of own effects; the first one says which folder that is.
+
+    Nothing is run by that; a file that is there is replaced.
+
+    Raises:
+        UserError: it belongs elsewhere, or cannot be written.
+    """
+    folder = read_settings().folder
+    if folder is not None and path.resolve().parent != folder.resolve():
+        raise UserError(f"{path.name} should stand in {folder}, where your own effects are; save it there.")
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+    if folder is None:
+        set_folder(path.parent)
 
 
 def trusted_sources(taken: Collection[str]) -> tuple[OwnSource, ...]:

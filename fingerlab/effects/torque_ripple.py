@@ -11,31 +11,29 @@ from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
 from fingerlab.effects.example import Example
 from fingerlab.effects.grids import plus
 from fingerlab.effects.transmission import drive_terms, pull_terms
-from fingerlab.physics.motion import Motion
+from fingerlab.physics.motion import LEAST_PERIODS, Motion, strongest_orders
 from fingerlab.physics.parameter import Parameter
-from fingerlab.sessions.model import Array
 
 RIPPLE_ORDERS = (*range(4, 41, 2), *range(44, 61, 4))
 """Periods a turn of the pulley that are tried; between two of them a travel of 30 degrees shifts the phase by
 a quarter of a radian at most. 4.3:1 gearing puts the motor's 13 commutator segments at 56."""
 
-STRONGEST = 16
-"""So many lines of the spectrum over the motor's angle are tried; assumed."""
-HIGHEST_ORDER = 300.0
-"""Beyond, the encoder's own error repeats; assumed: three times a motor of 14 poles and 12 slots."""
-LEAST_PERIODS = 2.0
-"""A line is told by so many periods within the travel at least."""
-BINS_A_TURN = 2048
-STANDSTILL = 0.05
-"""Share of the usual speed below which friction is on its way from one sign to the other; assumed."""
-
 RIPPLE = Parameter("N m", -0.05, 0.05, 0.003, title="ripple amplitude")
 
 DOUBLE = Parameter("N m", -0.02, 0.02, 0.001, title="ripple amplitude at twice the order")
 
+TRIPLE = Parameter("N m", -0.02, 0.02, 0.001, title="ripple amplitude at three times the order", cable="none")
+"""Of a motor alone: behind a finger's cable nobody would tell it from the joints' own friction."""
+
+
+HARMONICS: dict[str, Parameter] = {"": RIPPLE, "double_": DOUBLE, "triple_": TRIPLE}
+
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
-    """A torque with the period of the order, and its double: no mesh or commutator makes a pure sine."""
+    """A torque with the period of the order, and its double: no mesh or commutator makes a pure sine.
+
+    Of a motor alone, with the third harmonic, too: cogging is as sharp as its teeth.
+    """
     order = shape["order"]
 
     def column(gain: str, of: float, part: str) -> list[Term]:
@@ -45,56 +43,22 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
         return drive_terms(motion, gain, pull) if motion.finger is None else pull_terms(gain, pull)
 
     return [
-        *column("sine", order, "imag"),
-        *column("cosine", order, "real"),
-        *column("double_sine", 2 * order, "imag"),
-        *column("double_cosine", 2 * order, "real"),
+        term
+        for times, name in enumerate(list(HARMONICS)[: 3 if motion.finger is None else 2], 1)
+        for part, of in (("sine", "imag"), ("cosine", "real"))
+        for term in column(f"{name}{part}", times * order, of)
     ]
 
 
 def orders_seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
-    """The strongest lines of what torque, friction and inertia leave, over the angle of a motor alone.
+    """The strongest lines of the torque over the angle of a motor alone.
 
-    A motor that turns by less than once cannot tell neighbouring lines apart: usual orders are tried, too.
+    A motor that turns by less than once cannot tell neighbouring lines apart: usual orders are tried, too, of
+    which some periods lie within the travel. What does not come again there is as well a spring.
     """
-    travel = float(np.median([np.ptp(one.position) for one in motions]))
-    size = 1 << math.ceil(math.log2(4.0 * BINS_A_TURN * max(travel / (2.0 * math.pi), 1.0)))
-    power = np.zeros(size // 2 + 1)
-    for one in motions:
-        power += np.abs(np.fft.rfft(_over_angle(one)[:size], size)) ** 2
-    orders = np.arange(len(power)) * BINS_A_TURN / size
-    width = 2.0 * math.pi / max(travel, 1e-9)  # of a line, in orders
-    places = np.flatnonzero((orders >= LEAST_PERIODS * width) & (orders <= HIGHEST_ORDER))
-    found: list[float] = []
-    for place in places[np.argsort(-power[places], kind="stable")]:
-        order = round(4.0 * float(orders[place])) / 4.0
-        if power[place] > 0 and all(abs(order - other) > width for other in found):
-            found.append(order)
-        if len(found) == STRONGEST:
-            break
-    usual = [float(n) for n in RIPPLE_ORDERS] if travel < 2.0 * math.pi else []
-    return tuple({"order": order} for order in sorted({*usual, *found}))
-
-
-def _over_angle(motion: Motion) -> Array:
-    """Mean torque by bins of the angle, less a smooth law of angle, speed, acceleration and load."""
-    inner = slice(motion.lead, None)
-    angle, torque = motion.position[inner], motion.torque[inner]
-    across = (angle - angle.mean()) / max(float(np.ptp(angle)), 1e-12)
-    speed = motion.velocity[inner] / max(float(np.sqrt(np.mean(motion.velocity[inner] ** 2))), 1e-12)
-    load = np.zeros_like(angle) if motion.load is None else motion.load[inner]
-    smooth = np.stack(
-        (
-            np.ones_like(angle), across, across**2, across**3, speed, np.tanh(speed / STANDSTILL),
-            motion.acceleration[inner], load,
-        ),
-        axis=1,
-    )  # fmt: skip
-    scale = np.maximum(np.abs(smooth).max(axis=0), 1e-300)
-    rest = torque - smooth / scale @ np.linalg.lstsq(smooth / scale, torque, rcond=None)[0]
-    number = ((angle - angle.min()) * (BINS_A_TURN / (2.0 * math.pi))).astype(int)
-    count = np.bincount(number)
-    return np.asarray(np.bincount(number, rest) / np.maximum(count, 1) * np.hanning(len(count)))
+    turns = float(np.median([np.ptp(one.position) for one in motions])) / (2.0 * math.pi)
+    usual = [float(n) for n in RIPPLE_ORDERS if n * turns >= LEAST_PERIODS] if turns < 1.0 else []
+    return tuple({"order": order} for order in sorted({*usual, *strongest_orders(motions)}))
 
 
 def _turning(motion: Motion, order: float) -> Any:
@@ -112,7 +76,7 @@ EFFECT = Effect(
     acts_on=("motor_torque",),
     gains={
         f"{order}{part}": replace(ripple, title=f"{ripple.title}, {part}")
-        for order, ripple in (("", RIPPLE), ("double_", DOUBLE))
+        for order, ripple in HARMONICS.items()
         for part in ("sine", "cosine")
     },
     columns=columns,
@@ -126,15 +90,33 @@ EFFECT = Effect(
     closer=plus("order", tuple(k / 2 for k in range(-6, 7))),
     bench=True,
     formula=Formula(
-        equation=r"\tau_m = A\sin n\theta_m + B\cos n\theta_m + A_2\sin 2n\theta_m + B_2\cos 2n\theta_m",
-        symbols="A, B: amplitudes, with 2 at twice the order. n: periods a turn of the pulley.",
-        source="Ours: the first two terms of a Fourier series over a turn, assumed.",
-        values={"sine": "A", "cosine": "B", "double_sine": "A_2", "double_cosine": "B_2", "order": "n"},
+        equation=r"\tau_m = \sum_{k=1}^{3} A_k\sin kn\theta_m + B_k\cos kn\theta_m",
+        symbols=(
+            "A, B: amplitudes at the order and its multiples, the third of a motor alone only. n: periods a "
+            "turn of the pulley."
+        ),
+        source="Ours: the first terms of a Fourier series over a turn, assumed.",
+        values={
+            "sine": "A_1",
+            "cosine": "B_1",
+            "double_sine": "A_2",
+            "double_cosine": "B_2",
+            "triple_sine": "A_3",
+            "triple_cosine": "B_3",
+            "order": "n",
+        },
     ),
     example=Example(
         {"order": 8.0},
         {"position": math.pi / 16.0},
-        {"BENCH sine": 1.0, "BENCH cosine": 0.0, "BENCH double_sine": 0.0, "BENCH double_cosine": -1.0},
+        {
+            "BENCH sine": 1.0,
+            "BENCH cosine": 0.0,
+            "BENCH double_sine": 0.0,
+            "BENCH double_cosine": -1.0,
+            "BENCH triple_sine": -1.0,
+            "BENCH triple_cosine": 0.0,
+        },
         on_bench=True,
     ),
 )

@@ -32,16 +32,29 @@ MOST_BYTES = 4_000_000
 """A larger file is no project: notes of a thousand pages would fit."""
 
 
+Held = tuple[tuple[str, float], ...]
+"""Parameters that somebody holds, by key in alphabetical order, and their values, SI."""
+ModelKey = tuple[tuple[str, ...], Held]
+"""Effects in the order in which they were added, and what is held."""
+
+
 @dataclass(frozen=True)
 class TriedModel:
     """Effects added to the nominal model, in order, and its held-out error in multiples of the floor.
 
-    ``evidence``: what spoke for the last step towards it, in words; empty for a first model.
+    ``evidence``: what spoke for the last step towards it, in words; empty for a first model. ``held``:
+    parameters that were held, by key, and their values, SI.
     """
 
     added: tuple[str, ...] = ()
     score: float = 0.0
     evidence: str = ""
+    held: Held = ()
+
+    @property
+    def key(self) -> ModelKey:
+        """What tells it from other models of the same sessions."""
+        return self.added, self.held
 
 
 @dataclass(frozen=True)
@@ -62,6 +75,7 @@ class Project:
         path: models from the first to the last that redo reaches; ``now`` is the place of the present one.
         tried: every model that was fitted, those of branches that were left included, in that order.
         revealed: whether the hidden effect of a practice session has been told.
+        moved: parameters of the present model that were moved by hand without a fit, by key; values in SI.
     """
 
     sessions: tuple[str, ...]
@@ -71,11 +85,12 @@ class Project:
     view: View = View()
     notes: str = ""
     revealed: bool = False
+    moved: Held = ()
 
     @property
     def worth_keeping(self) -> bool:
         """Whether anything was done that a fresh look at the sessions would not give."""
-        return len(self.tried) > 1 or bool(self.notes) or self.revealed
+        return len(self.tried) > 1 or bool(self.notes or self.moved) or self.revealed
 
 
 def project_path(sessions: Sequence[Path]) -> Path:
@@ -135,7 +150,7 @@ def save_project(project: Project, path: Path) -> Path:
 
 def with_model(project: Project, model: TriedModel) -> Project:
     """The project with a model among those tried; one that was tried before has its new score."""
-    others = tuple(one for one in project.tried if one.added != model.added)
+    others = tuple(one for one in project.tried if one.key != model.key)
     return replace(project, tried=(*others, model))
 
 

@@ -149,6 +149,8 @@ class DiagnosisView(Displayed):
             parts.append(words.set_sentence(result))
         if words.as_good_sentence(result):
             parts.append(words.as_good_sentence(result))
+        if result.paired:
+            parts.append(words.paired_sentence(result))
         if words.worth_adding(result):
             parts.append(words.path_sentence(result))
         parts += [f"The bench: {finding.text}" for finding in result.bench]
@@ -167,7 +169,7 @@ class DiagnosisView(Displayed):
 def _errors(result: Diagnosis) -> ShownTable:
     rows = [(r.title, r.error, r.floor, r.unit, r.times, r.r2) for r in error_rows(result.errors)]
     columns = ("equations", "error (rms)", "floor", "unit", "error / floor", "R2")
-    title = f"Error on {words.judged_on(result)}: {score_text(result.score)} times the floor"
+    title = f"Error on {words.judged_on(result).rstrip(',')}: {score_text(result.score)} times the floor"
     return ShownTable(columns, rows, frozenset({1, 2, 4, 5}), title)
 
 

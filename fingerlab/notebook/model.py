@@ -13,6 +13,7 @@ from fingerlab.models.file import DIAGNOSIS_METHOD, Model, ParameterEstimate, sa
 from fingerlab.notebook.display import Displayable, Displayed, Figures, ShownTable
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import model_rows
+from fingerlab.report.parameter_words import parameter_titles
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.reading import open_session
 
@@ -113,7 +114,7 @@ def _rows(model: Model) -> list[tuple[str, str]]:
             for name, value in model.parameters.items()
             if name.startswith(f"{effect}.")
         }
-        titles = words.parameter_titles(effect, list(own))
+        titles = parameter_titles(effect, list(own))
         rows += [
             (f"{titles[name][:1].upper()}{titles[name][1:]}", estimate_text(value))
             for name, value in own.items()

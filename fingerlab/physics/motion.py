@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -11,9 +12,22 @@ import numpy as np
 from fingerlab.physics import nominal
 from fingerlab.physics.friction_states import rubbing_forces, with_grid
 from fingerlab.rig.constants import Finger, Motor
+from fingerlab.rig.intervention import Intervention
 from fingerlab.sessions.model import Array
 
 GLIMPSE_SAMPLES = 300
+
+STRONGEST = 16
+"""So many lines of the spectrum over the motor's angle are told; assumed."""
+HIGHEST_ORDER = 300.0
+"""Beyond, the encoder's own error repeats; assumed: three times a motor of 14 poles and 12 slots."""
+LINE_WIDTHS = 2.0
+"""A line under Hann's window reaches so many periods within the travel to either side."""
+LEAST_PERIODS = 2.0
+"""A line is told by so many periods within the travel at least."""
+BINS_A_TURN = 2048
+STANDSTILL = 0.05
+"""Share of the usual speed below which friction is on its way from one sign to the other; assumed."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +53,11 @@ class Motion:
     lead: int = 0  # samples at the start that only set the memory of what has one; no equation counts there
     position_step: float = 0.0  # of the motor's encoder, rad
     inertia_spread: float = 0.0  # of the rotor's inertia, one standard deviation, kg m^2
+    intervention: Intervention | None = None  # what is known to be otherwise; None: no run of these has one
+    change: tuple[int, int] = (
+        0,
+        0,
+    )  # number of that change among those of the sessions (0: none), and theirs
     repairs: Mapping[str, int] = field(default_factory=dict)  # samples put right, by channel
     repaired_at: Array = field(default_factory=lambda: np.zeros(0))  # s, where spikes were, in any channel
     _memory: dict[object, Array] = field(default_factory=dict, repr=False, compare=False)
@@ -76,7 +95,38 @@ class Motion:
     @property
     def tension(self) -> Array:
         """Motor torque over pulley radius, N; inertia not subtracted."""
-        return self.remember("tension", lambda: self.torque / self.radius)
+        return self.remember("tension", lambda: self.cable_torque / self.radius)
+
+    @property
+    def cable_torque(self) -> Array:
+        """Motor torque less what a known load beside the cable takes of it, N m; inertia not subtracted."""
+        load = 0.0 if self.intervention is None else self.intervention.load_torque
+        return self.torque - load if load else self.torque
+
+    @property
+    def known_torques(self) -> tuple[Array, Array]:
+        """What a known change adds to the left-hand sides of MCP and PIP, N m; with arms as usual."""
+        finger, q = self.finger_and_joints
+        change = self.intervention or Intervention()
+        body = added_body(finger, change)
+        return (
+            nominal.mcp_torque(body, q).total + change.mcp_stiffness * q.mcp,
+            nominal.pip_torque(body, q).total + change.pip_stiffness * q.pip,
+        )
+
+    @property
+    def weights(self) -> tuple[float, float]:
+        """First moments of weight, N m: of the proximal link with what it carries; of the distal."""
+        finger, _ = self.finger_and_joints
+        near = (
+            (finger.proximal_mass + 2.0 * finger.distal_mass) * finger.gravity * finger.proximal_half_length
+        )
+        far = finger.distal_mass * finger.gravity * finger.distal_half_length
+        if self.intervention is None or not self.intervention.added_mass:
+            return near, far
+        body = added_body(finger, self.intervention)
+        weight = body.distal_mass * body.gravity
+        return near + 2.0 * weight * body.proximal_half_length, far + weight * body.distal_half_length
 
     @property
     def inertial_pull(self) -> Array:
@@ -138,6 +188,58 @@ class Motion:
         return self.finger, self.joints
 
 
+def added_body(finger: Finger, change: Intervention) -> Finger:
+    """A finger that consists of the known mass of a change and nothing else."""
+    none = dict.fromkeys(
+        ("proximal_mass", "proximal_inertia", "distal_inertia", "mcp_stiffness", "pip_stiffness"), 0.0
+    )
+    return replace(finger, **none, distal_mass=change.added_mass, distal_half_length=change.added_mass_at)
+
+
 def nothing(length: int) -> Array:
     """Zeros, shape (length,), read-only and without memory of their own; another array at every call."""
     return np.ndarray((length,), np.float64, bytes(8), 0, (0,))
+
+
+def strongest_orders(motions: Sequence[Motion]) -> tuple[float, ...]:
+    """Periods a turn at which the torque of a motor alone repeats most with its angle, strongest first.
+
+    Of what a smooth law of angle, speed, acceleration and load leaves, in quarters of a period.
+    """
+    travel = float(np.median([np.ptp(one.position) for one in motions]))
+    size = 1 << math.ceil(math.log2(4.0 * BINS_A_TURN * max(travel / (2.0 * math.pi), 1.0)))
+    power = np.zeros(size // 2 + 1)
+    for one in motions:
+        power += np.abs(np.fft.rfft(_over_angle(one)[:size], size)) ** 2
+    orders = np.arange(len(power)) * BINS_A_TURN / size
+    width = 2.0 * math.pi / max(travel, 1e-9)  # of a line, in orders
+    places = np.flatnonzero((orders >= LEAST_PERIODS * width) & (orders <= HIGHEST_ORDER))
+    found: list[float] = []
+    for place in places[np.argsort(-power[places], kind="stable")]:
+        order = round(4.0 * float(orders[place])) / 4.0
+        if power[place] > 0 and all(abs(order - other) > LINE_WIDTHS * width for other in found):
+            found.append(order)
+        if len(found) == STRONGEST:
+            break
+    return tuple(found)
+
+
+def _over_angle(motion: Motion) -> Array:
+    """Mean torque by bins of the angle, less a smooth law of angle, speed, acceleration and load."""
+    inner = slice(motion.lead, None)
+    angle, torque = motion.position[inner], motion.torque[inner]
+    across = (angle - angle.mean()) / max(float(np.ptp(angle)), 1e-12)
+    speed = motion.velocity[inner] / max(float(np.sqrt(np.mean(motion.velocity[inner] ** 2))), 1e-12)
+    load = np.zeros_like(angle) if motion.load is None else motion.load[inner]
+    smooth = np.stack(
+        (
+            np.ones_like(angle), across, across**2, across**3, speed, np.tanh(speed / STANDSTILL),
+            motion.acceleration[inner], load,
+        ),
+        axis=1,
+    )  # fmt: skip
+    scale = np.maximum(np.abs(smooth).max(axis=0), 1e-300)
+    rest = torque - smooth / scale @ np.linalg.lstsq(smooth / scale, torque, rcond=None)[0]
+    number = ((angle - angle.min()) * (BINS_A_TURN / (2.0 * math.pi))).astype(int)
+    count = np.bincount(number)
+    return np.asarray(np.bincount(number, rest) / np.maximum(count, 1) * np.hanning(len(count)))

@@ -89,12 +89,16 @@ class Variant:
 
 @dataclass(frozen=True)
 class ExtendedModel:
-    """The nominal model and the same with effects, fitted to the same runs under the same weights."""
+    """The nominal model and the same with effects, fitted to the same runs under the same weights.
+
+    ``held``: unknowns that somebody held meanwhile, by key, and their values, SI.
+    """
 
     extended: Variant
     nominal: Variant
     parameters: Mapping[str, ParameterEstimate]
     sessions: tuple[SessionHash, ...]
+    held: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def effect_ids(self) -> tuple[str, ...]:
@@ -104,7 +108,8 @@ class ExtendedModel:
     @property
     def words(self) -> str:
         """The model with effects in words, for a list."""
-        return " + ".join(["nominal model", *(c.effect.title or c.effect.id for c in self.extended.effects)])
+        model = " + ".join(["nominal model", *(c.effect.title or c.effect.id for c in self.extended.effects)])
+        return f"{model}, {len(self.held)} held" if self.held else model
 
     @property
     def variants(self) -> Mapping[str, Variant]:
@@ -123,6 +128,7 @@ def model_of_extended(model: ExtendedModel) -> Model:
         "shapes": {c.effect.id: dict(c.shape) for c in model.extended.effects},
         "extended": _variant_json(model.extended),
         "nominal": _variant_json(model.nominal),
+        **({"held": dict(model.held)} if model.held else {}),
     }
     return Model(DIAGNOSIS_METHOD, model.parameters, model.sessions, model.effect_ids, details)
 
@@ -162,7 +168,8 @@ def extended_model(model: Model, where: str) -> ExtendedModel:
     effects = tuple(_effect(name, shapes.get(name, {}), where) for name in model.effects)
     extended = _checked(where, "extended", lambda: _variant(model.details["extended"], effects))
     nominal = _checked(where, "nominal", lambda: _variant(model.details["nominal"], ()))
-    return ExtendedModel(extended, nominal, model.parameters, model.sessions)
+    held = _checked(where, "held", lambda: _numbers(model.details.get("held", {})))
+    return ExtendedModel(extended, nominal, model.parameters, model.sessions, held)
 
 
 def _effect(name: str, shape: Mapping[str, float], where: str) -> ChosenEffect:

@@ -26,12 +26,15 @@ from fingerlab.sessions.model import Session
 
 
 def fit_extended(
-    sessions: Sequence[Session], effects: Sequence[str], progress: Progress | None = None
+    sessions: Sequence[Session],
+    effects: Sequence[str],
+    progress: Progress | None = None,
+    held: Mapping[str, float] | None = None,
 ) -> ExtendedModel:
     """Fit the nominal model and the same with ``effects`` (ids, in order) to all runs of the sessions.
 
     Every contact run is also left out once: the values without it stand in ``Variant.held_out``, and what its
-    force then misses gives the interval.
+    force then misses gives the interval. ``held``: unknowns that are held, by key, and their values, SI.
 
     Raises:
         UserError: an unknown effect, one that does not apply to these runs, or a run that cannot be read.
@@ -40,6 +43,7 @@ def fit_extended(
     tell = progress or (lambda share, what: None)
     with threadpool_limits(limits=1, user_api="blas"):
         reduction = Reduction(sessions)
+        reduction.held = dict(held or {})
         scorer, trial = fit_refined(reduction, chosen, Watch(lambda share, what: tell(0.5 * share, what)))
         tell(0.6, "fitting")
         nominal = scorer.fit([], scorer.fit([], trial), FULL_ITERATIONS)
@@ -55,7 +59,7 @@ def fit_extended(
             done.append(_calibrated(variant, sessions, hashes))
     if not chosen:
         done[0] = done[1]
-    return ExtendedModel(done[0], done[1], parameters, hash_sessions(sessions))
+    return ExtendedModel(done[0], done[1], parameters, hash_sessions(sessions), dict(held or {}))
 
 
 @dataclass(frozen=True)

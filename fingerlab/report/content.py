@@ -199,7 +199,10 @@ class Prediction:
 
 
 def fitted_model(
-    sessions: Sequence[Session], effects: Sequence[str], progress: Progress
+    sessions: Sequence[Session],
+    effects: Sequence[str],
+    progress: Progress,
+    held: Mapping[str, float] | None = None,
 ) -> ExtendedModel | None:
     """The model with these effects, fitted to all runs; None where these runs do not allow it.
 
@@ -207,7 +210,7 @@ def fitted_model(
         progress: called with the share done and what is being done; may raise ``Cancelled``.
     """
     try:
-        return fit_extended(sessions, effects, progress)
+        return fit_extended(sessions, effects, progress, held)
     except UserError:
         return None
 
@@ -293,7 +296,10 @@ def gather(
     model = None
     if diagnosis.final_parameters:
         model = fitted_model(
-            sessions, diagnosis.final_model, lambda share, what: progress(0.5 + 0.4 * share, what)
+            sessions,
+            diagnosis.final_model,
+            lambda share, what: progress(0.5 + 0.4 * share, what),
+            diagnosis.held,
         )
     shown = {c.effect: c.parameters for c in diagnosis.candidates}
     same = model is not None and diagnosis.final_model == diagnosis.model

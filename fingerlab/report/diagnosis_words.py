@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import exp
+from pathlib import Path
 
 from fingerlab.core.text import ScreenUnit, decimals_for, fixed, largest_of, percent, score_text, screen_unit
 from fingerlab.core.text import in_sentence as in_sentence
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel
 from fingerlab.diagnosis.answer.where import JOINTS, Profile
 from fingerlab.effects import find_effect
+from fingerlab.report.parameter_words import held_words
+from fingerlab.rig.intervention import read_intervention
 from fingerlab.sessions.trajectory import trajectory_words
 
 FAMILY_TITLES = {
@@ -39,7 +42,11 @@ NEARLY_AS_LIKELY = 1.1
 TOLD = 3.0
 """Log odds (twenty to one) from which on one model is told from another without a further recording."""
 
-_JOINT_ENDINGS = {"mcp": "MCP", "pip": "PIP"}
+MOST_PAIRED_NAMES = 3
+"""So many effects are named beside a pair's difference, those that tell it best."""
+
+LEAST_PAIRED = 0.02
+"""... and by so much of its floor better than the model as given; assumed."""
 
 
 def effect_title(effect: str) -> str:
@@ -141,7 +148,16 @@ def floor_sentence(diagnosis: Diagnosis) -> str:
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """The answer in one plain sentence with its numbers; another where they stand on little."""
-    return " ".join(filter(None, (_verdict_sentence(diagnosis), floor_sentence(diagnosis))))
+    return " ".join(
+        filter(None, (_verdict_sentence(diagnosis), floor_sentence(diagnosis), held_sentence(diagnosis)))
+    )
+
+
+def held_sentence(diagnosis: Diagnosis) -> str:
+    """That all of it holds for what somebody held; empty where nothing was."""
+    if not diagnosis.held:
+        return ""
+    return f"All of this is with {held_words(diagnosis.held)}, by hand."
 
 
 def _verdict_sentence(diagnosis: Diagnosis) -> str:
@@ -319,6 +335,19 @@ def failure_sentence(failure: Failure | None) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
+def paired_sentence(diagnosis: Diagnosis) -> str:
+    """What models make of runs before a known change of the machine and with it; empty without such."""
+    told = []
+    for pair in diagnosis.paired:
+        where = f"Run {pair.before} and the same motion {pair.words} (run {pair.after}"
+        where += f" of {Path(pair.sessions[1]).name})" if len(set(pair.sessions)) > 1 else ")"
+        misses = f"the model as given misses their difference by {score_text(pair.score)} times its floor"
+        each = sorted((k, n) for n, k in pair.with_effect.items() if k < pair.score - LEAST_PAIRED)
+        best = [f"{_names([name])} by {score_text(score)}" for score, name in each[:MOST_PAIRED_NAMES]]
+        told.append(f"{where}: {misses}" + (f", with {listed(best)}." if best else "."))
+    return " ".join(told)
+
+
 def next_experiment_sentence(diagnosis: Diagnosis) -> str | None:
     """What to record next and what that would tell apart or show; None where nothing is called for."""
     proposal = diagnosis.next_experiment
@@ -328,8 +357,14 @@ def next_experiment_sentence(diagnosis: Diagnosis) -> str | None:
     text = f"Record next: {_motion_words(proposal.get('trajectory'))}"
     text += f", {PHASE_WORDS.get(phase, phase)}" if phase else ""
     text += f", {cable} cable" if cable != "none" else ""
+    change = proposal.get("intervention")
+    text += f", {read_intervention(change, 'The proposal').words()}" if change else ""
     told = _told_words(diagnosis)
-    return f"{text}. {told}{_gain_words(proposal.get('expected_separation'))}." if told else f"{text}."
+    text = f"{text}. {told}{_gain_words(proposal.get('expected_separation'))}." if told else f"{text}."
+    alone = proposal.get("chance_alone")
+    if not isinstance(alone, int | float):
+        return text
+    return f"{text} The chance that the true one then stands alone is {percent(alone)}."
 
 
 def next_experiment_words(diagnosis: Diagnosis) -> str:
@@ -372,29 +407,6 @@ def _gain_words(gain: object) -> str:
     if not isinstance(gain, (int, float)):
         return ""
     return f" (expected gain in log evidence {'over 100' if gain > 100 else f'{gain:.1f}'}; 5 decides)"
-
-
-def parameter_titles(effect: str, names: Sequence[str]) -> dict[str, str]:
-    """Each of the effect's parameters in words, such as ``MCP friction torque``; no title twice."""
-    titles = {name: _parameter_title(effect, name) for name in names}
-    twice = {t for t in titles.values() if list(titles.values()).count(t) > 1}
-    return {name: f"{title} ({_plain(name)})" if title in twice else title for name, title in titles.items()}
-
-
-def _parameter_title(effect: str, name: str) -> str:
-    one = find_effect(effect)
-    gain = None if one is None else one.unknowns.get(name)
-    title = gain.title if gain is not None and gain.title else _plain(name)
-    joint = _JOINT_ENDINGS.get(name.rsplit("_", 1)[-1], "")
-    return f"{joint} {title}" if joint and not title.upper().startswith(joint) else title
-
-
-def _plain(name: str) -> str:
-    """A parameter's name without joint and unit."""
-    parts = name.split("_")
-    while len(parts) > 1 and parts[-1] in (*_JOINT_ENDINGS, "deg", "s", "hz"):
-        parts.pop()
-    return " ".join(parts)
 
 
 CLEARLY = 1.2

@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel
-from fingerlab.report.diagnosis_words import in_sentence, parameter_titles
+from fingerlab.report.diagnosis_words import in_sentence
+from fingerlab.report.parameter_words import parameter_titles
 from fingerlab.rig.constants import Finger, Motor, Rig
 
 SIGNS = {"extension": -1, "flexion": +1}

@@ -182,6 +182,7 @@ def render(content: Content, progress: Progress) -> Page:
         every_effect=tables.all_effects(diagnosis),
         set_sentence=words.set_sentence(diagnosis),
         as_good=words.as_good_sentence(diagnosis),
+        paired=words.paired_sentence(diagnosis),
         calibration_sentence=words.calibration_sentence(diagnosis),
         path_sentence=words.path_sentence(diagnosis),
         path_figure=pictures.draw(path_figure(diagnosis.path, diagnosis.model), "Error path"),

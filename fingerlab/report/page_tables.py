@@ -33,14 +33,15 @@ from fingerlab.report.diagnosis_words import (
     NOTHING_WORDS,
     PHASE_WORDS,
     UNKNOWN_WORDS,
-    parameter_titles,
     shown_best_first,
 )
+from fingerlab.report.parameter_words import parameter_title, parameter_titles
 from fingerlab.rig.constants import Finger, Motor
 from fingerlab.rig.file import CONSTANT_UNITS, sources_of
+from fingerlab.rig.intervention import changed_words
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Run, Session
-from fingerlab.sessions.trajectory import trajectory_words
+from fingerlab.sessions.trajectory import run_told
 
 SHOWN_OUTCOMES = 6
 """Candidates in the short ranking; the whole catalogue stands at the end of the page."""
@@ -135,15 +136,9 @@ def parameter_rows(candidate: Candidate) -> list[tuple[str, str]]:
     return [(titles[name], estimate_text(value)) for name, value in candidate.parameters.items()]
 
 
-_MODEL_TITLES = {
-    "arm_mcp": "Moment arm at the MCP",
-    "arm_pip": "Moment arm at the PIP",
-    "loss_mcp": "Friction loss at the MCP",
-    "loss_pip": "Friction loss at the PIP",
-    "bench_inertia": "Inertia J",
-    "bench_gain": "Gain on the load",
-    "bench_offset": "Offset of the torque",
-}
+_MODEL_ROWS = (
+    "arm_mcp", "arm_pip", "loss_mcp", "loss_pip", "bench_inertia", "bench_gain", "bench_offset",
+)  # fmt: skip
 
 
 def model_rows(parameters: Mapping[str, ParameterEstimate]) -> list[tuple[str, str]]:
@@ -152,12 +147,10 @@ def model_rows(parameters: Mapping[str, ParameterEstimate]) -> list[tuple[str, s
     Nuisances that only let a constant move within its tolerance are left out.
     """
     rows = []
-    for key in _MODEL_TITLES:
+    for key in _MODEL_ROWS:
         for name, estimate in parameters.items():
-            base, _, cable = name.partition("@")
-            if base == key:
-                title = _MODEL_TITLES[key] + (f", {cable} cable" if cable else "")
-                rows.append((title, estimate_text(estimate)))
+            if name.partition("@")[0] == key:
+                rows.append((parameter_title(name, ()), estimate_text(estimate)))
     return rows
 
 
@@ -186,12 +179,11 @@ def run_rows(session: Session) -> list[RunRow]:
 
 
 def _alike(one: Run, other: Run) -> bool:
-    return (one.phase, one.cable, one.sample_rate_hz, dict(one.trajectory)) == (
-        other.phase,
-        other.cable,
-        other.sample_rate_hz,
-        dict(other.trajectory),
-    ) and abs(one.seconds - other.seconds) < 0.05 * max(one.seconds, 1.0)
+    mine, theirs = (
+        (run.phase, run.cable, run.sample_rate_hz, dict(run.trajectory), changed_words(run.attributes))
+        for run in (one, other)
+    )
+    return mine == theirs and abs(one.seconds - other.seconds) < 0.05 * max(one.seconds, 1.0)
 
 
 def _run_row(block: Sequence[Run]) -> RunRow:
@@ -200,7 +192,7 @@ def _run_row(block: Sequence[Run]) -> RunRow:
     seconds = f"{len(block)} × {first.seconds:.1f}" if len(block) > 1 else f"{first.seconds:.1f}"
     cable = "–" if first.cable == "none" else first.cable
     phase = PHASE_WORDS.get(first.phase, first.phase)
-    words = trajectory_words(first.trajectory)
+    words = run_told(first)
     return RunRow(names, len(block), phase, cable, words, seconds, f"{first.sample_rate_hz:g}")
 
 

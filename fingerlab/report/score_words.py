@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
-from fingerlab.core.text import fixed, score_text
+from fingerlab.core.text import fixed, percent, score_text
 from fingerlab.diagnosis.answer.results import Diagnosis, LeftAside, ScorePart
 from fingerlab.report.diagnosis_words import PHASE_WORDS, listed
 
@@ -96,7 +96,7 @@ def score_table(diagnosis: Diagnosis) -> ScoreTable | None:
             ScoreRow(
                 runs,
                 f"{runs_words(runs)}, {', '.join(how)}",
-                share_text(mine[0][0].samples),
+                percent(mine[0][0].samples, counted=True),
                 tuple(told(cell) if cell else "" for cell in cells.values()),
                 told(mine),
                 _aside_words([one for one in diagnosis.left_aside if _motion(one) == (runs, phase, cable)]),
@@ -129,12 +129,12 @@ def _apportioned(values: Sequence[float], step: float) -> list[int]:
 
 
 def _aside_words(found: Sequence[LeftAside]) -> str:
-    return ", ".join(f"{ASIDE_WORDS.get(one.reason, one.reason)} {share_text(one.share)}" for one in found)
+    return ", ".join(aside_text(one.reason, one.share) for one in found)
 
 
-def share_text(share: float) -> str:
-    """``14 %``, ``0.17 %``: a share that may be small, and may be all."""
-    return f"{100 * share:.2g} %" if share < 0.01 else f"{round(100 * share)} %"
+def aside_text(reason: str, share: float) -> str:
+    """Why, and how much of the time: ``cable slack 14 %``."""
+    return f"{ASIDE_WORDS.get(reason, reason)} {percent(share, counted=True)}"
 
 
 def score_sentence(diagnosis: Diagnosis) -> str:
@@ -167,13 +167,14 @@ def aside_sentence(diagnosis: Diagnosis) -> str:
         "ramp": "the start of the runs and the edges of filters",
         "slack": "the cable's length where it may hang loose",
     }
-    text = [f"{said[reason]} ({share_text(shares[reason])})" for reason in said if shares[reason] > 0]
+    found = [(words, shares[reason]) for reason, words in said.items() if shares[reason] > 0]
+    text = [f"{words} ({percent(share, counted=True)})" for words, share in found]
     sentences = [f"Left aside of the time: {listed(text)}."] if text else []
     if shares["standstill"] > 0:
-        still = share_text(shares["standstill"])
+        still = percent(shares["standstill"], counted=True)
         sentences.append(f"Standstill ({still}) is weighed less, for friction may hold any torque there.")
     if shares["spikes"] > 0:
-        spikes = share_text(shares["spikes"])
+        spikes = percent(shares["spikes"], counted=True)
         sentences.append(f"Spikes ({spikes} of the time) were put on the line between their neighbours.")
     return " ".join(sentences)
 

@@ -11,6 +11,7 @@ from fingerlab.core.progress import Progress, Watch
 from fingerlab.core.text import decimals_for, fixed, percent, printed, score_text, screen_unit
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, judged_on, listed
+from fingerlab.report.parameter_words import held_words
 from fingerlab.sessions.model import Session
 
 OTHERS_SHARE = 0.6
@@ -54,6 +55,7 @@ class StoryStep:
         came, went: ids of the effects that were added, and of those that were given up.
         before, after: score. chance: probability that was given to what came, 0 to 1; None: not ranked.
         evidence: what spoke for it, in words of the diagnosis before the step.
+        held: what was held from this step on, in words, where that changed.
     """
 
     came: tuple[str, ...]
@@ -62,10 +64,13 @@ class StoryStep:
     after: float
     chance: float | None
     evidence: str
+    held: str = ""
 
     @property
     def title(self) -> str:
         """``Coulomb joint friction``, ``Stribeck friction in place of Coulomb friction``."""
+        if self.held and not (self.came or self.went):
+            return self.held[:1].upper() + self.held[1:]
         came, went = (
             listed([effect_title(effects[0]), *(in_sentence(effect_title(e)) for e in effects[1:])])
             if effects
@@ -87,6 +92,7 @@ class StoryStep:
         return {
             "added": list(self.came), "removed": list(self.went), "score_before": self.before,
             "score": self.after, "probability": self.chance, "evidence": self.evidence,
+            **({"held": self.held} if self.held else {}),
         }  # fmt: skip
 
 
@@ -116,6 +122,7 @@ def _step(before: Diagnosis, now: Diagnosis) -> StoryStep:
         now.score,
         judged[0].probability if judged else None,
         evidence_for(came, before),
+        "" if now.held == before.held else held_words(now.held) or "nothing held any more",
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.rig.constants import Motor
+from fingerlab.rig.intervention import intervention_of
 from fingerlab.sessions.format import CHANNEL_UNITS, RATE_TOLERANCE
 from fingerlab.sessions.model import Array, Run, Session
 
@@ -193,6 +194,13 @@ def _judge_attributes(run: Run) -> list[Finding]:
     ):
         if run.counted(key):
             found.append(Finding("warning", run.name, f"{run.counted(key):g} {words} while recording."))
+    try:
+        change = intervention_of(run.attributes, run.name)
+    except UserError as error:
+        found.append(Finding("warning", run.name, str(error)))
+    else:
+        if change is not None and change.to_json():
+            found.append(Finding("note", run.name, f"taken {change.words()}."))
     if not run.complete:
         found.append(Finding("warning", run.name, "recording stopped before the trajectory was complete."))
     return found

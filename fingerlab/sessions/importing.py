@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +16,13 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.units import factor
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions.format import LEAST_RATE, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS
 from fingerlab.sessions.hdf5 import sample_fault
-from fingerlab.sessions.mapping import Axis, Column, Table, map_columns
+from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis, Column, Table, map_columns, short_name
 from fingerlab.sessions.mat_table import MatTable, is_mat, mat_tables
 from fingerlab.sessions.model import Array
-from fingerlab.sessions.text_table import SEPARATOR_WORDS, inspect_table, read_blocks
+from fingerlab.sessions.text_table import BLOCK_LINES, SEPARATOR_WORDS, inspect_table, read_blocks
 from fingerlab.sessions.trajectory import recognised, trajectory_words
 from fingerlab.sessions.writing import SessionWriter
 
@@ -31,6 +31,8 @@ WHOLE_RATE = 1e-4
 
 RATE_AGREEMENT = 0.01
 """Relative difference allowed between a given rate and the time column. Assumed."""
+
+NOT_OF_THE_BENCH = "; a log of one axis of any machine is imported with --axis."
 
 _DERIVED = {
     "motor_current": ("motor_torque", "motor_torque / (torque_constant * gear_ratio)"),
@@ -96,6 +98,31 @@ def plan_import(
     return tuple(_plan(source, table, mapping, rate) for source in sources for table in _tables(source.path))
 
 
+def first_rows(path: Path) -> tuple[Table, Array]:
+    """The first table of a file and its first rows, (rows, columns), as they stand in it: to be looked at.
+
+    Raises:
+        UserError: the file cannot be read, or a row does not fit.
+    """
+    table = _tables(path)[0]
+    return table, next(_blocks(table))[:BLOCK_LINES]
+
+
+def of_one_axis(
+    sources: Sequence[TextRun], rig: Rig | None, torque_constant: float | None, radius: float | None
+) -> tuple[list[TextRun], Rig]:
+    """The files as motor-bench runs of any machine, and a rig that knows no finger.
+
+    Args:
+        rig: with the machine's constants; None: only ``torque_constant``, N m/A with the gear, if that.
+        radius: of the arc as which a linear axis is told, m; None: :data:`AXIS_RADIUS_M`.
+    """
+    lever = Axis(radius or AXIS_RADIUS_M)
+    motor = rig.motor if rig is not None else Motor(torque_constant or Motor.torque_constant, 1.0)
+    runs = [replace(source, phase="motor_bench", cable="none", axis=lever) for source in sources]
+    return runs, Rig(None, motor) if rig is None else replace(rig, finger=None)
+
+
 def _tables(path: Path) -> Sequence[Table]:
     return mat_tables(path) if is_mat(path) else [inspect_table(path)]
 
@@ -126,12 +153,35 @@ def import_files(
         UserError: a row does not fit, the samples break the format, or the target exists or is full;
             nothing is left behind.
     """
+    rig = _with_lever(rig, plans)
     with SessionWriter(target, rig, title, attributes=attributes) as writer:
         for number, plan in enumerate(plans):
             if progress:
                 progress(number / len(plans), plan.table.path.name)
             _write_run(writer, plan, rig)
     return Path(target)
+
+
+def _with_lever(rig: Rig, plans: Sequence[ImportPlan]) -> Rig:
+    """The rig with the radius of the arc as which a linear axis is told."""
+    levers = [
+        plan.source.axis.radius
+        for plan in plans
+        for column in plan.columns
+        if plan.source.axis and column.target_unit == "rad" and factor(column.unit, "m") is not None
+    ]
+    return replace(rig, extra={**rig.extra, "axis": {"radius_m": levers[0]}}) if levers else rig
+
+
+def describe_all(plans: Sequence[ImportPlan]) -> list[str]:
+    """The plans in lines of text; a file that is laid out as the one before it is told in one."""
+    lines, before = list[str](), list[str]()
+    for plan in plans:
+        first, *rest = describe(plan)
+        layout = [first.removeprefix(str(plan.table.path)), *rest]
+        lines += [f"{plan.table.path}: as the one before it"] if layout == before else [first, *rest]
+        before = layout
+    return lines
 
 
 def describe(plan: ImportPlan) -> list[str]:
@@ -150,6 +200,8 @@ def describe(plan: ImportPlan) -> list[str]:
     if plan.counted_time:
         lines.append(f"  time <- counted at {plan.sample_rate_hz:g} samples a second")
     lines += [f"  {channel} <- {formula} (derived)" for channel, formula in plan.derived.items()]
+    if not isinstance(table, MatTable) and table.ahead > (table.header is not None):
+        lines.append(f"  of the {table.ahead} lines before the first row, names and units alone are read")
     used = {column.index for column in plan.columns}
     unused = [str(index + 1) for index in range(table.columns) if index not in used]
     if unused:
@@ -176,13 +228,19 @@ def _plan(source: TextRun, table: Table, mapping: str | None, rate: float | None
     counted = "time" not in present
     if counted and rate is None:
         raise UserError(
-            f"{table.path} gives no time; map its column with --map, or give the sampling rate with --rate."
+            f"{table.path} gives no time; map its column with --map, or give the sampling rate with --rate"
+            f"{'.' if source.axis else NOT_OF_THE_BENCH}"
         )
     for channel in REQUIRED_CHANNELS[source.phase]:
         if channel not in present and channel not in derived and channel != "time":
+            if source.axis is not None:
+                raise UserError(
+                    f"{table.path} gives no {short_name(channel)}, which the log of an axis needs; map its "
+                    f"column with --map{', or that of the current' if channel == 'motor_torque' else ''}."
+                )
             raise UserError(
                 f"{table.path} gives no '{channel}', which a run of phase '{source.phase}' needs; map its "
-                "column with --map, or choose another --phase."
+                f"column with --map, or choose another --phase{NOT_OF_THE_BENCH}"
             )
     first = next(_blocks(table))
     found = float(rate or 0.0) if counted else _rate(table, _values(first, columns, "time"), rate)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -64,7 +65,7 @@ _AXIS_KEYWORDS = (
     ("motor_command", r"command|\bcmd|reference|\bref|set.?point|desired|target"),
     ("load_torque", r"load"),
     ("motor_current", r"current|^i(q|_q|a)?$"),
-    ("motor_torque", r"torque|effort|^tau|force|moment"),
+    ("motor_torque", r"torque|effort|^tau|force|moment|^f\b"),
     ("motor_position", r"^(q|x)\d*$|position|\bpos|angle|theta|encoder|stroke|displacement"),
     ("time", r"^(t|time|zeit|tempo|timestamp|stamp|elapsed.*|tout)$"),
 )
@@ -74,6 +75,11 @@ AXIS_RADIUS_M = 0.01
 """Radius of the arc as which a linear axis is told, m: 1 mm is 0.1 rad and 1 N is 0.01 N m. Only a scale."""
 
 _HEADER_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\((?P<a>[^()]*)\)|\[(?P<b>[^\[\]]*)\]|\s/\s*(?P<c>\S+))\s*$")
+_TRAILING_UNIT = re.compile(r"^(?P<name>.*[^\W_])[_ ](?P<unit>[^\W\d_]+|°)$")
+_USUAL_UNITS = {"s": "s", "rad": "deg", "A": "A", "N m": "Nm"}
+"""What an axis' quantities are usually told in, by their SI units."""
+_NO_UNITS = ("m", "v", "V", "g")
+"""At the end of a name they rather mean a motor, a velocity or gravity."""
 _CHANNEL_NAME = re.compile(r"(raw/)?[A-Za-z_][A-Za-z0-9_]*")
 
 
@@ -156,20 +162,60 @@ def map_columns(table: Table, mapping: str | None, axis: Axis | None = None) -> 
     return columns
 
 
+def likely_columns(table: Table, axis: Axis | None = None) -> tuple[Column | None, ...]:
+    """What each column of a table is likely to be, to start from where a person chooses; nothing is refused.
+
+    By the header or in the bench's own order; None for a column of which nothing is known, whose unit does
+    not fit, or that looks like one before it.
+    """
+    names: Sequence[str | None] = [None] * table.columns
+    if table.header:
+        words = _KEYWORDS if axis is None else _AXIS_KEYWORDS
+        names = [_channel_of(split_header(cell)[0], k, words) for k, cell in enumerate(table.header)]
+    elif table.columns == len(BENCH_ORDER) and axis is None:
+        names = BENCH_ORDER
+    found: list[Column | None] = []
+    for index, name in enumerate(names):
+        taken = [column.channel for column in found if column is not None]
+        found.append(None)
+        if name is not None and name not in taken:
+            unit = split_header(table.header[index])[1] if table.header else None
+            with suppress(UserError):
+                found[-1] = _column(name, index, unit, 1.0, "", table, axis)
+    return tuple(found)
+
+
+def units_of(channel: str, axis: Axis | None = None) -> tuple[str, ...]:
+    """In which units a column of a channel may be, one spelling each; SI first; none for an unknown one."""
+    target = CHANNEL_UNITS.get(channel)
+    if target is None:
+        return ()
+    along_a_line = {"rad": "m", "N m": "N"}.get(target) if axis is not None else None
+    each = [FACTORS[target], *([FACTORS[along_a_line]] if along_a_line else [])]
+    first: dict[tuple[int, float], str] = {}
+    for number, table in enumerate(each):
+        for unit, value in table.items():
+            first.setdefault((number, value), unit)
+    return tuple(first.values())
+
+
 def _refuse_unnamed(columns: tuple[Column, ...], table: Table) -> None:
     """Nothing is assumed of the units of a machine that nobody here knows."""
     unnamed = [c for c in columns if not c.unit and c.target_unit]
     if not unnamed:
         return
-    short = {channel: name for name, channel in _AXIS_NAMES.items()}
-    usual = {"s": "s", "rad": "deg", "A": "A", "N m": "Nm"}
     wanted = ",".join(
-        f"{short.get(c.channel, c.channel)}={c.index + 1}:{c.unit or usual[c.target_unit]}"
+        f"{short_name(c.channel)}={c.index + 1}:{c.unit or _USUAL_UNITS[c.target_unit]}"
         for c in columns
-        if c.target_unit in usual
+        if c.target_unit in _USUAL_UNITS
     )
     names = " and ".join(f"'{c.channel}' (column {c.index + 1})" for c in unnamed)
     raise UserError(f"{table.path} names no unit of {names}; say them, such as --map {wanted}.")
+
+
+def short_name(channel: str) -> str:
+    """What a mapping may call a channel of an axis."""
+    return {of: name for name, of in _AXIS_NAMES.items()}.get(channel, channel)
 
 
 def _in_bench_order(table: Table) -> tuple[Column, ...]:
@@ -188,7 +234,7 @@ def _by_header(table: Table, axis: Axis | None) -> tuple[Column, ...]:
     assert table.header is not None
     columns = []
     for index, cell in enumerate(table.header):
-        name, unit = split_header(cell)
+        name, unit = split_header(cell) if axis is None else _split_axis_header(cell)
         channel = _channel_of(name, index, _KEYWORDS if axis is None else _AXIS_KEYWORDS)
         columns.append(_column(channel, index, unit, 1.0, f"header '{cell}'", table, axis))
     return tuple(columns)
@@ -200,6 +246,16 @@ def split_header(cell: str) -> tuple[str, str | None]:
         return cell.strip(), None
     unit = match["a"] if match["a"] is not None else match["b"] if match["b"] is not None else match["c"]
     return match["name"].strip(), unit.strip()
+
+
+def _split_axis_header(cell: str) -> tuple[str, str | None]:
+    """The same with a unit behind the name, too, as in ``q_deg`` or ``current_mA``."""
+    name, unit = split_header(cell)
+    match = _TRAILING_UNIT.match(name) if unit is None else None
+    if match is None or match["unit"] in _NO_UNITS:
+        return name, unit
+    known = any(match["unit"] in FACTORS[si] for si in (*_USUAL_UNITS, "N", "m"))
+    return (match["name"], match["unit"]) if known else (name, None)
 
 
 def _channel_of(name: str, index: int, keywords: Sequence[tuple[str, str]]) -> str:
@@ -230,7 +286,7 @@ def _wished(table: Table, channel: str, wish: _Wish, axis: Axis | None) -> Colum
                 f"{table.columns}."
             )
     if unit is None and table.header:
-        unit = split_header(table.header[index])[1]
+        unit = (split_header if axis is None else _split_axis_header)(table.header[index])[1]
     return _column(channel, index, unit, wish.scale, source, table, axis)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.rig.constants import Rig
+from fingerlab.rig.intervention import INTERVENTION
 from fingerlab.sessions.format import CHANNEL_UNITS, RATE_TOLERANCE
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -89,6 +90,11 @@ class Run:
     def complete(self) -> bool:
         """Whether its trajectory came to its end; one that says nothing of it did."""
         return str(self.attributes.get("complete", 1)).lower() not in ("0", "0.0", "false")
+
+    @property
+    def changed(self) -> bool:
+        """Whether the machine was changed on purpose for this run (``rig.intervention``)."""
+        return INTERVENTION in self.attributes
 
     def counted(self, name: str) -> float:
         """A count that the recording kept of itself, such as ``dropped_samples``; 0 where it kept none."""

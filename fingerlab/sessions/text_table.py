@@ -10,6 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import date
 from itertools import islice
 from pathlib import Path
 from typing import TextIO
@@ -18,6 +19,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.text import shown
+from fingerlab.core.units import FACTORS
 from fingerlab.sessions.model import Array
 
 BLOCK_LINES = 1 << 16
@@ -30,6 +32,10 @@ _CANDIDATES = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (No
 """Separators (None is any white space) and decimal signs, in the order in which they are preferred."""
 
 _NUMBER = re.compile(r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf)", re.IGNORECASE | re.ASCII)
+_CLOCK = re.compile(r"((?P<date>\d{4}-\d\d-\d\d)[T ])?(?P<clock>\d{1,2}:\d\d:\d\d([.,]\d+)?)", re.ASCII)
+"""A time of day, of a date or of any."""
+_DAY_ZERO = date(1970, 1, 1).toordinal()
+_UNITS = {"", "-", *(unit for table in FACTORS.values() for unit in table)}
 SEPARATOR_WORDS = {"\t": "tab", ";": "semicolon", ",": "comma", None: "space"}
 
 
@@ -42,8 +48,11 @@ class TextTable:
         encoding: of its text.
         separator: between cells; None for any white space.
         decimal: ``"."`` or ``","``.
-        header: one name a column, or None without a header row.
+        header: one name a column, with its unit in brackets where a row of units stands below the names; None
+            without a header row.
         columns: how many cells a row has.
+        ahead: lines with text, comments not counted, that stand before the first row.
+        clocks: columns of times of day, or dates with one; they are read as seconds.
     """
 
     path: Path
@@ -52,6 +61,8 @@ class TextTable:
     decimal: str
     header: tuple[str, ...] | None
     columns: int
+    ahead: int = 0
+    clocks: tuple[int, ...] = ()
 
 
 def inspect_table(path: str | Path) -> TextTable:
@@ -67,13 +78,37 @@ def inspect_table(path: str | Path) -> TextTable:
     if not lines:
         raise UserError(f"{path} is empty; it should hold a table of numbers, one row a sample.")
     separator, decimal = _separator(lines, path)
-    first = _cells(lines[0], separator)
-    header = None
-    if not any(_is_number(cell, decimal) for cell in first):
-        header = tuple(shown(cell.strip().strip('"'), MOST_LETTERS) for cell in first)
-        if len(lines) == 1:
-            raise UserError(f"{path} holds a header but no rows; it should hold one row a sample.")
-    return TextTable(path, encoding, separator, decimal, header, len(first))
+    rows = [_cells(line, separator) for line in lines]
+    ahead = _ahead(rows, decimal)
+    first = rows[ahead]
+    clocks = tuple(k for k, cell in enumerate(first) if _CLOCK.fullmatch(cell.strip()))
+    header = _header([[cell.strip().strip('"') for cell in row] for row in rows[:ahead]], len(first), clocks)
+    return TextTable(path, encoding, separator, decimal, header, len(first), ahead, clocks)
+
+
+def _ahead(rows: Sequence[Sequence[str]], decimal: str) -> int:
+    """How many lines stand before the first row: all numbers, or mostly and as wide as the others."""
+    numbers = [sum(_is_number(cell, decimal) for cell in row) for row in rows]
+    whole = Counter(len(row) for row, n in zip(rows, numbers, strict=True) if n == len(row) > 1)
+    width = whole.most_common(1)[0][0]
+    return next(
+        k
+        for k, (row, n) in enumerate(zip(rows, numbers, strict=True))
+        if n == len(row) > 1 or (len(row) == width and 2 * n > width)
+    )
+
+
+def _header(above: Sequence[Sequence[str]], columns: int, clocks: Sequence[int]) -> tuple[str, ...] | None:
+    """The names right above the first row, with the units below them; what stands higher is of the file."""
+    if not above or len(above[-1]) != columns:
+        return None
+    names = list(above[-1])
+    units = [cell.strip("[]() ") for cell in names]
+    if len(above) > 1 and len(above[-2]) == columns and all(u in _UNITS for u in units) and any(units):
+        names = [f"{name} ({unit})" if unit else name for name, unit in zip(above[-2], units, strict=True)]
+    for k in clocks:
+        names[k] = names[k] if names[k].endswith((")", "]")) else f"{names[k]} (s)"
+    return tuple(shown(name, MOST_LETTERS) for name in names)
 
 
 def read_blocks(
@@ -90,7 +125,7 @@ def read_blocks(
     """
     with _open(table.path, table.encoding) as file:
         rows = _rows(file)
-        if table.header is not None:
+        for _ in range(table.ahead):
             next(rows)
         size = max(table.path.stat().st_size, 1)
         while block := list(islice(rows, block_lines)):
@@ -105,6 +140,8 @@ def _parse(block: Sequence[tuple[int, str]], table: TextTable) -> Array:
         if any("." in line for line in lines):
             raise _fault(block, table)
         lines = [line.replace(",", ".") for line in lines]
+    if table.clocks:
+        lines = [_without_clocks(line, table) for line in lines]
     try:
         values = np.loadtxt(lines, delimiter=table.separator, comments=None, ndmin=2, dtype=np.float64)
     except ValueError:
@@ -112,6 +149,18 @@ def _parse(block: Sequence[tuple[int, str]], table: TextTable) -> Array:
     if values.shape != (len(block), table.columns):
         raise _fault(block, table)
     return np.asarray(values)
+
+
+def _without_clocks(line: str, table: TextTable) -> str:
+    """A row whose times of day are seconds: since midnight, or since 1970 where a date is told."""
+    cells = _cells(line, table.separator)
+    for k in table.clocks:
+        match = _CLOCK.fullmatch(cells[k].strip()) if k < len(cells) else None
+        if match is not None:
+            day = date.fromisoformat(match["date"]).toordinal() - _DAY_ZERO if match["date"] else 0
+            hours, minutes, seconds = match["clock"].replace(",", ".").split(":")
+            cells[k] = repr(86400.0 * day + 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds))
+    return (table.separator or " ").join(cells)
 
 
 def _fault(block: Sequence[tuple[int, str]], table: TextTable) -> UserError:
@@ -161,6 +210,8 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 def _is_number(cell: str, decimal: str) -> bool:
     text = cell.strip()
+    if _CLOCK.fullmatch(text):
+        return True
     if decimal == ",":
         # A point in a file with decimal commas is a thousands mark or a mistake; neither is guessed at.
         text = text.replace(".", "?").replace(",", ".")

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
+from fingerlab.rig.intervention import changed_words
 from fingerlab.sessions.model import Array, Run
 
 LOOK_RATE_HZ = 100.0
@@ -158,6 +159,11 @@ def trajectory_words(trajectory: Mapping[str, Any]) -> str:
     for key, value in rest.items():
         words += ", until stopped" if key == "until_stopped" and value is True else f", {_named(key, value)}"
     return words
+
+
+def run_told(run: Run) -> str:
+    """What the motor was told to do in a run, and what of the machine was changed for it."""
+    return ", ".join(filter(None, (trajectory_words(run.trajectory), changed_words(run.attributes))))
 
 
 UNITS = {"_s": " s", "_hz": " Hz", "_deg": "°", "_n": " N"}

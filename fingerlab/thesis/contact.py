@@ -216,7 +216,9 @@ class SessionPrediction:
 
 def contact_runs(session: Session) -> tuple[Run, ...]:
     """Runs in contact with a cable, in the order taken, long ones in pieces; may be empty."""
-    return in_pieces(run for run in session.runs if run.phase == "contact" and run.cable_sign != 0)
+    return in_pieces(
+        run for run in session.runs if run.phase == "contact" and run.cable_sign != 0 and not run.changed
+    )
 
 
 def predict_session(

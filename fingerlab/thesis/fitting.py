@@ -84,7 +84,9 @@ def on_air_runs(session: Session) -> tuple[Run, ...]:
     Raises:
         UserError: the session has none.
     """
-    runs = in_pieces(run for run in session.runs if run.phase == "on_air" and run.cable_sign != 0)
+    runs = in_pieces(
+        run for run in session.runs if run.phase == "on_air" and run.cable_sign != 0 and not run.changed
+    )
     if not runs:
         raise UserError(
             f"{session.path} has no run on air with a cable; moment arms and losses are fitted to runs of "

@@ -156,7 +156,8 @@ def advance(
         tension = cable_tension(plant, state, at, step)
         wound = plant.pulley_radius * (state.pulley - wound)
         at_pulley = tension + sheath_loss(plant, state, tension, wound)
-        advance_motor(plant, friction, memory, state, plant.pulley_radius * at_pulley, command, step)
+        load = plant.pulley_radius * at_pulley + plant.load_torque
+        advance_motor(plant, friction, memory, state, load, command, step)
         force = advance_finger(plant, friction, memory, state, at, tension, step)
     return force, tension, at_pulley
 

@@ -26,6 +26,8 @@ PLANT = np.dtype(
             "proximal_inertia",
             "distal_inertia",
             "knuckle_mass",  # kg at the PIP axis: screws, magnet, cover
+            "hung_mass",  # kg, fixed to the distal link on purpose
+            "hung_at",  # m beyond the PIP axis
             "distal_rotation",  # 0: distal body turns with the relative speed (thesis), 1: absolute
             "tilt",  # rad, wrist angle as it really is
             "tilt_cos",  # set from tilt by ``place_bench``
@@ -68,7 +70,7 @@ PLANT = np.dtype(
             "ripple_phase",  # rad
             "play",  # rad between gearbox and pulley, total
             "current_lag",  # s, time constant of the servo amplifier's current loop
-            "load_torque",  # N m, known load in place of the finger
+            "load_torque",  # N m, known load in place of the finger, or beside it
             # Contact.
             "cell_x",  # m, a point of the contact plane
             "cell_y",

@@ -64,6 +64,12 @@ def finger_mass(plant: Record, at: Pose) -> tuple[float, float, float]:
     m11 += m2 * (4.0 * l1 * l1 + l2 * l2 + 2.0 * cross) + share * share * spin
     m12 = m2 * (l2 * l2 + cross) + share * spin
     m22 = m2 * l2 * l2 + spin
+    if plant.hung_mass > 0.0:
+        mh, h = plant.hung_mass, plant.hung_at
+        across = 2.0 * l1 * h * at[2]
+        m11 += mh * (4.0 * l1 * l1 + h * h + 2.0 * across)
+        m12 += mh * (h * h + across)
+        m22 += mh * h * h
     return m11, m12, m22
 
 
@@ -75,6 +81,11 @@ def finger_bias(plant: Record, at: Pose, w1: float, w2: float) -> tuple[float, f
     whirl = 2.0 * m2 * l1 * l2 * at[3]
     distal = g * m2 * l2 * at[6]
     proximal = g * l1 * (m1 + 2.0 * (m2 + mk)) * at[4]
+    if plant.hung_mass > 0.0:
+        mh, h = plant.hung_mass, plant.hung_at
+        whirl += 2.0 * mh * l1 * h * at[3]
+        distal += g * mh * h * at[6]
+        proximal += 2.0 * g * mh * l1 * at[4]
     return -whirl * w2 * (2.0 * w1 + w2) - proximal - distal, whirl * w1 * w1 - distal
 
 

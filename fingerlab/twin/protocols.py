@@ -10,6 +10,7 @@ from typing import Any
 
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
+from fingerlab.rig.intervention import read_intervention
 from fingerlab.sessions.format import CABLES
 
 RATE_HZ = 1000.0
@@ -123,16 +124,26 @@ def setup_of(phase: str, cable: str | None = None) -> tuple[str, str]:
     return phase, cable
 
 
-def single_run(trajectory: str | Mapping[str, Any], phase: str, cable: str | None = None) -> RunPlan:
+def single_run(
+    trajectory: str | Mapping[str, Any],
+    phase: str,
+    cable: str | None = None,
+    intervention: Mapping[str, Any] | None = None,
+) -> RunPlan:
     """One proposed run, as in ``next_experiment`` of a diagnosis.
 
     Args:
         trajectory: JSON text or object; for a motor bench maybe with ``load_torque``, N m.
+        intervention: a known change of the machine, as in ``rig.intervention``.
 
     Raises:
-        UserError: the phase or cable is unknown, or they do not go together, or the trajectory is bad.
+        UserError: the phase or cable is unknown, or they do not go together, or the trajectory or the change
+            is bad.
     """
     phase, cable = setup_of(phase, cable)
+    change = read_intervention(intervention or {}, "The proposed 'intervention'")
+    if change.to_json() and cable == "none":
+        raise UserError("A known change is one of the finger's bench; leave it out for the motor alone.")
     settings = dict(read_trajectory(trajectory).settings)
     load = settings.get("load_torque", 0.0)
     if isinstance(load, bool) or not isinstance(load, int | float) or not math.isfinite(load):
@@ -145,4 +156,4 @@ def single_run(trajectory: str | Mapping[str, Any], phase: str, cable: str | Non
     if settings["kind"] in ("file", "torque"):  # the points stay with the plan, however many they are
         settings = dict(json.loads(trajectory) if isinstance(trajectory, str) else trajectory)
     settings.pop("load_torque", None)
-    return RunPlan(phase, cable, settings, float(load))
+    return RunPlan(phase, cable, settings, float(load), change.attributes())

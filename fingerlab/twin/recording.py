@@ -12,6 +12,7 @@ import numpy as np
 from fingerlab.acquisition.control.motion import Gains, braked
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
+from fingerlab.rig.intervention import Intervention, intervention_of
 from fingerlab.sessions.model import Array
 from fingerlab.twin.bench import build_bench, draw_truth, place_bench
 from fingerlab.twin.effects import Effects, apply_effects
@@ -179,7 +180,19 @@ def _bench(preset: Preset, truth: Truth, plan: RunPlan, effects: Effects) -> Pla
     bench.plant["load_torque"] = plan.load_torque
     apply_effects(bench, preset.effects)
     apply_effects(bench, effects)
+    if change := intervention_of(plan.attributes, "of the plan"):
+        _change(bench.plant, change)
     return bench
+
+
+def _change(plant: Any, change: Intervention) -> None:
+    """What an operator changes on purpose, on top of whatever the bench is."""
+    plant["hung_mass"], plant["hung_at"] = change.added_mass, change.added_mass_at
+    plant["load_torque"] += change.load_torque
+    plant["stiffness_1"] += change.mcp_stiffness
+    plant["stiffness_2"] += change.pip_stiffness
+    plant["arm_1"] *= change.mcp_arm
+    plant["arm_2"] *= change.pip_arm
 
 
 def _wander(bench: Plant, preset: Preset, rng: np.random.Generator) -> None:

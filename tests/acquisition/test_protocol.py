@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +29,12 @@ from fingerlab.acquisition.protocols.steps import (
 )
 from fingerlab.acquisition.record.recording import SessionInfo
 from fingerlab.core.errors import UserError
+from fingerlab.devices.simulated import SimulatedBench, Simulation
 from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
+from fingerlab.rig.intervention import Intervention
 from fingerlab.sessions import open_session
+from fingerlab.twin.layout import OUTPUTS
 from fingerlab.twin.protocols import PROTOCOLS, RunPlan
 from fingerlab.twin.run_table import read_run_table
 from tests.acquisition.fake_device import FakeDevice
@@ -80,6 +85,29 @@ def test_a_known_load_is_lifted_before_each_run_and_never_set_down_in_one() -> N
     assert "turns backwards" in prompts[2]
     with pytest.raises(UserError, match="comes to 2°, where the known load rests"):
         plan_steps([RunPlan("motor_bench", "none", {**wave, "offset_deg": 22.0}, 0.05)], 0.8)
+
+
+def test_a_run_with_a_known_change_is_asked_for_and_tells_of_it() -> None:
+    change = Intervention(added_mass=0.013, added_mass_at=0.048).attributes()
+    steps = plan_steps([AIR, replace(AIR, attributes=change), AIR], 0.8)
+    assert [type(step) for step in steps] == [Change, Record, Change, Record, Change, Record]
+    prompts = [step.prompt for step in steps if isinstance(step, Change)]
+    assert "with 13 g fixed to the finger 48 mm beyond the PIP axis" in prompts[1]
+    assert "change the machine" not in prompts[2]
+    assert [dict(step.attributes) for step in steps if isinstance(step, Record)] == [{}, change, {}]
+
+
+def test_a_simulated_bench_is_changed_as_it_is_asked() -> None:
+    """13 g at the tip bend the MCP joint of a free finger further, by about their torque over its spring."""
+    angles = []
+    for told in ("", json.dumps({"added_mass": 0.013, "added_mass_at": 0.048})):
+        device = SimulatedBench(Simulation(seed=3), default_rig().daq)
+        device.set_up("on_air", "extension", 0.0, told)
+        angles.append(device.stream.now[OUTPUTS.index("q1")])
+    f = default_rig().finger
+    assert f is not None
+    more = 9.81 * 0.013 * (2 * f.proximal_half_length + 0.048) / f.mcp_stiffness  # rad, stretched out
+    assert abs(angles[1] - angles[0]) == pytest.approx(more, rel=0.35)
 
 
 def inline(device: FakeDevice, tmp_path: Path) -> InlineBench:

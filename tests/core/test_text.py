@@ -16,7 +16,8 @@ from fingerlab.core.text import (
     screen_unit,
 )
 from fingerlab.models.file import ParameterEstimate
-from fingerlab.report.diagnosis_words import in_sentence, listed, parameter_titles
+from fingerlab.report.diagnosis_words import in_sentence, listed
+from fingerlab.report.parameter_words import parameter_titles
 
 
 @pytest.mark.parametrize(
@@ -55,6 +56,7 @@ def test_no_probability_is_shown_as_certain() -> None:
     assert [percent(p) for p in (0.0, 0.004, 0.5, 0.994, 0.996, 1.0)] == [
         "< 1 %", "< 1 %", "50 %", "99 %", "> 99 %", "> 99 %"
     ]  # fmt: skip
+    assert [percent(p, counted=True) for p in (0.0017, 0.14, 1.0)] == ["0.17 %", "14 %", "100 %"]
 
 
 def test_scores_and_r2_keep_what_matters() -> None:

@@ -19,7 +19,7 @@ from . import closed_form as made
 
 
 def run(kind: str = "sine", **told: float) -> Any:
-    return SimpleNamespace(trajectory={"kind": kind, **told})
+    return SimpleNamespace(name="001", attributes={}, trajectory={"kind": kind, **told})
 
 
 SLOW, FAST = {"frequency_hz": 0.5, "amplitude_deg": 10.0}, {"frequency_hz": 2.0, "amplitude_deg": 10.0}

@@ -136,12 +136,17 @@ def judged() -> tuple[Session, Scorer, Evidence]:
     scorer = Scorer(reduce_sessions([session], [CATALOGUE[n] for n in chosen]))
     base = scorer.fit_reweighted([])
     evidence = judge_all(scorer, base, scorer.reduced.layout.effects, Watch())
-    return session, scorer, replace(evidence, log_odds=np.zeros(len(evidence.candidates)))
+    even = np.full(len(evidence.candidates), 1.0 / len(evidence.candidates))
+    told = {"probabilities": even, "nothing": 1e-6, "unknown": 1e-6}
+    return session, scorer, replace(evidence, log_odds=np.zeros(len(even)), **told)
 
 
 def index(evidence: Evidence, name: str) -> int:
     return [t.model.choices[-1].effect.id for t in evidence.candidates].index(name)
 
+
+USUAL = {"left": 1.05}, "contact on_air"
+"""What a session is like, as far as probabilities depend on it."""
 
 PAIRS = [
     ("viscous_friction", "coulomb_friction"),
@@ -155,8 +160,9 @@ def test_a_proposal_can_be_run_and_names_what_it_separates(
     pair: tuple[str, str], judged: tuple[Session, Scorer, Evidence]
 ) -> None:
     session, scorer, evidence = judged
-    proposal = propose([session], scorer, evidence, [index(evidence, n) for n in pair])
-    assert proposal is not None
+    found = propose([session], scorer, evidence, [index(evidence, n) for n in pair], USUAL)
+    assert found is not None
+    proposal = found.told
     assert proposal["separates"] == list(pair)
     assert np.isfinite(proposal["expected_separation"])
     assert proposal["expected_separation"] > 0
@@ -168,8 +174,8 @@ def test_nothing_is_proposed_where_nothing_is_left_to_separate(
     judged: tuple[Session, Scorer, Evidence],
 ) -> None:
     session, scorer, evidence = judged
-    assert propose([session], scorer, evidence, [0]) is None
-    assert propose([session], scorer, evidence, []) is None
+    assert propose([session], scorer, evidence, [0], USUAL) is None
+    assert propose([session], scorer, evidence, [], USUAL) is None
 
 
 def test_a_wider_set_of_speeds_separates_viscous_from_coulomb(
@@ -178,8 +184,9 @@ def test_a_wider_set_of_speeds_separates_viscous_from_coulomb(
     """One amplitude at one speed cannot tell them apart; the proposal is not the slow small sine."""
     session, scorer, evidence = judged
     pair = [index(evidence, n) for n in ("viscous_friction", "coulomb_friction")]
-    proposal = propose([session], scorer, evidence, pair)
-    assert proposal is not None
+    found = propose([session], scorer, evidence, pair, USUAL)
+    assert found is not None
+    proposal = found.told
     assert proposal["trajectory"]["frequency_hz"] != 0.2 or proposal["trajectory"]["kind"] != "sine"
 
 
@@ -277,7 +284,7 @@ def test_a_run_that_would_not_decide_in_twenty_seconds_lasts_a_minute(
 
     def worth(run: PredictedRun) -> Judged:
         gain = nats_a_second * run.sums.samples / NARROW_RATE_HZ
-        return Judged((gain,), gain, "viscous_friction", gain)
+        return Judged((gain,), gain, ("viscous_friction",), gain)
 
     best = best_run(runs, worth)
     assert best is not None
@@ -290,7 +297,7 @@ def test_a_run_that_separates_nothing_is_not_proposed(judged: tuple[Session, Sco
     """One that is expected to bring less than 0.2 nats is not worth a run: an effect against itself."""
     session, scorer, evidence = judged
     first = index(evidence, "viscous_friction")
-    assert propose([session], scorer, evidence, [first, first]) is None
+    assert propose([session], scorer, evidence, [first, first], USUAL) is None
 
 
 def test_three_times_the_time_separates_three_times_as_well(judged: tuple[Session, Scorer, Evidence]) -> None:

@@ -18,8 +18,7 @@ from fingerlab.diagnosis.signals.scales import (
     scaled_trajectory,
 )
 from fingerlab.diagnosis.signals.segments import segments_of
-from fingerlab.effects.torque_ripple import orders_seen
-from fingerlab.physics.motion import Motion
+from fingerlab.physics.motion import Motion, strongest_orders
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions.model import Run, Session
@@ -168,6 +167,6 @@ def test_ripple_orders_come_from_the_torque_over_the_angle() -> None:
         phase="motor_bench", cable_sign=0, sample_rate_hz=250.0, time=time, position=angle, velocity=speed,
         acceleration=acceleration, torque=torque + 2e-3 * rng.standard_normal(len(time)), motor=Motor(),
     )  # fmt: skip
-    orders = [shape["order"] for shape in orders_seen([motion])]
+    orders = strongest_orders([motion])
     assert 84.0 in orders
     assert len(orders) <= 16

@@ -38,9 +38,12 @@ def test_a_motor_torque_is_the_same_tension_in_both_joints(name: str) -> None:
             assert np.array_equal(mcp.values, pip.values)
             assert np.array_equal(mcp.values, cable.values)
         if effect.bench:
-            on_bench = effect.columns(bench(), shape)
-            for term, alone in zip(rows[Row.MCP], on_bench, strict=True):
-                assert alone.values == pytest.approx(RADIUS * term.values)
+            alone = {term.gain: term.values for term in effect.columns(bench(), shape)}
+            for term in rows[Row.MCP]:
+                assert alone[term.gain] == pytest.approx(RADIUS * term.values)
+            assert {effect.gains[gain].cable for gain in alone.keys() - {t.gain for t in rows[Row.MCP]}} <= {
+                "none"
+            }
 
 
 SHARP = CATALOGUE["motor_coulomb_friction"].shapes[0]

@@ -10,13 +10,15 @@ import pytest
 
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.diagnosis.signals.scales import find_scales
 from fingerlab.effects import CATALOGUE
 from fingerlab.report.diagnosis_words import UNEXPLAINED, path_sentence
 from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
-from tests.hidden.axis.plant import Axis, session
-from tests.hidden.axis.regression import baselines
+from tests.hidden.axis.makers import MAKERS, imported
+from tests.hidden.axis.plant import Axis, drawn, session
+from tests.hidden.axis.regression import CUTOFF_HZ, baselines
 
 LIKE_COULOMB = {"motor_coulomb_friction", "motor_presliding"}
 """Friction that flips with the direction of travel; they differ in the first degree of a stroke alone."""
@@ -105,6 +107,20 @@ def verdict_on(machine: Session) -> Diagnosis:
     return diagnose([machine], with_curves=False)
 
 
+@pytest.mark.parametrize("name", ["hydraulic cylinder, 100 Hz, kN", "belt axis, 500 Hz, rev and mN m"])
+def test_a_strangers_log_has_its_friction_named_in_two_commands(name: str, tmp_path: Path) -> None:
+    """A decimal comma, kN and mm at 100 Hz; revolutions without a time; friction of 3.2 and of 0.028 N m."""
+    maker = MAKERS[name]
+    path = imported(maker, tmp_path)
+    result = diagnosed(path)
+    assert result.path[1].added in maker.truth[0]
+    assert all(one & set(result.final_model) for one in maker.truth)
+    assert result.path[-1].score < 1.15
+    machine = open_session(path)
+    cutoff = CUTOFF_HZ / find_scales([machine]).time
+    assert error_at_the_end(path) < 0.5 * min(baselines(machine, cutoff).values())
+
+
 def test_a_rotor_alone_lacks_nothing() -> None:
     result = verdict_on(session(Axis(torque=0.05, coulomb=0.0, inertial=1.0, seconds=8.0, seed=3)))
     assert result.verdict == "nothing_missing"
@@ -122,6 +138,41 @@ def test_friction_at_one_speed_is_told_although_sixty_times_the_floor() -> None:
     assert result.candidates[0].effect == "motor_coulomb_friction"
     assert result.candidates[0].parameters["coulomb"].value == pytest.approx(0.05, rel=0.05)
     assert result.path[1].added == "motor_coulomb_friction"
+
+
+def test_what_was_found_with_a_wider_range_is_found_again_when_it_is_given() -> None:
+    """Viscous friction of 2.6 N m at 1.7 rad/s, beyond the usual range, and uneven by 3 %.
+
+    Given to the model it once stood at the bound of the usual range, at 0.28 N m s/rad, and left 28 times as
+    much; with the prior of the usual range it was told 10 % too low.
+    """
+    axis = drawn("viscous", 2)
+    machine = session(axis)
+    found = verdict_on(machine)
+    assert found.final_model == ("motor_viscous_friction",)
+    given = diagnose([machine], found.final_model, with_curves=False)
+    value = given.parameters["motor_viscous_friction.viscous"].value
+    assert value == pytest.approx(axis.torque / axis.speed, rel=0.03)
+    assert value == pytest.approx(found.final_parameters["motor_viscous_friction.viscous"].value, rel=1e-3)
+    assert given.score == pytest.approx(found.path[-1].score, rel=1e-3)
+    assert given.verdict == "nothing_missing"
+
+
+def test_ripple_is_found_beside_friction_where_laps_are_few() -> None:
+    """29 periods a turn, 30 % of the friction's size, on a stroke of an eighth of a turn in one speed.
+
+    A floor that knows no waves over the angle called it noise: 8 % of the friction. At one speed viscous
+    friction is Coulomb's.
+    """
+    axis = drawn("coulomb and ripple", 1)
+    result = verdict_on(session(axis))
+    assert result.errors["motor_torque"].floor < 0.015 * axis.torque
+    assert result.final_model[1:] == ("torque_ripple",)
+    assert result.final_model[0] in {*LIKE_COULOMB, "motor_viscous_friction"}
+    assert set(result.set) >= LIKE_COULOMB
+    found = result.final_parameters
+    size = np.hypot(*(found[f"torque_ripple.{part}"].value for part in ("sine", "cosine")))
+    assert size == pytest.approx(0.3 * axis.torque, rel=0.05)
 
 
 @pytest.mark.parametrize("seed", [0, 4])

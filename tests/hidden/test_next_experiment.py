@@ -97,6 +97,38 @@ def test_record_takes_the_same_run_as_simulate(tmp_path: Path) -> None:
     assert abs(commands[0] - commands[1]).max() < 2e-3  # rad; a card's clock is not exactly a millisecond
 
 
+MASS = {"added_mass": 0.013, "added_mass_at": 0.048}
+
+
+def test_a_proposed_change_of_the_machine_reaches_bench_run_and_answer(tmp_path: Path) -> None:
+    """The finger hangs lower with a mass at its tip; both commands tell it, and the pair is judged."""
+    wave = {"kind": "sine", "frequency_hz": 1.0, "amplitude_deg": 15.0, "offset_deg": 22.0, "duration_s": 8.0}
+    proposal = {"trajectory": wave, "phase": "on_air", "cable": "extension"}
+    files, starts = {}, {}
+    for name, change in (("before", {}), ("after", {"intervention": MASS})):
+        source, files[name] = tmp_path / f"{name}.json", tmp_path / f"{name}.h5"
+        source.write_text(json.dumps({"next_experiment": {**proposal, **change}}), encoding="utf-8")
+        run("simulate", "--trajectory", source, "--seed", "1", "--out", files[name])
+        (taken,) = open_session(files[name]).runs
+        starts[name] = float(taken.channel("mcp_angle", 0, 50).mean())
+        assert taken.changed == bool(change)
+    recorded = tmp_path / "recorded.h5"
+    short = {**proposal, "trajectory": {**wave, "duration_s": 3.0}, "intervention": MASS}
+    more = ["--device", "simulated", "--seed", "1", "--out", recorded]
+    run("record", "--trajectory", json.dumps(short), *more)
+    (by_hand,) = open_session(recorded).runs
+    assert json.loads(by_hand.attributes["intervention"]) == MASS
+    assert float(by_hand.channel("mcp_angle", 0, 50).mean()) == pytest.approx(starts["after"], abs=5e-3)
+    assert abs(starts["after"] - starts["before"]) > 0.03  # rad
+
+    told = run("diagnose", files["before"], files["after"], "--json", tmp_path / "both.json").stdout
+    (pair,) = json.loads((tmp_path / "both.json").read_text(encoding="utf-8"))["paired"]
+    assert pair["intervention"] == MASS
+    assert pair["score"] == pytest.approx(1.0, abs=0.15)
+    assert "with 13 g fixed to the finger 48 mm beyond the PIP axis" in " ".join(told.split())
+    assert "taken with 13 g" in " ".join(run("info", files["after"]).output.split())
+
+
 def test_a_load_without_a_bench_is_refused(tmp_path: Path) -> None:
     told = json.dumps({**LOADED, "load_torque": 0.05})
     out = tmp_path / "no.h5"

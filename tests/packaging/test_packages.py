@@ -26,15 +26,21 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 def source_files() -> set[str]:
-    """Every file of the three folders, by the place that it has once it is installed."""
-    found = set()
+    """Every file of the folders, and every page made from the program, by its place once it is installed."""
+    from fingerlab.report.documents import pages as every_page
+
+    found = {f"fingerlab/documents/{page}" for page in every_page()}
     for folder, inside in (
         ("fingerlab", "fingerlab"),
         ("ui", "fingerlab/ui"),
         ("resources", "fingerlab/resources"),
+        ("docs", "fingerlab/documents"),
     ):
         for path in (ROOT / folder).rglob("*"):
-            wanted = path.suffix == ".py" or folder == "resources"
+            pages = (".md", ".png", ".css", ".toml")
+            wanted = (
+                path.suffix == ".py" or folder == "resources" or (folder == "docs" and path.suffix in pages)
+            )
             if path.is_file() and wanted and "__pycache__" not in path.parts:
                 found.add(f"{inside}/{path.relative_to(ROOT / folder).as_posix()}")
     return found
@@ -79,6 +85,9 @@ def test_the_wheel_starts_without_the_checkout(built: tuple[Path, Path], tmp_pat
         "from importlib.resources import files\n"
         "print(fingerlab.__file__, fingerlab.ui.__file__, files('fingerlab.resources') / 'rigs')\n"
         "assert (files('fingerlab.resources') / 'rigs' / 'default.toml').is_file()\n"
+        "from fingerlab.report.documents import folder, glossary, pages\n"
+        "assert folder().name == 'documents' and 'floor' in glossary()\n"
+        "assert {'theory.md', 'tutorials/model-lab.md', 'catalogue/cable_slack.md'} <= set(pages())\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", code],

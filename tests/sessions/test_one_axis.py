@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import h5py
@@ -61,6 +62,23 @@ def test_a_csv_with_units_in_its_header_needs_no_mapping(tmp_path, capsys):
     assert not run.has("motor_current")  # what a current would give is not known
 
 
+def test_units_behind_the_names_need_no_mapping_either(tmp_path, capsys):
+    """``m`` is no unit there: a motor's angle would be a length. Files that are alike are told in a word."""
+    header = "t_ms,theta_m_deg,tau_Ncm"
+    files = [
+        written(tmp_path / f"{k}.csv", header, 1000 * TIME, np.degrees(TURN), 100 * TORQUE) for k in (1, 2, 3)
+    ]
+    code, _, err = run_main(["import", "--axis", *files, "--out", tmp_path / "a.h5"], capsys)
+    assert code == 0
+    assert [line.endswith("csv: as the one before it") for line in err.splitlines()].count(True) == 2
+    assert err.count("motor_torque") == 1
+    run = open_session(tmp_path / "a.h5").runs[2]
+    np.testing.assert_allclose(run.channel("motor_position"), TURN, atol=1e-9)
+    np.testing.assert_allclose(run.channel("motor_torque"), TORQUE, atol=1e-9)
+    bare = written(tmp_path / "b.csv", "t_ms,theta_m,tau_Ncm", TIME, TURN, TORQUE)
+    assert "names no unit of 'motor_position' (column 2)" in refused(capsys, bare)
+
+
 def test_two_commands_to_a_verdict(tmp_path, capsys):
     """Friction of 0.04 N m on a rotor of 2e-4 kg m^2: four runs of 3 s, told by name after two commands."""
     rng = np.random.default_rng(4)
@@ -95,6 +113,28 @@ def test_a_linear_axis_is_told_as_an_arc(tmp_path, capsys):
     np.testing.assert_allclose(run.channel("motor_torque"), 0.5 * TORQUE, atol=1e-9)
 
 
+def test_a_linear_axis_is_told_in_newtons_and_millimetres_beside(tmp_path, capsys):
+    """Friction of 4 N: at 20 mm radius 80 mN m; 1 N m is 50 N there."""
+    rng = np.random.default_rng(7)
+    files = []
+    for number, frequency in enumerate((0.8, 1.3, 1.7)):
+        time = np.arange(1800) / 300.0
+        way = 10.0 * np.sin(2 * np.pi * frequency * time)
+        held, ways = 0.0, np.diff(way, prepend=way[0])
+        state = np.array([held := min(max(held + step / 0.1, -1.0), 1.0) for step in ways])
+        force = 4.0 * state + rng.normal(0.0, 0.05, len(time))
+        files.append(written(tmp_path / f"{number}.csv", "t (s),x (mm),F (N)", time, way, force))
+    run_main(["import", "--axis", *files, "--radius", 0.02, "--out", tmp_path / "a.h5"], capsys)
+    code, out, _ = run_main(["diagnose", tmp_path / "a.h5"], capsys)
+    assert code == 0
+    said = " ".join(out.split())
+    assert "an arc of 20 mm: 1 N m is 50 N, 1 deg is 0.349 mm and 1 N m s/rad is 2500 N s/m." in said
+    (found,) = re.findall(
+        r"friction torque at the gearbox output ([\d.]+)[^;)]*; travel about [^)]*\)", said
+    )[:1]
+    assert float(found) == pytest.approx(80.0, rel=0.03)
+
+
 def test_a_current_needs_its_torque_constant(tmp_path, capsys):
     path = written(tmp_path / "log.csv", "time (s),encoder (rad),iq (mA)", TIME, TURN, 1000 * TORQUE)
     mapping = ("--map", "time=1,position=2,current=iq")
@@ -112,7 +152,7 @@ def test_a_current_needs_its_torque_constant(tmp_path, capsys):
         ("t (s),q (rad),tau", (), "names no unit of 'motor_torque' (column 3); say them, such as "
          "--map time=1:s,position=2:rad,torque=3:Nm."),
         ("t (s),q (furlong),tau (Nm)", (), "in 'furlong'; it should be in one of rad, mrad, deg"),
-        ("t (s),q (rad),speed (rad/s)", (), "gives no 'motor_torque'"),
+        ("t (s),q (rad),speed (rad/s)", (), "gives no torque"),
         ("t (s),q (rad),tau (Nm)", ("--phase", "contact"), "--axis makes runs of phase motor_bench"),
     ],
 )  # fmt: skip

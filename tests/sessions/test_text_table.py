@@ -42,6 +42,23 @@ def test_a_header_is_recognised_in_any_code_page(tmp_path):
         assert values.tolist() == [[0.0, 1.0], [1.0, 2.0]]
 
 
+def test_what_stands_above_the_table_is_no_part_of_it(tmp_path):
+    """A logger tells itself, then names, then units in a row of their own."""
+    above = "Machine: press;;\nSamples;2;\n\nTime;Way;F\n[s];[mm];[kN]\n"
+    table, values = table_of(tmp_path, above + "0,0;1,5;2\n0,1;1,6;2\n")
+    assert table.header == ("Time (s)", "Way (mm)", "F (kN)")
+    assert table.ahead == 4
+    assert values.tolist() == [[0.0, 1.5, 2.0], [0.1, 1.6, 2.0]]
+
+
+def test_times_of_day_are_seconds(tmp_path):
+    table, values = table_of(tmp_path, "stamp,x\n23:59:59.5,1\n0:00:00.25,2\n")
+    assert table.header == ("stamp (s)", "x")
+    assert values.tolist() == [[86399.5, 1.0], [0.25, 2.0]]
+    dated = "stamp;x\n1970-01-02 00:00:01,5;1,5\n1970-01-02T00:00:02,5;2\n"
+    assert table_of(tmp_path, dated)[1].tolist() == [[86401.5, 1.5], [86402.5, 2.0]]
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [

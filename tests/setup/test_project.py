@@ -100,6 +100,7 @@ def test_every_folder_of_code_is_installed() -> None:
             ("fingerlab", "fingerlab"),
             ("ui", "fingerlab.ui"),
             ("resources", "fingerlab.resources"),
+            ("docs", "fingerlab.documents"),
         )
         for path in (ROOT / top).rglob("__init__.py")
     }

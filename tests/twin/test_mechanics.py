@@ -30,6 +30,7 @@ def plant() -> Any:
     bench = build_bench(load_preset(), draw_truth(load_preset(), np.random.default_rng(5)), "flexion")
     place_bench(bench, in_contact=False)
     bench.plant["knuckle_mass"] = 0.004
+    bench.plant["hung_mass"], bench.plant["hung_at"] = 0.006, 0.041
     bench.plant["coupling"] = 0.02
     bench.plant["cubic_1"], bench.plant["cubic_2"] = 0.3, 0.2
     bench.plant["arm_slope_1"], bench.plant["arm_slope_2"] = 0.4, -0.3
@@ -57,6 +58,11 @@ def lagrangian_torques(plant: Any, share: float) -> Any:
             float(plant["distal_mass"]),
             knuckle[0] + long2 / 2 * sp.cos(up2),
             knuckle[1] + long2 / 2 * sp.sin(up2),
+        ),
+        body(
+            float(plant["hung_mass"]),
+            knuckle[0] + float(plant["hung_at"]) * sp.cos(up2),
+            knuckle[1] + float(plant["hung_at"]) * sp.sin(up2),
         ),
     )
     kinetic = sum(p[0] for p in parts)

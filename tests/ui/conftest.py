@@ -8,6 +8,7 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from PySide6.QtCore import QCoreApplication, QEvent, QSettings, Qt, QThread
@@ -15,9 +16,13 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QFileDialog
 from pytestqt.qtbot import QtBot
 
+from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.check_rig.kept import KeptCheck
+from fingerlab.devices.choosing import detect
 from fingerlab.devices.faults import Faults
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.ui.acquire import acquire_tab
+from fingerlab.ui.acquire.bench_setup import open_bench
 from fingerlab.ui.app import application
 from fingerlab.ui.app.settings import Settings
 from fingerlab.ui.app.window import MainWindow
@@ -102,6 +107,35 @@ def connect_rig(monkeypatch, make_window, settings: Settings, qtbot: QtBot, tmp_
         monkeypatch.setattr(acquire_tab, "ask_to_close", lambda *_: True)
         settings.set_recordings(tmp_path / "recordings")
         return Rig(make_window(tab="acquire", tabs=tabs_with(opener(tmp_path / "rescue", faults))), qtbot)
+
+    return make
+
+
+@pytest.fixture
+def unconnected(monkeypatch, make_window, settings: Settings, qtbot: QtBot, tmp_path: Path):  # type: ignore[no-untyped-def]
+    """A window without a rig that opens benches as in life, but in its own process.
+
+    Made of ``build``, a device choice -> its device; ``find``, what is looked for; and ``checks``, the folder
+    that checks of a rig are kept in: without one every rig counts as checked, or its current were a tenth.
+    """
+
+    def make(
+        build: Callable[[Any], Any], find: Any = lambda rig_file: detect(), checks: Path | None = None
+    ) -> Rig:
+        monkeypatch.setattr(acquire_tab, "ask_to_close", lambda *_: True)
+        monkeypatch.setattr("fingerlab.calibration.applying.default_folder", lambda *_: tmp_path / "own")
+        kept = "fingerlab.acquisition.check_rig.kept"
+        if checks is None:
+            monkeypatch.setattr(f"{kept}.last_check", lambda *_: KeptCheck("2026-11-23T08:00:00"))
+        else:
+            monkeypatch.setattr(f"{kept}.checks_folder", lambda *_: checks)
+        settings.set_recordings(tmp_path / "recordings")
+
+        def inline(choice: Any, loop: Any, rate_hz: float) -> InlineBench:
+            return InlineBench(build(choice), loop, tmp_path / "rescue")
+
+        tabs = tabs_with(lambda wanted: open_bench(wanted, inline), find)
+        return Rig(make_window(tab="acquire", tabs=tabs), qtbot, connect=False)
 
     return make
 

@@ -26,8 +26,9 @@ from fingerlab.ui.app import dialogs
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.calibrate.calibrate_tab import ask_to_leave
 from fingerlab.ui.lab.own_effects import OwnEffects
+from fingerlab.ui.lab.own_effects import ask_to_leave as ask_to_leave_text
 from fingerlab.ui.lab.project_dialogs import NotesDialog, TriedDialog
-from fingerlab.ui.sessions.session_files import ImportDialog
+from fingerlab.ui.sessions.import_dialog import ImportDialog
 from fingerlab.ui.widgets.plot_figure import paper_of
 
 from .standing_open import Stage, Step, Surface, standing
@@ -45,6 +46,11 @@ def _details(stage: Stage) -> None:
 
 def _own_effects(stage: Stage) -> None:
     stage.tab("model_lab").show_own_effects()
+
+
+def _edit_own(stage: Stage) -> None:
+    path, content = _own_file(stage)
+    _of(stage.window, OwnEffects)._open(path, content.decode())
 
 
 def _own_file(stage: Stage) -> tuple[Path, bytes]:
@@ -138,6 +144,11 @@ DIALOGS = (
     Surface("Keys (F1)", (lambda s: _menu_entry(s.window, "Keys").trigger(),)),
     Surface("Log", (lambda s: s.window.menus.log.trigger(),), ("app/dialogs.py:_show",)),
     Surface("Log, moved over STOP", (_log_over_stop,)),
+    Surface(
+        "Documents",
+        (lambda s: _menu_entry(s.window, "Documents").trigger(),),
+        ("app/documents.py:Documents",),
+    ),
     Surface("About FingerLab", (_about,), ("app/window.py:MainWindow._about",)),
     Surface("Open session", (lambda s: s.window.ask_and_open(),), ("app/window.py:MainWindow.ask_and_open",)),
     Surface(
@@ -251,7 +262,7 @@ DIALOGS = (
         ("sessions/session_files.py:Writer.ask_texts",),
         "sessions",
     ),
-    Surface("Import text files", (_import,), ("sessions/session_files.py:ImportDialog",), "sessions"),
+    Surface("Import text files", (_import,), ("sessions/import_dialog.py:ImportDialog",), "sessions"),
     Surface(
         "Import text files > list of phases",
         (_import, lambda s: _of(s.window, ImportDialog)._each[0][0].showPopup()),
@@ -261,7 +272,7 @@ DIALOGS = (
     Surface(
         "Import text files > Rig file",
         (_import, lambda s: _of(s.window, ImportDialog)._choose_rig()),
-        ("sessions/session_files.py:ImportDialog._choose_rig",),
+        ("sessions/import_dialog.py:ImportDialog._choose_rig",),
         "sessions",
     ),
     Surface("Save model file (Fit)", (_fit_save,), ("fit/fit_tab.py:FitTab.save",), "fit"),
@@ -306,7 +317,7 @@ DIALOGS = (
     ),
     Surface(
         "Models tried",
-        (lambda s: TriedDialog(s.tab("model_lab").pages, [TriedModel((), 12.4)], ()).open(),),
+        (lambda s: TriedDialog(s.tab("model_lab").pages, [TriedModel((), 12.4)], ((), ())).open(),),
         ("lab/project_dialogs.py:TriedDialog",),
         "model_lab",
     ),
@@ -320,6 +331,24 @@ DIALOGS = (
         "Models side by side",
         (lambda s: s.tab("model_lab").view.show_side_by_side(),),
         ("lab/side_by_side.py:SideBySideDialog",),
+        "model_lab",
+    ),
+    Surface(
+        "Own effects > New",
+        (_own_effects, lambda s: _of(s.window, OwnEffects).write_new()),
+        ("lab/own_effects.py:OwnEffects.write_new.ask",),
+        "model_lab",
+    ),
+    Surface(
+        "Own effects > Edit",
+        (_own_effects, _edit_own),
+        ("lab/own_effects.py:EffectEditor",),
+        "model_lab",
+    ),
+    Surface(
+        "Own effects > Edit > Leave it as it was?",
+        (lambda s: ask_to_leave_text(s.window, s.folder / "own.py"),),
+        ("lab/own_effects.py:ask_to_leave",),
         "model_lab",
     ),
     Surface("Own effects", (_own_effects,), ("lab/own_effects.py:OwnEffects",), "model_lab"),

@@ -14,18 +14,16 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QHBoxLayout,
     QLabel,
-    QMenu,
     QPushButton,
     QStackedWidget,
     QToolButton,
     QWidget,
-    QWidgetAction,
 )
 
 from fingerlab.core.text import ScreenUnit
 
 from ..app.tab_registry import SEPARATOR, Command
-from ..widgets.fields import NumberField, choice, refuse_entries
+from ..widgets.fields import NumberField, choice, form_menu, refuse_entries
 from ..widgets.labels import ElidedLabel, header_name, heading
 from ..widgets.layout import described, hbox
 from .acquire_panel import AcquirePanel
@@ -256,11 +254,7 @@ class TriggerButton(QToolButton):
         ):
             layout.addWidget(label, row, 0)
             layout.addWidget(field, row, 1)
-        menu = QMenu(self)
-        action = QWidgetAction(menu)
-        action.setDefaultWidget(form)
-        menu.addAction(action)
-        self.setMenu(menu)
+        form_menu(self, form)
         self.on.toggled.connect(self._on_toggled)
         self.quantity.activated.connect(self._on_quantity)
         self.edge.activated.connect(self._apply)

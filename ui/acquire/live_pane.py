@@ -12,16 +12,14 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QHBoxLayout,
     QLabel,
-    QMenu,
     QSizePolicy,
     QToolButton,
     QWidget,
-    QWidgetAction,
 )
 
 from fingerlab.sessions.model import Array
 
-from ..widgets.fields import NumberField
+from ..widgets.fields import NumberField, form_menu
 from ..widgets.labels import heading, remark
 from ..widgets.layout import FLUSH, hbox, vbox
 from ..widgets.theme import colours_of, large_font, line
@@ -65,12 +63,7 @@ class ScaleButton(QToolButton):
             label.setBuddy(field)
             layout.addWidget(label, row, 0)
             layout.addWidget(field, row, 1)
-        menu = QMenu(self)
-        action = QWidgetAction(menu)
-        action.setDefaultWidget(form)
-        menu.addAction(action)
-        menu.aboutToShow.connect(self._fill)
-        self.setMenu(menu)
+        form_menu(self, form).aboutToShow.connect(self._fill)
         self.automatic.toggled.connect(self._changed)
         self.low.valueChanged.connect(self._changed)
         self.high.valueChanged.connect(self._changed)

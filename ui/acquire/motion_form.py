@@ -25,7 +25,6 @@ from PySide6.QtWidgets import (
     QSizePolicy,
     QToolButton,
     QWidget,
-    QWidgetAction,
 )
 
 from fingerlab.acquisition.control.commands import SetGains
@@ -42,7 +41,7 @@ from fingerlab.acquisition.control.trajectories import (
 )
 from fingerlab.core.errors import UserError
 
-from ..widgets.fields import NumberField, choice, number
+from ..widgets.fields import NumberField, choice, form_menu, number
 from ..widgets.layout import as_written, described
 
 LISTS = ("time_s", "angle_deg", "torque_n_m", "amplitude_n_m", "offset_n_m", "sha256")
@@ -80,11 +79,7 @@ class GainsButton(QToolButton):
         self.usual = described(QPushButton("&Usual gains"), "usualGains")
         self.usual.clicked.connect(lambda: self.show_gains(Gains()))
         layout.addRow(self.usual)
-        menu = QMenu(self)
-        action = QWidgetAction(menu)
-        action.setDefaultWidget(form)
-        menu.addAction(action)
-        self.setMenu(menu)
+        form_menu(self, form)
         self._asked = SetGains(*(getattr(Gains(), name) for name in GAIN_RANGES))
         self._say()
 

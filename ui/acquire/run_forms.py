@@ -15,12 +15,10 @@ from PySide6.QtWidgets import (
     QFormLayout,
     QGridLayout,
     QLabel,
-    QMenu,
     QPushButton,
     QSizePolicy,
     QToolButton,
     QWidget,
-    QWidgetAction,
 )
 
 from fingerlab.acquisition.control.commands import LARGEST_DEG, Initialise
@@ -36,9 +34,10 @@ from fingerlab.acquisition.protocols.steps import (
 )
 from fingerlab.core.errors import UserError
 from fingerlab.report.diagnosis_words import PHASE_WORDS
+from fingerlab.rig.intervention import changed_words
 from fingerlab.sessions.trajectory import trajectory_words
 
-from ..widgets.fields import WholeField, choice, number, refuse_entries
+from ..widgets.fields import WholeField, choice, form_menu, number, refuse_entries
 from ..widgets.labels import heading, remark
 from ..widgets.layout import described
 
@@ -82,11 +81,7 @@ class InitialButton(QToolButton):
             self.sets[name], self.angles[name] = box, field
             layout.addWidget(box, row, 0)
             layout.addWidget(field, row, 1)
-        menu = QMenu(self)
-        action = QWidgetAction(menu)
-        action.setDefaultWidget(form)
-        menu.addAction(action)
-        self.setMenu(menu)
+        form_menu(self, form)
         self._say()
 
     @property
@@ -376,7 +371,8 @@ def run_words(run: Record) -> str:
     told = {
         key: value for key, value in run.trajectory.items() if key not in ("duration_s", "sha256", "file")
     }
-    return f"{phase[:1].upper()}{phase[1:]}{cable}: {trajectory_words(told)}."
+    words = ", ".join(filter(None, (trajectory_words(told), changed_words(run.attributes))))
+    return f"{phase[:1].upper()}{phase[1:]}{cable}: {words}."
 
 
 def clock(seconds: float) -> str:

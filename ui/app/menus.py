@@ -28,6 +28,9 @@ class WindowCommands:
     save_plot: Callable[[], Any]
     appearance: Callable[[str], Any]
     stop_key: Callable[[str], Any]
+    documents: Callable[[], Any]
+    glossary: Callable[[], Any]
+    whats_this: Callable[[], Any]
     shortcuts: Callable[[], Any]
     log: Callable[[], Any]
     about: Callable[[], Any]
@@ -64,6 +67,10 @@ class Menus:
         self._view(commands, tabs, chosen)
         self.tab_menu = window.menuBar().addMenu("&Tab")
         menu = window.menuBar().addMenu("&Help")
+        self._action(menu, "&Documents…", None, commands.documents)
+        self._action(menu, "&Glossary…", None, commands.glossary)
+        self._action(menu, "&What is this?", "Shift+F1", commands.whats_this)
+        menu.addSeparator()
         self._action(menu, "&Keys…", "F1", commands.shortcuts)
         self.log = self._action(menu, "&Log…", None, commands.log)
         menu.addSeparator()

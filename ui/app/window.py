@@ -10,10 +10,20 @@ from pathlib import Path
 
 from PySide6.QtCore import QEvent, QObject, QSize, QTimer, QUrl
 from PySide6.QtGui import QCloseEvent, QContextMenuEvent, QDesktopServices, QDragEnterEvent, QDropEvent
-from PySide6.QtWidgets import QApplication, QFileDialog, QMainWindow, QMessageBox, QStackedWidget, QWidget
+from PySide6.QtWidgets import (
+    QApplication,
+    QFileDialog,
+    QMainWindow,
+    QMessageBox,
+    QStackedWidget,
+    QWhatsThis,
+    QWidget,
+)
 
 import fingerlab
+from fingerlab.core.errors import UserError
 from fingerlab.core.files import seen_as
+from fingerlab.report.documents import FIRST, GLOSSARY
 
 from ..widgets.fields import Complaint
 from ..widgets.layout import FLUSH, Room, as_written, hbox, vbox
@@ -60,11 +70,12 @@ class PlaceKeeper(QObject):
 FIRST_SIZE = QSize(1280, 800)
 FIRST_TAB = "model_lab"
 """In front at the first start: its page says what the program is for, and where to begin."""
-IMPORTING, TABLES = "sessions", (".txt", ".csv", ".tsv")
+IMPORTING, TABLES = "sessions", (".txt", ".csv", ".tsv", ".mat")
 """Who takes tables in, and their endings."""
 SESSION_ENDINGS = (".h5", ".hdf5")
 SHOWN_ELSEWHERE = (".html", ".pdf", ".png", ".svg", ".csv", ".md")
 """Endings of files that a program of the computer shows; of others the folder is opened."""
+ASKS_WHAT = (QEvent.Type.WhatsThis, QEvent.Type.QueryWhatsThis, QEvent.Type.WhatsThisClicked)
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
 
 
@@ -134,6 +145,9 @@ class MainWindow(QMainWindow):
             save_plot=self.plots.save_current,
             appearance=self._set_appearance,
             stop_key=self.stop_guard.choose_key,
+            documents=self.show_documents,
+            glossary=lambda: self.show_documents(GLOSSARY),
+            whats_this=QWhatsThis.enterWhatsThisMode,
             shortcuts=lambda: dialogs.show_keys(self.menus.keys(self._others()), self.stop_guard.key, self),
             log=lambda: dialogs.show_log(self.context.log, self, self.context.logged),
             about=self._about,
@@ -217,8 +231,21 @@ class MainWindow(QMainWindow):
         self.tasks.cancel()
         self.context.close_sessions()
 
+    def show_documents(self, page: str = "", word: str = "") -> None:
+        """The documents at a page, or at a word of the glossary."""
+        from .documents import show_documents
+
+        try:
+            show_documents(self, page or FIRST, word)
+        except UserError as error:
+            self.context.tell(str(error))
+
     def event(self, event: QEvent) -> bool:
-        """A number field that says what is wrong with what was typed."""
+        """A number field that says what is wrong with what was typed; a question what something is."""
+        if event.type() in ASKS_WHAT:
+            from .documents import explains
+
+            return explains(self, event)
         if not isinstance(event, Complaint):
             return super().event(event)
         if event.sentence:

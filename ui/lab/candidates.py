@@ -32,6 +32,7 @@ from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed, 
 from ..widgets.fields import set_usable
 from ..widgets.labels import WholeLabel
 from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
+from ..widgets.tables import copies, with_tabs
 from ..widgets.theme import Colours, colours_of, large_font, small_font, tint
 from .result_words import (
     NOTHING,
@@ -121,6 +122,14 @@ class CandidateList(QAbstractListModel):
         if role in (Qt.ItemDataRole.ToolTipRole, Qt.ItemDataRole.AccessibleTextRole):
             return _spoken(row)
         return None
+
+    def as_table(self) -> str:
+        """All rows with probability and the error that each would leave, as text with tabs."""
+        lines = [
+            (row.title, percent(row.probability), "" if row.score is None else score_text(row.score))
+            for row in self.rows
+        ]
+        return with_tabs([("candidate", "probability", "error with it (floors)"), *lines])
 
     def index_of(self, key: str) -> QModelIndex:
         """The row of an effect or outcome; an invalid index where it is not listed."""
@@ -246,11 +255,18 @@ class CandidateView(QListView):
         super().keyPressEvent(event)
 
 
+OWN_HELP = "A file with law, parameters and explanation to edit, which then takes part in the comparison."
+
+
 class CandidatesPanel(QWidget):
-    """Signals: ``chosen(key)`` when another row is chosen, ``add_asked(effect)``."""
+    """Signals: ``chosen(key)`` when another row is chosen, ``add_asked(effect)``.
+
+    ``own_asked``: what is missing is not in the catalogue, and is to become an effect of the user's own.
+    """
 
     chosen = Signal(str)
     add_asked = Signal(str)
+    own_asked = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -260,6 +276,7 @@ class CandidatesPanel(QWidget):
         self.list = CandidateList(self)
         self.view = described(CandidateView(), "candidates", accessible="Candidates, best first")
         self.view.setModel(self.list)
+        copies(self.view, self.list.as_table)
         self.view.setItemDelegate(CandidateDelegate(self.view))
         self.view.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.view.setVerticalScrollMode(QListView.ScrollMode.ScrollPerPixel)
@@ -317,14 +334,16 @@ class CandidatesPanel(QWidget):
 
     def _ask(self) -> None:
         row = self.chosen_row()
-        if row is not None and self.add_button.isEnabled():
+        if row is not None and row.key == UNKNOWN and self.add_button.isEnabled():
+            self.own_asked.emit()
+        elif row is not None and self.add_button.isEnabled():
             self.add_asked.emit(row.key)
 
     def _update_button(self) -> None:
         row = self.chosen_row()
         if row is None:
             why = "Choose an effect first."
-        elif row.key in OUTCOME_TITLES:
+        elif row.key in OUTCOME_TITLES and row.key != UNKNOWN:
             why = f"“{row.title}” is a result, not an effect: there is nothing to add."
         elif self._busy:
             why = "Work is running; wait for it or cancel it below."
@@ -335,5 +354,8 @@ class CandidatesPanel(QWidget):
         self.add_button.setText("Exchange in &the model" if gone else "Add &to model")
         there = f"in place of {gone}" if gone else "in the model"
         help_text = f"Refit with {row.title} {there} (Enter)." if row is not None else ""
+        if row is not None and row.key == UNKNOWN:
+            self.add_button.setText("Wri&te an effect of your own…")
+            help_text = OWN_HELP
         self.add_button.setToolTip(why or help_text)
         self.add_button.setAccessibleDescription(why or help_text)

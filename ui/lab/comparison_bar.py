@@ -21,6 +21,8 @@ from ..widgets.theme import Colours, colours_of, line, small_font, tint
 from .comparison_curves import joined
 from .result_words import FLOOR_HELP, equation_text, error_texts, run_text
 
+ERROR_HELP = f"Error on held-out runs: nominal model → present model. {FLOOR_HELP}"
+WHAT_IF_HELP = f"Error on all runs: as fitted → with the values moved in the table below. {FLOOR_HELP}"
 SAMPLE = 24.0
 KEY_GAP = 16.0
 
@@ -251,7 +253,7 @@ class ComparisonBar(QWidget):
         self.runs.currentIndexChanged.connect(self._on_run)
         self.error = QLabel()
         self.error.setObjectName("equationError")
-        self.error.setToolTip(f"Error on held-out runs: nominal model → present model. {FLOOR_HELP}")
+        self.error.setToolTip(ERROR_HELP)
         bold = self.error.font()
         bold.setBold(True)
         self._letters = QFontMetrics(bold)
@@ -321,8 +323,11 @@ class ComparisonBar(QWidget):
             return None
         return next((run for run in session.runs if run.name == shown.run), None)
 
-    def show_error(self, before: EquationError | None, now: EquationError | None) -> None:
-        """The error of the equation shown, with the nominal model and now."""
+    def show_error(
+        self, before: EquationError | None, now: EquationError | None, what_if: bool = False
+    ) -> None:
+        """The error of the equation shown, with the nominal model and now, or as fitted and what if."""
+        self.error.setToolTip(WHAT_IF_HELP if what_if else ERROR_HELP)
         self._error = ("", "")
         if before is not None and now is not None:
             was, is_now, floor, unit = error_texts(before, now)

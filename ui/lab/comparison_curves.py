@@ -9,7 +9,7 @@ import numpy as np
 
 from fingerlab.core.text import ScreenUnit, decimals_for, fixed, screen_unit
 from fingerlab.diagnosis.answer.results import Comparison
-from fingerlab.report.score_words import ASIDE_WORDS, share_text
+from fingerlab.report.score_words import ASIDE_WORDS, aside_text
 from fingerlab.sessions.model import Array
 
 from .result_words import equation_text
@@ -122,7 +122,7 @@ def aside_words(comparison: Comparison) -> str:
     shares: dict[str, float] = {}
     for one in comparison.aside:
         shares[one.reason] = shares.get(one.reason, 0.0) + (one.stop - one.start) / max(stop - start, 1e-9)
-    return ", ".join(f"{ASIDE_WORDS.get(name, name)} {share_text(share)}" for name, share in shares.items())
+    return ", ".join(aside_text(name, share) for name, share in shares.items())
 
 
 def describe(shown: ScaledComparison, floor: float) -> str:

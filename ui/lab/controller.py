@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,8 @@ from PySide6.QtCore import QObject, Signal
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.models.project import (
+    Held,
+    ModelKey,
     Project,
     TriedModel,
     load_project,
@@ -28,15 +30,22 @@ from ..app.context import part_of
 from ..app.worker import IsCancelled, Progress, Work, Worker
 
 if TYPE_CHECKING:
+    from fingerlab.diagnosis.answer.at_hand import ParametersAtHand
     from fingerlab.diagnosis.gram.reduction import Reduction
 
 
 @dataclass(frozen=True)
 class ModelStep:
-    """A model that was fitted: the effects added to the nominal equations, and what came out."""
+    """A model that was fitted: effects added to the nominal equations, what is held, what came out."""
 
     added: tuple[str, ...]
     diagnosis: Diagnosis
+    held: Held = ()
+
+    @property
+    def key(self) -> ModelKey:
+        """What tells it from the other models."""
+        return self.added, self.held
 
     @property
     def last_added(self) -> str | None:
@@ -106,7 +115,8 @@ class ModelHistory:
         return self._steps[self._index + 1] if self.can_redo else None
 
 
-DiagnoseCall = Callable[[Sequence[Session], tuple[str, ...], Progress, IsCancelled], Diagnosis]
+DiagnoseCall = Callable[..., Diagnosis]
+"""Of sessions, effects added, progress and whether to stop; with ``held``, where something is."""
 
 
 class SessionDiagnosis:
@@ -116,26 +126,42 @@ class SessionDiagnosis:
         self._kept: Reduction | None = None
 
     def __call__(
-        self, sessions: Sequence[Session], added: tuple[str, ...], progress: Progress, cancelled: IsCancelled
+        self,
+        sessions: Sequence[Session],
+        added: tuple[str, ...],
+        progress: Progress,
+        cancelled: IsCancelled,
+        held: Held = (),
     ) -> Diagnosis:
         """Called in the worker, where it is imported, so that the window opens without waiting for it."""
         from fingerlab.diagnosis import diagnose
+
+        kept = self._reduction(sessions)
+        return diagnose(sessions, added, progress, cancelled, kept=kept, held=dict(held))
+
+    def at_hand(
+        self, sessions: Sequence[Session], diagnosis: Diagnosis, progress: Progress, cancelled: IsCancelled
+    ) -> ParametersAtHand:
+        """The parameters of a diagnosed model, to be moved; called in the worker, too."""
+        from fingerlab.core.progress import Watch
+        from fingerlab.diagnosis.answer.at_hand import ParametersAtHand
+
+        return ParametersAtHand(self._reduction(sessions), diagnosis, Watch(progress, cancelled))
+
+    def _reduction(self, sessions: Sequence[Session]) -> Reduction:
         from fingerlab.diagnosis.gram.reduction import Reduction
 
-        if self._kept is None or self._kept.sessions is not sessions:
+        if self._kept is None or not self._kept.is_of(sessions):
             self._kept = None  # let go before the next is filled
             self._kept = Reduction(sessions)
-        result: Diagnosis = diagnose(
-            sessions, added=added, progress=progress, cancelled=cancelled, kept=self._kept
-        )
-        return result
+        return self._kept
 
 
 class LabController(QObject):
     """Holds the open sessions, the history of models, and the project in which all of it is kept.
 
     Attributes:
-        wanted: effects of a saved model that the next comparison is to begin with.
+        wanted: effects of a saved model, and what it holds, that the next comparison is to begin with.
         known: diagnoses of every model that was fitted to the open sessions, branches and all.
 
     Signals:
@@ -160,9 +186,10 @@ class LabController(QObject):
         self.sessions: tuple[Session, ...] = ()
         self.history: ModelHistory | None = None
         self.project: Project | None = None
-        self.wanted: tuple[str, ...] = ()
-        self.known: dict[tuple[str, ...], Diagnosis] = {}
-        self._diagnose = diagnose or SessionDiagnosis()
+        self.wanted: ModelKey = ((), ())
+        self.known: dict[ModelKey, Diagnosis] = {}
+        own = diagnose if isinstance(diagnose, SessionDiagnosis) else SessionDiagnosis()
+        self._diagnose, self._at_hand = diagnose or own, own.at_hand
         tasks.started.connect(self.activity_changed)
         tasks.ended.connect(self.activity_changed)
 
@@ -187,7 +214,7 @@ class LabController(QObject):
     def compare(self) -> None:
         """Diagnose the open sessions with the nominal model, and with what was tried on them before."""
         sessions, wanted = self.sessions, self.wanted
-        self.wanted = ()
+        self.wanted = ((), ())
 
         def work(progress: Progress, cancelled: IsCancelled) -> tuple[Project, list[ModelStep], str]:
             problem, project = "", None
@@ -196,14 +223,17 @@ class LabController(QObject):
             except UserError as error:
                 problem = str(error)
             project = project or Project(tuple(session.path.name for session in sessions))
-            paths = [wanted[:n] for n in range(len(wanted) + 1)] or [()]
-            if not wanted and project.path:
-                paths = [model.added for model in project.path]
+            paths: list[ModelKey] = [(wanted[0][:n], ()) for n in range(len(wanted[0]) + 1)]
+            if wanted[1]:
+                paths.append(wanted)
+            if not any(wanted) and project.path:
+                paths = [model.key for model in project.path]
             steps: list[ModelStep] = []
-            for number, added in enumerate(paths):
+            for number, (added, held) in enumerate(paths):
                 part = part_of(progress, number, len(paths))
                 try:
-                    steps.append(ModelStep(added, self._diagnose(sessions, added, part, cancelled)))
+                    found = self._diagnosed(sessions, (added, held), part, cancelled)
+                    steps.append(ModelStep(added, found, held))
                 except UserError as error:
                     if not steps:  # the sessions themselves
                         raise
@@ -214,8 +244,8 @@ class LabController(QObject):
         def done(found: tuple[Project, list[ModelStep], str]) -> None:
             project, steps, problem = found
             self.project = project
-            self.history = ModelHistory(steps, len(steps) if wanted else project.now)
-            self.known |= {step.added: step.diagnosis for step in steps}
+            self.history = ModelHistory(steps, len(steps) if any(wanted) else project.now)
+            self.known |= {step.key: step.diagnosis for step in steps}
             self.keep()
             self.result_changed.emit()
             if project.worth_keeping:
@@ -225,15 +255,37 @@ class LabController(QObject):
 
         self._start("Comparing model and measurement", work, done)
 
-    def go_to(self, added: tuple[str, ...]) -> None:
-        """Refit a model that was tried before; it becomes the next step of the history."""
+    def go_to(self, key: ModelKey, title: str = "Refitting a model that was tried") -> None:
+        """Refit a model; it becomes the next step of the history."""
         history = self.history
-        if history is None or history.now.added == added:
+        if history is None or history.now.key == key:
             return
-        if added in self.known:  # nothing is computed again
-            self._push(history, added, self.known[added])
+        if key in self.known:  # nothing is computed again
+            self._push(history, key, self.known[key])
             return
-        self._run(added, "Refitting a model that was tried", partial(self._push, history, added))
+        self._run(history, key, title)
+
+    def hold(self, held: Mapping[str, float]) -> None:
+        """Refit the present model with these parameters held, by key, SI, and all others free."""
+        if self.history is not None:
+            title = "Refitting with what is held" if held else "Refitting with everything free"
+            self.go_to((self.history.now.added, tuple(sorted(held.items()))), title)
+
+    def lay_out(self, done: Callable[[ParametersAtHand], None]) -> None:
+        """Have the parameters of the present model at hand, in the background."""
+        sessions, diagnosis = self.sessions, self.diagnosis
+        if diagnosis is None or diagnosis.fitted is None:
+            return
+        fitted = diagnosis
+
+        def work(progress: Progress, cancelled: IsCancelled) -> ParametersAtHand:
+            return self._at_hand(sessions, fitted, progress, cancelled)
+
+        def if_still_shown(found: ParametersAtHand) -> None:
+            if self.diagnosis is fitted:
+                done(found)
+
+        self._start("Laying out the parameters", work, if_still_shown)
 
     def keep(self) -> None:
         """Write the project, as far as there is anything to keep."""
@@ -243,7 +295,7 @@ class LabController(QObject):
         steps = story([step.diagnosis for step in history.steps])
         told = ("", *(f"{step.title}: {step.evidence}" if step.evidence else "" for step in steps))
         path = tuple(
-            TriedModel(step.added, step.diagnosis.score, evidence)
+            TriedModel(step.added, step.diagnosis.score, evidence, step.held)
             for step, evidence in zip(history.steps, told, strict=True)
         )
         for model in path:
@@ -255,7 +307,7 @@ class LabController(QObject):
     def keep_project(self, project: Project) -> None:
         """Take another state of the project, and write it."""
         self.project = project
-        if project.worth_keeping and self.sessions:
+        if self.sessions and (project.worth_keeping or self.project_path.exists()):
             try:
                 save_project(project, self.project_path)
             except UserError as error:
@@ -276,9 +328,8 @@ class LabController(QObject):
             kept = [effect if name == first else name for name in history.now.added if name not in others]
             self._exchange((effect,), gone, tuple(kept))
             return
-        added = (*history.now.added, effect)
         title = f"Refitting with {in_sentence(effect_title(effect))}"
-        self._run(added, title, partial(self._push, history, added))
+        self._run(history, ((*history.now.added, effect), history.now.held), title)
 
     def exchange(self) -> None:
         """Refit with the better model of the same recordings, where the diagnosis knows one."""
@@ -290,11 +341,13 @@ class LabController(QObject):
         history = self.history
         if history is not None:
             title = f"Refitting with {_named(came)} in place of {_named(gone)}"
-            self._run(added, title, partial(self._push, history, added))
+            held = tuple(one for one in history.now.held if one[0].partition(".")[0] not in gone)
+            self._run(history, (added, held), title)
 
-    def _push(self, history: ModelHistory, added: tuple[str, ...], diagnosis: Diagnosis) -> None:
-        history.push(ModelStep(added, diagnosis))
-        self.known[added] = diagnosis
+    def _push(self, history: ModelHistory, key: ModelKey, diagnosis: Diagnosis) -> None:
+        history.push(ModelStep(key[0], diagnosis, key[1]))
+        self.known[key] = diagnosis
+        self._forget_moved()
         self.keep()
         self.result_changed.emit()
 
@@ -309,13 +362,33 @@ class LabController(QObject):
         if self.history is not None:
             self.tasks.cancel()
             step(self.history)
+            self._forget_moved()
             self.keep()
             self.result_changed.emit()
 
-    def _run(self, added: tuple[str, ...], title: str, done: Callable[[Diagnosis], None]) -> None:
+    def keep_moved(self, moved: Held) -> None:
+        """Keep what was moved by hand with the project."""
+        if self.project is not None and moved != self.project.moved:
+            self.keep_project(replace(self.project, moved=moved))
+
+    def _forget_moved(self) -> None:
+        """What was moved by hand was of another model."""
+        if self.project is not None:
+            self.project = replace(self.project, moved=())
+
+    def _diagnosed(
+        self, sessions: Sequence[Session], key: ModelKey, progress: Progress, cancelled: IsCancelled
+    ) -> Diagnosis:
+        added, held = key
+        options = {"held": held} if held else {}
+        return self._diagnose(sessions, added, progress, cancelled, **options)
+
+    def _run(self, history: ModelHistory, key: ModelKey, title: str) -> None:
         sessions = self.sessions
         self._start(
-            title, lambda progress, cancelled: self._diagnose(sessions, added, progress, cancelled), done
+            title,
+            lambda progress, cancelled: self._diagnosed(sessions, key, progress, cancelled),
+            partial(self._push, history, key),
         )
 
     def _start(self, title: str, work: Work, done: Callable[[Any], None]) -> None:

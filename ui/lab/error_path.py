@@ -14,12 +14,14 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QSizePolicy, QTo
 
 from fingerlab.core.text import r2_text, score_text
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, alone, effect_title, in_sentence, listed
+from fingerlab.report.parameter_words import held_words, parameter_title
 
 from ..widgets.fields import set_usable
 from ..widgets.layout import FLUSH, Spacer, hbox, vbox
 from ..widgets.series import Series
+from ..widgets.tables import cells_of_grid, copies
 from ..widgets.theme import Colours, colours_of, small_font, tint
-from .controller import ModelHistory
+from .controller import ModelHistory, ModelStep
 from .result_words import FLOOR_HELP, SCORE_HELP, error_texts
 
 if TYPE_CHECKING:
@@ -45,7 +47,8 @@ def bars_of(history: ModelHistory, chosen: str = "") -> list[ErrorBar]:
     bars = []
     for before, step in zip((None, *done), done, strict=False):
         came, gone = step.change_from(before) if before is not None else (step.added, ())
-        bars.append(ErrorBar(_change_title(came, gone) or "Nominal", step.diagnosis.score, True))
+        title = _change_title(came, gone) or (_held_title(step, before) if before is not None else "")
+        bars.append(ErrorBar(title or "Nominal", step.diagnosis.score, True))
     path = [step for step in history.now.diagnosis.path if step.added is not None]
     judged = next((c for c in history.now.diagnosis.candidates if c.effect == chosen), None)
     if judged is not None and not (path and path[0].added == chosen):
@@ -64,6 +67,16 @@ def _change_title(came: Sequence[str], gone: Sequence[str]) -> str:
     if new and old:
         return f"{new} for {in_sentence(old)}"
     return f"+ {new}" if new else f"− {old}" if old else ""
+
+
+def _held_title(step: ModelStep, before: ModelStep) -> str:
+    """What was held or let go in this step: ``held: moment arm at the MCP``."""
+    new, old = dict(step.held), dict(before.held)
+    keys = [key for key in new if new[key] != old.get(key)] or [key for key in old if key not in new]
+    if not keys:
+        return ""
+    titles = [in_sentence(parameter_title(key, keys)) for key in keys]
+    return f"{'held' if new else 'free'}: {listed(titles)}"
 
 
 class ErrorPath(QWidget):
@@ -204,6 +217,8 @@ class ErrorTable(QWidget):
         self._grid.setVerticalSpacing(1)
         self._grid.setColumnStretch(len(HEADINGS), 1)
         self._labels: list[QLabel] = []
+        self.setFocusPolicy(Qt.FocusPolicy.ClickFocus)  # so that Ctrl+C is meant for it
+        copies(self, lambda: cells_of_grid(self._grid))
 
     def show_history(self, history: ModelHistory | None) -> None:
         """Rebuild the rows for the present model."""
@@ -285,20 +300,22 @@ class PathPanel(QWidget):
         before = history.before if history is not None else None
         undone = history.undone() if history is not None else None
         self.undo.setToolTip(
-            f"{_in_words(before.change_from(history.now))} (Ctrl+Z)."
+            f"{_in_words(before, history.now)} (Ctrl+Z)."
             if history is not None and before is not None
             else "Nothing was added yet."
         )
         self.redo.setToolTip(
-            f"{_in_words(undone.change_from(history.now))} (Ctrl+Shift+Z)."
+            f"{_in_words(undone, history.now)} (Ctrl+Shift+Z)."
             if history is not None and undone is not None
             else "Nothing was undone."
         )
 
 
-def _in_words(change: tuple[tuple[str, ...], tuple[str, ...]]) -> str:
+def _in_words(other: ModelStep, now: ModelStep) -> str:
     """What taking or taking back a step does."""
-    came, gone = change
+    came, gone = other.change_from(now)
+    if not (came or gone):
+        return f"Have {held_words(dict(other.held)) or 'nothing held'} again"
     if came and gone:
         return f"Put {_named(came)} in place of {_named(gone)} again"
     return f"Add {_named(came)} again" if came else f"Take {_named(gone)} out again"

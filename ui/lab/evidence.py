@@ -12,7 +12,8 @@ from PySide6.QtWidgets import QHBoxLayout, QWidget
 
 from fingerlab.core.text import ScreenUnit, estimate_text, printed, screen_unit
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Candidate, Diagnosis, Fingerprint
-from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed, parameter_titles, suspects
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed, suspects
+from fingerlab.report.parameter_words import parameter_titles
 from fingerlab.sessions.model import Array
 
 from ..widgets.labels import ElidedLabel, WholeLabel

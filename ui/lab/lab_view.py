@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QStackedWidget, QWidget
+from PySide6.QtWidgets import QPushButton, QStackedWidget, QWidget
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.answer.results import Comparison
@@ -16,7 +16,8 @@ from fingerlab.models.project import View
 from fingerlab.report.diagnosis_words import bin_words, not_shown
 from fingerlab.sessions.model import Array
 
-from ..widgets.layout import FLUSH, Panes, Spacer, hbox, vbox
+from ..widgets.layout import FLUSH, Panes, Spacer, described, hbox, vbox
+from ..widgets.theme import small_font
 from .candidates import CandidatesPanel
 from .comparison_bar import ComparisonBar, LegendRow
 from .comparison_plot import ComparisonPlot
@@ -24,6 +25,7 @@ from .controller import LabController, ModelStep
 from .error_path import PathPanel
 from .evidence import EvidencePanel
 from .lab_frame import BetterModelBanner, StepsColumn
+from .parameters import ParametersPanel
 from .result_words import NOTHING, UNKNOWN, best_choice, equation_text, find_candidate, step_results
 from .score_parts import ScorePartsDialog
 from .truth import TruthPanel
@@ -57,6 +59,9 @@ class LabView(QWidget):
         self.truth = TruthPanel()
         self.path = PathPanel()
         self.better = BetterModelBanner()
+        self.parameters = ParametersPanel()
+        self.numbers = described(QPushButton("Parameters"), "showParameters", font=small_font(), link="true")
+        self.numbers.setToolTip("Every number of the model, with bounds and source: move it, hold it (F9).")
         self._shown_step: ModelStep | None = None
         self._parts: ScorePartsDialog | None = None
         self._beside: SideBySideDialog | None = None
@@ -72,13 +77,17 @@ class LabView(QWidget):
         for panel in (self.evidence, self.where, self.truth):
             self.right.addWidget(panel)
         middle = QWidget()
-        beside = hbox(None, (self.candidates, 4), (self.right, 5), margins=FLUSH, spacing=16)
-        vbox(middle, self.better, (beside, 1), margins=(0, 4, 0, 4), spacing=4)
+        beside = QWidget()
+        hbox(beside, (self.candidates, 4), (self.right, 5), margins=FLUSH, spacing=16)
+        self.below = QStackedWidget()
+        for page in (beside, self.parameters):
+            self.below.addWidget(page)
+        vbox(middle, self.better, (self.below, 1), margins=(0, 4, 0, 4), spacing=4)
         parts = ((upper, 11), (middle, 9), (self.path, 4))
         self.panes = Panes("model_lab", parts, (360, 272, 100))
         self.steps.setFixedWidth(STEPS_WIDTH)
         layout = hbox(self, margins=(8, 8, 8, 8), spacing=8)
-        left = vbox(None, self.steps, Spacer(1))
+        left = vbox(None, self.steps, self.numbers, Spacer(1))
         layout.addLayout(left)
         layout.addWidget(self.panes, 1)
 
@@ -101,6 +110,11 @@ class LabView(QWidget):
         self.path.redo_asked.connect(self.controller.redo)
         self.truth.runs.run_chosen.connect(lambda run: self.bar.go_to(self.bar.equation() or "", run))
         self.truth.report_asked.connect(self.report_asked)
+        self.numbers.clicked.connect(self.show_parameters)
+        self.parameters.moved.connect(self._show_comparison)
+        self.parameters.refit_asked.connect(self.controller.hold)
+        self.parameters.closed.connect(self.leave_parameters)
+        self.parameters.kept.connect(self.controller.keep_moved)
         self.controller.result_changed.connect(self.refresh)
         self.controller.activity_changed.connect(self._on_activity)
 
@@ -113,6 +127,9 @@ class LabView(QWidget):
             for dialog in (self._parts, self._beside):
                 if dialog is not None:
                     dialog.hide()
+            self.parameters.show_model(None, None)
+            self.below.setCurrentIndex(0)
+            self.numbers.hide()
             self.bar.show_comparisons((), (), None)
             self.plot.show_comparison(None, None, keep_view=False)
             self.candidates.show_diagnosis(None)
@@ -127,6 +144,8 @@ class LabView(QWidget):
         diagnosis = history.now.diagnosis
         first_look = self._shown_step is None
         self._shown_step = history.now
+        self.numbers.show()
+        self._lay_out()
         failure = diagnosis.failure
         wanted = (failure.equation, failure.run) if first_look and failure is not None else None
         self.bar.show_comparisons(diagnosis.comparisons, self.controller.sessions, wanted)
@@ -150,6 +169,33 @@ class LabView(QWidget):
         if first_look:
             self.candidates.view.setFocus()
 
+    def show_parameters(self) -> None:
+        """The table of parameters in place of the candidates."""
+        if self.controller.diagnosis is not None:
+            self.below.setCurrentWidget(self.parameters)
+            self._lay_out()
+            self.parameters.table.setFocus()
+
+    def leave_parameters(self) -> None:
+        """The candidates again, and the model as it was fitted."""
+        self.parameters.show_model(None, None)
+        self.below.setCurrentIndex(0)
+        self._show_comparison()
+
+    @property
+    def shows_parameters(self) -> bool:
+        """Whether the table of parameters stands below the plots."""
+        return self.below.currentWidget() is self.parameters
+
+    def _lay_out(self) -> None:
+        """Have the present model's parameters laid out, if they are looked at."""
+        if not self.shows_parameters:
+            return
+        diagnosis, project = self.controller.diagnosis, self.controller.project
+        moved = project.moved if project is not None else ()
+        self.parameters.show_model(None, diagnosis)
+        self.controller.lay_out(lambda found: self.parameters.show_model(found, diagnosis, moved))
+
     def show_score_parts(self) -> None:
         """What the error of the present model is made of, in a window of its own."""
         diagnosis = self.controller.diagnosis
@@ -172,7 +218,7 @@ class LabView(QWidget):
         if self._beside is None:
             self._beside = SideBySideDialog(self)
             self._beside.chosen.connect(self.controller.go_to)
-        self._beside.show_models(self.controller.known, history.now.added, self.bar.comparison())
+        self._beside.show_models(self.controller.known, history.now.key, self.bar.comparison())
         self._beside.show()
         self._beside.raise_()
 
@@ -182,6 +228,8 @@ class LabView(QWidget):
         diagnosis = self.controller.diagnosis
         if diagnosis is None:
             return
+        if self.shows_parameters:
+            self.leave_parameters()
         self.right.setCurrentWidget({"true": self.truth, "where": self.where}.get(step, self.evidence))
         self._show_where()
         if step == "compare":
@@ -247,13 +295,16 @@ class LabView(QWidget):
             comparison.session,
             comparison.run,
         )
-        self.plot.show_comparison(comparison, diagnosis.failure, keep_view=same)
+        self.plot.show_comparison(
+            self.parameters.comparison(comparison) or comparison, diagnosis.failure, keep_view=same
+        )
         self.plot.show_full_rate(self._full_rate(comparison))
         self._show_where()
         family = equation_text(comparison.equation).family
         now = diagnosis.errors.get(family)
         first = history.first.diagnosis.errors.get(family, now)
-        self.bar.show_error(first, now)
+        moved = self.parameters.errors_of(family)
+        self.bar.show_error(*(moved or (first, now)), what_if=moved is not None)
 
     def _full_rate(self, comparison: Comparison) -> tuple[Array, Array] | None:
         """The measured side as it was recorded; read once for each curve shown."""
@@ -299,3 +350,4 @@ class LabView(QWidget):
     def _on_activity(self) -> None:
         self.candidates.set_busy(self.controller.tasks.busy)
         self.better.set_busy(self.controller.tasks.busy)
+        self.parameters.set_busy(self.controller.tasks.busy)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from fingerlab.sessions.model import Session
 
     from .lab_view import LabView
+    from .parameters import ParametersPanel
 
 GLANCE_MS = 400
 """A view that has stayed so long is kept."""
@@ -93,7 +94,9 @@ class ModelLabTab(Tab):
         view.panes.remember(self.context.settings)
         self.pages.addWidget(view)
         view.report_asked.connect(self.save_report)
+        view.candidates.own_asked.connect(self.write_own_effect)
         view.looked_elsewhere.connect(self._glance.start)
+        view.parameters.history.changed.connect(self.context.commands_changed)
         view.truth.hand_asked.connect(self.actions.hand_experiment)
         view.truth.predict_asked.connect(self.actions.predict)
         view.truth.save_asked.connect(self.actions.ask_and_save)
@@ -156,6 +159,7 @@ class ModelLabTab(Tab):
             Command("&Open a saved model…", self.open_model, None, lambda: bool(self.controller.sessions)),
             Command("Models &tried…", self.show_tried, None, compared),
             Command("Models side &by side…", lambda: self.view.show_side_by_side(), "F8", compared),
+            Command("Pa&rameters", lambda: self.view.show_parameters(), "F9", compared),
             Command("&Notes…", self.show_notes, None, compared),
             Command("&Save report page…", self.save_report, "Ctrl+S", compared),
             SEPARATOR,
@@ -173,7 +177,7 @@ class ModelLabTab(Tab):
         if not name:
             return
         try:
-            self.controller.wanted = result_actions.effects_of(Path(name))
+            self.controller.wanted = result_actions.model_of(Path(name))
         except UserError as error:
             self.context.tell(str(error))
             return
@@ -185,7 +189,7 @@ class ModelLabTab(Tab):
 
         project, history = self.controller.project, self.controller.history
         if project is not None and history is not None:
-            dialog = TriedDialog(self.pages, project.tried, history.now.added)
+            dialog = TriedDialog(self.pages, project.tried, history.now.key)
             dialog.chosen.connect(self.controller.go_to)
             dialog.open()
 
@@ -225,6 +229,18 @@ class ModelLabTab(Tab):
 
         OwnEffects(self.pages, self.context.settings.folder()).open()
 
+    def write_own_effect(self) -> None:
+        """A file to start an own effect from, with the equation in which the present model fails."""
+        from .own_effects import OwnEffects
+
+        diagnosis = self.controller.diagnosis
+        failure = diagnosis.failure if diagnosis is not None else None
+        dialog = OwnEffects(self.pages, self.context.settings.folder())
+        if failure is not None:
+            dialog.start_from(failure.equation, failure.text)
+        dialog.open()
+        dialog.write_new()
+
     # what the frame asks
 
     def window_title(self) -> str:
@@ -253,17 +269,32 @@ class ModelLabTab(Tab):
         self._compare_if_due()
 
     def undo(self) -> None:
-        self.controller.undo()
+        """What was moved or marked in the table of parameters comes before the models."""
+        if self._by_hand is not None and self._by_hand.history.can_undo:
+            self._by_hand.undo()
+        else:
+            self.controller.undo()
 
     def redo(self) -> None:
-        self.controller.redo()
+        if self._by_hand is not None and self._by_hand.history.can_redo:
+            self._by_hand.redo()
+        else:
+            self.controller.redo()
+
+    @property
+    def _by_hand(self) -> ParametersPanel | None:
+        return self._view.parameters if self._view is not None and self._view.shows_parameters else None
 
     @property
     def can_undo(self) -> bool:
+        if self._by_hand is not None and self._by_hand.history.can_undo:
+            return True
         return self.controller.history is not None and self.controller.history.can_undo
 
     @property
     def can_redo(self) -> bool:
+        if self._by_hand is not None and self._by_hand.history.can_redo:
+            return True
         return self.controller.history is not None and self.controller.history.can_redo
 
     # practice and report

@@ -1,4 +1,4 @@
-"""Effects of the user's own: the folder in which they are, and which of its files may be run."""
+"""Effects of the user's own: the folder in which they are, which of its files may be run, and their text."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QFontDatabase
 from PySide6.QtWidgets import (
     QDialog,
     QDialogButtonBox,
@@ -15,6 +16,8 @@ from PySide6.QtWidgets import (
     QLayout,
     QListWidget,
     QListWidgetItem,
+    QMessageBox,
+    QPlainTextEdit,
     QPushButton,
     QVBoxLayout,
     QWidget,
@@ -24,7 +27,7 @@ from fingerlab.core.errors import UserError
 
 from ..app.dialogs import ask_to_run
 from ..widgets.labels import remark
-from ..widgets.layout import Spacer, described, hbox
+from ..widgets.layout import Spacer, described, hbox, vbox
 
 if TYPE_CHECKING:
     from fingerlab.effects.own import OwnFile
@@ -33,9 +36,15 @@ ABOUT = (
     "An effect of your own is a Python file. Once you have let it run, the next comparison ranks it with the "
     "rest. After a change it is asked about again."
 )
+EDITING = (
+    "What stands in capitals is to be replaced. After saving, “Let it run…” lets it take part; what is wrong "
+    "with it is said there. Help > Documents > Your own effect explains every line."
+)
+PYTHON = "Python files (*.py)"
+EDITOR_WIDTH, EDITOR_HEIGHT = 860, 640
 NO_FOLDER = "No folder was chosen yet."
 EMPTY_FOLDER = "There is no Python file in this folder."
-WIDTH, HEIGHT = 620, 400
+WIDTH, HEIGHT = 680, 400
 
 
 class OwnEffects(QDialog):
@@ -56,6 +65,10 @@ class OwnEffects(QDialog):
         self.problem.setTextFormat(Qt.TextFormat.PlainText)
         self.problem.setObjectName("ownProblem")
         self.problem.setWordWrap(True)
+        self._equation = self._found = ""
+        self.new = self._button("&New…", "ownNew", self.write_new)
+        self.new.setToolTip("A file with law, parameters and explanation to edit.")
+        self.edit = self._button("&Edit…", "ownEdit", self._edit)
         self.choose = self._button("Choose the &folder…", "ownFolderChoose", self._choose)
         self.trust = self._button("&Let it run…", "ownTrust", self._trust)
         self.untrust = self._button("&Do not run it", "ownUntrust", self._untrust)
@@ -75,7 +88,7 @@ class OwnEffects(QDialog):
         layout = QVBoxLayout(self)
         layout.setSizeConstraint(QLayout.SizeConstraint.SetNoConstraint)  # words may grow, the window stays
         top = hbox(None, (self.place, 1), self.choose)
-        beside = hbox(None, self.trust, self.untrust, Spacer(1), self.forget)
+        beside = hbox(None, self.new, self.edit, self.trust, self.untrust, Spacer(1), self.forget)
         close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
         close.rejected.connect(self.reject)
         layout.addWidget(remark(ABOUT))
@@ -115,6 +128,7 @@ class OwnEffects(QDialog):
 
     def _refresh_buttons(self) -> None:
         file = self._chosen()
+        self.edit.setEnabled(file is not None)
         self.trust.setEnabled(file is not None and file.state != "trusted")
         self.untrust.setEnabled(file is not None and file.state != "waiting")
 
@@ -130,6 +144,45 @@ class OwnEffects(QDialog):
         name = QFileDialog.getExistingDirectory(self, "Folder of own effects", self._start)
         if name:
             self._try(lambda: own.set_folder(Path(name)))
+
+    def start_from(self, equation: str, found: str) -> None:
+        """What a new file is to begin with: the equation in which the model fails, and where."""
+        self._equation, self._found = equation, found
+
+    def write_new(self) -> None:
+        """A new file from the template, opened for editing; nothing is written before it is saved."""
+        from fingerlab.core.trust import read_settings
+        from fingerlab.effects import own
+
+        def ask() -> None:
+            folder = read_settings().folder
+            start = (folder or Path(self._start)) / "my_effect.py"
+            name, _ = QFileDialog.getSaveFileName(self, "Name of the new effect", str(start), PYTHON)
+            if name:
+                path = Path(name)
+                text = own.template(path, self._equation, self._found)
+                own.save_own(path, text)
+                self._open(path, text)
+
+        self._try(ask)
+
+    def _edit(self) -> None:
+        file = self._chosen()
+        if file is not None:
+            self._open(Path(file.source.file), file.source.content.decode("utf-8", errors="replace"))
+
+    def _open(self, path: Path, text: str) -> None:
+        editor = EffectEditor(self, path, text)
+        editor.saved.connect(lambda: self._choose_file(path))
+        editor.open()
+        self._choose_file(path)
+
+    def _choose_file(self, path: Path) -> None:
+        self._show("")
+        for row in range(self.files.count()):
+            file = self.files.item(row).data(Qt.ItemDataRole.UserRole)
+            if Path(file.source.file).name == path.name:
+                self.files.setCurrentRow(row)
 
     def _trust(self) -> None:
         from fingerlab.effects import CATALOGUE, own
@@ -160,6 +213,63 @@ class OwnEffects(QDialog):
             self._show(str(error))
         else:
             self._show("")
+
+
+class EffectEditor(QDialog):
+    """The text of one file; ``saved`` when it was written. It is not run by that."""
+
+    saved = Signal()
+
+    def __init__(self, parent: QWidget, path: Path, text: str) -> None:
+        super().__init__(parent)
+        self._path = path
+        self.setWindowTitle(f"{path.name} – own effect")
+        self.setObjectName("effectEditor")
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self.text = described(QPlainTextEdit(text), "effectText", accessible="Text of the effect")
+        self.text.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
+        self.text.setLineWrapMode(QPlainTextEdit.LineWrapMode.NoWrap)
+        self.problem = described(QLabel(), "effectProblem")
+        self.problem.setTextFormat(Qt.TextFormat.PlainText)
+        self.problem.setWordWrap(True)
+        self.problem.hide()
+        buttons = QDialogButtonBox(
+            QDialogButtonBox.StandardButton.Save | QDialogButtonBox.StandardButton.Close
+        )
+        described(buttons.button(QDialogButtonBox.StandardButton.Save), "effectSave")
+        buttons.accepted.connect(self._save)
+        buttons.rejected.connect(self.reject)
+        vbox(self, remark(EDITING), (self.text, 1), self.problem, buttons, spacing=8)
+        self.resize(EDITOR_WIDTH, EDITOR_HEIGHT)
+
+    def _save(self) -> None:
+        from fingerlab.effects import own
+
+        try:
+            own.save_own(self._path, self.text.toPlainText())
+        except UserError as error:
+            self.problem.setText(str(error))
+            self.problem.show()
+            return
+        self.text.document().setModified(False)
+        self.saved.emit()
+        self.accept()
+
+    def reject(self) -> None:
+        """Ask where something would be lost."""
+        if not self.text.document().isModified() or ask_to_leave(self, self._path):
+            super().reject()
+
+
+def ask_to_leave(parent: QWidget, path: Path) -> bool:
+    """Whether what was typed may be lost."""
+    box = QMessageBox(parent)
+    box.setWindowTitle("FingerLab")
+    box.setText(f"{path.name} was changed and is not saved. Leave it as it was?")
+    lose = box.addButton("&Leave it as it was", QMessageBox.ButtonRole.DestructiveRole)
+    box.setDefaultButton(box.addButton("&Go on editing", QMessageBox.ButtonRole.RejectRole))
+    box.exec()
+    return box.clickedButton() is lose
 
 
 def state_words(file: OwnFile) -> str:

@@ -194,7 +194,8 @@ Effects that simulator and fit describe otherwise are left out: they are told as
 
 def _told(name: str, values: Hidden, fitted: Mapping[str, ParameterEstimate]) -> str:
     """An effect with its constants, by the names that the fit has for them if any, and what was fitted."""
-    from fingerlab.report.diagnosis_words import effect_title, in_sentence, parameter_titles
+    from fingerlab.report.diagnosis_words import effect_title, in_sentence
+    from fingerlab.report.parameter_words import parameter_titles
     from fingerlab.twin.effects import EFFECTS
 
     known = FITTED_AS.get(name, {})

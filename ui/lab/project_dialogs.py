@@ -16,8 +16,9 @@ from PySide6.QtWidgets import (
 )
 
 from fingerlab.core.text import score_text
-from fingerlab.models.project import TriedModel
+from fingerlab.models.project import Held, ModelKey, TriedModel
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
+from fingerlab.report.parameter_words import held_words
 
 from ..widgets.labels import remark
 from ..widgets.layout import described, vbox
@@ -42,18 +43,18 @@ class NotesDialog(QDialog):
 
 
 class TriedDialog(QDialog):
-    """Models that were tried, least error first. Signal ``chosen(effects)``: one is to be shown again."""
+    """Models that were tried, least error first. Signal ``chosen(key)``: one is to be shown again."""
 
     chosen = Signal(object)
 
-    def __init__(self, parent: QWidget | None, tried: Sequence[TriedModel], now: tuple[str, ...]) -> None:
+    def __init__(self, parent: QWidget | None, tried: Sequence[TriedModel], now: ModelKey) -> None:
         super().__init__(parent)
         _prepare(self, "Models tried", "triedModels")
         self.models = described(QListWidget(), "triedList", accessible="Models tried, least error first")
-        for model in sorted(tried, key=lambda one: one.score):
-            here = " (shown now)" if model.added == now else ""
-            item = QListWidgetItem(f"{score_text(model.score)}  {model_words(model.added)}{here}")
-            item.setData(Qt.ItemDataRole.UserRole, model.added)
+        self._tried = sorted(tried, key=lambda one: one.score)
+        for model in self._tried:
+            here = " (shown now)" if model.key == now else ""
+            item = QListWidgetItem(f"{score_text(model.score)}  {model_words(*model.key)}{here}")
             item.setToolTip(model.evidence)
             self.models.addItem(item)
         self.models.itemActivated.connect(self._show_chosen)
@@ -67,16 +68,17 @@ class TriedDialog(QDialog):
         vbox(self, help_text, (self.models, 1), buttons, spacing=8)
 
     def _show_chosen(self) -> None:
-        item = self.models.currentItem()
-        if item is not None:
-            self.chosen.emit(tuple(item.data(Qt.ItemDataRole.UserRole)))
+        row = self.models.currentRow()
+        if row >= 0:
+            self.chosen.emit(self._tried[row].key)
             self.accept()
 
 
-def model_words(added: Sequence[str]) -> str:
+def model_words(added: Sequence[str], held: Held = ()) -> str:
     """A model in words."""
     names = [in_sentence(effect_title(effect)) for effect in added]
-    return f"nominal model with {listed(names)}" if names else "nominal model"
+    model = f"nominal model with {listed(names)}" if names else "nominal model"
+    return ", ".join(filter(None, (model, held_words(dict(held)))))
 
 
 def _prepare(dialog: QDialog, title: str, name: str) -> None:

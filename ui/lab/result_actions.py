@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QFileDialog, QWidget
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import put_in_place
 from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.models.project import ModelKey
 from fingerlab.sessions.model import Session
 
 from ..app.context import ApplicationContext
@@ -60,13 +61,14 @@ CONTACT_FORCE_N = 0.8
 """Mean force of a proposed contact run that names no offset, as in a protocol (assumed)."""
 
 
-def effects_of(path: Path) -> tuple[str, ...]:
-    """Ids of the effects of a model file that the Model lab, or ``diagnose --save``, has written.
+def model_of(path: Path) -> ModelKey:
+    """Ids of the effects, and what is held, of a model file of the Model lab, or of ``diagnose --save``.
 
     Raises:
         UserError: it is no such file.
     """
     from fingerlab.models.file import DIAGNOSIS_METHOD, load_model
+    from fingerlab.prediction import extended_model
 
     model = load_model(path)
     if model.method != DIAGNOSIS_METHOD:
@@ -74,7 +76,8 @@ def effects_of(path: Path) -> tuple[str, ...]:
             f"{path.name} is a fit by {model.method}, which has no effects; open it in Predict, "
             "or give a model that the Model lab has saved."
         )
-    return model.effects
+    held = extended_model(model, path.name).held if model.details.get("held") else {}
+    return model.effects, tuple(sorted(held.items()))
 
 
 class ResultActions(QObject):
@@ -93,7 +96,8 @@ class ResultActions(QObject):
         from fingerlab.twin.protocols import single_run
 
         try:
-            run = single_run(proposal["trajectory"], proposal["phase"], proposal.get("cable"))
+            change = proposal.get("intervention")
+            run = single_run(proposal["trajectory"], proposal["phase"], proposal.get("cable"), change)
             steps = plan_steps([run], CONTACT_FORCE_N)
         except UserError as error:
             self._context.tell(str(error))
@@ -133,18 +137,18 @@ class ResultActions(QObject):
         )
 
     def _fit(self) -> Work:
-        sessions, added = self._controller.sessions, self._added()
+        sessions, (added, held) = self._controller.sessions, self._model()
 
         def work(progress: Progress, cancelled: IsCancelled) -> Model:
             from fingerlab.prediction import fit_extended, model_of_extended
 
-            return model_of_extended(fit_extended(sessions, added, progress))
+            return model_of_extended(fit_extended(sessions, added, progress, dict(held)))
 
         return work
 
-    def _added(self) -> tuple[str, ...]:
+    def _model(self) -> ModelKey:
         history = self._controller.history
-        return history.now.added if history is not None else ()
+        return history.now.key if history is not None else ((), ())
 
     def _proposal(self) -> dict[str, Any] | None:
         diagnosis = self._controller.diagnosis

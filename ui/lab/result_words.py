@@ -23,6 +23,7 @@ from fingerlab.report.diagnosis_words import (
     alone,
     effect_title,
     exchange_words,
+    held_sentence,
     holds,
     in_sentence,
     left_open,
@@ -32,6 +33,8 @@ from fingerlab.report.diagnosis_words import (
     would_show,
 )
 from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
+from fingerlab.report.documents import meaning
+from fingerlab.rig.intervention import changed_words
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.trajectory import trajectory_words
 
@@ -105,14 +108,7 @@ EQUATION_TEXTS = {
     ),
 }
 
-FLOOR_HELP = (
-    "Floor: how well the bench repeats itself when the same motion is run again. "
-    "No model can be expected to do better."
-)
-SCORE_HELP = (
-    "Error of the whole model on runs held out of the fit, over all equations, in multiples of the floor. "
-    "1.0 is as good as the bench repeats itself."
-)
+FLOOR_HELP, SCORE_HELP = meaning("floor"), meaning("score")
 
 
 def equation_text(equation: str) -> EquationText:
@@ -155,6 +151,11 @@ def best_choice(diagnosis: Diagnosis) -> str:
 
 def verdict_headline(diagnosis: Diagnosis) -> str:
     """The verdict in as few words as it can be said."""
+    with_held = f" (with {len(diagnosis.held)} held)" if diagnosis.held else ""
+    return _verdict(diagnosis) + with_held
+
+
+def _verdict(diagnosis: Diagnosis) -> str:
     if diagnosis.better is not None:
         chance = percent(1.0 / (1.0 + exp(-diagnosis.better.log_odds))).replace(" ", NO_BREAK)
         return f"Rather {exchange_words(diagnosis.better)}, {chance}"
@@ -173,7 +174,7 @@ def set_words(diagnosis: Diagnosis) -> str:
     And that the floor is no bench's own, where it is none.
     """
     floor = "" if diagnosis.repeats else " No motion repeats: the floor is what the best model leaves."
-    return _set_words(diagnosis) + floor
+    return " ".join(filter(None, (_set_words(diagnosis) + floor, held_sentence(diagnosis))))
 
 
 def bench_words(diagnosis: Diagnosis) -> tuple[str, str]:
@@ -285,7 +286,7 @@ def run_text(comparison: Comparison, session: Session | None, many: bool) -> str
     if run is not None:
         if run.cable != "none":
             parts.append(run.cable)
-        parts.append(motor_words(run.trajectory))
+        parts += filter(None, (motor_words(run.trajectory), changed_words(run.attributes)))
     text = f"Run {comparison.run} · {', '.join(parts)}"
     return f"{session.path.stem}: {text}" if many and session is not None else text
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import pyqtgraph as pg
@@ -18,9 +18,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.core.text import ScreenUnit, estimate_text, score_text, screen_unit
+from fingerlab.core.text import ScreenUnit, score_text, screen_unit
 from fingerlab.diagnosis.answer.results import Comparison, Diagnosis
-from fingerlab.report.diagnosis_words import FAMILY_TITLES, PHASE_WORDS, parameter_titles
+from fingerlab.models.project import ModelKey
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, PHASE_WORDS
+from fingerlab.report.parameter_words import parameter_title, value_words
 from fingerlab.report.score_words import runs_words
 from fingerlab.report.story import evidence_for
 from fingerlab.sessions.model import Array
@@ -43,8 +45,8 @@ COLUMNS = (
     ("A", "The model at the left above."),
     ("B", "The model at the right above."),
 )
-Models = Mapping[tuple[str, ...], Diagnosis]
-"""Diagnoses by the effects that were added, in order."""
+Models = Mapping[ModelKey, Diagnosis]
+"""Diagnoses by effects and what is held."""
 
 
 class ResidualsPlot(QuietPlot):
@@ -96,7 +98,7 @@ class ResidualsPlot(QuietPlot):
 
 
 class SideBySideDialog(QDialog):
-    """Signal ``chosen(effects)``: a model is to be the present one."""
+    """Signal ``chosen(key)``: a model is to be the present one."""
 
     chosen = Signal(object)
 
@@ -119,33 +121,39 @@ class SideBySideDialog(QDialog):
         for name, choice in zip("AB", self.choices, strict=True):
             button = buttons.addButton(f"Show {name} in the lab", QDialogButtonBox.ButtonRole.ActionRole)
             button.setObjectName(f"show{name}")
-            button.clicked.connect(lambda _checked=False, box=choice: self.chosen.emit(box.currentData()))
+            button.clicked.connect(lambda _checked=False, box=choice: self.chosen.emit(self._key(box)))
             choice.currentIndexChanged.connect(lambda _row: self._show())
         buttons.rejected.connect(self.reject)
         vbox(self, tops, (self.table, 4), self.evidence, self.title, (self.plot, 3), buttons, spacing=8)
 
-    def show_models(self, models: Models, now: tuple[str, ...], shown: Comparison | None) -> None:
+    def _key(self, choice: QComboBox) -> ModelKey:
+        """The model chosen in a list."""
+        return list(self._models)[max(choice.currentIndex(), 0)]
+
+    def show_models(self, models: Models, now: ModelKey, shown: Comparison | None) -> None:
         """Offer these models, the one before the present one as A and that as B.
 
         Args:
-            now: effects of the present model. shown: whose equation and run the residuals are drawn of.
+            now: the present model. shown: whose equation and run the residuals are drawn of.
         """
         self._models = dict(models)
         self._place = (shown.equation, shown.session, shown.run) if shown is not None else ("", "", "")
         names = list(models)
         wanted = (next((name for name in reversed(names) if name != now), now), now)
-        for choice, effects in zip(self.choices, wanted, strict=True):
+        for choice, key in zip(self.choices, wanted, strict=True):
             choice.blockSignals(True)
             choice.clear()
             for name in names:
-                choice.addItem(f"{score_text(models[name].score)}  {model_words(name)}", name)
-            choice.setCurrentIndex(names.index(effects))
+                choice.addItem(f"{score_text(models[name].score)}  {model_words(*name)}")
+            choice.setCurrentIndex(names.index(key))
             choice.blockSignals(False)
         self._show()
 
     def _pair(self) -> tuple[Diagnosis, Diagnosis] | None:
-        chosen = [self._models.get(tuple(choice.currentData() or ())) for choice in self.choices]
-        return (chosen[0], chosen[1]) if chosen[0] is not None and chosen[1] is not None else None
+        if not self._models:
+            return None
+        a, b = (self._models[self._key(choice)] for choice in self.choices)
+        return a, b
 
     def _show(self) -> None:
         pair = self._pair()
@@ -181,8 +189,8 @@ class SideBySideDialog(QDialog):
         """What the model without it said for the last effect of each."""
         said = []
         for name, choice in zip("AB", self.choices, strict=True):
-            effects = tuple(choice.currentData() or ())
-            before = self._models.get(effects[:-1]) if effects else None
+            effects, held = self._key(choice)
+            before = self._models.get((effects[:-1], held)) if effects else None
             words = evidence_for(effects[-1:], before) if before is not None else ""
             said.append(f"{name}: {words}" if words else "")
         return "\n".join(filter(None, said))
@@ -203,12 +211,18 @@ def compared(a: Diagnosis, b: Diagnosis) -> list[tuple[str, str, str]]:
         rows.append((words, before, score_text(one.score)))
     sure = "Probability that nothing more is missing"
     rows.append((sure, _share(a.probability_nothing), _share(b.probability_nothing)))
-    keys = [key for key in dict.fromkeys((*a.parameters, *b.parameters)) if _told(key)]
-    return rows + [(_title(key, keys), _estimate(key, a), _estimate(key, b)) for key in keys]
+    keys = [
+        key
+        for key in dict.fromkeys((*a.parameters, *b.parameters))
+        if _told(key) or key in a.held or key in b.held
+    ]
+    return rows + [(parameter_title(key, keys), _estimate(key, a), _estimate(key, b)) for key in keys]
 
 
 def _estimate(key: str, diagnosis: Diagnosis) -> str:
-    return estimate_text(diagnosis.parameters[key]) if key in diagnosis.parameters else "–"
+    if key not in diagnosis.parameters:
+        return "–"
+    return value_words(key, diagnosis.parameters[key]) + (", held" if key in diagnosis.held else "")
 
 
 def _share(share: float) -> str:
@@ -218,13 +232,3 @@ def _share(share: float) -> str:
 def _told(key: str) -> bool:
     """Effects' own numbers, and the moment arms; nuisances only let a constant move within its tolerance."""
     return "." in key or key.startswith("arm_")
-
-
-def _title(key: str, keys: Sequence[str]) -> str:
-    effect, _, gain = key.rpartition(".")
-    if not effect:
-        name, _, cable = key.partition("@")
-        return f"Moment arm at the {name[-3:].upper()}" + (f", {cable} cable" if cable else "")
-    gains = [one.rpartition(".")[2] for one in keys if one.startswith(f"{effect}.")]
-    text = parameter_titles(effect, gains)[gain]
-    return text[:1].upper() + text[1:]

@@ -18,6 +18,7 @@ from fingerlab.report.diagnosis_words import (
     holds,
     in_sentence,
     listed,
+    paired_sentence,
     rivalled,
 )
 
@@ -97,7 +98,8 @@ def runs_text(one: HeldOutRuns) -> str:
 def motion_text(one: HeldOutRuns) -> str:
     """What these runs have in common: phase, cable, what the motor was told."""
     cable = f", {one.cable}" if one.cable != "none" else ""
-    return f"{PHASE_WORDS.get(one.phase, one.phase)}{cable}, {motor_words(one.trajectory)}"
+    change = f", {one.change}" if one.change else ""
+    return f"{PHASE_WORDS.get(one.phase, one.phase)}{cable}, {motor_words(one.trajectory)}{change}"
 
 
 def whole_text(one: HeldOutRuns) -> str:
@@ -187,7 +189,16 @@ class TruthPanel(QWidget):
         )
         self.held_out.setText(f"{misses}{before if names else ''}.{second}{_force_words(history)}")
         self.next.setText(
-            " ".join(filter(None, (as_good_sentence(diagnosis), next_experiment_words(diagnosis))))
+            " ".join(
+                filter(
+                    None,
+                    (
+                        as_good_sentence(diagnosis),
+                        paired_sentence(diagnosis),
+                        next_experiment_words(diagnosis),
+                    ),
+                )
+            )
         )
         self.runs.show_runs(history.first.diagnosis.held_out, diagnosis.held_out)
         proposed = diagnosis.next_experiment is not None

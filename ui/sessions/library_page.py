@@ -229,11 +229,9 @@ class LibraryPage(QWidget):
         self.folder.setObjectName("libraryFolder")
         self.choose = QPushButton("Choose &folder…")
         self.choose.setObjectName("chooseFolder")
-        self.texts = QPushButton("&Import text…")
+        self.texts = QPushButton("&Import table…")
         self.texts.setObjectName("importText")
-        self.texts.setToolTip(
-            "Text files of the bench's earlier program become a session; or drop them here."
-        )
+        self.texts.setToolTip("Tables of text or MATLAB files become a session; or drop them on the window.")
         self.again = described(QPushButton("Read a&gain"), "readAgain", tip=AGAIN_HELP)
         self.search = QLineEdit()
         self.search.setObjectName("search")

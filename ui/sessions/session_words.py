@@ -9,7 +9,7 @@ from fingerlab.library.index import UNWRITTEN, SessionFacts
 from fingerlab.library.notes import Verdict
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 from fingerlab.sessions.model import Run
-from fingerlab.sessions.trajectory import trajectory_words
+from fingerlab.sessions.trajectory import run_told
 
 PHASE_WORDS = {"on_air": "on air", "contact": "contact", "motor_bench": "motor bench", "free": "free"}
 
@@ -17,9 +17,7 @@ PHASE_WORDS = {"on_air": "on air", "contact": "contact", "motor_bench": "motor b
 def run_words(run: Run) -> str:
     """``Run 002 · on air, extension, sine, 15°, 1 Hz``."""
     cable = "" if run.cable == "none" else f", {run.cable}"
-    return (
-        f"Run {run.name} · {PHASE_WORDS.get(run.phase, run.phase)}{cable}, {trajectory_words(run.trajectory)}"
-    )
+    return f"Run {run.name} · {PHASE_WORDS.get(run.phase, run.phase)}{cable}, {run_told(run)}"
 
 
 def duration(seconds: float) -> str:

@@ -23,6 +23,7 @@ from ..app.tab_registry import SEPARATOR, Command, Tab
 from ..app.worker import Failed, IsCancelled, Progress, Worker
 from ..widgets.labels import header_name
 from .edit_history import EditHistory, FileEdit, NoteEdit
+from .import_dialog import TABLE_ENDINGS
 from .library_page import LibraryPage
 from .review_data import ReviewData
 from .session_files import FORMATS, Writer
@@ -134,7 +135,7 @@ class SessionsTab(Tab):
         page = self.page
         return (
             Command("Choose &folder…", self.ask_folder, "Ctrl+Shift+O"),
-            Command("&Import text files…", self.ask_texts),
+            Command("&Import tables…", self.ask_texts),
             Command("Read a&gain", self.read_again, "F5"),
             Command("&Search", page.search.setFocus, "Ctrl+F"),
             SEPARATOR,
@@ -173,8 +174,8 @@ class SessionsTab(Tab):
             self.read_again(path)
 
     def accept_files(self, paths: Sequence[Path]) -> bool:
-        """A folder is browsed, text files are imported; sessions go to the Model lab as everywhere."""
-        if all(path.suffix.lower() in (".txt", ".csv", ".tsv") and seen_as(path) == "file" for path in paths):
+        """A folder is browsed, tables are imported; sessions go to the Model lab as everywhere."""
+        if all(path.suffix.lower() in TABLE_ENDINGS and seen_as(path) == "file" for path in paths):
             self.writer.import_texts(paths, self.folder)
             return True
         folders = [path for path in paths if seen_as(path) == "folder"]

@@ -21,11 +21,14 @@ from PySide6.QtWidgets import (
     QDoubleSpinBox,
     QHBoxLayout,
     QLayout,
+    QMenu,
     QProgressBar,
     QPushButton,
+    QToolButton,
     QToolTip,
     QVBoxLayout,
     QWidget,
+    QWidgetAction,
 )
 
 from .layout import FLUSH, Spacer, as_written, described, hbox, vbox
@@ -293,6 +296,16 @@ def refuse_entries(field: QComboBox, reasons: Mapping[str, str]) -> None:
             item.setEnabled(not reason)
         if (item.toolTip() or "") != reason:
             item.setToolTip(reason)
+
+
+def form_menu(button: QPushButton | QToolButton, form: QWidget) -> QMenu:
+    """A form that opens below a button, as its menu."""
+    menu = QMenu(button)
+    action = QWidgetAction(menu)
+    action.setDefaultWidget(form)
+    menu.addAction(action)
+    button.setMenu(menu)
+    return menu
 
 
 def row(*widgets: QWidget | QLayout) -> QHBoxLayout:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QEvent, QModelIndex, QObject, QPersistentModelIndex, Qt
-from PySide6.QtGui import QGuiApplication, QKeyEvent, QKeySequence, QPainter, QPalette, QShortcut
+from PySide6.QtGui import QAction, QGuiApplication, QKeyEvent, QKeySequence, QPainter, QPalette
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QApplication,
+    QGridLayout,
     QHeaderView,
+    QLabel,
     QStyle,
     QStyledItemDelegate,
     QStyleOptionViewItem,
@@ -50,6 +52,7 @@ class NumberTable(QTableWidget):
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.setTabKeyNavigation(False)  # Tab leaves the table; the arrows move in it
         self.setShowGrid(False)
+        copies(self)
 
     def set_columns(self, columns: Sequence[tuple[str, str]], words: int = 1) -> None:
         """Other columns, and no rows; as for the table itself."""
@@ -65,20 +68,32 @@ class NumberTable(QTableWidget):
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         if event.matches(QKeySequence.StandardKey.Copy):
-            copy_cells(self)
+            QGuiApplication.clipboard().setText(cells_of(self))
             return
         super().keyPressEvent(event)
 
 
-def copies(table: QTableView) -> None:
-    """Let Ctrl+C in a table copy it, as in a :class:`NumberTable`."""
-    keys = QShortcut(QKeySequence(QKeySequence.StandardKey.Copy), table)
-    keys.setContext(Qt.ShortcutContext.WidgetShortcut)
-    keys.activated.connect(lambda: copy_cells(table))
+def copies(view: QWidget, text: Callable[[], str] | None = None) -> None:
+    """Let Ctrl+C and the context menu copy a view as text with tabs.
+
+    Args:
+        text: what is copied; None: the cells of a table (:func:`cells_of`).
+    """
+    copy = QAction("&Copy as a table", view)
+    copy.setShortcut(QKeySequence.StandardKey.Copy)
+    copy.setShortcutContext(Qt.ShortcutContext.WidgetShortcut)
+
+    def put() -> None:
+        made = text() if text is not None else cells_of(view) if isinstance(view, QTableView) else ""
+        QGuiApplication.clipboard().setText(made)
+
+    copy.triggered.connect(put)
+    view.addAction(copy)
+    view.setContextMenuPolicy(Qt.ContextMenuPolicy.ActionsContextMenu)
 
 
-def copy_cells(table: QTableView) -> None:
-    """Put a table as text with tabs on the clipboard: the chosen cells if more than one row is, else all."""
+def cells_of(table: QTableView) -> str:
+    """A table with its titles as text with tabs: the chosen cells if more than one row is, else all."""
     model, header = table.model(), table.horizontalHeader()
     chosen = table.selectionModel().selectedIndexes() if table.selectionModel() is not None else []
     rows = sorted({index.row() for index in chosen})
@@ -89,9 +104,25 @@ def copy_cells(table: QTableView) -> None:
     columns = [column for column in columns if not table.isColumnHidden(column)]
     across = Qt.Orientation.Horizontal
     lines = [[model.headerData(column, across) for column in columns]]
-    lines += [[model.index(row, column).data() for column in columns] for row in rows]
+    return with_tabs([*lines, *([model.index(row, column).data() for column in columns] for row in rows)])
+
+
+def cells_of_grid(grid: QGridLayout) -> str:
+    """The labels of a grid as text with tabs, a line a row."""
+    found = [
+        [grid.itemAtPosition(row, column) for column in range(grid.columnCount())]
+        for row in range(grid.rowCount())
+    ]
+    labels = [[item.widget() if item is not None else None for item in line] for line in found]
+    texts = [[label.text() if isinstance(label, QLabel) else "" for label in line] for line in labels]
+    width = max((k + 1 for line in texts for k, text in enumerate(line) if text), default=0)
+    return with_tabs([line[:width] for line in texts if any(line)])
+
+
+def with_tabs(lines: Sequence[Sequence[object]]) -> str:
+    """Cells as text with tabs, each in one line."""
     cells = [["" if cell is None else " ".join(str(cell).split()) for cell in line] for line in lines]
-    QGuiApplication.clipboard().setText("\n".join("\t".join(line) for line in cells))
+    return "\n".join("\t".join(line) for line in cells)
 
 
 class ColumnKeeper(QObject):

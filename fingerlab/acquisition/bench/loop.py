@@ -447,7 +447,8 @@ class ControlLoop:
         if self.machine.enable_allowed:
             return "The amplifier is enabled; disable it before the cable or the mode is changed."
         if isinstance(self.device, SetUpBySoftware) and self._reader.index >= 0:
-            self.device.set_up(command.phase, command.cable, command.load_torque)
+            change = (command.intervention,) if command.intervention else ()
+            self.device.set_up(command.phase, command.cable, command.load_torque, *change)
         self._board[Slot.SET_AT] = self._reader.index + 1
         self._cable = command.cable != "none"
         self._safety = safety_checks(

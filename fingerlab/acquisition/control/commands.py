@@ -30,11 +30,15 @@ class Tare:
 
 @dataclass(frozen=True)
 class SetUp:
-    """What is on the bench: phase and cable of the session format, known load of a motor bench (N m)."""
+    """What is on the bench: phase and cable of the session format, known load of a motor bench (N m).
+
+    ``intervention``: JSON text of a known change of the machine (``rig.intervention``); empty without one.
+    """
 
     phase: str = "on_air"
     cable: str = "extension"
     load_torque: float = 0.0
+    intervention: str = ""
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,7 @@ from fingerlab.acquisition.record.trigger import Level, Lookout
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.acquisition.status import Number, Slot
 from fingerlab.core.errors import UserError
+from fingerlab.rig.intervention import INTERVENTION
 
 LET_GO, LET_GO_SPEED = math.radians(2.0), math.radians(4.0)
 """rad, rad/s: by how much a cable that is tight is let go again (assumed: twice what moved the joints)."""
@@ -355,7 +356,8 @@ class ProtocolDriver:
                 self._beginning.trigger, Lookout(rows, self._beginning.trigger, start), stop, words
             )
         if not self._ending:
-            set_up = SetUp(step.phase, step.cable, step.load_torque)
+            told = str(step.attributes.get(INTERVENTION, ""))
+            set_up = SetUp(step.phase, step.cable, step.load_torque, told)
             before, own = self._beginning.before_s, trajectory.settings
             self.run = run_to_record(bench, set_up, own, before, at, stop, step.attributes)
             self.number = step.number

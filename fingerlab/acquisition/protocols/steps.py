@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,6 +13,7 @@ from fingerlab.acquisition.control.commands import SetUp, Start
 from fingerlab.acquisition.control.motion import STOP_S
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
+from fingerlab.rig.intervention import INTERVENTION, read_intervention
 
 REST_S = 2.0
 """Rest between runs (assumed): the spring finger has come to rest."""
@@ -160,7 +161,7 @@ def plan_seconds(steps: Sequence[Step]) -> float:
 def _steps(runs: Sequence[PlannedRun], contact_force: float, rest_s: float) -> Iterator[Step]:
     before: SetUp | None = None
     for number, run in enumerate(runs, start=1):
-        now = SetUp(run.phase, run.cable, run.load_torque)
+        now = SetUp(run.phase, run.cable, run.load_torque, str(run.attributes.get(INTERVENTION, "")))
         if now != before:
             yield Change(now, prompt_of(now))
         elif number > 1:
@@ -210,6 +211,10 @@ def _lift(trajectory: Mapping[str, Any], load_torque: float) -> float:
 
 def prompt_of(set_up: SetUp) -> str:
     """What the operator does to the bench for a set-up."""
+    if set_up.intervention:
+        change = read_intervention(set_up.intervention, "The run's 'intervention'").words()
+        usual = prompt_of(replace(set_up, intervention=""))
+        return f"{usual} For this run change the machine: it is taken {change}."
     if not set_up.load_torque:
         return f"{CABLE_WORDS[set_up.cable]} {PHASE_WORDS[set_up.phase]}"
     turns = "forwards" if set_up.load_torque > 0 else "backwards"

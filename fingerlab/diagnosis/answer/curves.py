@@ -128,6 +128,23 @@ class Display:
         return Curves(tuple(comparisons), prints, failure)
 
 
+def comparisons_of(
+    reduced: Reduced, fitted: FittedModel, display: Display, session: str, run: str, offsets: RunOffsets
+) -> tuple[Comparison, ...]:
+    """Every equation of the stretches of one run by another model of these sessions, in SI.
+
+    ``offsets``: what the constants of every run add to the model's residuals.
+    """
+    groups, scales = {g.key: g for g in reduced.groups}, reduced.layout.scales
+    found = [
+        one
+        for kept in display.stretches
+        if (kept.session, kept.run) == (session, run)
+        for one in _comparisons(reduced, fitted, groups[kept.key], kept, offsets)
+    ]
+    return tuple(found if scales == SI else (_told_comparison(one, scales) for one in found))
+
+
 CABLE = ROW_EQUATIONS[Row.CABLE]
 
 

@@ -24,6 +24,7 @@ from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_ke
 from fingerlab.diagnosis.signals.repairs import BRIDGED
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects.base import Row
+from fingerlab.rig.intervention import changed_words
 from fingerlab.sessions.model import Array, Run, Session
 
 FAMILY_UNITS = {"joint_torque": "N m", "cable_kinematics": "m", "motor_torque": "N m", "endpoint_force": "N"}
@@ -142,6 +143,7 @@ def held_out_runs(
                 cable=runs[0].cable,
                 trajectory=as_recorded(runs[0]).trajectory,
                 score=float(np.sqrt(1.0 + max(float(misfit), 0.0) / max(float(count), 1.0))),
+                change=changed_words(as_recorded(runs[0]).attributes),
             )
         )
     return tuple(found)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from fingerlab.effects.base import Row
@@ -11,8 +11,9 @@ from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds
+    from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds, Predicted
     from fingerlab.diagnosis.score.evidence import Verdict
+    from fingerlab.diagnosis.score.fitted_model import FittedModel
 
 EQUATION_TITLES = {
     "mcp_torque": "MCP torque",
@@ -155,7 +156,8 @@ class HeldOutRuns:
     """The model as given on runs that were told one motion, each left out of the fit that is scored on it.
 
     Attributes:
-        runs: their names. phase, cable, trajectory: as in the session format.
+        runs: their names. phase, cable, trajectory: as in the session format. change: what of the machine was
+            changed for them, in words.
         score: error over all equations in units of the floor; 1.0 is the floor.
     """
 
@@ -164,6 +166,7 @@ class HeldOutRuns:
     cable: str
     trajectory: Mapping[str, Any]
     score: float
+    change: str = ""
 
 
 @dataclass(frozen=True)
@@ -226,6 +229,26 @@ class LeftAside:
 
 
 @dataclass(frozen=True)
+class PairedDifference:
+    """Two runs of one motion, before a known change of the machine and with it, and what models make of that.
+
+    Attributes:
+        before, after: names of the runs. sessions: that they are in.
+        intervention: the change, SI, as the run tells it. words: the same in words.
+        score: error of the model as given on the difference of the two, in its floors. with_effect: the same
+            with an effect of the set, or of the path, by its id.
+    """
+
+    before: str
+    after: str
+    sessions: tuple[str, str]
+    intervention: Mapping[str, float]
+    words: str
+    score: float
+    with_effect: Mapping[str, float]
+
+
+@dataclass(frozen=True)
 class Failure:
     """Where the model fails worst, in words, with the stretch that shows it (seconds into a run).
 
@@ -250,7 +273,10 @@ class Diagnosis:
     some motion came again, which tells the floor; else it is what the last model of the path leaves.
     ``better``: with given effects exchanged, and likelier than ``model`` and what may be missing beside it;
     the path leads there. ``as_good``: others that these data cannot tell from the best.
-    ``calibration`` says what the probabilities were learned from, ``odds`` what they were before.
+    ``calibration`` says what the probabilities were learned from, ``odds`` what they were before, and
+    ``predicted`` what of the proposed run was.
+    ``held``: unknowns that somebody held, by key, and their values, SI; all that is told holds only then.
+    ``fitted``: the model as given, as it was fitted.
     """
 
     sessions: tuple[str, ...]
@@ -279,6 +305,10 @@ class Diagnosis:
     as_good: tuple[OtherModel, ...] = ()
     calibration: CalibratedAnswer | None = None
     odds: Odds | None = None
+    predicted: Predicted | None = None
+    paired: tuple[PairedDifference, ...] = ()
+    held: Mapping[str, float] = field(default_factory=dict)
+    fitted: FittedModel | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
         """The object of ``cli.md``, "diagnose --json", ready for ``json.dumps``."""
@@ -321,7 +351,9 @@ class Diagnosis:
             "score_parts": [vars(part) | {"runs": list(part.runs)} for part in self.score_parts],
             "left_aside": [vars(one) | {"runs": list(one.runs)} for one in self.left_aside],
             "bench": [vars(one) | {"runs": list(one.runs)} for one in self.bench],
+            **({"paired": [asdict(one) for one in self.paired]} if self.paired else {}),
             "better_model": None if self.better is None else self.better.to_json(),
             "as_good_models": [one.to_json() for one in self.as_good],
             "calibration": None if self.calibration is None else self.calibration.to_json(),
+            **({"held": dict(self.held)} if self.held else {}),
         }

@@ -26,7 +26,7 @@ from fingerlab.diagnosis.equations.features import (
 )
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges, spread_of
 from fingerlab.effects import CATALOGUE
-from fingerlab.effects.base import Effect, Term
+from fingerlab.effects.base import Effect, Row, Term
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Session
 
@@ -40,7 +40,30 @@ def all_columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
     yield from effect_columns(motion, effects)
 
 
+def _as_routed(motion: Motion, columns: Iterator[Column]) -> Iterator[Column]:
+    """The columns of a run whose cable may have been guided otherwise, at known shares of its moment arms.
+
+    Arms are told as they usually are: what an equation divides by its own arm is divided by the share here,
+    and what it multiplies is multiplied. Each such column is a signal of its own.
+    """
+    change = motion.intervention
+    if change is None:
+        yield from columns
+        return
+    shares = {Row.MCP: 1.0 / change.mcp_arm, Row.PIP: 1.0 / change.pip_arm}
+    arms = {"arm_mcp": change.mcp_arm, "arm_pip": change.pip_arm}
+    for values, shift, own, make in columns:
+        feature = make()
+        share = shares.get(feature.row) if feature.scale == "joint" else arms.get(feature.scale)
+        yield (values if share is None else values * share), shift, own, make
+
+
 def _common_columns(motion: Motion) -> Iterator[Column]:
+    """The features of every model."""
+    return _as_routed(motion, _base(motion))
+
+
+def _base(motion: Motion) -> Iterator[Column]:
     """A motor channel comes once for every shift, with the same values."""
     for feature, values in base_columns(motion):
         yield values, None, False, partial(replace, feature)
@@ -52,6 +75,10 @@ def _common_columns(motion: Motion) -> Iterator[Column]:
 
 def effect_columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
     """The features of the effects that act in such a run, in order."""
+    return _as_routed(motion, _of_effects(motion, effects))
+
+
+def _of_effects(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
     alone = motion.finger is None
     for effect in effects:
         if alone and not effect.bench:
@@ -112,7 +139,8 @@ class Asked:
     ``cached`` (signals,) says which signal of the first reading each is, -1 for those to be formed;
     ``formed`` are the positions of the effects that bring the latter, and ``features`` the signals of every
     effect's features in order. ``first``: there was no reading before.
-    ``seek_cycle``: no run says how often its motion repeats.
+    ``seek_cycle``: no run says how often its motion repeats. ``orders``: periods a turn at which a torque may
+    repeat with the angle of a motor alone.
     """
 
     signals: IntArray
@@ -123,6 +151,7 @@ class Asked:
     features: tuple[IntArray, ...]
     first: bool
     seek_cycle: bool = False
+    orders: tuple[float, ...] = ()
 
 
 def asked_of(

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
+from fingerlab.diagnosis.equations.parameters import CHANGED_OFFSET, TIP_LAWS, TORQUE_ZERO
 from fingerlab.diagnosis.settings import LIFTED_M, SLIP_STIFFNESSES, TIP_STIFFNESS, USUAL_SPREAD, WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects.base import Effect, Gain, Row, Scale
@@ -209,6 +209,14 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
         *_tip_columns(motion, force),
     ]
     columns += [(Feature(row, name, scale="joint"), values) for row, name, values in _along_the_face(motion)]
+    if motion.intervention is not None:
+        known = zip((Row.MCP, Row.PIP), motion.known_torques, strict=True)
+        columns += [(Feature(row, constant=1.0, scale="joint"), values) for row, values in known]
+        mine, count = motion.change
+        # The finger hangs at rest in another posture where its motor's zero is set anew.
+        columns += [
+            (Feature(Row.CABLE, f"{CHANGED_OFFSET}{k}"), one * (k == mine)) for k in range(1, count + 1)
+        ]
     return columns
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -84,6 +84,7 @@ class Model:
         delayed: whether the motor's channels may be late by more than a millisecond.
         tip_law: which of ``features.TIP_LAWS`` it holds.
         tie: holds the two cables' moment arms together; None: they are free.
+        held: values that somebody holds unknowns at, by key, in the fit's units.
     """
 
     layout: Layout
@@ -95,6 +96,16 @@ class Model:
     tip_law: str
     index: dict[str, int]
     tie: Tie | None = None
+    held: Mapping[str, float] = field(default_factory=dict)
+
+    def holding(self, held: Mapping[str, float]) -> Model:
+        """The model with unknowns held at values, by key, in the fit's units; other keys are passed over."""
+        held = {key: value for key, value in held.items() if key in self.index}
+        unknowns = list(self.unknowns)
+        for key, value in held.items():
+            one = unknowns[self.index[key]]
+            unknowns[self.index[key]] = replace(one, parameter=replace(one.parameter, low=value, high=value))
+        return replace(self, unknowns=tuple(unknowns), held={**self.held, **held}) if held else self
 
     @cached_property
     def terms(self) -> Coefficients:

@@ -16,6 +16,7 @@ import numpy as np
 
 from fingerlab.diagnosis.settings import (
     CURRENT_ZERO_A,
+    MOST_CHANGES,
     SLIP_STIFFNESSES,
     STIFFNESS,
     TOLERANCES,
@@ -31,6 +32,8 @@ ARMS, LOSSES = ("arm_mcp", "arm_pip"), ("loss_mcp", "loss_pip")
 SLIPS = tuple(f"lateral_slip_{stiffness:g}" for stiffness in SLIP_STIFFNESSES)
 CABLE_OFFSET = "offset"
 """Cable that is wound where the joints are straight, m: the motor's zero, for each routing."""
+CHANGED_OFFSET = "offset_of_change_"
+"""What the offset is otherwise in runs with a known change, m: the change's number follows."""
 RUBS = "lateral_rub"
 """Friction coefficient of a tip that slides."""
 SET_DOWN = "lateral_constant"
@@ -85,6 +88,10 @@ def nuisance_ranges(rig: Rig) -> dict[str, Parameter]:
         "trace_mcp": Parameter("N m s/rad", 0.0, 4e-4, 1e-4),
         "trace_pip": Parameter("N m s/rad", 0.0, 4e-4, 1e-4),
         CABLE_OFFSET: Parameter("m", -0.05, 0.05, 0.01, open=True),
+        **{
+            f"{CHANGED_OFFSET}{k}": Parameter("m", -0.05, 0.05, 0.01, open=True)
+            for k in range(1, MOST_CHANGES + 1)
+        },
         "cable_compliance": Parameter("m/N", 0.0, 6e-5, 2e-5),
         "cable_damping": Parameter("m s/N", -2e-6, 2e-6, 5e-7),
         "lateral": Parameter("tan", -0.12, 0.12, 0.05),

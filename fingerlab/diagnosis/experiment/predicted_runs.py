@@ -8,7 +8,7 @@ effect is large, and costs milliseconds.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,25 +22,34 @@ from fingerlab.diagnosis.settings import (
     BENCH_LOADS_NM,
     DURATION_S,
     LEAST_PULL_N,
+    MOST_CHANGES,
     MOST_PULL_N,
     SETTLING_S,
     WIDE_RATE_HZ,
 )
 from fingerlab.diagnosis.signals.filters import decimate
-from fingerlab.diagnosis.signals.scales import SI, Scales, scaled_trajectory
+from fingerlab.diagnosis.signals.scales import (
+    SI,
+    Scales,
+    reduced_change,
+    scaled_change,
+    scaled_trajectory,
+)
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.physics import nominal
-from fingerlab.physics.motion import Motion
+from fingerlab.physics.motion import Motion, added_body
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Finger, Rig
-from fingerlab.sessions.model import Array, Session
+from fingerlab.rig.intervention import UNCHANGED, Intervention
+from fingerlab.sessions.model import Array, Run, Session
 
 
 @dataclass(frozen=True)
 class Proposal:
     """A run from the menu: what the rig would be told, and the motion that the model expects.
 
-    ``motion`` lasts ``DURATION_S``, the run ``seconds``.
+    ``motion`` lasts ``DURATION_S``, the run ``seconds``. ``before``: for a run with a known ``change`` of the
+    machine, the same motion without it.
     """
 
     phase: str
@@ -48,13 +57,18 @@ class Proposal:
     trajectory: Mapping[str, Any]
     motion: Motion
     seconds: float = DURATION_S
+    change: Intervention = UNCHANGED
+    before: Motion | None = None
 
     def to_json(self, separates: list[str], expected: float, scales: Scales = SI) -> dict[str, Any]:
         """The proposal as in ``cli.md``, in SI, with the two answers that it separates and by how much."""
+        change = scaled_change(self.change, scales).to_json()
+        changed = {name: float(f"{value:.6g}") for name, value in change.items()}
         return {
             "trajectory": scaled_trajectory({**self.trajectory, "duration_s": self.seconds}, scales),
             "phase": self.phase,
             "cable": self.cable,
+            **({"intervention": changed} if changed else {}),
             "separates": separates,
             "expected_separation": float(expected),
         }
@@ -110,6 +124,7 @@ def menu(sessions: Sequence[Session], reduced: Reduced, values: Mapping[str, flo
     press = seen_press(sessions)
     if press is not None and 1 in signs:
         yield from _pressing_menu(rig, press)
+    yield from _changed_menu(sessions, reduced, values, press)
     # Last: taking the finger off its cable is worth it only where no run with it tells as much.
     yield from bench_menu(rig, BENCH_LOADS_NM[:1])
 
@@ -132,6 +147,80 @@ def _pressing_menu(rig: Rig, press: Press) -> Iterator[Proposal]:
         motion = pressing_motion(rig, 1, trajectory, press)
         if motion is not None:
             yield Proposal("contact", "flexion", trajectory, motion)
+
+
+def usual_changes(rig: Rig, pull: float) -> Iterator[Intervention]:
+    """Known changes of a machine that are worth trying, each of a size that shows and does no harm.
+
+    A mass as heavy as the distal link at its tip, half as much again on the motor as the cable takes, half of
+    a joint's spring beside it, and a guide of the cable that is wider by a fifth; all assumed.
+
+    Args:
+        pull: usual tension of the cable, N.
+    """
+    finger, radius = rig.finger, rig.motor.pulley_radius
+    if finger is None or radius is None:
+        return
+    yield Intervention(added_mass=finger.distal_mass, added_mass_at=2.0 * finger.distal_half_length)
+    yield Intervention(load_torque=0.5 * radius * pull)
+    yield Intervention(mcp_stiffness=0.5 * finger.mcp_stiffness)
+    yield Intervention(pip_stiffness=0.5 * finger.pip_stiffness)
+    yield Intervention(mcp_arm=1.2)
+    yield Intervention(pip_arm=1.2)
+
+
+def _changed_menu(
+    sessions: Sequence[Session], reduced: Reduced, values: Mapping[str, float], press: Press | None
+) -> Iterator[Proposal]:
+    """The widest motion of each kind that was recorded on the machine as it is, again with a known change."""
+    rig, scales = sessions[0].rig, reduced.layout.scales
+    widest: dict[tuple[str, int], Run] = {}
+    changes: set[Intervention] = set()
+    for run in (run for session in sessions for run in session.runs if run.cable_sign):
+        change = reduced_change(run) or UNCHANGED
+        changes |= {change} - {UNCHANGED}
+        told = run.trajectory.get("amplitude_deg")
+        key = "contact" if run.phase == "contact" else "on_air", run.cable_sign
+        if change != UNCHANGED or not isinstance(told, int | float):
+            continue
+        if key not in widest or told > float(widest[key].trajectory["amplitude_deg"]):
+            widest[key] = run
+    number = min(len(changes) + 1, MOST_CHANGES)
+    for (phase, sign), run in widest.items():
+        own = {k: v for k, v in run.trajectory.items() if k not in ("duration_s", "sha256", "file")}
+        if phase == "contact":
+            own.pop("offset_deg", None)
+        before = _motion_of(rig, phase, sign, own, values, press, UNCHANGED)
+        if before is None:
+            continue
+        for change in usual_changes(rig, float(np.mean(before.tension))):
+            made = _rounded(change, scales)
+            after = _motion_of(rig, phase, sign, own, values, press, made)
+            if after is not None:
+                after = replace(after, change=(number, number))
+                plain = replace(before, intervention=UNCHANGED, change=(0, number))
+                cable = {1: "flexion", -1: "extension"}[sign]
+                yield Proposal(phase, cable, own, after, change=made, before=plain)
+
+
+def _rounded(change: Intervention, scales: Scales) -> Intervention:
+    """The change with numbers that a person would choose, two digits in SI."""
+    told = {name: float(f"{value:.2g}") for name, value in scaled_change(change, scales).to_json().items()}
+    return scaled_change(Intervention(**told), scales, -1)
+
+
+def _motion_of(
+    rig: Rig,
+    phase: str,
+    sign: int,
+    trajectory: Mapping[str, object],
+    values: Mapping[str, float],
+    press: Press | None,
+    change: Intervention,
+) -> Motion | None:
+    if phase == "on_air":
+        return finger_motion(rig, sign, trajectory, values, change)
+    return None if press is None else pressing_motion(rig, sign, trajectory, press, values, change)
 
 
 def bench_menu(rig: Rig, loads: Sequence[float]) -> Iterator[Proposal]:
@@ -163,11 +252,16 @@ def bench_motion(rig: Rig, trajectory: Mapping[str, object], load: float) -> Mot
 
 
 def finger_motion(
-    rig: Rig, cable_sign: int, trajectory: Mapping[str, object], values: Mapping[str, float]
+    rig: Rig,
+    cable_sign: int,
+    trajectory: Mapping[str, object],
+    values: Mapping[str, float],
+    change: Intervention = UNCHANGED,
 ) -> Motion | None:
     """Free finger on a cable; None: the cable would hang loose, or pull too hard.
 
-    ``values`` are the fitted unknowns by key.
+    ``values`` are the fitted unknowns by key. With a known ``change`` it hangs at rest in another posture,
+    about which the motor's zero is set anew.
     """
     finger, radius = rig.finger, rig.motor.pulley_radius
     if finger is None or radius is None:
@@ -176,10 +270,15 @@ def finger_motion(
     routing = CABLE_NAMES[cable_sign]
     a, b = values[f"arm_mcp@{routing}"], values[f"arm_pip@{routing}"]
     wound = radius * position - values.get(f"offset@{routing}", 0.0)
-    mcp, pip, pull = _balance(finger, cable_sign, a, b, wound)
+    if change != UNCHANGED:
+        usual, moved = _rest(finger, UNCHANGED), _rest(finger, change)
+        wound = wound - cable_sign * (a * usual[0] + b * usual[1])
+        a, b = change.mcp_arm * a, change.pip_arm * b
+        wound = wound + cable_sign * (a * moved[0] + b * moved[1])
+    mcp, pip, pull = _balance(finger, cable_sign, a, b, wound, change)
     if np.min(pull) < LEAST_PULL_N or np.max(pull) > MOST_PULL_N:
         return None
-    return _motion(rig, cable_sign, time, position, pull, (mcp, pip), None)
+    return _motion(rig, cable_sign, time, position, pull, (mcp, pip), None, change)
 
 
 @dataclass(frozen=True)
@@ -229,18 +328,30 @@ def _press(motion: Motion, told: float) -> Press | None:
 
 
 def pressing_motion(
-    rig: Rig, cable_sign: int, trajectory: Mapping[str, object], press: Press
+    rig: Rig,
+    cable_sign: int,
+    trajectory: Mapping[str, object],
+    press: Press,
+    values: Mapping[str, float] | None = None,
+    change: Intervention = UNCHANGED,
 ) -> Motion | None:
     """Finger that presses about where it was seen to; None: its cable would hang loose.
 
-    The trajectory needs no offset: the operator's approach finds it.
+    The trajectory needs no offset: the operator's approach finds it. What a known ``change`` adds to the
+    PIP's balance the cable carries, by the fitted ``values``.
     """
     time, about = commanded({**trajectory, "offset_deg": 0.0})
     about = press.follows * about
     pull, force, mcp, pip = press.mean[1:, None] + press.slopes[:, None] * about
+    if change != UNCHANGED and rig.finger is not None and values is not None:
+        arm = cable_sign * values[f"arm_pip@{CABLE_NAMES[cable_sign]}"]
+        still = JointMotion(mcp, pip, *(np.zeros_like(mcp) for _ in range(4)))
+        added = nominal.pip_torque(added_body(rig.finger, change), still).gravity + change.pip_stiffness * pip
+        pull = (pull + added / arm) / change.pip_arm
     if np.min(pull) < LEAST_PULL_N:
         return None
-    return _motion(rig, cable_sign, time, press.mean[0] + about, pull, (mcp, pip), np.maximum(force, 0.0))
+    pressed = np.maximum(force, 0.0)
+    return _motion(rig, cable_sign, time, press.mean[0] + about, pull, (mcp, pip), pressed, change)
 
 
 def _motion(
@@ -251,13 +362,16 @@ def _motion(
     pull: Array,
     angles: tuple[Array, Array],
     force: Array | None,
+    change: Intervention = UNCHANGED,
 ) -> Motion:
     velocity, acceleration = _derivatives(position)
     torque = (rig.motor.pulley_radius or 1.0) * pull + (rig.motor.inertia or 0.0) * acceleration
+    torque = torque + change.load_torque
     return Motion(
         phase="on_air" if force is None else "contact", cable_sign=cable_sign, sample_rate_hz=WIDE_RATE_HZ,
         time=time, position=position, velocity=velocity, acceleration=acceleration, torque=torque,
         motor=rig.motor, finger=rig.finger, joints=JointMotion(*angles, *_pairwise(*angles)), force=force,
+        intervention=None if change == UNCHANGED else change,
     )  # fmt: skip
 
 
@@ -271,18 +385,39 @@ def _pairwise(mcp: Array, pip: Array) -> tuple[Array, Array, Array, Array]:
     return v1, v2, a1, a2
 
 
-def _balance(finger: Finger, sign: int, a: float, b: float, wound: Array) -> tuple[Array, Array, Array]:
+def _rest(finger: Finger, change: Intervention) -> tuple[float, float]:
+    """Angles (rad) of MCP and PIP at which the finger hangs without a cable."""
+    mcp, pip, zero = np.zeros(1), np.zeros(1), np.zeros(1)
+    for _ in range(BALANCE_STEPS):
+        g1, g2 = _weights(finger, change, JointMotion(mcp, pip, zero, zero, zero, zero))
+        mcp = -g1 / (finger.mcp_stiffness + change.mcp_stiffness)
+        pip = -g2 / (finger.pip_stiffness + change.pip_stiffness)
+    return float(mcp[0]), float(pip[0])
+
+
+def _weights(finger: Finger, change: Intervention, still: JointMotion) -> tuple[Array, Array]:
+    """Gravity's torques about MCP and PIP, N m, with what a change has added."""
+    bodies = (finger, added_body(finger, change)) if change.added_mass else (finger,)
+    return (
+        np.asarray(sum(nominal.mcp_torque(body, still).gravity for body in bodies)),
+        np.asarray(sum(nominal.pip_torque(body, still).gravity for body in bodies)),
+    )
+
+
+def _balance(
+    finger: Finger, sign: int, a: float, b: float, wound: Array, change: Intervention = UNCHANGED
+) -> tuple[Array, Array, Array]:
     """Angles (rad) and tension (N) where springs and gravity balance the cable, by fixed-point iteration.
 
     With gravity held all is linear: s (a t1 + b t2) = wound, K1 t1 = s a T - g1, K2 t2 = s b T - g2.
     """
-    k1, k2 = finger.mcp_stiffness, finger.pip_stiffness
+    k1, k2 = finger.mcp_stiffness + change.mcp_stiffness, finger.pip_stiffness + change.pip_stiffness
     mcp, pip = np.zeros_like(wound), np.zeros_like(wound)
     pull = np.zeros_like(wound)
     zero = np.zeros_like(wound)
     for _ in range(BALANCE_STEPS):
         still = JointMotion(mcp, pip, zero, zero, zero, zero)
-        g1, g2 = nominal.mcp_torque(finger, still).gravity, nominal.pip_torque(finger, still).gravity
+        g1, g2 = _weights(finger, change, still)
         pull = (wound + sign * (a * g1 / k1 + b * g2 / k2)) / (a * a / k1 + b * b / k2)
         before = mcp
         mcp, pip = (sign * a * pull - g1) / k1, (sign * b * pull - g2) / k2

@@ -1,17 +1,27 @@
-"""The run, of those that the rig can do, that would best separate the effects that these data leave closest.
+"""The run, of those that the rig can do, after which the true effect most probably stays alone in the set.
 
 What a run is expected to bring is counted in the log odds that the diagnosis itself would give after it: for
-the effects of a set among each other, or for an effect that could not be seen against nothing.
+the effects of a set among each other, or for an effect that could not be seen against nothing. Past proposals
+say what comes of that, and the calibration which set it would make.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from fingerlab.diagnosis.experiment.foretelling import (
+    FOUND,
+    HIDDEN,
+    Line,
+    Outlook,
+    SessionFeatures,
+    foretelling,
+    outlook,
+)
 from fingerlab.diagnosis.experiment.predicted_runs import Proposal, menu
 from fingerlab.diagnosis.experiment.separation import (
     PredictedRun,
@@ -22,82 +32,41 @@ from fingerlab.diagnosis.experiment.separation import (
     run_kind,
     separation,
 )
-from fingerlab.diagnosis.score.evidence import Evidence, against_nothing
+from fingerlab.diagnosis.score.calibration import Predicted
+from fingerlab.diagnosis.score.evidence import Evidence, Verdict
 from fingerlab.diagnosis.score.fitted_model import FittedModel, condition_weights, values_at_typical_strength
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import by_what_is_left, left_for, small_excess
 from fingerlab.diagnosis.settings import (
+    CHANCES,
+    COST_OF_CHANGE,
     DECIDING_LOG_ODDS,
     DECISIVE,
     DURATION_S,
+    FIRST_WORTH,
     LEAST_EXCESS,
     LEAST_FALL,
+    LEAST_MORE,
     LEAST_PROBABILITY,
     LEAST_SEPARATION,
     LENGTHS_S,
+    LOOKED_AT,
     LOOKING_ITERATIONS,
+    MOST_PAIRED,
     RIVALS,
     SETTLING_S,
+    TRUTHS,
 )
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.sessions.model import Session
+from fingerlab.sessions.model import Array, Session
 
 
-def propose(
-    sessions: Sequence[Session], scorer: Scorer, evidence: Evidence, chosen: Sequence[int]
-) -> dict[str, Any] | None:
-    """The proposed run as in ``cli.md``; None where nothing needs to be separated or nothing would.
+@dataclass(frozen=True)
+class NextRun:
+    """The proposed run as in ``cli.md``, and what was predicted of it before any correction."""
 
-    The run that takes most of the set away from its first member is proposed; it is said for the rival that
-    comes off worst.
-    """
-    if len(chosen) < 2:
-        return None
-    first, *rivals = [evidence.candidates[i] for i in chosen[: 1 + RIVALS]]
-
-    def judged(run: PredictedRun) -> Judged:
-        gains = [_expected(scorer, run, evidence, chosen[0], i) for i in chosen[1 : 1 + RIVALS]]
-        worst = int(np.argmin(gains))
-        worth = (sum(min(g, DECISIVE) for g in gains), gains[worst])
-        return Judged(worth, gains[worst], rivals[worst].last_effect.id, gains[worst])
-
-    best = best_run(list(_runs(sessions, scorer, first, [first, *rivals])), judged)
-    if best is None or best[1].expected < LEAST_SEPARATION:
-        return None
-    proposal, found = best
-    separates = [first.last_effect.id, found.other]
-    return proposal.to_json(separates, found.expected, scorer.reduced.layout.scales)
-
-
-def reveal(
-    sessions: Sequence[Session], scorer: Scorer, evidence: Evidence, hidden: Sequence[int]
-) -> dict[str, Any] | None:
-    """The run that would show most of the effects that these data could not; None where none would.
-
-    What is expected is said for the likeliest effect that the run would show at its typical strength.
-    """
-    base = evidence.base
-    hidden = [i for i in hidden if evidence.candidates[i].sensitivity.strengths][:RIVALS]
-    if not hidden:
-        return None
-    shares = [evidence.undetected[i] for i in hidden]
-    pairs = [_present_and_absent(scorer, base, evidence.candidates[i]) for i in hidden]
-
-    def judged(run: PredictedRun) -> Judged:
-        gains = [_detection(scorer, run, evidence, i, *pair) for i, pair in zip(hidden, pairs, strict=True)]
-        worth = sum(s * min(g.decides, DECISIVE) for s, g in zip(shares, gains, strict=True))
-        least = min(g.decides for g in gains)
-        shown = next((k for k, gain in enumerate(gains) if gain.decides >= DECIDING_LOG_ODDS), None)
-        if shown is None:
-            return Judged((worth,), least, "", 0.0)
-        return Judged((worth,), least, pairs[shown][0].last_effect.id, gains[shown].expected)
-
-    best = best_run(list(_runs(sessions, scorer, base, [p for p, _ in pairs])), judged)
-    if best is None or not best[1].other:
-        return None
-    proposal, found = best
-    separates = [found.other, "nothing_missing"]
-    return proposal.to_json(separates, found.expected, scorer.reduced.layout.scales)
+    told: dict[str, Any]
+    predicted: Predicted
 
 
 @dataclass(frozen=True)
@@ -106,20 +75,92 @@ class Judged:
 
     Attributes:
         worth: by which runs are compared. least: nats for the effect that it tells least of.
-        other: id of the effect for which it is said, with the gain ``expected`` in log odds.
+        separates: ids of the answers for which it is said, with the gain ``expected`` in log odds.
+        alone: chance that the true effect stays alone in the set.
+        gains: as of :class:`Predicted`. each: the gain expected if an effect is true, by its id.
     """
 
     worth: tuple[float, ...]
     least: float
-    other: str
-    expected: float
+    separates: tuple[str, ...] = ()
+    expected: float = 0.0
+    alone: float = 0.0
+    gains: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    each: Mapping[str, float] = field(default_factory=dict)
+
+
+def propose(
+    sessions: Sequence[Session],
+    scorer: Scorer,
+    evidence: Evidence,
+    chosen: Sequence[int],
+    usual: SessionFeatures,
+) -> NextRun | None:
+    """The run after which one effect most probably stays alone in the set; None where none is worth it.
+
+    What it separates is said for the first effect and that of its rivals in the set that comes off worst.
+
+    Args:
+        chosen: effects that are left open, likeliest first. usual: what ``session_features`` says.
+    """
+    if len(chosen) < 2:
+        return None
+    view = Among(scorer, evidence, list(chosen[: 1 + RIVALS]), outlook(evidence, usual))
+    first = evidence.candidates[chosen[0]]
+    rivals = [evidence.candidates[i] for i in chosen[: 1 + RIVALS]]
+    runs = list(_runs(sessions, scorer, first, rivals))
+    best = best_run(runs, view.judged, view.glanced)
+    if best is None or best[1].expected < LEAST_SEPARATION:
+        return None
+    if view.alone_now and best[1].alone < view.alone_now + LEAST_MORE:
+        return None
+    return _next(scorer, view, *best)
+
+
+def reveal(
+    sessions: Sequence[Session],
+    scorer: Scorer,
+    evidence: Evidence,
+    hidden: Sequence[int],
+    usual: SessionFeatures,
+) -> NextRun | None:
+    """The run that would show the effects that these data could not, and which; None where none would.
+
+    What is expected is said for the likeliest effect that the run would show at its typical strength.
+    """
+    able = [i for i in hidden if evidence.candidates[i].sensitivity.strengths][:RIVALS]
+    if not able:
+        return None
+    view = Hidden(scorer, evidence, able, list(hidden), outlook(evidence, usual))
+    runs = list(_runs(sessions, scorer, evidence.base, [there for there, _ in view.pairs]))
+    best = best_run(runs, view.judged, view.glanced)
+    if best is None or not best[1].separates:
+        return None
+    return _next(scorer, view, *best)
+
+
+def _next(scorer: Scorer, view: Among | Hidden, proposal: Proposal, found: Judged) -> NextRun:
+    told = proposal.to_json(list(found.separates), found.expected, scorer.reduced.layout.scales)
+    told |= {
+        "expected_if": dict(found.each),
+        "chance_alone": min(found.alone, 1.0),
+        "foretelling": foretelling().version,
+    }
+    return NextRun(told, Predicted(view.verdict, found.gains, proposal.phase == "motor_bench"))
 
 
 def best_run(
-    runs: Sequence[tuple[Proposal, PredictedRun]], judge: Callable[[PredictedRun], Judged]
+    runs: Sequence[tuple[Proposal, PredictedRun]],
+    judge: Callable[[PredictedRun], Judged],
+    glance: Callable[[PredictedRun], tuple[float, ...]] | None = None,
 ) -> tuple[Proposal, Judged] | None:
-    """The run of the most worth; a longer one only where no shorter one decides everything."""
+    """The run of the most worth; a longer one only where no shorter one decides everything.
+
+    ``glance`` says cheaply which runs are worth to be judged.
+    """
     best: tuple[Proposal, Judged] | None = None
+    if glance is not None and len(runs) > LOOKED_AT:
+        runs = sorted(runs, key=lambda one: glance(one[1]), reverse=True)[:LOOKED_AT]
     for seconds in LENGTHS_S:
         for proposal, run in _lasting(runs, seconds):
             found = judge(run)
@@ -128,6 +169,184 @@ def best_run(
         if best is not None and best[1].least >= DECISIVE:
             break
     return best
+
+
+def _chances(scatter: int) -> Array:
+    """Standard deviations by which gains come out otherwise than foretold, (draws, scatter), once for all."""
+    return np.asarray(np.random.default_rng(1).standard_normal((CHANCES, scatter)))
+
+
+def _worth(run: PredictedRun, alone: float, first: float, gains: Iterable[float]) -> tuple[float, ...]:
+    """What a run is worth; of two that are as good to a twentieth, the one that separates more."""
+    cost = 0.0 if run.paired is None else COST_OF_CHANGE
+    worth = alone + FIRST_WORTH * first - cost
+    return round(20.0 * worth) / 20.0, sum(min(gain, DECISIVE) for gain in gains)
+
+
+class Among:
+    """Effects of which one is missing, and what runs would say of which it is."""
+
+    verdict: Verdict = FOUND
+
+    def __init__(self, scorer: Scorer, evidence: Evidence, chosen: list[int], now: Outlook) -> None:
+        self.scorer, self.evidence, self.chosen, self.outlook = scorer, evidence, chosen, now
+        told = now.probabilities()
+        likely = told[chosen[:TRUTHS]]
+        likely /= max(float(likely.sum()), LEAST_PROBABILITY)
+        self.truths = dict(zip(chosen[:TRUTHS], likely.tolist(), strict=True))
+        self._told = np.log(np.maximum(told, LEAST_PROBABILITY))
+        standing = now.found_set(told)
+        self.standing = [i for i in chosen[1:] if i in standing]
+        self.alone_now = sum(share for i, share in self.truths.items() if standing == [i])
+
+    def predicted(self, run: PredictedRun) -> dict[int, Array]:
+        """Gain of each effect that may be true on each other, before any correction, (effects,)."""
+        found = {}
+        for true in self.truths:
+            gains = np.zeros(len(self.evidence.candidates))
+            for other in self.chosen:
+                if other != true:
+                    gains[other] = _gain(self.scorer, run, self.evidence, true, other)
+            found[true] = gains
+        return found
+
+    def glanced(self, run: PredictedRun) -> tuple[float, ...]:
+        """What the run brings if its gains come out as foretold."""
+        line, alone, first = foretelling().line(run.kind.group.on_bench), 0.0, 0.0
+        predicted = self.predicted(run)
+        for true, gains in predicted.items():
+            told = self.outlook.probabilities(self.outlook.with_gains(true, self._corrected(line, gains)))
+            alone += self.truths[true] * (self.outlook.found_set(told) == [true])
+            first += self.truths[true] * (int(np.argmax(told)) == true)
+        least = predicted[self.chosen[0]]
+        return _worth(run, alone, first, [float(least[i]) for i in self.chosen[1:]])
+
+    def judged(self, run: PredictedRun) -> Judged:
+        """The same with what gains scatter by."""
+        now, predicted = self.outlook, self.predicted(run)
+        line = foretelling().line(run.kind.group.on_bench)
+        head, *rivals = self.chosen
+        away = _chances(len(self.evidence.candidates))
+        alone = first = 0.0
+        moved = {}
+        for true, gains in predicted.items():
+            told = [now.probabilities(now.with_gains(true, self._corrected(line, gains, e))) for e in away]
+            alone += self.truths[true] * float(np.mean([now.found_set(p) == [true] for p in told]))
+            first += self.truths[true] * float(np.mean([int(np.argmax(p)) == true for p in told]))
+            moved[true] = np.log(np.maximum(told, LEAST_PROBABILITY)) - self._told
+        worst = min(self.standing or rivals[:1], key=lambda i: self._mean_gain(predicted, head, i))
+        each = {}
+        for true in moved:
+            rival = worst if true == head else head
+            each[true] = float(np.median(moved[true][:, true] - moved[true][:, rival]))
+        pair = [i for i in (head, worst) if i in each]
+        shares = np.array([self.truths[i] for i in pair])
+        least = min(float(line.gain(self._mean_gain(predicted, head, i))) for i in rivals)
+        return Judged(
+            _worth(run, alone, first, [self._mean_gain(predicted, head, i) for i in rivals]), least,
+            (self._id(head), self._id(worst)), float(shares @ [each[i] for i in pair] / shares.sum()), alone,
+            {self._id(t): self._told_gains(t, gains) for t, gains in predicted.items()},
+            {self._id(i): gain for i, gain in each.items()},
+        )  # fmt: skip
+
+    def _told_gains(self, true: int, gains: Array) -> dict[str, float]:
+        """Predicted gains on the other effects, by id."""
+        return {self._id(i): float(gains[i]) for i in self.chosen if i != true}
+
+    def _corrected(self, line: Line, gains: Array, away: Array | float = 0.0) -> Array:
+        """Gains as past ones came out; an effect that was not looked at gains nothing and loses nothing."""
+        return np.where(gains != 0.0, line.gain(gains, away), 0.0)
+
+    def _mean_gain(self, predicted: Mapping[int, Array], first: int, second: int) -> float:
+        """Gain in the log odds of the one of two effects that is true, as likely as they are now."""
+        ways = [(i, j) for i, j in ((first, second), (second, first)) if i in predicted]
+        shares = np.array([self.truths[i] for i, _ in ways])
+        gains = np.array([predicted[i][j] for i, j in ways])
+        return float(shares @ gains / max(float(shares.sum()), LEAST_PROBABILITY))
+
+    def _id(self, i: int) -> str:
+        return self.evidence.candidates[i].last_effect.id
+
+
+class Hidden:
+    """Effects that could be there unseen, and what runs would say of them."""
+
+    verdict: Verdict = HIDDEN
+
+    def __init__(
+        self, scorer: Scorer, evidence: Evidence, able: list[int], hidden: list[int], now: Outlook
+    ) -> None:
+        """``able``: those of the ``hidden`` effects that any run could show."""
+        self.scorer, self.evidence, self.able, self.hidden, self.outlook = scorer, evidence, able, hidden, now
+        self.pairs = [_present_and_absent(scorer, evidence.base, evidence.candidates[i]) for i in able]
+        told = now.probabilities()
+        self._told = np.log(np.maximum(told, LEAST_PROBABILITY))
+        likely = told[able]
+        self.shares = likely / max(float(likely.sum()), LEAST_PROBABILITY)
+
+    def _detections(self, run: PredictedRun) -> list[float]:
+        return [_detection(self.scorer, run, self.evidence, *pair) for pair in self.pairs]
+
+    def glanced(self, run: PredictedRun) -> tuple[float, ...]:
+        """How many of the effects would show."""
+        found = self._detections(run)
+        return (sum(s * min(g, DECISIVE) for s, g in zip(self.shares, found, strict=True)),)
+
+    def judged(self, run: PredictedRun) -> Judged:
+        """Whether an effect that is there would be shown, and alone."""
+        found, table, now = self._detections(run), foretelling(), self.outlook
+        away, count = _chances(len(self.evidence.candidates) + 1), len(self.evidence.candidates)
+        shown = np.array([[table.shows.gain(g, e[-1]) >= DECIDING_LOG_ODDS for g in found] for e in away])
+        alone = first = 0.0
+        gains, expected = dict[str, dict[str, float]](), dict[str, float]()
+        for k, true in enumerate(self.able):
+            predicted = self._gains(run, k)
+            moved = []
+            for e, seen in zip(away, shown, strict=True):
+                if not seen[k]:
+                    blind = {i for i, other in zip(self.able, seen, strict=True) if not other}
+                    alone += (
+                        self.shares[k] / len(away) * (blind | set(self.hidden) - set(self.able) == {true})
+                    )
+                    moved.append(0.0)
+                    continue
+                among = np.where(
+                    predicted != 0.0, table.line(run.kind.group.on_bench).gain(predicted, e[:-1]), DECISIVE
+                )
+                told = now.probabilities(now.when_found(true, among))
+                change = np.log(np.maximum(told, LEAST_PROBABILITY)) - self._told
+                moved.append(float(change[true] - change[count]))
+                alone += self.shares[k] / len(away) * (now.found_set(told) == [true])
+                first += self.shares[k] / len(away) * (int(np.argmax(told)) == true)
+            name = self._id(true)
+            gains[name] = {self._id(i): float(predicted[i]) for i in self.able if i != true}
+            gains[name][HIDDEN] = found[k]
+            expected[name] = float(np.median(moved))
+        likeliest = next((name for name, gain in expected.items() if gain > LEAST_SEPARATION), None)
+        worth = _worth(run, float(alone), float(first), self.glanced(run))
+        separates = (likeliest, HIDDEN) if likeliest else ()
+        least = min(g for g in found)
+        return Judged(
+            worth, least, separates, expected.get(likeliest or "", 0.0), float(alone), gains, expected
+        )
+
+    def _gains(self, run: PredictedRun, k: int) -> Array:
+        """Gain of the k-th effect on each other that could be taken for it, (effects,)."""
+        base, gains = self.evidence.base, np.zeros(len(self.evidence.candidates))
+        values, usual = _values(run), base.misfit / base.count
+        right = _after(base, run, usual, usual * values)
+        for i in self.able:
+            if i == self.able[k]:
+                continue
+            left = apart(self.scorer.reduced, run, self.pairs[k][0], self.evidence.candidates[i], 1.0).left
+            wrong = _after(base, run, usual, usual * values + left)
+            odds = by_what_is_left(np.array([right, wrong]))
+            paired = _paired_gain(self.scorer, run, self.pairs[k][0], self.evidence.candidates[i])
+            gains[i] = max(float(odds[0] - odds[1]) + paired, LEAST_PROBABILITY)  # 0: not looked at
+        return gains
+
+    def _id(self, i: int) -> str:
+        return self.evidence.candidates[i].last_effect.id
 
 
 def _present_and_absent(
@@ -141,37 +360,17 @@ def _present_and_absent(
     return replace(fitted, fit=replace(fitted.fit, values=values_at_typical_strength(fitted, start))), absent
 
 
-@dataclass(frozen=True)
-class Detection:
-    """What a run would say of an effect that could not be seen, if it were there.
-
-    Attributes:
-        decides: on the scale on which ``DECIDING_LOG_ODDS`` is where the verdict changes.
-        expected: gain in the log odds against nothing.
-    """
-
-    decides: float
-    expected: float
-
-
 def _detection(
-    scorer: Scorer, run: PredictedRun, evidence: Evidence, i: int, truth: FittedModel, without: FittedModel
-) -> Detection:
-    """What the run would bring for candidate ``i``; LEAST_FALL in the run's own condition decides."""
-    base = evidence.base
+    scorer: Scorer, run: PredictedRun, evidence: Evidence, truth: FittedModel, without: FittedModel
+) -> float:
+    """What the run would say of an effect if it were there, where ``DECIDING_LOG_ODDS`` changes the verdict.
+
+    LEAST_FALL in the run's own condition decides.
+    """
     gain = separation(scorer.reduced, run, truth, without, 1.0)
-    values = _values(run)
-    counts = np.append(base.misfits[:, 1], values)
+    counts = np.append(evidence.base.misfits[:, 1], _values(run))
     needed = LEAST_FALL * float(counts.sum()) / float(condition_weights(counts)[-1])
-    decides = gain * 2.0 * DECIDING_LOG_ODDS / max(needed, 2.0 * DECIDING_LOG_ODDS)
-    usual, count = base.misfit / base.count, float(counts.sum())
-    left = count * _after(base, run, usual, usual * values)
-    misfit = count * _after(base, run, usual, usual * values + 2.0 * gain)
-    after = against_nothing(base, misfit, left, count) - np.log(len(evidence.candidates))
-    before = np.log(
-        max(float(evidence.undetected[i]), LEAST_PROBABILITY) / max(evidence.nothing, LEAST_PROBABILITY)
-    )
-    return Detection(decides, float(after - before))
+    return gain * 2.0 * DECIDING_LOG_ODDS / max(needed, 2.0 * DECIDING_LOG_ODDS)
 
 
 def _values(run: PredictedRun) -> float:
@@ -189,13 +388,6 @@ def _after(like: FittedModel, run: PredictedRun, left: float, misfit: float) -> 
     return float(misfits @ condition_weights(counts) / counts.sum())
 
 
-def _expected(scorer: Scorer, run: PredictedRun, evidence: Evidence, first: int, second: int) -> float:
-    """Expected gain in the log odds of the one of two effects that is true, as likely as they are now."""
-    shares = evidence.probabilities[[first, second]]
-    gains = [_gain(scorer, run, evidence, *ways) for ways in ((first, second), (second, first))]
-    return float(shares @ gains / max(float(shares.sum()), LEAST_PROBABILITY))
-
-
 def _gain(scorer: Scorer, run: PredictedRun, evidence: Evidence, true: int, other: int) -> float:
     """Gain in the log odds of the true effect: by what its rival leaves, and by the constants it needs."""
     truth, rival = evidence.candidates[true], evidence.candidates[other]
@@ -209,7 +401,15 @@ def _gain(scorer: Scorer, run: PredictedRun, evidence: Evidence, true: int, othe
         _after(truth, run, left[1], usual + found.left * evidence.temperature),
     ]
     gain = by_what_is_left(np.array(after)) - by_what_is_left(np.array(left))
-    return float(gain[0] - gain[1]) + (0.5 * found.zero + _constants(scorer, truth, rival) if alone else 0.0)
+    told = float(gain[0] - gain[1]) + _paired_gain(scorer, run, truth, rival)
+    return told + (0.5 * found.zero + _constants(scorer, truth, rival) if alone else 0.0)
+
+
+def _paired_gain(scorer: Scorer, run: PredictedRun, truth: FittedModel, rival: FittedModel) -> float:
+    """Log odds that the difference of a run with a known change from the one before it brings."""
+    if run.paired is None:
+        return 0.0
+    return min(0.5 * apart(scorer.reduced, run.paired, truth, rival, 1.0).left, MOST_PAIRED)
 
 
 def _constants(scorer: Scorer, truth: FittedModel, rival: FittedModel) -> float:
@@ -239,13 +439,13 @@ def _runs(
     sessions: Sequence[Session], scorer: Scorer, like: FittedModel, candidates: Sequence[FittedModel]
 ) -> Iterator[tuple[Proposal, PredictedRun]]:
     """Every run of the menu, as the model ``like`` would move, with the columns of all ``candidates``."""
-    beside, kinds = not scorer.reduced.on_bench, dict[tuple[str, int], RunKind]()
+    beside, kinds = not scorer.reduced.on_bench, dict[tuple[str, int, bool], RunKind]()
     for proposal in menu(sessions, scorer.reduced, like.values):
         motion = proposal.motion
-        name = motion.phase, motion.cable_sign
+        name = motion.phase, motion.cable_sign, motion.intervention is None
         if name not in kinds:
             kinds[name] = run_kind(sessions[0], motion, held_by(candidates, motion), beside)
-        yield proposal, predict_run(motion, kinds[name])
+        yield proposal, predict_run(motion, kinds[name], proposal.before)
 
 
 def _lasting(

@@ -22,6 +22,7 @@ from fingerlab.diagnosis.fit.noise import torque_noise
 from fingerlab.diagnosis.fit.solver import scaled_inverse
 from fingerlab.diagnosis.fit.weights import Weights, feature_weights, own_to_a_run
 from fingerlab.diagnosis.gram.decimation import decimated_columns
+from fingerlab.diagnosis.gram.pairs import pair_sums
 from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.settings import (
@@ -50,7 +51,7 @@ class RunKind:
         key = (fitted.model.tip_law, *((c.effect.id, c.shape) for c in choices))
         if key not in self._models:
             self._models[key] = build(self.layout, [self.group], choices, fitted.model.tip_law)
-        return self._models[key]
+        return self._models[key].holding(fitted.model.held)
 
     def contrast(self, truth: FittedModel, rival: FittedModel, heat: float) -> Contrast:
         """What two models predict of such a run; each pair is asked for every run and length."""
@@ -79,19 +80,27 @@ class PredictedRun:
 
     kind: RunKind
     sums: Sums
+    paired: PredictedRun | None = None
+    """For a run with a known change of the machine, its difference from the same motion before."""
 
     def lasting(self, times: float) -> PredictedRun:
         """The same motion so many times as long, again and again: it tells so many times as much."""
         longer = Sums(self.sums.products * times, taut_samples=round(self.sums.taut_samples * times))
-        return replace(self, sums=longer)
+        paired = None if self.paired is None else self.paired.lasting(times)
+        return replace(self, sums=longer, paired=paired)
 
 
-def predict_run(motion: Motion, kind: RunKind) -> PredictedRun:
-    """A run with this motion, which is of the ``kind``."""
+def predict_run(motion: Motion, kind: RunKind, before: Motion | None = None) -> PredictedRun:
+    """A run with this motion, which is of the ``kind``; ``before``: the same one without its known change."""
     low = decimated_columns(motion, kind.layout.effects, kind.layout.signals)
     # A trace of friction may hold a standing finger anywhere: what is seen at rest decides little.
     columns = low.columns[~low.rest]
-    return PredictedRun(kind, Sums(columns.T @ columns, taut_samples=len(columns)))
+    paired = None
+    if before is not None:
+        first = decimated_columns(before, kind.layout.effects, kind.layout.signals)
+        pair = pair_sums((0, 0), kind.group.key, first, low)
+        paired = None if pair is None else PredictedRun(kind, pair.difference)
+    return PredictedRun(kind, Sums(columns.T @ columns, taut_samples=len(columns)), paired)
 
 
 @dataclass(frozen=True)

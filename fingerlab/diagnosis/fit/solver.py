@@ -19,7 +19,7 @@ import numpy as np
 from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES, DELAY
 from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, Layout
 from fingerlab.diagnosis.equations.model import Model
-from fingerlab.diagnosis.equations.parameters import ARMS, LOSSES, TORQUE_ZERO
+from fingerlab.diagnosis.equations.parameters import ARMS, CHANGED_OFFSET, LOSSES, TORQUE_ZERO
 from fingerlab.diagnosis.fit.weights import (
     Data,
     FoldNumbers,
@@ -45,6 +45,9 @@ from fingerlab.diagnosis.settings import (
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
+
+HELD = 1e12
+"""Weight of the prior of an unknown that is held: its deviation is a millionth of what it usually is."""
 
 
 def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
@@ -354,7 +357,8 @@ class Fitter:
             u.open or (u.name in LOSSES and u.cable in pressed) or (u.key == DELAY and self.model.delayed)
             for u in self.model.unknowns
         ]
-        return np.where(weak, WEAK_PRIOR, 1.0)
+        held = [u.key in self.model.held for u in self.model.unknowns]
+        return np.where(held, HELD, np.where(weak, WEAK_PRIOR, 1.0))
 
     def run(self, start: Array | None = None, iterations: int = 12) -> Fit:
         """Newton steps with halving from ``start``; stops when the cost no longer falls.
@@ -434,8 +438,14 @@ class Fitter:
                 gradient = gradient - (h @ fold.matrix) @ jacobian
                 information = information - jacobian.T @ (fold.curvature @ jacobian)
         step = bounded_step(values, gradient, information, self._low, self._high)
+        step[self._of_changes] = 0.0
         values = np.clip(values + step, self._low, self._high)
         return LeftOut(values, information, (values > self._low) & (values < self._high))
+
+    @cached_property
+    def _of_changes(self) -> list[int]:
+        """Unknowns that only the runs with one known change of the machine tell, and no others could."""
+        return [i for key, i in self.model.index.items() if key.startswith(CHANGED_OFFSET)]
 
     def normal_equations(self, values: Array) -> tuple[Array, Array]:
         """Half the gradient of the cost, (p,), and its Gauss-Newton curvature with noise, (p, p)."""

@@ -43,7 +43,7 @@ def taut_moments(motion: Motion, inner: slice) -> BoolArray:
     """Samples into whose low-pass window no slack moment falls."""
     if motion.finger is None:
         return np.ones(len(decimate(motion.time[inner])), dtype=bool)
-    pull = (motion.torque - (motion.motor.inertia or 0.0) * motion.acceleration) / motion.radius
+    pull = (motion.cable_torque - (motion.motor.inertia or 0.0) * motion.acceleration) / motion.radius
     pull -= INERTIA_SPREADS * motion.inertia_spread * np.abs(motion.acceleration) / motion.radius
     smooth = np.convolve(pull, np.ones(9) / 9, mode="same")  # 36 ms: the tension's own noise is then small
     noise = float(np.median(np.abs(pull - smooth)[inner])) if len(pull[inner]) else 0.0

@@ -8,6 +8,7 @@ between the two (see ``fingerlab.core.parallel``), and each keeps what it read.
 
 from __future__ import annotations
 
+import operator
 import os
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -22,25 +23,30 @@ from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of, of_the_user
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.gram.decimation import Decimated
+from fingerlab.diagnosis.gram.pairs import pair_sums
 from fingerlab.diagnosis.gram.run_constants import RunConstants
 from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, run_sums
-from fingerlab.diagnosis.gram.sums import Group, Reduced, RunSums, add_among, empty
-from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, TASKS_AHEAD
+from fingerlab.diagnosis.gram.sums import Group, PairSums, Reduced, RunSums, add_among, empty
+from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, STATE_ORDERS, TASKS_AHEAD
 from fingerlab.diagnosis.signals.conditions import (
     Fold,
     GroupKey,
+    changed_pairs,
     deal_runs,
     group_key,
     missing_channels,
     repeated_motions,
     runs_to_analyse,
+    with_changes_told,
 )
 from fingerlab.diagnosis.signals.contradictions import Facts, check_channels
-from fingerlab.diagnosis.signals.scales import Scales, find_scales, reduced_sessions
+from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
+from fingerlab.physics.motion import Motion, strongest_orders
 from fingerlab.rig.constants import Rig
+from fingerlab.rig.intervention import UNCHANGED, Intervention, intervention_of
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import told_frequency
 
@@ -54,6 +60,7 @@ class Reduction:
     Attributes:
         constants: that every run has of its own, as was found; None: none.
         settled: whether they were looked for.
+        held: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run and channel; samples: that it has.
     """
 
@@ -74,6 +81,7 @@ class Reduction:
         self._seen: dict[str, tuple[Shape, ...]] = {}
         self.constants: RunConstants | None = None
         self.settled = False
+        self.held: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[str, int]] = {}
         self.samples: dict[int, float] = {}
         self._forget()
@@ -86,7 +94,7 @@ class Reduction:
     @cached_property
     def sessions(self) -> tuple[Session, ...]:
         """The sessions in reduced units."""
-        return reduced_sessions(self._given, self.scales)
+        return with_changes_told(reduced_sessions(self._given, self.scales))
 
     @cached_property
     def _pairs(self) -> list[tuple[Session, Run]]:
@@ -109,11 +117,23 @@ class Reduction:
 
     def _suited(self, effect: Effect) -> Effect:
         if effect.id not in self._seen:
-            runs = self._pairs[:: -(-len(self._pairs) // MOST_LOOKED_AT)]
-            motions = [next(segments_of(run, session.rig)) for session, run in runs]
             assert effect.shapes_seen is not None
-            self._seen[effect.id] = tuple(effect.shapes_seen(motions))
+            self._seen[effect.id] = tuple(effect.shapes_seen(self._looked_at()))
         return replace(effect, shapes=self._seen[effect.id] or effect.shapes)
+
+    def _looked_at(self) -> list[Motion]:
+        """The first stretch of some runs, evenly among all."""
+        runs = self._pairs[:: -(-len(self._pairs) // MOST_LOOKED_AT)]
+        return [next(segments_of(run, session.rig)) for session, run in runs]
+
+    @cached_property
+    def _orders(self) -> tuple[float, ...]:
+        """Periods a turn at which the torque of a motor alone repeats with its angle."""
+        return strongest_orders(self._looked_at())[:STATE_ORDERS] if self._on_bench else ()
+
+    def is_of(self, sessions: Sequence[Session]) -> bool:
+        """Whether it was made of these very sessions."""
+        return len(sessions) == len(self._given) and all(map(operator.is_, self._given, sessions))
 
     @property
     def rig(self) -> Rig:
@@ -134,6 +154,12 @@ class Reduction:
     def runs(self) -> list[tuple[str, str]]:
         """Session and name of each run that is analysed."""
         return [(str(session.path), run.name) for session, run in self._pairs]
+
+    @property
+    def changes(self) -> list[Intervention]:
+        """The known change of the machine in every run, SI."""
+        each = (as_recorded(run) for _, run in self._pairs)
+        return [intervention_of(run.attributes, run.name) or UNCHANGED for run in each]
 
     @property
     def motions(self) -> list[int | None]:
@@ -182,7 +208,7 @@ class Reduction:
         known = self._closer[key]
         # Missing noise is filled in by whoever asks.
         groups = [replace(g) for g in known.groups]
-        return replace(known, groups=groups, constants=self.constants)
+        return replace(known, groups=groups, constants=self.constants, held=self.held)
 
     def _acting(self, effects: Sequence[Effect]) -> list[Effect]:
         """Those that can act in these runs."""
@@ -222,7 +248,8 @@ class Reduction:
         seek_cycle = all(told_frequency(run) is None for run in runs)
         asked, start = {}, 0
         for on_bench, layout in layouts.items():
-            asked[on_bench] = asked_of(layout, effects, self._first.get(on_bench), start, anew, seek_cycle)
+            found = asked_of(layout, effects, self._first.get(on_bench), start, anew, seek_cycle)
+            asked[on_bench] = replace(found, orders=self._orders)
             start += layout.signal_count
         whole = _joined(*layouts.values())
         dealt, places = deal_runs(runs)
@@ -246,7 +273,28 @@ class Reduction:
         for group in groups.values():
             remove_common_trend(group)
         radius = 1.0 if self._on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
-        return Reduced(whole, list(groups.values()), self._on_bench, radius, self.constants)
+        changed = tuple(self._changed_pairs(runs, effects, each, whole.signal_count))
+        every = list(groups.values())
+        return Reduced(whole, every, self._on_bench, radius, self.constants, self.held, changed)
+
+    def _changed_pairs(
+        self, runs: Sequence[Run], effects: Sequence[Effect], asked: Sequence[Asked], size: int
+    ) -> Iterator[PairSums]:
+        """The sums over every pair of runs before a known change and with it; these are read once more."""
+        for numbers in changed_pairs(runs):
+            seen: list[Decimated] = []
+
+            def keep(session: Session, run: Run, low: Decimated, seen: list[Decimated] = seen) -> None:
+                seen.append(low)
+
+            for number in numbers:
+                count, own = len(seen), SegmentCache()
+                shown = partial(_shown, keep, asked[number].start, size)
+                run_sums(number, *self._pairs[number], effects, asked[number], shown, own)
+                del seen[count + 1 :]
+            found = pair_sums(numbers, group_key(runs[numbers[0]]), *seen)
+            if found is not None:
+                yield found
 
 
 def narrowed(effect: Effect, rig: Rig, scales: Scales) -> Effect:

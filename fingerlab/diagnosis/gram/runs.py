@@ -142,7 +142,7 @@ def run_sums(
         repeating = repeating_bases(low, run, asked.seek_cycle)
         if repeating is None:
             result.add(Part(low.live + asked.start, part, totals))
-            result.state_products += state_products(low) if motion.finger is None else []
+            result.state_products += state_products(low, asked.orders) if motion.finger is None else []
         else:
             cyclic, trend = live @ repeating[0], live @ repeating[1]
             noise = part.products - cyclic @ cyclic.T

@@ -1,8 +1,9 @@
 """How well any law of a motor's measured state could tell its torque: the floor where no motion comes again.
 
-A regression on functions of angle, speed, acceleration, load and way since reversal, with runs left out. It
-knows no physics and no plausible range; what it cannot tell either, no effect is asked to explain. It takes
-as many functions as the runs that were left out bear out.
+A regression on functions of angle, speed, acceleration, load and way since reversal, with runs left out.
+Among those of the angle are waves of the orders at which the torque repeats over it most. It knows no physics
+and no plausible range; what it cannot tell either, no effect is asked to explain. It takes as many functions
+as the runs that were left out bear out.
 """
 
 from __future__ import annotations
@@ -28,8 +29,9 @@ BASIS = 4
 """So many functions every law has: a constant, acceleration, load and speed."""
 
 
-def _functions(motion: Motion) -> Array:
+def _functions(motion: Motion, orders: Sequence[float]) -> Array:
     """Functions of the state at the wide rate, simple ones first, and the torque last, (functions + 1, n)."""
+    waves = [part(order * motion.position) for order in orders for part in (np.sin, np.cos)]
     angle, speed = motion.position, motion.velocity
     load = np.zeros_like(speed) if motion.load is None else motion.load
     ways = slip_states(motion.position, np.radians(STATE_TRAVELS_DEG))
@@ -41,14 +43,17 @@ def _functions(motion: Motion) -> Array:
             *by_speed, *ways,
             angle, np.cos(angle), np.sin(angle), angle * middle, speed * np.abs(speed),
             np.sign(speed) * np.sqrt(np.abs(speed)), *(np.abs(load) * way for way in ways),
-            load * speed, load * angle, speed * middle, motion.torque,
+            load * speed, load * angle, speed * middle, *waves, motion.torque,
         ]
     )  # fmt: skip
 
 
-def state_products(low: Decimated) -> list[Array]:
-    """Products of the functions over blocks of a stretch, (functions + 1,) * 2 each."""
-    signals = decimate(_functions(low.wide)[:, counted(low.wide)])
+def state_products(low: Decimated, orders: Sequence[float]) -> list[Array]:
+    """Products of the functions over blocks of a stretch, (functions + 1,) * 2 each.
+
+    ``orders``: periods a turn at which the torque may repeat with the angle.
+    """
+    signals = decimate(_functions(low.wide, orders)[:, counted(low.wide)])
     pieces = max(round(signals.shape[1] / STATE_BLOCK), 1)
     return [block @ block.T for block in np.array_split(signals, pieces, axis=1)]
 

@@ -8,7 +8,7 @@ says nothing at moments when the cable may be slack.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -277,11 +277,34 @@ class Group:
         return sum(f.samples for f in self.folds)
 
 
+@dataclass(frozen=True)
+class PairSums:
+    """Products of signals over two runs of one motion: before a known change, and with it.
+
+    Where the cable is taut and the motor moves in both. The difference is over the root of two, so that it is
+    as noisy as one run.
+
+    Attributes:
+        before, after: numbers of the two runs. group: that they belong to.
+        difference: products of the difference. across: products of the difference with the runs' mean,
+            (signals, signals). mean: products of the mean.
+    """
+
+    before: int
+    after: int
+    group: GroupKey
+    difference: Sums
+    across: Array
+    mean: Array
+
+
 @dataclass
 class Reduced:
     """All that the diagnosis needs of the sessions; ``on_bench``: all runs are of the motor alone.
 
-    ``constants`` are those that every run has of its own; None: none was found.
+    ``constants`` are those that every run has of its own; None: none was found. ``held``: values that
+    somebody holds unknowns of every model at, by key, SI. ``pairs`` are of runs before a known change of the
+    machine and with it.
     """
 
     layout: Layout
@@ -289,3 +312,5 @@ class Reduced:
     on_bench: bool
     radius: float  # of the pulley, m; 1 on a bench without one
     constants: RunConstants | None = None
+    held: Mapping[str, float] = field(default_factory=dict)
+    pairs: tuple[PairSums, ...] = ()

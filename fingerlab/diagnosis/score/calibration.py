@@ -65,6 +65,20 @@ class Odds:
 
 
 @dataclass(frozen=True)
+class Predicted:
+    """What was predicted of a proposed run before any correction; kept so that it can be learned from.
+
+    ``gains`` in nats: by the id of an effect that may be true, those of its log odds against the others, by
+    id; by ``nothing_missing``, what the run says of an effect that could not be seen. ``bench``: it is of the
+    motor alone.
+    """
+
+    verdict: str
+    gains: Mapping[str, Mapping[str, float]]
+    bench: bool = False
+
+
+@dataclass(frozen=True)
 class ProbabilityMap:
     """Values of the map from odds to probabilities; log odds are multiplied by a sharpness.
 
@@ -209,6 +223,11 @@ class CalibrationTable:
             words.insert(0, f"runs {told} alone")
         return share, tuple(words)
 
+    def widening(self, features: Mapping[str, float], kind: str) -> tuple[float, float, tuple[str, ...]]:
+        """By how much the log odds of a session are drawn together, and what :meth:`typicality` says."""
+        share, unusual = self.typicality(features, kind)
+        return 1.0 + (WIDENING - 1.0) * min(max(1.0 - share / UNUSUAL, 0.0), 1.0), share, unusual
+
 
 def _unusual(feature: SessionFeature, value: float) -> str:
     at, low, high = (f"{float(f'{v:.2g}'):g}" for v in (value, feature.low, feature.high))
@@ -287,8 +306,7 @@ def calibrated(
         table: None for the one that comes with the program.
     """
     table = table or calibration()
-    share, unusual = table.typicality(features, kind)
-    widening = 1.0 + (WIDENING - 1.0) * min(max(1.0 - share / UNUSUAL, 0.0), 1.0)
+    widening, share, unusual = table.widening(features, kind)
     probabilities = table.map.probabilities(odds, features.get("left", 1.0), widening)
     kept = table.conformal_set(verdict, odds.answers, probabilities)
     return probabilities, CalibratedAnswer(

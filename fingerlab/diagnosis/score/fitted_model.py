@@ -9,7 +9,7 @@ take its place.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -57,6 +57,11 @@ def at_assumed_bounds(fitted: FittedModel) -> list[str]:
     return found
 
 
+def at_found_shapes(fitted: FittedModel) -> list[Effect]:
+    """The model's effects, each with the one shape that was found as its grid."""
+    return [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in fitted.choices]
+
+
 NO_SENSITIVITY = Sensitivity(np.zeros(0), {})
 
 
@@ -75,6 +80,7 @@ class FittedModel:
         widening: what it costs in twice the log density that sticking friction may hold any value at rest.
         prior_penalty: what the constants of the joints' equations cost in twice the log density.
         sensitivity: what the last effect would do; empty where it was not asked for.
+        paired: one line for each pair of runs before a known change and with it, (pairs, 2), as ``misfits``.
     """
 
     model: Model
@@ -88,6 +94,7 @@ class FittedModel:
     widening: float = 0.0
     prior_penalty: float = 0.0
     sensitivity: Sensitivity = NO_SENSITIVITY
+    paired: Array = field(default_factory=lambda: np.zeros((0, 2)))
 
     @property
     def choices(self) -> tuple[Choice, ...]:

@@ -30,6 +30,7 @@ from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights
 from fingerlab.diagnosis.gram.run_constants import Offsets, RunConstants
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel, sensitivity
+from fingerlab.diagnosis.score.paired import paired_misfit
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, MOST_WANDER, SETTLED
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.sessions.model import Array
@@ -64,11 +65,16 @@ class Scorer:
 
     def with_constants(self, constants: RunConstants) -> Scorer:
         """The same on sessions whose runs have these constants of their own."""
-        other = copy(self)
+        other = self.fresh()
         other.reduced = replace(self.reduced, constants=constants)
         other.data = Data(self.reduced.groups, constants)
-        other._fitters, other._fitters_weights = {}, ()
         other.__dict__.pop("bare", None)
+        return other
+
+    def fresh(self) -> Scorer:
+        """The same, with nothing kept of what it has scored."""
+        other = copy(self)
+        other._fitters, other._fitters_weights = {}, ()
         return other
 
     @property
@@ -85,7 +91,12 @@ class Scorer:
         """The model with these effects; built once, for most are fitted again under other weights."""
         key = _model_key(law, choices)
         if key not in self._models:
-            self._models[key] = build(self.reduced.layout, self.reduced.groups, choices, law)
+            layout = self.reduced.layout
+            model = build(layout, self.reduced.groups, choices, law)
+            self._models[key] = model.holding(
+                {u.key: self.reduced.held[u.key] / layout.scales.of(u.parameter.unit)
+                 for u in model.unknowns if u.key in self.reduced.held}
+            )  # fmt: skip
         return self._models[key]
 
     def start_values(self, model: Model, like: FittedModel | None = None) -> Array:
@@ -200,11 +211,22 @@ class Scorer:
             result += EFFECTIVE_SHARE * group.samples * each
         return result
 
-    def score_in_sample(self, fitted: FittedModel) -> FittedModel:
-        """The model with its misfit on every condition, by the fit to all runs."""
+    def score_in_sample(self, fitted: FittedModel, residuals: bool = False) -> FittedModel:
+        """The model with its misfit on every condition, by its values as they are.
+
+        With ``residuals`` the equations' own residuals are kept too.
+        """
         fitter = self._fitter(fitted)
         misfits = self._in_sample(fitter, fitted)
-        return self._scored(fitted, fitter, misfits=misfits, in_sample=misfits, held_out=False)
+        found = self._scored(fitted, fitter, misfits=misfits, in_sample=misfits, held_out=False)
+        if not residuals:
+            return found
+        means = {
+            g.key: np.sum([self._products(fitter, fitted.fit.values, i, k) for k in range(len(g.dealt))], 0)
+            / max(g.samples, 1)
+            for i, g in enumerate(self.reduced.groups)
+        }
+        return replace(found, residuals=means)
 
     def score_held_out(self, fitted: FittedModel, residuals: bool = False) -> FittedModel:
         """The model with every run scored by a fit that has not seen it.
@@ -256,7 +278,14 @@ class Scorer:
             held_out=held_out,
             widening=fitter.widening,
             prior_penalty=self._prior_penalty(fitted),
+            paired=self._paired(fitted),
         )
+
+    def _paired(self, fitted: FittedModel) -> Array:
+        """What is left of every pair's difference, (pairs, 2)."""
+        groups = {g.key: g for g in self.reduced.groups}
+        found = [paired_misfit(fitted, pair, groups[pair.group]) for pair in self.reduced.pairs]
+        return np.array(found).reshape(-1, 2)
 
     def _prior_penalty(self, fitted: FittedModel, zero_spread: float | None = None) -> float:
         routings = {g.key[0] for g in self.reduced.groups if not g.in_contact}

@@ -18,6 +18,7 @@ import numpy as np
 from fingerlab.diagnosis.equations.features import BoolArray
 from fingerlab.diagnosis.fit.weights import temperature
 from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.paired import paired_log_odds
 from fingerlab.diagnosis.settings import (
     CONTACT_CHARGE,
     CONTACT_SHARE,
@@ -120,6 +121,7 @@ def log_odds_among(base: FittedModel, candidates: Sequence[FittedModel]) -> Arra
     log -= 0.5 * np.array([t.prior_penalty for t in candidates])
     log -= np.array([small_excess(t) for t in candidates])
     log[idle(base, candidates)] -= 2.0 * DECIDING_LOG_ODDS
+    log += paired_log_odds(candidates)
     return np.asarray(log - log.max())
 
 

@@ -19,10 +19,10 @@ from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.weights import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
-from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import idle_steps, justified, least_fall, log_odds_among
-from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all
+from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all, off_its_bounds
 from fingerlab.diagnosis.search.path import forward_selection, worth_adding
 from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,
@@ -44,7 +44,9 @@ def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:
         choices = list(fitted.choices)
         shapes = [scorer.fit([*choices, Choice(one, i)], fitted, 3) for i in range(len(one.shapes))]
         fitted = climb_grid(scorer, min(shapes, key=lambda m: m.fit.cost))
-        fitted = scorer.fit_reweighted(fitted.choices, fitted)
+        fitted = off_its_bounds(scorer, scorer.fit_reweighted(fitted.choices, fitted), FULL_ITERATIONS)
+        if fitted.last_effect is not one:  # under a wider range
+            fitted = scorer.fit_reweighted(fitted.choices, fitted)
     return _at_best_shapes(scorer, fitted) if len(effects) > 1 else fitted
 
 
@@ -289,11 +291,6 @@ def untied(evidence: Evidence, tied: Sequence[int], refined: Sequence[FittedMode
     log_odds[tied] = log_odds_among(evidence.base, refined)
     found = float(evidence.probabilities.sum())
     return replace(evidence, log_odds=log_odds, probabilities=found * shares_of(log_odds))
-
-
-def at_found_shapes(fitted: FittedModel) -> list[Effect]:
-    """The model's effects, each with the one shape that was found as its grid."""
-    return [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in fitted.choices]
 
 
 def with_shapes_of(catalogue: Sequence[Effect], found: Sequence[Effect]) -> list[Effect]:

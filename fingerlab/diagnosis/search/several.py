@@ -15,10 +15,9 @@ from collections.abc import Sequence
 from fingerlab.core.progress import Watch
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import (
-    at_found_shapes,
     fit_refined,
     refine_grid,
     with_shapes_of,

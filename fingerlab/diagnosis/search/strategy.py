@@ -159,7 +159,7 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
         watch = question.stages.part(0.97, 0.98)
         refined, path = with_plainer_end(question.reduction, question.catalogue, refined, path, watch)
         weights = path[-1].weights
-    if refined is not None or len(path) > 2:
+    if refined is not None or len(path) > 2 or scorer.reduced.pairs:
         # Every score of an answer is told in the floors of the same, last model.
         evidence = rescore(scorer, evidence, weights)
         path = [evidence.base, *path[1:]]

@@ -10,15 +10,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.settings import FOLDS, MOST_FOLDS, SAME_DIFFERENCE, SAME_SHARE
+from fingerlab.diagnosis.settings import FOLDS, MOST_CHANGES, MOST_FOLDS, SAME_DIFFERENCE, SAME_SHARE
+from fingerlab.rig.intervention import INTERVENTION, UNCHANGED, Intervention, intervention_of
 from fingerlab.sessions.model import Run, Session
 
+CHANGE = "number of the change"
+"""Attribute of a run in memory: number of its known change, and how many there are."""
 TOLD = ("frequency_hz", "amplitude_deg", "offset_deg", "load_torque")
 """What tells one motion from another of its kind."""
 
@@ -63,10 +66,73 @@ def deal(runs: Sequence[Run], most: int) -> tuple[list[Fold], list[int]]:
 def _condition(run: Run, seen: list[Run]) -> int:
     """Which of the motions ``seen`` the run was told; a new one is appended."""
     for number, other in enumerate(seen):
-        if _alike(run.trajectory, other.trajectory):
+        if _alike(run.trajectory, other.trajectory) and _same_change(run, other):
             return number
     seen.append(run)
     return len(seen) - 1
+
+
+def _same_change(one: Run, other: Run) -> bool:
+    """Whether the machine was changed alike for both, or for neither."""
+    mine, theirs = (intervention_of(run.attributes, run.name) or UNCHANGED for run in (one, other))
+    return mine == theirs
+
+
+def with_changes_told(sessions: Sequence[Session]) -> tuple[Session, ...]:
+    """The sessions; where a run was taken with a known change of the machine, all finger runs tell of theirs.
+
+    Their equations then have one form, those of an unchanged machine with nothing added.
+    """
+    if not any(run.changed for session in sessions for run in session.runs):
+        return tuple(sessions)
+
+    seen: list[tuple[str, Intervention]] = []
+
+    def told(run: Run) -> Run:
+        change = intervention_of(run.attributes, run.name) or UNCHANGED
+        one = run.cable, change
+        if change != UNCHANGED and one not in seen:
+            seen.append(one)
+        number = seen.index(one) + 1 if one in seen else 0
+        return replace(
+            run, attributes={INTERVENTION: "{}", **run.attributes, CHANGE: min(number, MOST_CHANGES)}
+        )
+
+    def counted(run: Run) -> Run:
+        count = min(len(seen), MOST_CHANGES)
+        return replace(run, attributes={**run.attributes, CHANGE: (run.attributes[CHANGE], count)})
+
+    for change in (told, counted):
+        sessions = [
+            replace(s, runs=tuple(change(r) if r.cable_sign else r for r in s.runs)) for s in sessions
+        ]
+    return tuple(sessions)
+
+
+def changed_pairs(runs: Sequence[Run]) -> list[tuple[int, int]]:
+    """Numbers of runs of one motion, before a known change of the machine and with it; the last before each.
+
+    About which angle a finger presses is found anew after a change: there the offset does not count.
+    """
+    found = []
+    for number, run in enumerate(runs):
+        if not run.cable_sign or intervention_of(run.attributes, run.name) in (None, UNCHANGED):
+            continue
+        same = [
+            k
+            for k, other in enumerate(runs)
+            if group_key(other) == group_key(run) and _alike(_shape(other), _shape(run))
+            and intervention_of(other.attributes, other.name) in (None, UNCHANGED)
+        ]  # fmt: skip
+        if same:
+            found.append((max([k for k in same if k < number], default=same[0]), number))
+    return found
+
+
+def _shape(run: Run) -> Mapping[str, Any]:
+    """What a run was told, as far as it tells a pair's motion."""
+    pressed = run.phase == "contact"
+    return {k: v for k, v in run.trajectory.items() if not (pressed and k == "offset_deg")}
 
 
 def _alike(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
@@ -101,7 +167,8 @@ def repeated_motions(runs: Sequence[Run]) -> list[int | None]:
 
 def _told_the_same(one: Run, other: Run) -> bool:
     mine, theirs = ({k: v for k, v in run.trajectory.items() if k not in TOLD} for run in (one, other))
-    return group_key(one) == group_key(other) and mine == theirs and _alike(one.trajectory, other.trajectory)
+    same = group_key(one) == group_key(other) and _same_change(one, other)
+    return same and mine == theirs and _alike(one.trajectory, other.trajectory)
 
 
 GroupKey = tuple[str, str]

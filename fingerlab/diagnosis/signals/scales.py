@@ -35,6 +35,7 @@ from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.rig.file import CONSTANT_UNITS
+from fingerlab.rig.intervention import UNITS, Intervention, intervention_of
 from fingerlab.sessions.format import CHANNEL_UNITS
 from fingerlab.sessions.model import Array, ChannelReader, Run, Session
 from fingerlab.sessions.trajectory import told_frequency
@@ -214,6 +215,21 @@ def scales_of(run: Run) -> Scales:
     return run.scales if isinstance(run, ReducedRun) else SI
 
 
+def scaled_change(change: Intervention, scales: Scales, way: int = 1) -> Intervention:
+    """A known change from reduced units in SI (``way`` 1) or the other way (-1)."""
+    return change.scaled({unit: scales.of(unit) for unit in UNITS.values()}, way)
+
+
+def reduced_change(run: Run) -> Intervention | None:
+    """The known change of a run in the units that it is told in; None: it tells of none.
+
+    Raises:
+        UserError: it cannot be read.
+    """
+    change = intervention_of(run.attributes, run.name)
+    return None if change is None else scaled_change(change, scales_of(run), -1)
+
+
 def reduced_sessions(sessions: Sequence[Session], scales: Scales) -> tuple[Session, ...]:
     """The sessions in reduced units; as they are where those are SI."""
     return tuple(sessions if scales == SI else (_reduced(s, scales) for s in sessions))
@@ -272,6 +288,7 @@ def reduced_motion(motion: Motion, scales: Scales) -> Motion:
         torque=motion.torque / scales.torque, motor=rig.motor, finger=rig.finger, joints=joints,
         force=forced(motion.force, "N"), load=forced(motion.load, "N m"),
         inertia_spread=motion.inertia_spread / scales.of("kg m^2"), _memory={},
+        intervention=None if motion.intervention is None else scaled_change(motion.intervention, scales, -1),
     )  # fmt: skip
 
 

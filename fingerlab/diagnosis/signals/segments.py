@@ -28,7 +28,7 @@ from fingerlab.diagnosis.settings import (
     USUAL_INERTIA,
     WIDE_RATE_HZ,
 )
-from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, FINGER_CHANNELS
+from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, CHANGE, FINGER_CHANNELS
 from fingerlab.diagnosis.signals.filters import (
     at_wide_rate,
     derivative_kernels,
@@ -36,7 +36,7 @@ from fingerlab.diagnosis.signals.filters import (
     is_wide_rate,
 )
 from fingerlab.diagnosis.signals.repairs import BRIDGED, bridged, without_spikes
-from fingerlab.diagnosis.signals.scales import LEAST_SECONDS, as_recorded, scales_of
+from fingerlab.diagnosis.signals.scales import LEAST_SECONDS, as_recorded, reduced_change, scales_of
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.constants import Rig
@@ -179,6 +179,8 @@ def _motion(
         lead=behind,
         position_step=_smallest_step(samples["motor_position"][lead:]),
         inertia_spread=_inertia_spread(rig),
+        intervention=None if on_bench else reduced_change(run),
+        change=run.attributes.get(CHANGE, (0, 0)),
     )
 
 

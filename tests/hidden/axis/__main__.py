@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import click
 import numpy as np
@@ -15,11 +16,13 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.signals.scales import find_scales
 from fingerlab.effects import CATALOGUE
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Session
+from tests.hidden.axis.makers import MAKERS, Maker, imported
 from tests.hidden.axis.plant import LAWS, TRUTH, drawn, session
-from tests.hidden.axis.regression import baselines
+from tests.hidden.axis.regression import CUTOFF_HZ, baselines
 
 FOUND_BY_MAKERS = {
     "cable-tool": "Coulomb-like friction of a cable-driven tool",
@@ -32,7 +35,10 @@ BEGIN, END = "<!-- made from here -->", "<!-- to here -->"
 
 @dataclass(frozen=True)
 class Told:
-    """What was said of a machine; errors of the torque on runs left out, N m, and in floors."""
+    """What was said of a machine; errors of the torque on runs left out, N m, and in floors.
+
+    ``measure``: errors of the plain regression, N m, in the same band.
+    """
 
     verdict: str
     path: tuple[str, ...]
@@ -52,7 +58,7 @@ def tell(machine: Session) -> Told:
         tuple(first.set),
         (first.path[0].score, first.path[-1].score),
         (first.errors["motor_torque"].rmse, last.errors["motor_torque"].rmse),
-        baselines(machine),
+        baselines(machine, CUTOFF_HZ / find_scales([machine]).time),
     )
 
 
@@ -62,6 +68,16 @@ def _titles(ids: tuple[str, ...]) -> str:
 
 def _milli(value: float) -> str:
     return f"{1e3 * value:.3g}"
+
+
+def line_of(name: str, told: Told) -> str:
+    """What is printed of a machine while the table is made: the verdict, and the regression beside it."""
+    best = min(told.measure, key=told.measure.__getitem__)
+    return (
+        f"{name}: {told.verdict}, {_titles(told.path)}; torque {told.errors[0]:.3g} to {told.errors[1]:.3g} "
+        f"N m ({told.scores[0]:.1f} to {told.scores[1]:.2f} floors); regression "
+        f"{told.measure['nominal']:.3g} to {told.measure[best]:.3g} N m ({best})"
+    )
 
 
 def real_table(folder: Path) -> list[str]:
@@ -75,12 +91,38 @@ def real_table(folder: Path) -> list[str]:
         path = folder / f"{name}.h5"
         if path.exists():
             told = tell(open_session(path))
+            click.echo(line_of(name, told))
             measure = ", ".join(_milli(value) for value in told.measure.values())
             lines.append(
                 f"| `{name}` | {known} | {_titles(told.path)} | {', '.join(map(_milli, told.errors))} "
                 f"| {measure} | {told.scores[0]:.1f}, {told.scores[1]:.2f} |"
             )
     return lines
+
+
+def makers_table(jobs: int) -> list[str]:
+    """Each machine of another maker, by its logs and the two commands that a stranger types."""
+    lines = [
+        "| machine and log | in it | first step right | all of it in the path | the path names "
+        "| torque error over the regression's | score before, after |",
+        "|---|---|---|---|---|---:|---:|",
+    ]
+    every = Parallel(n_jobs=jobs)(delayed(_made)(maker) for maker in MAKERS.values())
+    for (name, maker), told in zip(MAKERS.items(), every, strict=True):
+        click.echo(line_of(name, told))
+        first = bool(told.path) and any(told.path[0] in one for one in maker.truth)
+        whole = all(one & set(told.path) for one in maker.truth)
+        ratio = told.errors[1] / min(told.measure.values())
+        lines.append(
+            f"| {name} | {maker.inside} | {'yes' if first else 'no'} | {'yes' if whole else 'no'} "
+            f"| {_titles(told.path)} | {ratio:.2f} | {told.scores[0]:.1f}, {told.scores[1]:.2f} |"
+        )
+    return lines
+
+
+def _made(maker: Maker) -> Told:
+    with threadpool_limits(limits=1, user_api="blas"), TemporaryDirectory() as folder:
+        return tell(open_session(imported(maker, Path(folder))))
 
 
 def _one(law: str, seed: int) -> tuple[str, Told | None]:
@@ -96,21 +138,24 @@ def plant_table(seeds: int, jobs: int) -> list[str]:
     trials = [(law, seed) for law in LAWS for seed in range(seeds)]
     results = Parallel(n_jobs=jobs)(delayed(_one)(*trial) for trial in trials)
     lines = [
-        "| in the machine | machines | first step right | all of it in the path | nothing else in it "
-        "| torque error over the regression's, median | refused |",
-        "|---|---:|---:|---:|---:|---:|---:|",
+        "| in the machine | machines | first step right | first in the set | all of it in the path "
+        "| nothing else in it | torque error over the regression's, median | refused |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|",
     ]
     for law in LAWS:
         every = [told for name, told in results if name == law]
+        for seed, told in enumerate(every):
+            click.echo(f"{law} {seed}: refused" if told is None else line_of(f"{law} {seed}", told))
         mine = [told for told in every if told is not None]
         truth = TRUTH[law]
         allowed = frozenset().union(*truth)
         first = sum((told.path[0] in allowed) if told.path else not truth for told in mine)
+        among = sum(bool(allowed & set(told.chosen)) if truth else not told.path for told in mine)
         whole = sum(all(one & set(told.path) for one in truth) for told in mine)
         clean = sum(set(told.path) <= allowed for told in mine)
         ratios = [told.errors[1] / min(told.measure.values()) for told in mine]
         lines.append(
-            f"| {law} | {len(mine)} | {first} | {whole} | {clean} | {np.median(ratios):.2f} "
+            f"| {law} | {len(mine)} | {first} | {among} | {whole} | {clean} | {np.median(ratios):.2f} "
             f"| {len(every) - len(mine)} |"
         )
     return lines
@@ -126,7 +171,8 @@ def main(folder: Path | None, seeds: int, jobs: int) -> None:
     before, rest = page.split(BEGIN)
     made, after = rest.split(END)
     real = real_table(folder) if folder is not None else made.split("\n\n")[1].splitlines()
-    parts = ["", "\n".join(real), "\n".join(plant_table(seeds, jobs)), ""]
+    tables = (real, makers_table(jobs), plant_table(seeds, jobs))
+    parts = ["", *("\n".join(table) for table in tables), ""]
     PAGE.write_text(before + BEGIN + "\n\n".join(parts) + END + after, encoding="utf-8")
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
+from scipy.interpolate import make_interp_spline
 
 from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions.model import Array, Run, Session
@@ -151,7 +152,8 @@ def _friction(axis: Axis, position: Array, speed: Array, load: Array) -> Array:
 def _slow_noise(rng: Generator, time: Array, bandwidth: float) -> Array:
     """Noise of standard deviation 1 that changes at about ``bandwidth``, Hz."""
     knots = np.arange(0.0, time[-1] + 2.0 / bandwidth, 0.5 / bandwidth)
-    return np.asarray(np.interp(time, knots, rng.standard_normal(len(knots))))
+    # With kinks, an axis that follows it would be hit by its rotor's inertia.
+    return np.asarray(make_interp_spline(knots, rng.standard_normal(len(knots)), k=5)(time))
 
 
 LAWS: Mapping[str, Mapping[str, float]] = {

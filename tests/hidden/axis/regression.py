@@ -1,7 +1,7 @@
 """What five lines of least squares make of an axis: the measure that a diagnosis has to reach.
 
 Inertia, offset and load, then speed, its sign and more; fitted to all runs but one and judged on that one.
-Channels are low-passed at 8 Hz, as the diagnosis has them, by a filter of its own.
+Channels are low-passed at 8 Hz, or at the band that the diagnosis looks at, by a filter of its own.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from scipy.signal import butter, sosfiltfilt
 from fingerlab.sessions.model import Array, Run, Session
 
 CUTOFF_HZ = 8.0
+"""Of a machine of the thesis' pace."""
 SETTLING = 0.1
 """Share of a run at either end that is left out: ramp and ends of the filter."""
 
@@ -26,12 +27,12 @@ LAWS: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def columns(run: Run) -> tuple[dict[str, Array], Array]:
+def columns(run: Run, cutoff: float = CUTOFF_HZ) -> tuple[dict[str, Array], Array]:
     """The regressors of a run, (n,) each, and its torque, N m, (n,), some samples a cycle of the cutoff."""
     rate = run.sample_rate_hz
     load = run.channel("load_torque") if run.has("load_torque") else np.zeros(run.length)
     channels = np.stack((run.channel("motor_position"), run.channel("motor_torque"), load))
-    position, torque, load = sosfiltfilt(butter(2, CUTOFF_HZ, fs=rate, output="sos"), channels)
+    position, torque, load = sosfiltfilt(butter(2, cutoff, fs=rate, output="sos"), channels)
     speed = np.gradient(position, 1.0 / rate)
     found = {
         "inertia": np.gradient(speed, 1.0 / rate),
@@ -42,13 +43,13 @@ def columns(run: Run) -> tuple[dict[str, Array], Array]:
         "load times direction": np.abs(load) * np.sign(speed),
     }
     cut = int(SETTLING * run.length)
-    part = slice(cut, run.length - cut, max(int(rate / (4.0 * CUTOFF_HZ)), 1))
+    part = slice(cut, run.length - cut, max(int(rate / (4.0 * cutoff)), 1))
     return {name: values[part] for name, values in found.items()}, torque[part]
 
 
-def left_out_error(session: Session, law: Sequence[str]) -> float:
-    """Root mean square of what the torque misses on runs left out, N m."""
-    parts = [columns(run) for run in session.runs]
+def left_out_error(session: Session, law: Sequence[str], cutoff: float = CUTOFF_HZ) -> float:
+    """Root mean square of what the torque misses on runs left out, N m, below ``cutoff``, Hz."""
+    parts = [columns(run, cutoff) for run in session.runs]
     tables = [np.stack([found[name] for name in law], axis=1) for found, _ in parts]
     squares = samples = 0.0
     for k, (_, torque) in enumerate(parts):
@@ -62,6 +63,6 @@ def left_out_error(session: Session, law: Sequence[str]) -> float:
     return float(np.sqrt(squares / samples))
 
 
-def baselines(session: Session) -> dict[str, float]:
-    """Error of each law on runs left out, N m."""
-    return {name: left_out_error(session, law) for name, law in LAWS.items()}
+def baselines(session: Session, cutoff: float = CUTOFF_HZ) -> dict[str, float]:
+    """Error of each law on runs left out, N m, below ``cutoff``, Hz."""
+    return {name: left_out_error(session, law, cutoff) for name, law in LAWS.items()}

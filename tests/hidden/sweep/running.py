@@ -42,13 +42,13 @@ def run(trial: Trial, recordings: Path | None = None, own_size: bool = False) ->
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "session.h5"
         try:
-            _record(trial, path)
+            record(trial, path)
             first = diagnose([open_session(path)], with_curves=False, left_out=trial.left_out)
             result = {"trial": asdict(trial), **told(trial, first)}
             if len(trial.effects) < 2 and not trial.left_out:
                 result["coverage"] = coverage(open_session(path), first)
             if trial.proposed and first.next_experiment is not None and not _settled(trial, first):
-                result["after"] = _after(trial, path, first)
+                result["after"] = after(trial, path, first)
         except Exception as error:  # the sweep goes on, and the table counts it as wrong
             return {"trial": asdict(trial), "failed": f"{type(error).__name__}: {error}"}
     return result
@@ -77,7 +77,7 @@ def _settled(trial: Trial, said: Diagnosis) -> bool:
     return tuple(said.set) == trial.effects
 
 
-def _record(trial: Trial, path: Path) -> None:
+def record(trial: Trial, path: Path) -> None:
     if trial.source == "engine":
         from tests.hidden.engine.session import record
 
@@ -86,7 +86,7 @@ def _record(trial: Trial, path: Path) -> None:
     simulate("--protocol", trial.protocol, *asked(trial), "--seed", str(trial.seed), "--out", str(path))
 
 
-def _after(trial: Trial, path: Path, first: Diagnosis) -> dict[str, Any]:
+def after(trial: Trial, path: Path, first: Diagnosis) -> dict[str, Any]:
     """The proposed run taken on the same bench, as its JSON stands, and the diagnosis of both sessions."""
     proposal, more = dict(first.next_experiment or {}), path.with_name("proposed.h5")
     simulate(
@@ -95,11 +95,15 @@ def _after(trial: Trial, path: Path, first: Diagnosis) -> dict[str, Any]:
     )
     both = diagnose([open_session(path), open_session(more)], with_curves=False, left_out=trial.left_out)
     separates = [str(name) for name in proposal["separates"]]
+    if not set(separates) & set(trial.effects):  # of a truth that is not named its foremost rival counts
+        separates = [*trial.effects, separates[-1] if separates[-1] == "nothing_missing" else separates[0]]
     return {
         **told(trial, both),
         "proposal": proposal,
         "expected": float(proposal["expected_separation"]),
         "gained": gained(trial, separates, first, both),
+        "predicted": None if first.predicted is None else asdict(first.predicted),
+        "odds": [plain_odds(first), plain_odds(both)],
     }
 
 
@@ -158,19 +162,20 @@ def simulate(*arguments: str) -> None:
 
 def features(session: Session, said: Diagnosis) -> dict[str, Any]:
     """What a calibration is fitted to, so that it can be fitted again without a trial: odds and session."""
-    assert said.odds is not None
-    odds = said.odds
     usual, kind = session_features(session.runs, said.errors.values(), said.score, said.path[-1].score)
+    return {"odds": plain_odds(said), "session": usual, "phases": kind}
+
+
+def plain_odds(said: Diagnosis) -> dict[str, Any]:
+    """The odds of a diagnosis before they are calibrated, as plain data."""
+    odds = said.odds
+    assert odds is not None
     return {
-        "odds": {
-            "effects": list(odds.effects),
-            "found": odds.found.tolist(),
-            "hidden": odds.hidden.tolist(),
-            "nothing": odds.nothing,
-            "unknown": odds.unknown,
-        },
-        "session": usual,
-        "phases": kind,
+        "effects": list(odds.effects),
+        "found": odds.found.tolist(),
+        "hidden": odds.hidden.tolist(),
+        "nothing": odds.nothing,
+        "unknown": odds.unknown,
     }
 
 

@@ -20,8 +20,6 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog, QLabel
 from pytestqt.qtbot import QtBot
 
-from fingerlab.acquisition.bench.inline import InlineBench
-from fingerlab.acquisition.check_rig.kept import KeptCheck
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.core.errors import UserError
 from fingerlab.core.trust import OwnSource
@@ -43,24 +41,6 @@ ROOT = Path(__file__).resolve().parents[3]
 WindowMaker = Callable[..., Any]
 Build = Callable[[Any], Any]
 """A device choice -> its device on a virtual clock."""
-
-
-@pytest.fixture
-def unconnected(monkeypatch, make_window: WindowMaker, settings, qtbot: QtBot, tmp_path: Path):  # type: ignore[no-untyped-def]
-    def make(build: Build, find: Any = lambda rig_file: detect()) -> Rig:
-        monkeypatch.setattr(acquire_tab, "ask_to_close", lambda *_: True)
-        monkeypatch.setattr("fingerlab.calibration.applying.default_folder", lambda *_: tmp_path / "own")
-        confirmed = KeptCheck("2026-11-23T08:00:00")  # or the current would be a tenth
-        monkeypatch.setattr("fingerlab.acquisition.check_rig.kept.last_check", lambda *_: confirmed)
-        settings.set_recordings(tmp_path / "recordings")
-
-        def inline(choice: Any, loop: Any, rate_hz: float) -> InlineBench:
-            return InlineBench(build(choice), loop, tmp_path / "rescue")
-
-        tabs = tabs_with(lambda wanted: open_bench(wanted, inline), find)
-        return Rig(make_window(tab="acquire", tabs=tabs), qtbot, connect=False)
-
-    return make
 
 
 def on_virtual_clock(choice: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,16 @@ from ..bench_hands import PATIENCE, Rig, opener, tabs_with
 from ..hands import LEFT, child, drop
 
 CONTROL = Qt.KeyboardModifier.ControlModifier
+
+
+def run_protocol(rig: Rig, qtbot: QtBot, which: str, **numbers: float) -> None:
+    """Choose a protocol, type its numbers, run it; until it asks for the cable."""
+    rig.click("byProtocol")
+    rig.choose("protocol", which)
+    for name, value in numbers.items():
+        getattr(rig.tab.panel.protocol, name).setValue(value)
+    rig.click("runProtocol")
+    qtbot.waitUntil(rig.tab.prompt.isVisible, timeout=PATIENCE)
 
 
 def test_protocol_asks_for_the_cable_and_writes_the_file(rig: Rig, qtbot: QtBot) -> None:
@@ -52,13 +63,7 @@ def test_protocol_asks_for_the_cable_and_writes_the_file(rig: Rig, qtbot: QtBot)
 
 
 def test_a_marker_while_a_protocol_records_and_a_countdown(rig: Rig, qtbot: QtBot) -> None:
-    rig.click("byProtocol")
-    rig.choose("protocol", "own_on_air")
-    form = rig.tab.panel.protocol
-    form.runs.setValue(1)
-    form.seconds.setValue(20.0)
-    rig.click("runProtocol")
-    qtbot.waitUntil(rig.tab.prompt.isVisible, timeout=PATIENCE)
+    run_protocol(rig, qtbot, "own_on_air", runs=1, seconds=20.0)
     rig.tab.panel.refresh()
     assert not rig.button("mark").isEnabled()
     assert "between two runs" in rig.button("mark").toolTip()
@@ -112,6 +117,10 @@ def test_a_protocol_handed_over_is_chosen(rig: Rig) -> None:
     assert rig.button("runProtocol").isVisible()
     assert rig.label("protocolTotal").startswith("1 run, about 6 s, and the changes of cable.")
     assert rig.label("protocolTotal").endswith("On air, extension cable: sine, 5°, 1 Hz.")
+    load = {"intervention": json.dumps({"load_torque": 0.02})}
+    loaded = (steps[0], replace(steps[1], attributes=load))
+    rig.window.context.hand_protocol(loaded, "With a load")
+    assert "with a known load of 20 mN m on the pulley beside the cable." in rig.label("protocolTotal")
 
 
 def test_what_comes_before_a_rig_is_there_waits_for_it(
@@ -158,16 +167,7 @@ def test_a_dropped_table_is_the_trajectory(rig: Rig, tmp_path: Path) -> None:
 
 
 def test_a_stopped_protocol_goes_on_with_the_run_in_which_it_was_stopped(rig: Rig, qtbot: QtBot) -> None:
-    rig.click("byProtocol")
-    rig.choose("protocol", "own_scan")
-    form = rig.tab.panel.protocol
-    form.scan_from.setValue(0.5)
-    form.scan_to.setValue(1.5)
-    form.runs.setValue(3)
-    form.seconds.setValue(2.0)
-    form.rest.setValue(0.5)
-    rig.click("runProtocol")
-    qtbot.waitUntil(rig.tab.prompt.isVisible, timeout=PATIENCE)
+    run_protocol(rig, qtbot, "own_scan", scan_from=0.5, scan_to=1.5, runs=3, seconds=2.0, rest=0.5)
     QTest.mouseClick(rig.tab.prompt.button, LEFT)
     said = rig.tab.panel.left
     qtbot.waitUntil(lambda: said.text().startswith("Run 2 of 3"), timeout=PATIENCE)
@@ -175,7 +175,7 @@ def test_a_stopped_protocol_goes_on_with_the_run_in_which_it_was_stopped(rig: Ri
     qtbot.waitUntil(lambda: not rig.recording.in_protocol, timeout=PATIENCE)
     rig.wait_idle()
     assert said.text() == "Given up in run 2"
-    assert form.first.value() == 2
+    assert rig.tab.panel.protocol.first.value() == 2
     (first,) = rig.files()
     rig.run(0.2)
     rig.click("release")
@@ -188,7 +188,7 @@ def test_a_stopped_protocol_goes_on_with_the_run_in_which_it_was_stopped(rig: Ri
     runs = open_session(second).runs
     assert [run.trajectory["frequency_hz"] for run in runs] == [1.0, 1.5]
     assert [run.length for run in runs] == [2000, 2000]
-    assert form.first.value() == 1  # all are taken
+    assert rig.tab.panel.protocol.first.value() == 1  # all are taken
 
 
 def test_a_table_of_runs_is_chosen_and_a_wrong_one_says_why(

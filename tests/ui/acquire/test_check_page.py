@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,41 +15,23 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QTableWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.acquisition.bench.inline import InlineBench
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.devices.choosing import detect
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedBench, Simulation
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import open_session
-from fingerlab.ui.acquire import acquire_tab
-from fingerlab.ui.acquire.bench_setup import open_bench
 
-from ..bench_hands import PATIENCE, Rig, tabs_with
+from ..bench_hands import PATIENCE, Rig
 from ..hands import child
 from ..looking import look
 from ..virtual_card import Card, InProcessChannel, Servicer
 
 
 @pytest.fixture
-def benches(monkeypatch, make_window, settings, qtbot: QtBot, tmp_path: Path) -> Callable[..., Rig]:  # type: ignore[no-untyped-def]
+def benches(unconnected, tmp_path: Path) -> Callable[..., Rig]:  # type: ignore[no-untyped-def]
     """A window whose benches are on a virtual clock, with checks kept in ``tmp_path / checks``."""
-
-    def make(build: Callable[[Any], Any], find: Any = lambda rig_file: detect()) -> Rig:
-        monkeypatch.setattr(acquire_tab, "ask_to_close", lambda *_: True)
-        monkeypatch.setattr("fingerlab.calibration.applying.default_folder", lambda *_: tmp_path / "own")
-        monkeypatch.setattr(
-            "fingerlab.acquisition.check_rig.kept.checks_folder", lambda *_: tmp_path / "checks"
-        )
-        settings.set_recordings(tmp_path / "recordings")
-
-        def inline(choice: Any, loop: Any, rate_hz: float) -> InlineBench:
-            return InlineBench(build(choice), loop, tmp_path / "rescue")
-
-        tabs = tabs_with(lambda wanted: open_bench(wanted, inline), find)
-        return Rig(make_window(tab="acquire", tabs=tabs), qtbot, connect=False)
-
-    return make
+    return partial(unconnected, checks=tmp_path / "checks")
 
 
 def unpaced(choice: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -100,6 +101,27 @@ def test_the_proposed_recording_goes_to_acquire(window: MainWindow) -> None:
     proposal = lab_of(window).controller.diagnosis.next_experiment  # type: ignore[union-attr]
     assert steps[-1].trajectory == proposal["trajectory"]
     assert (steps[-1].phase, steps[-1].cable) == ("on_air", "extension")
+
+
+def test_a_proposed_change_of_the_machine_is_asked_for_in_acquire(
+    window: MainWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    handed: list[Any] = []
+    window.context.protocol_handed.connect(lambda steps, title: handed.append(steps))
+    controller = lab_of(window).controller
+    before = controller.diagnosis
+    assert before is not None
+    assert before.next_experiment is not None
+    mass = {"added_mass": 0.013, "added_mass_at": 0.048}
+    asked = replace(before, next_experiment={**before.next_experiment, "intervention": mass})
+    monkeypatch.setattr(type(controller), "diagnosis", property(lambda self: asked))
+    click(window, "handExperiment")
+    ((change, record),) = handed
+    assert "with 13 g fixed to the finger 48 mm beyond the PIP axis" in change.prompt
+    assert record.attributes == {"intervention": json.dumps(mass)}
+    panel = TruthPanel()
+    panel.show_history(ModelHistory([ModelStep((), asked)]))
+    assert "with 13 g fixed to the finger 48 mm beyond the PIP axis" in panel.next.text()
 
 
 def test_where_nothing_is_proposed_the_button_says_so(qtbot: QtBot, window: MainWindow) -> None:

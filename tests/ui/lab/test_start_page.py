@@ -14,7 +14,7 @@ from fingerlab.twin.effects import parse_effects
 from fingerlab.ui.app.settings import Settings
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab import practice
-from fingerlab.ui.sessions.session_files import ImportDialog
+from fingerlab.ui.sessions.import_dialog import ImportDialog
 
 from ..hands import PATIENCE, click, drop, invented_diagnosis, lab_of, lab_with, wait_for_result
 

@@ -7,13 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
+from PySide6.QtCore import QPoint
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QComboBox, QFileDialog, QLineEdit, QPlainTextEdit, QPushButton
+from PySide6.QtWidgets import QCheckBox, QComboBox, QFileDialog, QPlainTextEdit, QPushButton
 from pytestqt.qtbot import QtBot
 
 from fingerlab.sessions import open_session
 from fingerlab.ui.app.window import MainWindow
-from fingerlab.ui.sessions.session_files import ImportDialog
+from fingerlab.ui.sessions.import_dialog import ImportDialog
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
 
 from ..hands import LEFT, PATIENCE, child, click, drop
@@ -51,14 +53,103 @@ def dialog_of(window: MainWindow) -> ImportDialog:
     return found
 
 
+def choose(dialog: ImportDialog, name: str, words: str) -> None:
+    """Choose an entry of a list, as by a click on it."""
+    field = child(dialog, QComboBox, name)
+    assert field.findText(words) >= 0, words
+    field.setCurrentIndex(field.findText(words))
+    field.activated.emit(field.currentIndex())
+
+
+def test_columns_are_chosen_by_list_and_looked_at_before_they_are_imported(
+    browsing: MainWindow, texts: list[Path], tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bare = tmp_path / "odd.csv"
+    body = texts[0].read_text(encoding="utf-8").splitlines()[1:]  # no header; torque and position swapped
+    cells = [line.split(";") for line in body]
+    rows = [[c[0], c[1], c[3], c[2], *c[4:], "7,0"] for c in cells]
+    bare.write_text("\n".join(";".join(row) for row in rows), encoding="utf-8")
+    browsing.show_tab("predict")
+    drop(browsing, bare)  # wherever it falls
+    assert browsing.current == "sessions"
+    dialog = dialog_of(browsing)
+    write = child(dialog, QPushButton, "importWrite")
+    assert not write.isEnabled()  # eight columns without a header: nobody can know
+    names = "time,motor command,motor torque,motor position,MCP angle,PIP angle,endpoint force"
+    for row, name in enumerate(names.split(",")):
+        choose(dialog, f"importIs{row}", name)
+    choose(dialog, "importUnit2", "mNm")
+    turned = child(dialog, QCheckBox, "importTurned4")
+    QTest.mouseClick(turned, LEFT, pos=QPoint(8, turned.height() // 2))
+    assert write.isEnabled()
+    dialog.columns.selectRow(3)
+    preview = dialog.preview.shown
+    assert set(preview) == {"motor command", "motor position", "MCP angle", "PIP angle"}
+    assert preview["motor position"][-1] == pytest.approx(np.radians(9 * 2.999), rel=1e-4)
+    assert preview["MCP angle"][-1] == pytest.approx(np.radians(5 * 2.999), rel=1e-4)  # turned round
+    choose(dialog, "importIs7", "motor torque")  # which another column was until now
+    assert dialog.columns.kind(2) == ""
+    choose(dialog, "importIs2", "motor torque")
+    choose(dialog, "importUnit2", "mNm")
+    target = tmp_path / "library" / "odd.h5"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", staticmethod(lambda *_, **__: (str(target), "")))
+    QTest.mouseClick(write, LEFT)
+    qtbot.waitUntil(target.exists, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: not browsing.tasks.busy, timeout=PATIENCE)
+    (run,) = open_session(target).runs
+    assert run.channel("motor_torque")[0] == pytest.approx(0.040, rel=1e-4)
+    assert run.channel("mcp_angle")[-1] == pytest.approx(np.radians(5 * 2.999), rel=1e-4)
+
+
+def test_a_log_of_one_axis_from_matlab_becomes_a_session_without_a_finger(
+    browsing: MainWindow, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    time = np.arange(2000) / 1000
+    log = tmp_path / "drive.mat"
+    scipy.io.savemat(log, {"t": time, "q": 30 * np.sin(time), "current": 0.5 * np.cos(time)})
+    drop(browsing, log)
+    dialog = dialog_of(browsing)
+    QTest.mouseClick(child(dialog, QCheckBox, "importAxis"), LEFT)
+    seen = child(dialog, QPlainTextEdit, "importSeen")
+    assert "choose them in the table." in seen.toPlainText()
+    units = {"time": "s", "motor position": "deg", "motor current": "A"}
+    for row in range(3):
+        choose(dialog, f"importUnit{row}", units[dialog.columns.title(row)])
+    assert "say in 'Torque of an ampere'" in seen.toPlainText()
+    dialog.constant.setValue(0.25)
+    target = tmp_path / "library" / "drive.h5"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", staticmethod(lambda *_, **__: (str(target), "")))
+    QTest.mouseClick(child(dialog, QPushButton, "importWrite"), LEFT)
+    qtbot.waitUntil(target.exists, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: not browsing.tasks.busy, timeout=PATIENCE)
+    session = open_session(target)
+    (run,) = session.runs
+    assert run.phase == "motor_bench"
+    assert session.rig.finger is None
+    assert run.channel("motor_torque")[0] == pytest.approx(0.125)
+
+
+@pytest.mark.parametrize("name", ["text-header.txt", "text-decimal-comma.txt"])
+def test_files_of_the_bench_open_with_their_columns_named(
+    browsing: MainWindow, shared_data: Path, name: str
+) -> None:
+    drop(browsing, shared_data / name)
+    dialog = dialog_of(browsing)
+    assert child(dialog, QPushButton, "importWrite").isEnabled()
+    assert [dialog.columns.unit(row) for row in (0, 2, 4, 6)] == ["s", "deg", "deg", "N"]
+    dialog.reject()
+
+
 def test_dropped_text_files_become_a_session(
     browsing: MainWindow, texts: list[Path], tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drop(browsing, *texts)
     dialog = dialog_of(browsing)
     look(browsing)
+    assert [dialog.columns.kind(row) for row in range(7)][3:5] == ["motor_torque", "mcp_angle"]
+    assert dialog.columns.unit(3) == "mNm"
     seen = child(dialog, QPlainTextEdit, "importSeen").toPlainText()
-    assert "motor_torque <- column 4 [mNm], times 0.001 to N m" in seen
+    assert "7 columns, separated by semicolon, decimal comma, a header; 1000 samples a second" in seen
     phase, cable = (child(dialog, QComboBox, name) for name in ("importPhase1", "importCable1"))
     phase.setCurrentIndex(phase.findData("contact"))
     cable.setCurrentIndex(cable.findData("flexion"))
@@ -86,11 +177,11 @@ def test_what_cannot_be_imported_says_so_in_the_words_of_the_window(
     dialog = dialog_of(browsing)
     write = child(dialog, QPushButton, "importWrite")
     assert write.isEnabled()
-    QTest.keyClicks(child(dialog, QLineEdit, "importColumns"), "time=1,motor_command=2:deg")
-    qtbot.waitUntil(lambda: not write.isEnabled(), timeout=PATIENCE)
+    choose(dialog, "importIs2", "not used")
+    assert not write.isEnabled()
     seen = child(dialog, QPlainTextEdit, "importSeen").toPlainText()
     assert "gives no 'motor_position'" in seen
-    assert "'Columns'" in seen
+    assert "choose its column in the table" in seen
     assert "--" not in seen
     dialog.reject()
 

@@ -1,0 +1,1 @@
+"""The documents, which the installed program has as ``fingerlab.documents``."""

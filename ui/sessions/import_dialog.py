@@ -1,0 +1,453 @@
+"""Tables of text or MATLAB become a session: what each column is, in which unit, and how it looks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QDialog,
+    QDialogButtonBox,
+    QFileDialog,
+    QGridLayout,
+    QHeaderView,
+    QLabel,
+    QPlainTextEdit,
+    QPushButton,
+    QScrollArea,
+    QSplitter,
+    QTableWidgetItem,
+    QWidget,
+)
+
+from fingerlab.core.errors import UserError
+from fingerlab.core.text import ScreenUnit, largest_of, screen_unit
+from fingerlab.report.diagnosis_words import PHASE_WORDS
+from fingerlab.sessions.format import CABLES, CHANNEL_UNITS, PHASES
+from fingerlab.sessions.model import Array
+
+from ..widgets.fields import NumberField, choice, set_usable
+from ..widgets.labels import remark
+from ..widgets.layout import Spacer, as_written, described, hbox, vbox
+from ..widgets.plots import DecimatedCurve, QuietPlot, span_of
+from ..widgets.tables import NumberTable
+from ..widgets.theme import colours_of, tint
+from .review_data import CHANNELS
+
+if TYPE_CHECKING:
+    from fingerlab.rig.constants import Rig
+    from fingerlab.sessions.importing import ImportPlan, TextRun
+    from fingerlab.sessions.mapping import Axis, Column, Table
+
+TABLE_ENDINGS = (".txt", ".csv", ".tsv", ".mat")
+"""Of files that are taken for tables where they are dropped."""
+RIGS = "Rig files (*.toml);;All files (*)"
+NO_RIG = "The thesis' rig; masses, lengths and springs of the finger are assumed."
+OPTION_NAMES = {
+    "map its column with --map": "choose its column in the table",
+    "say which column is which with --map": "choose what each column is",
+    "say which is which with --map": "choose what each of them is",
+    "is imported with --axis": "is imported with 'Log of one axis of any machine' ticked",
+    "--map": "the table of columns",
+    "--rate": "'Samples a second'",
+    "--phase": "phase",
+    "--out": "name",
+}
+"""What the sentences of the command call an option, and what it is called here."""
+UNUSED = ""
+TITLES = {"time": "time", "motor_current": "motor current", **{k: c.title for k, c in CHANNELS.items()}}
+COLUMNS = (
+    ("Column", "Title of the column, or its number."),
+    ("Is", "The channel that it becomes; what is not used is left out."),
+    ("Unit", "In which unit its numbers are."),
+    ("Turned round", "The sign is changed, for a sensor that counts the other way."),
+    ("First values", "As they stand in the file."),
+)
+SHOWN_VALUES = 3
+ROOM, NUMBER_WIDTH = 48, 180
+"""Of a list beside its words, for frame and arrow, and of a number, px."""
+AXIS_HELP = (
+    "Time, position, torque or current, and load of any machine, in units that are named. A linear axis is "
+    "told as an arc of 10 mm radius: 1 mm is 0.1 rad, 1 N is 0.01 N m."
+)
+CONSTANT_HELP = "What an ampere gives at the axis, N m/A, gear included; needed where no torque was logged."
+RATE_HELP = "Needed only where no column holds the time."
+COLOURS = ("measured", "modelled", "residual", "candidate", "alike", "muted")
+
+
+class ColumnTable(NumberTable):
+    """A row for each column of a file, with a list of channels and one of units. Signal ``changed``."""
+
+    changed = Signal()
+
+    def __init__(self) -> None:
+        super().__init__("importTable", "Columns of the file, and what they are", COLUMNS, words=5)
+        self.setSelectionMode(NumberTable.SelectionMode.SingleSelection)
+        header = self.horizontalHeader()
+        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        for place, letters in ((1, 22), (2, 12)):
+            header.setSectionResizeMode(place, QHeaderView.ResizeMode.Fixed)
+            header.resizeSection(place, letters * self.fontMetrics().averageCharWidth() + ROOM)
+        self.verticalHeader().setDefaultSectionSize(2 * self.fontMetrics().height())
+        self._names: list[str] = []
+        self.by_hand = False
+        self._axis: Axis | None = None
+
+    def show_columns(
+        self, table: Table, values: Array, found: Sequence[Column | None], axis: Axis | None
+    ) -> None:
+        """Start from what the columns are likely to be; values of shape (rows, columns)."""
+        self.by_hand, self._axis = False, axis
+        for row in range(self.rowCount()):
+            for place in (1, 2, 3):
+                self.cellWidget(row, place).setObjectName("")  # they go a moment later
+        self.setRowCount(0)
+        self.setRowCount(table.columns)
+        self._names = list(table.header or (f"column {k + 1}" for k in range(table.columns)))
+        own = [c.channel for c in found if c is not None and c.channel not in CHANNEL_UNITS]
+        for row, column in enumerate(found):
+            numbers = "  ".join(f"{value:g}" for value in values[:SHOWN_VALUES, row])
+            for place, text in ((0, self._names[row]), (4, numbers)):
+                self.setItem(row, place, _cell(text))
+            channels = {UNUSED: "not used", **{k: TITLES.get(k, k) for k in (*CHANNEL_UNITS, *own)}}
+            kind = choice(f"importIs{row}", channels, f"Column {row + 1} is: the channel that it becomes.")
+            unit = choice(f"importUnit{row}", {}, f"Unit of column {row + 1}: in which its numbers are.")
+            turned = described(QCheckBox(), f"importTurned{row}", accessible=f"Column {row + 1} turned round")
+            for place, field in ((1, kind), (2, unit), (3, turned)):
+                self.setCellWidget(row, place, field)
+            kind.setCurrentIndex(max(kind.findData(column.channel if column is not None else UNUSED), 0))
+            self._offer_units(row, column.unit if column is not None else "")
+            kind.activated.connect(lambda _=0, r=row: self._on_kind(r))
+            unit.activated.connect(self._on_edited)
+            turned.toggled.connect(self._on_edited)
+        self.selectRow(next((k for k, c in enumerate(found) if c is not None and c.channel != "time"), 0))
+
+    def _field(self, row: int, place: int) -> QComboBox:
+        field = self.cellWidget(row, place)
+        assert isinstance(field, QComboBox)
+        return field
+
+    def kind(self, row: int) -> str:
+        """The channel that a column becomes; empty: it is not used."""
+        return str(self._field(row, 1).currentData())
+
+    def unit(self, row: int) -> str:
+        """The unit that is chosen for a column."""
+        return str(self._field(row, 2).currentData() or "")
+
+    def sign(self, row: int) -> int:
+        """-1 where a column is turned round."""
+        box = self.cellWidget(row, 3)
+        return -1 if isinstance(box, QCheckBox) and box.isChecked() else 1
+
+    def title(self, row: int) -> str:
+        """What a column is called: its channel, or its own title where it is not used."""
+        return TITLES.get(self.kind(row), self.kind(row)) or self._names[row]
+
+    def _offer_units(self, row: int, wanted: str = "") -> None:
+        from fingerlab.core.units import factor
+        from fingerlab.sessions.mapping import units_of
+
+        field, channel = self._field(row, 2), self.kind(row)
+        units = units_of(channel, self._axis)
+        target = CHANNEL_UNITS.get(channel, "")
+        if wanted and wanted not in units and units:
+            units = (wanted, *(unit for unit in units if factor(unit, target) != factor(wanted, target)))
+        field.clear()
+        if self._axis is not None and units and not wanted:
+            field.addItem("choose …", "")
+        for unit in units:
+            field.addItem(unit, unit)
+        usual = wanted or ("deg" if target == "rad" and self._axis is None else target)
+        place = field.findData(usual)
+        field.setCurrentIndex(0 if self._axis is not None and not wanted else max(place, 0))
+        set_usable(field, bool(units))
+
+    def _on_kind(self, row: int) -> None:
+        """A channel is one column's: the one that had it before is not used any more."""
+        for other in range(self.rowCount()):
+            if other != row and self.kind(row) and self.kind(other) == self.kind(row):
+                self._field(other, 1).setCurrentIndex(0)
+                self._offer_units(other)
+        self._offer_units(row)
+        self.selectRow(row)
+        self._on_edited()
+
+    def _on_edited(self) -> None:
+        self.by_hand = True
+        self.changed.emit()
+
+    def mapping(self) -> str:
+        """What is shown, as ``fingerlab import --map`` has it."""
+        rows = [row for row in range(self.rowCount()) if self.kind(row)]
+        return ",".join(f"{self.kind(row)}={row + 1}:{self.unit(row)}:{self.sign(row)}" for row in rows)
+
+
+def _cell(text: str) -> QTableWidgetItem:
+    item = QTableWidgetItem(text)
+    item.setToolTip(as_written(text))
+    return item
+
+
+class PreviewPlot(QuietPlot):
+    """The chosen column over time, with those of the same unit beside it."""
+
+    def __init__(self) -> None:
+        super().__init__("importPreview", "Preview of the chosen column")
+        self.setToolTip("The chosen column, bold, and the others of its unit, in the unit of the screen.")
+        self.shown: Mapping[str, Array] = {}
+        self._drawn: tuple[Array, str, ScreenUnit, str] | None = None
+        self._legend = self.getPlotItem().addLegend(offset=(-4, 4))
+
+    def show_columns(
+        self, time: Array, across: str, curves: Mapping[str, Array], unit: str, chosen: str
+    ) -> None:
+        """Curves by title in the SI unit ``unit`` over ``time``; the chosen one is bold."""
+        screen = screen_unit(unit, max((largest_of(values) for values in curves.values()), default=0.0))
+        self.shown, self._drawn = curves, (time, across, screen, chosen)
+        self.redraw()
+
+    def redraw(self) -> None:
+        plot = self.getPlotItem()
+        plot.clear()
+        if getattr(self, "_drawn", None) is None:
+            return
+        assert self._drawn is not None
+        time, across, unit, chosen = self._drawn
+        self.name_axes(chosen[:1].upper() + chosen[1:], unit, across)
+        colours = iter(COLOURS[1:] * (len(self.shown) // len(COLOURS) + 2))
+        for name, values in self.shown.items():
+            mine = name == chosen
+            curve = DecimatedCurve(
+                name=name, pen=self.pen("measured", 2.0) if mine else self.pen(next(colours), 1.0)
+            )
+            plot.addItem(curve)
+            curve.setZValue(1 if mine else 0)
+            curve.set_series(time, values * unit.factor)
+        every = np.concatenate(list(self.shown.values())) * unit.factor
+        plot.setRange(xRange=(float(time[0]), float(time[-1])), yRange=span_of(every), padding=0.0)
+        self._legend.setBrush(tint(colours_of(self).surface, 0.85))
+        self._legend.setLabelTextColor(self.palette().text().color())
+        self.setAccessibleDescription(f"{chosen} in {unit.symbol}, {len(time)} samples")
+
+
+class ImportDialog(QDialog):
+    """Asks until the plan is possible; the attributes are read once it is accepted.
+
+    Attributes:
+        plans: what becomes of each table. rig_file: of the bench, where one was chosen.
+        axis_rig: the rig of a machine of one axis, where it is one.
+    """
+
+    def __init__(self, files: Sequence[Path], parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setWindowTitle("Import tables – FingerLab")
+        self.resize(960, 700)
+        self.plans: tuple[ImportPlan, ...] = ()
+        self.rig_file: Path | None = None
+        self.axis_rig: Rig | None = None
+        self._files = tuple(files)
+        self._table: Table | None = None
+        self._values: Array = np.zeros((0, 0))
+        phases = {key: PHASE_WORDS.get(key, key) for key in PHASES}
+        self._each = [
+            (
+                choice(f"importPhase{n}", phases, "Phase: what it was."),
+                choice(f"importCable{n}", {key: key for key in CABLES}, "Cable: the one that was hung in."),
+            )
+            for n in range(len(self._files))
+        ]
+        self.axis = described(QCheckBox("Log of &one axis of any machine"), "importAxis", tip=AXIS_HELP)
+        self.constant = NumberField()
+        described(self.constant, "importConstant", accessible="Torque of an ampere, N m", tip=CONSTANT_HELP)
+        self.rate = NumberField()
+        described(self.rate, "importRate", accessible="Samples a second", tip=RATE_HELP)
+        self.rig = described(QPushButton("&Rig file…"), "importRig")
+        self.rig_words = remark(NO_RIG)
+        self.columns = ColumnTable()
+        self.preview = PreviewPlot()
+        self.seen = described(QPlainTextEdit(), "importSeen", accessible="What will be written")
+        self.seen.setReadOnly(True)
+        self._build()
+        self._connect()
+        self._read()
+
+    def _build(self) -> None:
+        for number, most, text in ((self.rate, 1e6, "by the time column"), (self.constant, 1e3, "not known")):
+            number.setRange(0.0, most)
+            number.setDecimals(4 if number is self.constant else 2)
+            number.setSpecialValueText(text)
+            number.setMaximumWidth(NUMBER_WIDTH)
+        grid = QGridLayout()
+        grid.setColumnStretch(0, 1)
+        for row, (path, fields) in enumerate(zip(self._files, self._each, strict=True)):
+            name = QLabel(path.name)
+            name.setTextFormat(Qt.TextFormat.PlainText)
+            name.setToolTip(as_written(str(path)))
+            grid.addWidget(name, row, 0)
+            for column, field in enumerate(fields, start=1):
+                grid.addWidget(field, row, column)
+        inner = QWidget()
+        inner.setLayout(grid)
+        room = QScrollArea()
+        room.setWidgetResizable(True)
+        room.setWidget(inner)
+        room.setMaximumHeight(min(inner.sizeHint().height() + 8, 120))
+        samples, ampere = QLabel("&Samples a second"), QLabel("Torque of an &ampere (N m)")
+        samples.setBuddy(self.rate)
+        ampere.setBuddy(self.constant)
+        first = hbox(None, samples, self.rate, 16, self.rig, (self.rig_words, 1), Spacer(), spacing=8)
+        second = hbox(None, self.axis, 16, ampere, self.constant, Spacer(1), spacing=8)
+        self._bench_only: tuple[QWidget, ...]
+        self._axis_only: tuple[QWidget, ...]
+        self._bench_only, self._axis_only = (self.rig, self.rig_words), (ampere, self.constant)
+        halves = QSplitter(Qt.Orientation.Vertical)
+        for half in (self.columns, self.preview):
+            halves.addWidget(half)
+        halves.setChildrenCollapsible(False)
+        halves.setSizes([260, 200])
+        self.seen.setMaximumHeight(5 * self.fontMetrics().lineSpacing() + 12)
+        self.buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Cancel)
+        self.write = self.buttons.addButton("&Write session…", QDialogButtonBox.ButtonRole.AcceptRole)
+        self.write.setObjectName("importWrite")
+        about = (
+            "One run a file, in this order. The columns shown are those of the first; a change holds for all."
+        )
+        vbox(self, remark(about), room, second, first, (halves, 1), self.seen, self.buttons, spacing=8)
+
+    def _connect(self) -> None:
+        for field in (field for fields in self._each for field in fields):
+            field.currentIndexChanged.connect(self.look)
+        self.axis.toggled.connect(self._read)
+        self.columns.changed.connect(self.look)
+        self.columns.itemSelectionChanged.connect(self._preview)
+        self.rate.valueChanged.connect(self.look)
+        self.constant.valueChanged.connect(self.look)
+        self.rig.clicked.connect(self._choose_rig)
+        self.buttons.accepted.connect(self.accept)
+        self.buttons.rejected.connect(self.reject)
+
+    @property
+    def _axis(self) -> Axis | None:
+        from fingerlab.sessions.mapping import Axis
+
+        return Axis() if self.axis.isChecked() else None
+
+    def _read(self) -> None:
+        """The first rows of the first file, and what its columns are likely to be."""
+        from fingerlab.sessions.importing import first_rows
+        from fingerlab.sessions.mapping import likely_columns
+
+        axis = self._axis
+        for field in (field for fields in self._each for field in fields):
+            set_usable(field, axis is None)
+        for widgets, on in ((self._bench_only, axis is None), (self._axis_only, axis is not None)):
+            for widget in widgets:
+                widget.setVisible(on)
+        try:
+            self._table, self._values = first_rows(self._files[0])
+            self.columns.show_columns(self._table, self._values, likely_columns(self._table, axis), axis)
+        except UserError:
+            self._table = None  # the plan says why
+        self.look()
+
+    def look(self) -> None:
+        """Plan with the fields as they are; say what would be written, or why that cannot be."""
+        from fingerlab.sessions.importing import TextRun, describe, of_one_axis
+
+        sources: list[TextRun] = [
+            TextRun(path, str(phase.currentData()), str(cable.currentData()))
+            for path, (phase, cable) in zip(self._files, self._each, strict=True)
+        ]
+        self.axis_rig = None
+        try:
+            if self.axis.isChecked():
+                sources, self.axis_rig = of_one_axis(sources, None, self.constant.value() or None, None)
+            self.plans = self._planned(sources)
+            if self.axis_rig is not None and not self.constant.value():
+                self._refuse_unknown_constant()
+            words = "\n".join(
+                line for plan in self.plans for line in describe(plan) if "<- column" not in line
+            )
+        except UserError as error:
+            self.plans, words = (), in_the_window(str(error))
+        self.seen.setPlainText(words)
+        self.write.setEnabled(bool(self.plans))
+        self.write.setToolTip("" if self.plans else as_written(words))
+        self._preview()
+
+    def _planned(self, sources: Sequence[TextRun]) -> tuple[ImportPlan, ...]:
+        """Each file by its own header until something is chosen here, or where that does not go."""
+        from fingerlab.sessions.importing import plan_import
+
+        rate = self.rate.value() or None
+        if not self.columns.by_hand:
+            try:
+                return plan_import(sources, None, rate)
+            except UserError:
+                if self._table is None:
+                    raise
+        return plan_import(sources, self.columns.mapping(), rate)
+
+    def _refuse_unknown_constant(self) -> None:
+        for plan in self.plans:
+            if "motor_torque" in plan.derived:
+                raise UserError(
+                    f"{plan.table.path.name} gives a current and no torque; say in 'Torque of an ampere' "
+                    "what an ampere gives at the axis, with the gear included."
+                )
+
+    def _preview(self) -> None:
+        """The chosen column, and beside it what is of the same unit."""
+        row = self.columns.currentRow()
+        if self._table is None or row < 0 or len(self._values) < 2:
+            return
+        unit = CHANNEL_UNITS.get(self.columns.kind(row), "")
+        alike = [k for k in range(self.columns.rowCount()) if self._unit_of(k) == unit] if unit else []
+        curves = {self.columns.title(k): self._in_si(k) for k in dict.fromkeys((*alike, row))}
+        times = [k for k in range(self.columns.rowCount()) if self.columns.kind(k) == "time"]
+        time, across = np.arange(len(self._values), dtype=np.float64), "Sample"
+        if times and bool(np.all(np.diff(self._in_si(times[0])) > 0)):
+            time, across = self._in_si(times[0]), "Time (s)"
+        elif self.rate.value():
+            time, across = time / self.rate.value(), "Time (s)"
+        self.preview.show_columns(time, across, curves, unit, self.columns.title(row))
+
+    def _unit_of(self, row: int) -> str:
+        return CHANNEL_UNITS.get(self.columns.kind(row), "")
+
+    def _in_si(self, row: int) -> Array:
+        """A column's first rows in the unit of its channel; as they are where that is not known."""
+        from fingerlab.core.units import factor
+
+        unit, axis = self.columns.unit(row), self._axis
+        target = self._unit_of(row)
+        times = (
+            (factor(unit, target) if axis is None else axis.factor(unit, target)) if target and unit else 1.0
+        )
+        return np.asarray(self._values[:, row] * (times or 1.0) * self.columns.sign(row))
+
+    def accept(self) -> None:
+        if self.plans:
+            super().accept()
+
+    def _choose_rig(self) -> None:
+        name, _ = QFileDialog.getOpenFileName(self, "Rig file", str(self._files[0].parent), RIGS)
+        if name:
+            self.rig_file = Path(name)
+            self.rig_words.setText(name)
+
+
+def in_the_window(sentence: str) -> str:
+    """A sentence of the command, with the names that its options have here."""
+    sentence = re.sub(r"say them, such as --map \S+", "choose them in the table.", sentence)
+    for option, name in OPTION_NAMES.items():
+        sentence = sentence.replace(option, name)
+    return sentence
