@@ -172,7 +172,7 @@ class PlotToolbar(QWidget):
         self.model = choice(
             "model", MODELS, "Model: its torque and force over the measured ones, with what is left."
         )
-        self.model.setMinimumContentsLength(14)
+        self.model.setMinimumContentsLength(11)
         self.times = described(ElidedLabel(), "cursorTimes", accessible="Times of the cursors")
         self.differences = described(ElidedLabel(), "cursorText", accessible="At the cursors")
         row = hbox(
