@@ -21,7 +21,7 @@ PACE_SAMPLES = 65536
 """So many samples of a run tell its pace at most."""
 LEAST_RATE_HZ = 100.0
 """Samples in a reduced second at least: the friction of a motion is lost on fewer; assumed."""
-QUICKER_OCTAVES = 1
+QUICKER_OCTAVES = 2
 """By so many octaves short runs are looked at more quickly than their pace asks for, at most; assumed."""
 USUAL_TORQUE_SPREAD = 0.04
 """Standard deviation of the torque of the thesis' motor alone, N m: what its size is taken by where no finger
@@ -408,17 +408,25 @@ FAR = 8.0
 for something outside of the catalogue."""
 MOST_EFFECTS = 10
 """So many are added together on a bench that is far from its model; ``as-built`` lacks as many."""
-FAMILIES_OF_MANY = ("Joint friction", "Cable", "Motor and gearbox", "Contact")
-"""Of these they are: what a bench's makers weighed or calibrated (springs, masses, sensors) is nearer to what
-the rig file says than what nobody measured; assumed."""
-SETTLING_ROUNDS = 4
-"""Times that such a model is fitted and weighed again by what it misses."""
-LEAST_GAIN_OF_MANY = 0.4
-"""Twice the log likelihood of each independent value that the first of many effects gain at least, every
-equation seen as closely as it is explained: 1.2 for one of three, half of its error; found on the as-built
-bench."""
+EVERYDAY = (
+    "motor_inertia",
+    "routing_change",
+    "cable_slack",
+    "capstan_friction",
+    "cable_stretch",
+    "coulomb_friction",
+    "motor_coulomb_friction",
+    "viscous_friction",
+    "motor_viscous_friction",
+    "transport_delay",
+    "contact_angle",
+)
+"""What every bench has before anybody measured it, each by its plainest law: what turns has mass and rubs,
+dry and wet; a cable hangs loose, gives, rubs in its sheath and lies where it was put; channels pass other
+devices; no face stands quite straight. On a bench far from its model all of it is fitted first. In this
+order, what changes the kinematics first; assumed."""
 LEAST_SHARE_OF_MANY = 0.35
-"""... and the share of the misfit that later ones explain; found there, too."""
+"""Share of the misfit that each further one explains at least; found on the as-built bench."""
 NEARLY_AS_GOOD = 0.75
 """Share of the best's gain from which on the plainer of two laws that are alike is taken; assumed."""
 NEEDLESS_SHARE = 0.15
@@ -435,6 +443,9 @@ LOOKING_ITERATIONS = 3
 """Steps of a fit that only tells which of several shapes is best."""
 ROUNDS = 2
 """Times that the shapes of several effects are gone through, each given the others'."""
+SAME_SHAPE = 0.02
+"""A number of a shape that follows what is fitted has moved if it did by more than this share; assumed: the
+errors of the law go with its square."""
 MOST_RIVALS = 3
 """So many of a set are looked at again, the likeliest first."""
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
 from fingerlab.effects.example import Example
-from fingerlab.effects.grids import HALF_OCTAVE, either, every, times
+from fingerlab.effects.grids import HALF_OCTAVE, OCTAVE, either, every, times
 from fingerlab.effects.transmission import USUAL_STICKING_DEG, WINDING_TRAVELS_DEG, pull_terms, winding_state
 from fingerlab.physics.friction_states import friction_state, rubbing_forces
 from fingerlab.physics.motion import Motion, nothing
@@ -20,8 +20,18 @@ HELD_TRAVELS_DEG = (0.1, 0.2, 0.8)
 """Travel over which a cable that is held in its sheath slides at a tension of REFERENCE_PULL_N, degrees at
 the pulley; assumed: what a stiff cable of 2e-5 m/N stretches under its friction on a pulley of 10 to 15 mm. A
 gearbox, whose friction also grows with the load, winds up by more, and so does a cable in a soft glove."""
+OTHER_HELD_TRAVELS_DEG = tuple(0.1 * 2.0 ** (k / 2) for k in range(-1, 8))
+"""Where they are looked for when a cable that follows the tension was found: from the stiff cable's to eight
+times as far, for a sheath of textile on a soft glove."""
 BEYOND = "rotor_inertia"
 """Inertia of the motor beyond the rig file's, kg m^2: what it takes never reaches the sheath."""
+
+SHARE = "share_"
+"""Before a cable's name: the share that its sheath was found to take."""
+MOST_SHARE = 0.7
+"""Of the tension; friction of 0.2 over 350 degrees of bends, assumed."""
+LEAST_TRAVEL = 0.05
+"""Of the other sheath's: what takes less than a twentieth of it is not seen to stick; assumed."""
 
 REFERENCE_PULL_N = 5.0
 """Tension at which the travel of a friction that grows with the load is told, N: what sticks has one spring,
@@ -33,23 +43,32 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 
     The share follows the tension of the moment or, where ``held``, only as far as what sticks is let go: a
     cable that sticks in its sheath keeps its friction while the tension rises on both ends of it.
+
+    What takes the share s of the motor's tension winding in, 1 - exp(-mu phi), gives exp(mu phi) - 1, which
+    is s / (1 - s), of it paying out. What sticks is equally stiff in either sheath, so that it slides over a
+    travel in proportion to s; the one told is that of the sheath which takes more. On the grid s is small,
+    and the same for both; between its points it is what was found.
     """
-    travel, sharpness = shape["travel_deg"], shape.get("sharpness", 0.0)
-    held = bool(shape.get("held", 0.0))
+    shares = {sign: shape.get(SHARE + cable, 0.0) for cable, sign in CABLES.items()}
+    share, most = shares.get(motion.cable_sign, 0.0), max(shares.values())
+    paying_out = 1.0 / (1.0 - min(share, MOST_SHARE))
+    travel = shape["travel_deg"] * (max(share / most, LEAST_TRAVEL) if most else 1.0)
+    sharpness, held = shape.get("sharpness", 0.0), bool(shape.get("held", 0.0))
     inertia = (motion.motor.inertia or 0.0) + shape.get(BEYOND, 0.0)
 
     def lost() -> Array:
         cable = motion.tension - inertia * motion.inertial_pull
         if not held:
-            return cable * winding_state(motion, travel, sharpness)
+            state = winding_state(motion, travel, sharpness)
+            return cable * np.where(state < 0.0, paying_out, 1.0) * state
         limit = np.maximum(cable, 0.0)
 
         def stops(position: Array, reaches: Array) -> Array:
-            return rubbing_forces(position, limit, REFERENCE_PULL_N / reaches)
+            return rubbing_forces(position, limit, REFERENCE_PULL_N / reaches, paying_out)
 
         return friction_state(motion.position, float(np.radians(travel)), sharpness, stops)
 
-    law = travel, sharpness, held, inertia
+    law = travel, sharpness, held, inertia, paying_out
     mine = motion.remember(("sheath", *law), lost)
     others = motion.remember(("another sheath", *law), lambda: nothing(len(mine)))
     terms = [
@@ -62,7 +81,7 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 
 def _share(cable: str) -> Parameter:
     return Parameter(
-        "1", 0.0, 0.7, 0.05, "assumed: friction of 0.2 over 200 degrees of bends",
+        "1", 0.0, MOST_SHARE, 0.05, "assumed: friction of 0.2 over 200 degrees of bends",
         f"share of the tension lost in the {cable} cable's sheath",
         varies_between_runs=True, holds_at_rest=True, cable=cable,
     )  # fmt: skip
@@ -76,15 +95,22 @@ def _sheath(travel: float, stretch_behind: float, held: float = 0.0) -> Shape:
 def _sheath_closer(shape: Shape) -> Sequence[Shape]:
     """Around the one found, and where the other law would be looked for."""
     travel = shape["travel_deg"]
-    held = _sheath(travel if shape["held"] else HELD_TRAVELS_DEG[0] * 2**0.5, 1.0, held=1.0)
+    around = [factor * travel for factor in OCTAVE] if shape["held"] else OTHER_HELD_TRAVELS_DEG
+    held = either("travel_deg", around)
     following = _sheath(USUAL_STICKING_DEG if shape["held"] else travel, 1.0)
     behind = either("stretch_behind", (1.0, 0.0))
     shapes = [
-        *every(times("travel_deg"), behind)(held),
+        *every(held, behind)(_sheath(travel, 1.0, held=1.0)),
         *every(times("travel_deg", HALF_OCTAVE), behind)(following),
     ]
-    return [{**one, BEYOND: shape[BEYOND]} for one in shapes] if BEYOND in shape else shapes
+    return [{**{name: shape[name] for name in FOLLOWING if name in shape}, **one} for one in shapes]
 
+
+FOLLOWING = {
+    BEYOND: (BEYOND, "motor_inertia.inertia"),
+    **{SHARE + cable: (f"capstan_friction.{cable}",) for cable in CABLES},
+}
+"""What a shape takes from the unknowns of its model."""
 
 EFFECT = Effect(
     id="capstan_friction",
@@ -104,14 +130,15 @@ EFFECT = Effect(
     ),
     shape_units={"travel_deg": "deg"},
     closer=_sheath_closer,
-    follows={BEYOND: (BEYOND, "motor_inertia.inertia")},
+    follows=FOLLOWING,
     formula=Formula(
         equation=r"T_m = T + \mu\,T\,z(\theta_m;\delta)",
         symbols=(
             "T_m: tension from the motor; T: what the sheath leaves of it. μ: share that this "
             "cable's sheath takes. z: friction state of the winding, −1 to 1. The cable's stretch lies "
             "before or behind the sheath, and what sticks may keep its friction while the tension changes "
-            '(theory, "Friction that sticks"); all are tried.'
+            '(theory, "Friction that sticks"); all are tried. What takes μ winding in gives '
+            "μ/(1 − μ) paying out."
         ),
         source=("Euler 1769 and Eytelwein 1808 for a small angle of wrap; sheaths: Kaneko, Do et al. 2013."),
         values={**dict.fromkeys(CABLES, r"\mu"), "travel_deg": r"\delta"},

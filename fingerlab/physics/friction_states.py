@@ -70,7 +70,9 @@ def _plays(position: Array, travels: Sequence[float] | Array) -> Array:
     return _joined(_clamp(start, low, high), len(position))
 
 
-def rubbing_forces(position: Array, limit: Array, stiffnesses: Sequence[float] | Array) -> Array:
+def rubbing_forces(
+    position: Array, limit: Array, stiffnesses: Sequence[float] | Array, backward: float = 1.0
+) -> Array:
     """Forces of springs that stick until they would exceed +-``limit``, (m, n), one a stiffness; from zero.
 
     The limit may change from sample to sample: a tip that sticks keeps its sideways force while it is pressed
@@ -78,10 +80,11 @@ def rubbing_forces(position: Array, limit: Array, stiffnesses: Sequence[float] |
 
     Args:
         position: m, shape (n,). limit: N, not negative, shape (n,). stiffnesses: N/m.
+        backward: times the limit is the one below zero.
     """
     shift = _blocked(_column(stiffnesses) * np.diff(position, prepend=position[:1]))
     high = np.repeat(_blocked(limit[None]), shift.shape[1], axis=1)
-    low = -high
+    low = -backward * high
     for k in range(1, BLOCK):
         # A shift and a clamp after a shift and a clamp are again one of each.
         new_low = np.maximum(low[k - 1] + shift[k], low[k])

@@ -233,12 +233,6 @@ def noise_weights(model: Model, values: Array, group: Group) -> Array:
     return _inverse(covariance, group.on_bench)
 
 
-def misfit_weights(model: Model, values: Array, group: Group) -> Array:
-    """Inverse covariance of all that a model's equations leave, repeating or not, (5, 5)."""
-    covariance = row_covariance(model, values, group, group.whole.of(model.pick), group.samples)
-    return _inverse(covariance, group.on_bench)
-
-
 def _rubbing(model: Model, values: Array, group: Group) -> Array:
     """Mean products of what the tip's friction does to the equations, (5, 5).
 

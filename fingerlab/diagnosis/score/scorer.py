@@ -21,7 +21,6 @@ from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
 from fingerlab.diagnosis.fit.noise import (
     fill_missing_noise,
     first_weights,
-    misfit_weights,
     noise_covariance,
     noise_weights,
     row_covariance,
@@ -163,10 +162,6 @@ class Scorer:
     def own_weights(self, fitted: FittedModel) -> Weights:
         """Inverse of the noise covariance that the model's own features leave between cycles."""
         return {g.key: noise_weights(fitted.model, fitted.fit.values, g) for g in self.reduced.groups}
-
-    def misfit_weights(self, fitted: FittedModel) -> Weights:
-        """Inverse covariance of all that the model leaves in each equation, noise and misfit alike."""
-        return {g.key: misfit_weights(fitted.model, fitted.fit.values, g) for g in self.reduced.groups}
 
     def fit_reweighted(
         self,

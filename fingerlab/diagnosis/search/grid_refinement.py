@@ -30,6 +30,7 @@ from fingerlab.diagnosis.settings import (
     LOOKING_ITERATIONS,
     MOST_RIVALS,
     ROUNDS,
+    SAME_SHAPE,
     STEP_GAIN,
     USUAL_LEFT,
 )
@@ -78,15 +79,22 @@ def refine_grid(
 ) -> tuple[Scorer, FittedModel]:
     """The effects at the best of the shapes around those found, under their own model's weights.
 
+    Where a shape takes numbers from what is fitted, and those have moved by then, it is done once more.
+
     Raises:
         Cancelled: the user asked for it.
     """
     choices = [_following(c, found.values) for c in found.choices]
-    finer = [_finer(c) for c in choices]
-    scorer = Scorer(reduction.closer(finer, watch))
-    places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
-    fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)])
-    return scorer, _at_best_shapes(scorer, fitted)
+    for _ in range(ROUNDS):
+        finer = [_finer(c) for c in choices]
+        scorer = Scorer(reduction.closer(finer, watch))
+        places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
+        fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)])
+        fitted = _at_best_shapes(scorer, fitted)
+        choices = [_following(c, fitted.values) for c in fitted.choices]
+        if not any(map(_has_moved, choices, fitted.choices)):
+            break
+    return scorer, fitted
 
 
 def refine_last(
@@ -331,6 +339,12 @@ def _following(choice: Choice, values: Mapping[str, float]) -> Choice:
     if not taken:
         return choice
     return Choice(replace(effect, shapes=tuple({**shape, **taken} for shape in effect.shapes)), choice.shape)
+
+
+def _has_moved(choice: Choice, before: Choice) -> bool:
+    """Whether what its shape takes from other unknowns is another number than it was."""
+    now, then = choice.effect.shapes[choice.shape], before.effect.shapes[before.shape]
+    return any(abs(now[k] - then.get(k, 0.0)) > SAME_SHAPE * abs(now[k]) for k in choice.effect.follows)
 
 
 def _finer(choice: Choice) -> Effect:

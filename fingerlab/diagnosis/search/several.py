@@ -1,10 +1,11 @@
 """Many effects at once: a bench that is far from its model, where no effect explains much while others miss.
 
 The path adds one effect at a time, and each must explain a good share of what is left. On a bench that
-lacks a dozen things, the first steps change what the others look like more than they explain: beside a
-cable that gives by millimetres, an error of the torque by half counts for nothing. Here every equation
-counts first as far as it is missed, so that none drowns the others, and then as far as it repeats. What the
-others have made needless is dropped in the end.
+lacks a dozen things no first step is right: beside a cable that gives by millimetres, friction that is fitted
+without it takes a wrong shape, and what comes next mends that. So the search goes the other way here. A model
+with the plainest law of everything that a bench has before anybody measured it (friction, slack, stretch,
+routing, delay) is fitted at once and refined, what the others make needless is dropped, and only then is more
+looked for.
 """
 
 from __future__ import annotations
@@ -16,26 +17,21 @@ from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.search.grid_refinement import refine_grid, with_shapes_of
+from fingerlab.diagnosis.search.grid_refinement import fit_effects, refine_grid, with_shapes_of
 from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid
 from fingerlab.diagnosis.settings import (
-    FAMILIES_OF_MANY,
+    EVERYDAY,
     FAR_SHARE,
     FRONT,
     FULL_ITERATIONS,
-    LEAST_GAIN_OF_MANY,
     LEAST_SHARE_OF_MANY,
     MOST_EFFECTS,
     NEARLY_AS_GOOD,
     NEEDLESS_SHARE,
     SCREEN_ITERATIONS,
-    SETTLING_ROUNDS,
     TOO_CLOSE,
 )
 from fingerlab.effects.base import Effect
-
-EQUATIONS = 3
-"""Of a finger, beside the tip's."""
 
 
 def path_of_many(
@@ -56,58 +52,54 @@ def path_of_many(
     Raises:
         Cancelled: the user asked for it.
     """
-    keep = len(base.choices)
-    start = _settled(scorer, base)
-    fitted = _longer(scorer, start, keep, watch, roughly=True)
-    fitted = _longer(scorer, scorer.fit_reweighted(fitted.choices, fitted), keep, watch)
-    if len(fitted.choices) == keep:
+    keep, known = len(base.choices), {e.id: e for e in scorer.reduced.layout.effects}
+    usual = [known[name] for name in EVERYDAY if name in known and name not in base.effect_ids]
+    if len(usual) < 2:
         return None
-    scorer, fitted = _between_points(reduction, catalogue, fitted, watch)
-    fitted = _longer(scorer, fitted, keep, watch)
-    fitted = _without_needless(scorer, scorer.score_held_out(fitted), keep)
+    watch.tell(0.0, "what every bench has")
+    given = [*at_found_shapes(base), *usual]
+    alone = Scorer(reduction.of(given, watch))
+    fitted = alone.score_held_out(fit_effects(alone, given))
+    if not _explains_most(alone, fitted, keep):
+        return None
+    alone, fitted = refine_grid(reduction, fitted, watch)
+    fitted = _without_needless(alone, alone.score_held_out(fitted), keep)
+    scorer, fitted = _beside_all(reduction, catalogue, fitted, watch)
+    longer = _longer(scorer, fitted, keep, watch)
+    if len(longer.choices) > len(fitted.choices):
+        refined = refine_grid(reduction, longer, watch)[1]
+        scorer, fitted = _beside_all(reduction, catalogue, refined, watch)
+        fitted = _without_needless(scorer, scorer.score_held_out(fitted), keep)
     found = _in_order(scorer, fitted, keep)
-    return (scorer, found) if found[-1].misfit < FAR_SHARE * found[0].misfit else None
+    return (scorer, found) if _explains_most(scorer, found[-1], keep) else None
 
 
-def _longer(
-    scorer: Scorer, fitted: FittedModel, keep: int, watch: Watch, roughly: bool = False
-) -> FittedModel:
+def _explains_most(scorer: Scorer, fitted: FittedModel, keep: int) -> bool:
+    """Whether a model leaves a small share of what its first ``keep`` effects alone leave."""
+    alone = scorer.score_held_out(scorer.fit(fitted.choices[:keep], fitted, FULL_ITERATIONS))
+    return fitted.misfit < FAR_SHARE * alone.misfit
+
+
+def _longer(scorer: Scorer, fitted: FittedModel, keep: int, watch: Watch) -> FittedModel:
     """The model with effect after effect, while each explains enough."""
     while len(fitted.choices) - keep < MOST_EFFECTS:
         many = len(fitted.choices) - keep
         watch.tell(many / MOST_EFFECTS, f"several effects together: {many + 1}")
-        more = _with_one_more(scorer, fitted, roughly)
+        more = _with_one_more(scorer, fitted)
         if more is None:
             break
         fitted = more
     return fitted
 
 
-def _settled(scorer: Scorer, fitted: FittedModel) -> FittedModel:
-    """The model under weights by which each equation counts as far as the model misses it."""
-    for _ in range(SETTLING_ROUNDS):
-        weights = scorer.misfit_weights(fitted)
-        fitted = scorer.fit_same_law(fitted.choices, fitted, SCREEN_ITERATIONS, weights)
-    return fitted
-
-
-def _with_one_more(scorer: Scorer, fitted: FittedModel, roughly: bool) -> FittedModel | None:
+def _with_one_more(scorer: Scorer, fitted: FittedModel) -> FittedModel | None:
     """The model with the effect that makes the recordings likeliest; None where none explains enough."""
-
-    def settled(one: FittedModel) -> FittedModel:
-        return _settled(scorer, one) if roughly else scorer.fit_reweighted(one.choices, one)
-
-    tried = [settled(one) for one in _promising(scorer, fitted)]
-    if not tried:
-        return None
+    tried = [scorer.fit_reweighted(one.choices, one) for one in _promising(scorer, fitted)]
     chosen = _plainest(scorer, fitted, tried)
     if chosen is None:
         return None
-    best = settled(climb_grid(scorer, chosen))
-    if roughly:
-        gain = scorer.deviance(fitted) - scorer.deviance(best)
-        return best if gain > LEAST_GAIN_OF_MANY * EQUATIONS * scorer.data.count else None
-    best = scorer.score_held_out(best)
+    best = climb_grid(scorer, chosen)
+    best = scorer.score_held_out(scorer.fit_reweighted(best.choices, best))
     left = scorer.score_held_out(fitted).misfit
     explains = left - best.misfit > LEAST_SHARE_OF_MANY * left
     return best if explains and scorer.deviance(best) < scorer.deviance(fitted) else None
@@ -115,8 +107,7 @@ def _with_one_more(scorer: Scorer, fitted: FittedModel, roughly: bool) -> Fitted
 
 def _promising(scorer: Scorer, fitted: FittedModel) -> list[FittedModel]:
     """The model with each effect of which one step promises most, and with those of which none tells."""
-    every = [e for e in scorer.reduced.layout.effects if e.id not in fitted.effect_ids]
-    effects = [e for e in every if e.family in FAMILIES_OF_MANY]
+    effects = [e for e in scorer.reduced.layout.effects if e.id not in fitted.effect_ids]
     test = ScoreTest(scorer.data, fitted)
     points = {e.id: test.best_point(e) for e in effects}
     order = sorted(effects, key=lambda e: -points[e.id].gain)
@@ -139,6 +130,8 @@ def _plainest(scorer: Scorer, base: FittedModel, tried: Sequence[FittedModel]) -
     A constant of every model set free is plainer than any law, and of laws that are alike the one that stands
     first in the catalogue.
     """
+    if not tried:
+        return None
     gains = {t.last_effect.id: scorer.deviance(base) - scorer.deviance(t) for t in tried}
     best = max(gains.values())
     if not best > 0.0:
@@ -159,14 +152,13 @@ def _alike(one: Effect, other: Effect) -> bool:
     return any(a.formula is not None and b.id in a.formula.alike for a, b in named)
 
 
-def _between_points(
+def _beside_all(
     reduction: Reduction, catalogue: Sequence[Effect], fitted: FittedModel, watch: Watch
 ) -> tuple[Scorer, FittedModel]:
-    """The model with refined shapes, and what scores it and every other effect beside it."""
-    refined = refine_grid(reduction, fitted, watch)[1]
-    given = at_found_shapes(refined)
+    """The model at its shapes, and what scores it and every other effect beside it."""
+    given = at_found_shapes(fitted)
     scorer = Scorer(reduction.of(with_shapes_of(catalogue, given), watch))
-    return scorer, scorer.fit_reweighted([Choice(one) for one in given], refined)
+    return scorer, scorer.fit_reweighted([Choice(one) for one in given], fitted)
 
 
 def _without_needless(scorer: Scorer, fitted: FittedModel, keep: int) -> FittedModel:
@@ -189,12 +181,18 @@ def _each_left_out(scorer: Scorer, fitted: FittedModel, keep: int) -> list[Fitte
 
 
 def _in_order(scorer: Scorer, fitted: FittedModel, keep: int) -> list[FittedModel]:
-    """The path to a model that ends with what is missed least, its effects in that order."""
-    order, rest = list[Choice](), fitted
-    while len(rest.choices) > keep:
-        shorter = min(_each_left_out(scorer, rest, keep), key=lambda one: one.misfit)
-        order[:0] = [c for c in rest.choices if c not in shorter.choices]
-        rest = shorter
-    choices = [*rest.choices, *order]
-    ends = range(keep, len(choices) + 1)
-    return [scorer.score_held_out(scorer.fit(choices[:k], fitted, FULL_ITERATIONS)) for k in ends]
+    """The path to a model: always what explains most beside those before it.
+
+    Of effects that explain nearly as much, the one comes first that the whole model can spare least.
+    """
+    without = zip(fitted.choices[keep:], _each_left_out(scorer, fitted, keep), strict=True)
+    rest = [c for c, one in sorted(without, key=lambda pair: -pair[1].misfit)]
+    path = [scorer.fit(fitted.choices[:keep], fitted, FULL_ITERATIONS)]
+    while rest:
+        longer = [scorer.fit([*path[-1].choices, one], fitted, FULL_ITERATIONS) for one in rest]
+        gains = [path[-1].fit.cost - one.fit.cost for one in longer]
+        most = max(gains)  # below zero where none gains: then what can be spared least comes next
+        near = next((i for i, gain in enumerate(gains) if gain >= NEARLY_AS_GOOD * most), 0)
+        path.append(longer[near])
+        del rest[near]
+    return [scorer.score_held_out(one) for one in path]

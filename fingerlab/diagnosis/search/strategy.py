@@ -141,14 +141,14 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     base = fit_effects(scorer, question.given)
     evidence = judge_all(scorer, base, effects, question.stages.part(0.4, 0.7))
     first = _first_step(question, scorer, evidence)
-    many = _many(question, scorer, evidence, first)
+    untied, path = _path(question, scorer, evidence, first)
+    many = _many(question, scorer, evidence, path, first)
     refined: Scorer | None
     if many is not None:
         refined, path = many
         weights = path[-1].weights
     else:
-        evidence, path = _path(question, scorer, evidence, first)
-        evidence, weights = _judged_beside(scorer, evidence, path, effects)
+        evidence, weights = _judged_beside(scorer, untied, path, effects)
         if len(path) == 1 and evidence.verdict == "missing_effect":
             evidence = distrusted(evidence)
         refined, path = _refined(question, path, first.refined)
@@ -215,13 +215,17 @@ def _first_step(question: Question, scorer: Scorer, evidence: Evidence) -> First
 
 
 def _many(
-    question: Question, scorer: Scorer, evidence: Evidence, first: FirstStep
+    question: Question,
+    scorer: Scorer,
+    evidence: Evidence,
+    path: Sequence[FittedModel],
+    first: FirstStep,
 ) -> tuple[Scorer, list[FittedModel]] | None:
-    """The path of many effects where no single one leaves a bench near its model; None: there is none."""
-    far = evidence.least_left >= FAR and much_left(first.end, FAR)
+    """The path of many effects where no usual one leaves a bench near its model; None: there is none."""
+    far = evidence.least_left >= FAR and much_left(first.end, FAR) and much_left(path[-1], FAR)
     if scorer.reduced.on_bench or not far:
         return None
-    watch = question.stages.part(0.75, 0.95)
+    watch = question.stages.part(0.9, 0.95)
     return path_of_many(question.reduction, question.catalogue, scorer, evidence.base, watch)
 
 
