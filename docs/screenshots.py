@@ -54,10 +54,12 @@ def main() -> None:
     tidier = Tidier(app)
     home = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
-        os.chdir(folder)  # so that a window shows "recordings" and not where this machine keeps such folders
         try:
             for name in wanted:
-                take(app, name, TABS[name], target, Path(folder))
+                own = Path(folder) / name
+                own.mkdir()
+                os.chdir(own)  # a window shows "recordings" and not where this machine keeps such folders
+                take(app, name, TABS[name], target, own)
                 keep_facts(target / "facts.toml")
         finally:
             os.chdir(home)
