@@ -137,7 +137,8 @@ EFFECT = Effect(
             "T_m: tension from the motor; T: what the sheath leaves of it. μ: share that this "
             "cable's sheath takes. z: friction state of the winding, −1 to 1. The cable's stretch lies "
             "before or behind the sheath, and what sticks may keep its friction while the tension changes "
-            '(theory, "Friction that sticks"); all are tried.'
+            '(theory, "Friction that sticks"); all are tried. What takes μ winding in gives '
+            "μ/(1 − μ) paying out."
         ),
         source=("Euler 1769 and Eytelwein 1808 for a small angle of wrap; sheaths: Kaneko, Do et al. 2013."),
         values={**dict.fromkeys(CABLES, r"\mu"), "travel_deg": r"\delta"},

@@ -17,11 +17,7 @@ from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.search.grid_refinement import (
-    fit_refined,
-    refine_grid,
-    with_shapes_of,
-)
+from fingerlab.diagnosis.search.grid_refinement import fit_effects, refine_grid, with_shapes_of
 from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid
 from fingerlab.diagnosis.settings import (
     EVERYDAY,
@@ -61,7 +57,12 @@ def path_of_many(
     if len(usual) < 2:
         return None
     watch.tell(0.0, "what every bench has")
-    alone, fitted = fit_refined(reduction, [*at_found_shapes(base), *usual], watch)
+    given = [*at_found_shapes(base), *usual]
+    alone = Scorer(reduction.of(given, watch))
+    fitted = alone.score_held_out(fit_effects(alone, given))
+    if not _explains_most(alone, fitted, keep):
+        return None
+    alone, fitted = refine_grid(reduction, fitted, watch)
     fitted = _without_needless(alone, alone.score_held_out(fitted), keep)
     scorer, fitted = _beside_all(reduction, catalogue, fitted, watch)
     longer = _longer(scorer, fitted, keep, watch)
@@ -70,7 +71,13 @@ def path_of_many(
         scorer, fitted = _beside_all(reduction, catalogue, refined, watch)
         fitted = _without_needless(scorer, scorer.score_held_out(fitted), keep)
     found = _in_order(scorer, fitted, keep)
-    return (scorer, found) if found[-1].misfit < FAR_SHARE * found[0].misfit else None
+    return (scorer, found) if _explains_most(scorer, found[-1], keep) else None
+
+
+def _explains_most(scorer: Scorer, fitted: FittedModel, keep: int) -> bool:
+    """Whether a model leaves a small share of what its first ``keep`` effects alone leave."""
+    alone = scorer.score_held_out(scorer.fit(fitted.choices[:keep], fitted, FULL_ITERATIONS))
+    return fitted.misfit < FAR_SHARE * alone.misfit
 
 
 def _longer(scorer: Scorer, fitted: FittedModel, keep: int, watch: Watch) -> FittedModel:
@@ -184,8 +191,8 @@ def _in_order(scorer: Scorer, fitted: FittedModel, keep: int) -> list[FittedMode
     while rest:
         longer = [scorer.fit([*path[-1].choices, one], fitted, FULL_ITERATIONS) for one in rest]
         gains = [path[-1].fit.cost - one.fit.cost for one in longer]
-        most = max(gains)  # below zero where none gains: then what can be spared least comes next
-        near = next((i for i, gain in enumerate(gains) if gain >= NEARLY_AS_GOOD * most), 0)
+        best = max(gains)
+        near = next(i for i, gain in enumerate(gains) if gain >= min(NEARLY_AS_GOOD * best, best))
         path.append(longer[near])
         del rest[near]
     return [scorer.score_held_out(one) for one in path]
