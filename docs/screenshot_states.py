@@ -9,8 +9,10 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
+import numpy as np
 from click.testing import CliRunner
-from PySide6.QtCore import QEventLoop, QTimer
+from PySide6.QtCore import QEventLoop, QItemSelectionModel, QTimer
 from PySide6.QtWidgets import QLabel, QTableView, QWidget
 
 from fingerlab.acquisition.bench.inline import InlineBench
@@ -26,7 +28,7 @@ from fingerlab.sessions import open_session
 from fingerlab.sessions.mapping import BENCH_ORDER
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.preset import load_preset
-from fingerlab.twin.protocols import PROTOCOLS
+from fingerlab.twin.protocols import PROTOCOLS, RunPlan
 from fingerlab.twin.session import write_session
 from fingerlab.ui.acquire import acquire_tab as acquire
 from fingerlab.ui.acquire.bench_setup import BenchRequest, OpenBench
@@ -243,7 +245,10 @@ def tell_truth(name: str, tab: ModelLabTab) -> None:
 
 
 def sessions_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """A folder with sessions; one of its runs with cursors and two other runs over it; its strokes."""
+    """A folder with sessions; one of its runs with cursors and two other runs over it; its strokes.
+
+    Then a bench over days: all diagnosed, the trend, two days run by run.
+    """
     library = Path("recordings")
     library.mkdir(exist_ok=True)
     record(library / "finger-rig.h5")
@@ -276,6 +281,60 @@ def sessions_states(window: MainWindow, folder: Path) -> Iterator[str]:
     wait_until(lambda: tab.review_page.plots.cycles is not None)
     yield "strokes"
     tab.show_table()
+    days = bench_over_days(Path("days"))
+    tab.browse(days)
+    wait_until(lambda: tab.page.model.total == DAYS and not tab.data.busy)
+    tab.page.diagnose.click()
+    wait_until(lambda: not tab.batch.busy)
+    pause(1000)
+    yield "diagnosed"
+    tab.page.trend.click()
+    pause(300)
+    assert tab._trend is not None
+    FACTS["sessions.change"] = tab._trend.words.text()
+    yield "trend"
+    tab._trend.close()
+    for name in ("day-4.h5", "day-5.h5"):
+        index = tab.page.model.index(tab.page.model.row(days / name), 0)
+        flags = QItemSelectionModel.SelectionFlag
+        tab.page.table.selectionModel().select(index, flags.Select | flags.Rows)
+    tab.page.details.compare.click()
+    wait_until(lambda: tab._pairs is not None and not window.tasks.busy)
+    pause(300)
+    assert tab._pairs is not None
+    FACTS["sessions.pairs"] = tab._pairs.words.text()
+    yield "pairs"
+    tab._pairs.close()
+
+
+DAYS, FIRST_WITH_FRICTION = 8, 5
+"""Sessions of a bench on days three apart, and the one from which on a joint rubs."""
+
+
+def bench_over_days(folder: Path) -> Path:
+    """Short sessions of one simulated bench, in the middle of which friction comes."""
+    folder.mkdir()
+    preset = load_preset("practice")
+    waves = [("extension", 15.0, 22.0, f) for f in (1.0, 1.0, 0.5)] + [("flexion", 9.0, 15.0, 1.0)] * 2
+    plans = [
+        RunPlan(
+            "on_air",
+            cable,
+            {"kind": "sine", "amplitude_deg": a, "offset_deg": o, "frequency_hz": f, "duration_s": 10.0},
+        )
+        for cable, a, o, f in waves
+    ]
+    for day in range(1, DAYS + 1):
+        path = folder / f"day-{day}.h5"
+        effects = parse_effects((EFFECT,) if day >= FIRST_WITH_FRICTION else ())
+        write_session(path, preset, "short", plans, effects, SEED)
+        noise = np.random.default_rng(day)  # the same bench, another day
+        with h5py.File(path, "r+") as file:
+            file.attrs["created"] = f"2026-05-{3 * day - 2:02d}T10:00:00+02:00"
+            for run in file["runs"].values():
+                for channel, spread in (("motor_torque", 2e-4), ("mcp_angle", 2e-5)):
+                    run[channel][...] += noise.normal(0.0, spread, len(run[channel]))
+    return folder
 
 
 def fit_states(window: MainWindow, folder: Path) -> Iterator[str]:
@@ -360,6 +419,50 @@ def import_states(window: MainWindow, folder: Path) -> Iterator[str]:
     dialog.close()
 
 
+def free_states(window: MainWindow, folder: Path) -> Iterator[str]:
+    """Plots of one's own: a loop and a spectrum beside the running rig; a loop of a recorded run."""
+    acquire.ask_to_close = lambda *_: True  # type: ignore[assignment]
+    window.show_tab("acquire")
+    tab = window.tab("acquire")
+    assert isinstance(tab, acquire.AcquireTab)
+    tab.controller._opener = lambda wanted: on_virtual_clock(wanted, folder)
+    wait_until(lambda: not tab.controller.worker.busy)
+    tab.controller.open(BenchRequest("simulated", effect=EFFECT))
+    wait_until(lambda: tab.controller.bench is not None)
+    tab.controller._timer.stop()
+    for button, seconds in ((tab.panel.initialise, 0.2), (tab.panel.enable, 0.2), (tab.panel.start, 12.0)):
+        button.click()
+        for _ in range(round(seconds / 0.033)):
+            tab.controller.tick()
+    free = tab.plots.free
+    tab.toolbar.arrange.add.click()
+    tab.toolbar.arrange.add.click()
+    free.plots[1].across.setCurrentIndex(free.plots[1].across.findData("frequency"))
+    tab.toolbar.arrange.boxes["angles"].setChecked(False)
+    yield "acquire"
+    tab.controller.stop()
+    sessions = window.tab("sessions")
+    assert isinstance(sessions, SessionsTab)
+    library = Path("recordings")
+    library.mkdir(exist_ok=True)
+    record(library / "finger-rig.h5")
+    window.show_tab("sessions")
+    sessions.browse(library)
+    wait_until(lambda: sessions.page.model.total == 1)
+    sessions.page.choose_path(library / "finger-rig.h5")
+    sessions.page.details.review.click()
+    page = sessions.review_page
+    wait_until(lambda: page.session is not None and not sessions.data.busy)
+    page.arrange.add.click()
+    page.arrange.add.click()
+    across = page.free.plots[1].across
+    across.setCurrentIndex(across.findData("mcp_angle"))
+    page.free.wanted.emit()
+    pause(500)
+    wait_until(lambda: not sessions.data.busy)
+    yield "review"
+
+
 TABS: dict[str, States] = {
     "acquire": acquire_states,
     "calibrate": calibrate_states,
@@ -369,6 +472,7 @@ TABS: dict[str, States] = {
     "model_lab": lab_states,
     "model_lab_practice": practice_states,
     "help": help_states,
+    "free": free_states,
     "import": import_states,
 }
 

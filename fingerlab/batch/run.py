@@ -5,12 +5,16 @@ The diagnoses run in processes of this machine, or on a Dask cluster that is the
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from itertools import count
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -37,60 +41,115 @@ Runner = Callable[[Sequence[Task], Options], Iterator[SessionRow]]
 CONNECT_SECONDS = 10.0
 
 
-def locally(processes: int | None = None) -> Runner:
+def locally(processes: int | None = None, cancelled: Callable[[], bool] | None = None) -> Runner:
     """A runner on this machine, one diagnosis a process; all processors for None.
 
-    Where a process is ended from outside, nobody knows by which session, and mostly it was for want of
-    memory: those that are left are diagnosed one at a time, and the one that ends its process again gets a
-    row that says so.
+    A session whose process is ended from outside, for want of memory or by itself, is tried once more when
+    all others are done, alone; if that ends its process, too, it gets a row that says so.
+
+    Args:
+        cancelled: asked several times a second; True ends the processes at once. With it, not even a single
+            diagnosis is made in this process, and all give way to whatever else runs.
     """
     wanted = processes or os.cpu_count() or 1
 
     def run(tasks: Sequence[Task], options: Options) -> Iterator[SessionRow]:
-        from joblib import Parallel, delayed
-        from joblib.externals.loky import get_reusable_executor
-
-        count = min(wanted, len(tasks))
-        if count <= 1:
+        if min(wanted, len(tasks)) <= 1 and cancelled is None:
             yield from (diagnose_file(task, options) for task in tasks)
             return
-        work = Parallel(n_jobs=count, backend="loky", return_as="generator_unordered", batch_size=1)
-        left = dict(enumerate(tasks))
-        try:
-            with own_code_only():
-                for number, row in work(delayed(_numbered)(n, task, options) for n, task in enumerate(tasks)):
-                    del left[number]
-                    yield row
-        except BrokenProcessPool:
-            get_reusable_executor().shutdown(wait=True, kill_workers=True)
-            yield from _one_at_a_time(list(left.values()), options)
-        finally:
-            get_reusable_executor().shutdown(wait=True, kill_workers=True)
+        lost: list[Task] = []
+        for outcome in _apart(tasks, options, min(wanted, len(tasks)), cancelled):
+            if isinstance(outcome, Task):
+                lost.append(outcome)
+            else:
+                yield outcome
+        for outcome in _apart(lost, options, 1, cancelled):
+            if isinstance(outcome, Task):
+                why = "it was ended from outside, for want of memory or by this file"
+                outcome = _lost(outcome, options, why)
+            yield outcome
 
     return run
 
 
-def _numbered(number: int, task: Task, options: Options) -> tuple[int, SessionRow]:
-    return number, diagnose_file(task, options)
+LISTENING_S = 0.2
+"""How long one waits for a diagnosis before it is asked whether to stop."""
+NICENESS = 10
+"""Of a process that gives way to others, as ``nice`` counts."""
 
 
-def _one_at_a_time(tasks: Sequence[Task], options: Options) -> Iterator[SessionRow]:
-    """Each in a process that lasts until one ends it."""
-    pool: ProcessPoolExecutor | None = None
+@dataclass
+class _Process:
+    """A process that diagnoses one session after the other, and the one that it has in work."""
+
+    process: BaseProcess
+    pipe: Connection
+    task: Task | None = None
+
+
+def _serve(pipe: Connection, options: Options, gives_way: bool) -> None:
+    """What such a process does, until its pipe is shut."""
+    if gives_way and hasattr(os, "nice"):
+        os.nice(NICENESS)
+    while True:
+        try:
+            task = pipe.recv()
+        except (EOFError, OSError):
+            return
+        pipe.send(diagnose_file(task, options))
+
+
+def _started(options: Options, gives_way: bool) -> _Process:
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe()
+    process = context.Process(target=_serve, args=(there, options, gives_way), daemon=True)
+    with own_code_only():
+        process.start()
+    there.close()  # its end alone, so that it is heard when it goes
+    return _Process(process, here)
+
+
+def _apart(
+    tasks: Sequence[Task], options: Options, most: int, cancelled: Callable[[], bool] | None
+) -> Iterator[SessionRow | Task]:
+    """The outcome of every task as it comes; the task itself where its process was lost.
+
+    Raises:
+        Cancelled: so it was asked.
+    """
+    waiting, processes = deque(tasks), list[_Process]()
     try:
-        for task in tasks:
-            if pool is None:
-                pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
-            try:
-                with own_code_only():
-                    yield pool.submit(diagnose_file, task, options).result()
-            except BrokenProcessPool:
-                pool.shutdown()
-                pool = None
-                yield _lost(task, options, "it was ended from outside, for want of memory or by this file")
+        while waiting or any(one.task for one in processes):
+            while waiting and len(processes) < most:
+                processes.append(_started(options, cancelled is not None))
+            for one in processes:
+                if one.task is None and waiting:
+                    one.task = waiting.popleft()
+                    with contextlib.suppress(OSError):  # it is gone, which is heard below
+                        one.pipe.send(one.task)
+            ready = wait([one.pipe for one in processes if one.task is not None], LISTENING_S)
+            if cancelled is not None and cancelled():
+                raise Cancelled
+            for one in [one for one in processes if one.pipe in ready]:
+                assert one.task is not None
+                try:
+                    outcome: SessionRow | Task = one.pipe.recv()
+                except (EOFError, OSError):
+                    outcome = one.task
+                    processes.remove(one)
+                    _end(one)
+                one.task = None
+                yield outcome
     finally:
-        if pool is not None:
-            pool.shutdown(cancel_futures=True)
+        for one in processes:
+            _end(one)
+
+
+def _end(one: _Process) -> None:
+    one.pipe.close()
+    one.process.kill()
+    one.process.join()
+    one.process.close()
 
 
 def on_dask(address: str, folder: Path) -> Runner:
@@ -184,6 +243,35 @@ def _lost(task: Task, options: Options, why: str) -> SessionRow:
 
 
 HASHING_THREADS = 4
+TABLE_NAME = "verdicts"
+"""Of the table that is made beside the sessions where nobody gives a name."""
+
+
+def table_beside(folder: Path) -> Path:
+    """The table that a batch of this folder goes on with: the newest one of it there, or a new name."""
+    for path in sorted(folder.glob("*.parquet"), key=lambda one: one.stat().st_mtime, reverse=True):
+        try:
+            table = read_table(path)
+        except UserError:
+            continue
+        if table is not None and not table.added and Path(table.folder) == folder.resolve():
+            return path
+    names = (f"{TABLE_NAME}{'' if number == 1 else f'-{number}'}.parquet" for number in count(1))
+    return next(folder / name for name in names if not (folder / name).exists())
+
+
+def contents_beside(folder: Path) -> Contents:
+    """What the batches of this folder found so far, those that were stopped included.
+
+    Raises:
+        UserError: the table cannot be read.
+    """
+    path = table_beside(folder)
+    table = read_table(path) or Contents(str(folder.resolve()), ())
+    parts = Parts.of(path).read()
+    fresh = {part.row["session"] for part in parts}
+    rows = [row for row in table.rows if row["session"] not in fresh] + [complete(p.row) for p in parts]
+    return replace(table, rows=tuple(in_order_of_time(rows)), units=units_of(parts, table.units))
 
 
 @dataclass(frozen=True)
@@ -229,6 +317,7 @@ def run_batch(
     retry: bool = False,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
+    found: Callable[[Row], None] | None = None,
 ) -> BatchResult:
     """Diagnose every session below ``folder`` that the table ``out`` does not hold yet, and write the table.
 
@@ -236,6 +325,7 @@ def run_batch(
         retry: whether sessions that could not be diagnosed are tried again.
         progress: called with the share done (0 to 1) and what was done last.
         cancelled: asked after every session; True stops, and what is done stays kept.
+        found: called with every row as it comes.
 
     Raises:
         UserError: nothing to do, the table is not ours or of another batch, a place cannot be written to.
@@ -258,6 +348,8 @@ def run_batch(
     for outcome in runner(plan.todo, options) if plan.todo else ():
         parts.keep(outcome)
         outcomes.append(outcome)
+        if found is not None:
+            found(outcome.row)
         told(len(outcomes) / len(plan.todo), f"{len(outcomes)} of {len(plan.todo)}, {outcome.row['session']}")
         if cancelled is not None and cancelled():
             raise Cancelled

@@ -248,10 +248,10 @@ def followed_columns(rows: Sequence[Row]) -> list[str]:
 def trends(rows: Sequence[Row], units: Mapping[str, str]) -> list[Trend]:
     """The trend of every followed quantity that enough sessions have; see :func:`trend`."""
     usable = ageing_rows(rows)
-    days = np.array([_days(row) for row in usable])
+    days = days_of(usable)
     result = []
     for column in followed_columns(usable):
-        values = np.array([_number(row.get(column)) for row in usable])
+        values = np.array([number_of(row.get(column)) for row in usable])
         known = np.isfinite(values)
         found = trend(days[known], values[known])
         if found is not None:
@@ -277,11 +277,12 @@ def trend(days: Array, values: Array) -> tuple[float, float, float] | None:
     return float(slope), float(low), float(high)
 
 
-def _days(row: Row) -> float:
-    when = recorded_at(row["created"])
-    assert when is not None  # ageing_rows lets no other through
-    return when.timestamp() / 86400.0
+def days_of(rows: Sequence[Row]) -> Array:
+    """Days since 1970 at which sessions of :func:`ageing_rows` were recorded, (n,)."""
+    times = [recorded_at(row["created"]) for row in rows]
+    return np.array([when.timestamp() / 86400.0 for when in times if when is not None])
 
 
-def _number(value: object) -> float:
+def number_of(value: object) -> float:
+    """A cell as a number; NaN where it is none."""
     return float(value) if isinstance(value, (int, float)) else math.nan

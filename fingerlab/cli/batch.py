@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import click
 from rich.table import Table
 from rich.text import Text
 
+from fingerlab.batch.changes import Change, changes
 from fingerlab.batch.rows import Options, Row, recorded_at
 from fingerlab.batch.run import BatchResult, locally, on_dask, run_batch
 from fingerlab.batch.table import LEAST_TIMES, Contents, Trend, ageing_rows, trends
@@ -26,14 +28,9 @@ from fingerlab.cli.common import (
     write_json,
 )
 from fingerlab.core.errors import UserError
-from fingerlab.core.text import decimals_for, fixed, largest_of, score_text, screen_unit, with_minus
-from fingerlab.report.diagnosis_words import (
-    NOTHING_WORDS,
-    UNKNOWN_WORDS,
-    effect_title,
-    in_sentence,
-    listed,
-)
+from fingerlab.core.plain_data import json_ready
+from fingerlab.core.text import fixed, largest_of, score_text, screen_unit
+from fingerlab.report.batch_words import change_sentence, not_shown_sentence, outcome_words, trend_cells
 
 TOLD_FAILURES = 5
 """Failed sessions that are told one by one; the rest are in the table."""
@@ -78,10 +75,11 @@ def batch(
         result = run_batch(folder, out, options, runner, retry, report)
     _tell(result, out)
     found = trends(result.contents.rows, result.contents.units)
+    changed = changes(result.contents.rows, result.contents.units)
     if json_target is not None:
-        write_json(_batch_json(folder, out, result, found), json_target)
+        write_json(_batch_json(folder, out, result, found, changed), json_target)
     if json_target != "-":
-        _print_summary(result.contents, found)
+        _print_summary(result.contents, found, changed)
 
 
 def _options(added: tuple[str, ...]) -> Options:
@@ -111,7 +109,9 @@ def _tell(result: BatchResult, out: Path) -> None:
             click.echo(f"  and {count - TOLD_FAILURES} more; the table's column 'error' says why.", err=True)
 
 
-def _batch_json(folder: Path, out: Path, result: BatchResult, found: list[Trend]) -> dict[str, Any]:
+def _batch_json(
+    folder: Path, out: Path, result: BatchResult, found: list[Trend], changed: list[Change]
+) -> dict[str, Any]:
     rows = result.contents.rows
     return {
         "schema": 1,
@@ -126,6 +126,7 @@ def _batch_json(folder: Path, out: Path, result: BatchResult, found: list[Trend]
         "failed": len(result.failed),
         "verdicts": dict(Counter(row["verdict"] for row in rows if row["verdict"] is not None)),
         "trends": [vars(trend) | {"changes": trend.changes} for trend in found],
+        "changes": [json_ready(asdict(change)) for change in changed],
         "units": dict(result.contents.units),
         "rows": list(rows),
     }
@@ -147,30 +148,8 @@ SHOWN_COLUMNS = (
 NARROW = 100
 """On a terminal of fewer columns the sessions are listed without what is missing and without the delay."""
 
-PARAMETER_WORDS = {
-    "arm_mcp": "Moment arm MCP",
-    "arm_pip": "Moment arm PIP",
-    "loss_mcp": "Loss MCP",
-    "loss_pip": "Loss PIP",
-    "offset": "Cable offset",
-    "bench_gain": "Load per known load",
-    "bench_offset": "Torque without load",
-}
-COLUMN_WORDS = {
-    "score": "Error / floor",
-    "final_score": "Error / floor, effects added",
-    "alone.coulomb_friction.coulomb_mcp": "MCP friction, Coulomb",
-    "alone.coulomb_friction.coulomb_pip": "PIP friction, Coulomb",
-    "alone.viscous_friction.viscous_mcp": "MCP friction, viscous",
-    "alone.viscous_friction.viscous_pip": "PIP friction, viscous",
-    "alone.motor_coulomb_friction.coulomb": "Motor friction, Coulomb",
-    "alone.motor_viscous_friction.viscous": "Motor friction, viscous",
-    "alone.transport_delay.delay": "Delay",
-}
-MOST_DECIMALS = 4
 
-
-def _print_summary(contents: Contents, found: Sequence[Trend]) -> None:
+def _print_summary(contents: Contents, found: Sequence[Trend], changed: Sequence[Change]) -> None:
     """Everything that a person wants to see at once; the rest is in the table."""
     console = table_console()
     good = [row for row in contents.rows if not row["error"]]
@@ -193,31 +172,14 @@ def _print_summary(contents: Contents, found: Sequence[Trend]) -> None:
     else:
         times = len({row["created"] for row in ageing_rows(contents.rows)})
         console.print(Text(f"A trend needs sessions of {LEAST_TIMES} times at least; there are {times}."))
+    for change in changed:
+        console.print(Text(f"\n{change_sentence(change)}"))
     console.print()
-    for words, count in Counter(_outcome(row) for row in good).most_common():
+    for words, count in Counter(outcome_words(row) for row in good).most_common():
         console.print(Text(f"{count:5d}  {words}"))
     unseen = not_shown_sentence(good)
     if unseen:
         console.print(Text(f"\n{unseen}"))
-
-
-def _outcome(row: Row) -> str:
-    words = {"nothing_missing": NOTHING_WORDS, "not_in_catalogue": UNKNOWN_WORDS}
-    if row["verdict"] in words:
-        return words[row["verdict"]]
-    return effect_title(row["set"][0] if row["set"] else str(row["first_effect"]))
-
-
-def not_shown_sentence(rows: Sequence[Row]) -> str:
-    """What the sessions in which nothing is missing leave open, and how many of them; or nothing."""
-    left = [row["set"] for row in rows if row["verdict"] == "nothing_missing" and row["set"]]
-    if not left:
-        return ""
-    titles = Counter(in_sentence(effect_title(effect)) for effects in left for effect in effects)
-    named = [f"{title} ({count})" for title, count in titles.most_common()]
-    where = "One session" if len(left) == 1 else f"{len(left)} sessions"
-    leave = "leaves" if len(left) == 1 else "leave"
-    return f"{where} with nothing missing {leave} open, at a plausible strength: {listed(named)}."
 
 
 def _sessions_table(rows: Sequence[Row], contents: Contents, narrow: bool) -> Table:
@@ -239,7 +201,7 @@ def _sessions_table(rows: Sequence[Row], contents: Contents, narrow: bool) -> Ta
         table.add_row(
             "–" if when is None else when.strftime("%Y-%m-%d"),
             row["session"],
-            *([] if narrow else [_outcome(row)]),
+            *([] if narrow else [outcome_words(row)]),
             score_text(_value(row, "score")),
             score_text(_value(row, "final_score")),
             *cells,
@@ -270,25 +232,6 @@ def _trends_table(found: Sequence[Trend]) -> Table:
     for title in ("median", "unit", "per month", "90 % interval", "", "sessions"):
         table.add_column(title, justify="left" if title in ("unit", "") else "right", no_wrap=True)
     for trend in found:
-        unit = screen_unit(trend.unit, largest_of((trend.median, trend.low, trend.high)))
-        slope, low, high = (value * unit.factor for value in (trend.per_month, trend.low, trend.high))
-        digits = min(decimals_for((high - low) / 4), MOST_DECIMALS)
-        table.add_row(
-            column_words(trend.column),
-            with_minus(f"{trend.median * unit.factor:.4g}"),
-            unit.symbol,
-            fixed(slope, digits),
-            f"{fixed(low, digits)} to {fixed(high, digits)}",
-            "*" if trend.changes else "",
-            str(trend.sessions),
-        )
+        *cells, sessions = trend_cells(trend)
+        table.add_row(*cells, "*" if trend.changes else "", sessions)
     return table
-
-
-def column_words(column: str) -> str:
-    """A column of the table in words, such as ``Moment arm MCP, extension``."""
-    if column in COLUMN_WORDS:
-        return COLUMN_WORDS[column]
-    key, _, routing = column.partition(".")[2].partition("@")
-    words = PARAMETER_WORDS.get(key, key.replace("_", " "))
-    return f"{words}, {routing}" if routing else words

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 from rich.table import Table
 from rich.text import Text
 
@@ -18,18 +17,28 @@ from fingerlab.cli.common import (
     result_table,
     table_console,
     tell_own_effects,
+    write_json,
     write_results,
 )
 from fingerlab.cli.predict import NUMBERS_WITH_DELAY, interval_json
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import json_ready
-from fingerlab.core.text import number, score_text
+from fingerlab.core.progress import Watch
 from fingerlab.models.file import load_model
 from fingerlab.prediction import ExtendedModel, extended_model
 from fingerlab.prediction.comparing import ComparedModel, ModelComparison, compare_models
-from fingerlab.prediction.predict import interval_over, spread_over
-from fingerlab.report.page_tables import error_rows
-from fingerlab.sessions import open_session
+from fingerlab.prediction.predict import spread_over
+from fingerlab.report.page_tables import compared_rows, error_rows, judged_as_they_stand
+from fingerlab.report.run_pair_words import (
+    cell,
+    channel_title,
+    channels_of,
+    pair_title,
+    pairs_json,
+    pairs_sentence,
+)
+from fingerlab.sessions import Session, open_session
+from fingerlab.signals.run_pairs import compare_sessions
 
 
 @click.command()
@@ -40,21 +49,35 @@ from fingerlab.sessions import open_session
     metavar="M.json",
     type=PATH,
     multiple=True,
-    required=True,
     help="Model file written by 'fingerlab diagnose --save'; repeatable.",
+)
+@click.option(
+    "--beside",
+    metavar="S2.h5",
+    type=PATH,
+    help="Compare the runs with those of another session instead, motion by motion, in phase.",
 )
 @click.option("--figures", metavar="DIR", type=PATH, help="Draw the errors into a folder.")
 @json_option
 def compare(
-    session_file: Path, model_files: tuple[Path, ...], figures: Path | None, json_target: str | None
+    session_file: Path,
+    model_files: tuple[Path, ...],
+    beside: Path | None,
+    figures: Path | None,
+    json_target: str | None,
 ) -> None:
-    """Compare saved models on the runs of a session, beside the nominal model.
+    """Compare saved models on the runs of a session, beside the nominal model; or two sessions run by run.
 
     Every run is judged by values that have not seen it: left out of the fit where the model was fitted to
     this session, as they stand in the file where it was fitted to others. Errors are in multiples of the
     floor of the best model; the endpoint force is that of the contact runs.
     """
+    if (beside is None) == (not model_files) or (beside is not None and figures is not None):
+        raise UserError("Give --model, once or more, and --figures if wanted; or --beside alone.")
     session = open_session(session_file)
+    if beside is not None:
+        _compare_runs(session, open_session(beside), json_target)
+        return
     refuse_taken_early(None, figures)
     tell_own_effects()
     models = _load(model_files)
@@ -69,6 +92,27 @@ def compare(
 
         drawn = (comparison_figures(result), figures)
     write_results(_comparison_json(result), json_target, None, drawn)
+
+
+def _compare_runs(first: Session, second: Session, json_target: str | None) -> None:
+    """Two benches or two days, run by run."""
+    bar, report = progress_bar("Comparing")
+    with bar:
+        found = compare_sessions(first, second, Watch(report))
+    if json_target is not None:
+        write_json(json_ready(pairs_json(found)), json_target)
+    if json_target == "-":
+        return
+    units = channels_of(found)
+    columns = (f">{unit.label(channel_title(name))}" for name, unit in units.items())
+    table = result_table("runs", "motion", *columns, padding=(0, 1, 0, 0))
+    for pair in found.pairs:
+        table.add_row(*pair_title(pair), *(cell(pair, name, unit).text for name, unit in units.items()))
+    console = table_console()
+    console.print(table)
+    console.print(Text(pairs_sentence(found)))
+    for sentence in found.refused:
+        console.print(Text(sentence))
 
 
 def _load(paths: tuple[Path, ...]) -> dict[str, ExtendedModel]:
@@ -91,29 +135,13 @@ def _print(result: ModelComparison) -> None:
         title=f"{result.session.name}, runs that the values have not seen",
         padding=(0, 1, 0, 0),
     )
-    for model in result.models:
-        table.add_row(
-            Text(model.name), ", ".join(model.effects) or "–", score_text(model.score), *_force_cells(model)
-        )
+    for name, *rest in compared_rows(result):
+        table.add_row(Text(name), *rest)
     console.print(table)
     if any(m.errors for m in result.models):
         console.print(_equations(result))
-    if not all(m.left_out for m in result.models):
-        names = ", ".join(m.name for m in result.models if not m.left_out)
-        console.print(f"Fitted on other sessions, so judged as it stands: {names}.", soft_wrap=True)
-
-
-def _force_cells(model: ComparedModel) -> tuple[str, ...]:
-    if not model.forces:
-        return ("–",) * 5
-    coverage = interval_over(model.forces)[1]
-    return (
-        number(1e3 * spread_over(model.forces, "both", "rmse").mean, 1),
-        number(spread_over(model.forces, "both", "r2").mean, 4),
-        number(spread_over(model.forces, "both", "normalised_r2").mean, 4),
-        number(100 * spread_over(model.forces, "both", "share").mean, 1),
-        number(100 * coverage, 1) if np.isfinite(coverage) else "–",
-    )
+    if judged_as_they_stand(result):
+        console.print(judged_as_they_stand(result), soft_wrap=True)
 
 
 def _equations(result: ModelComparison) -> Table:

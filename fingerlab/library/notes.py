@@ -164,29 +164,33 @@ def find_verdicts(folder: Path, facts: Sequence[SessionFacts]) -> dict[Path, Ver
     was and, for a tree that has moved as a whole, beside the table.
     """
     by_place = {_place(one.path): one for one in facts if not one.problem}
-    tables = sorted((p for p in folder.glob("*.parquet") if p.is_file()), key=lambda p: p.stat().st_mtime)
+    tables = sorted(
+        (p for p in folder.glob("*.parquet*") if p.suffix == (".parts" if p.is_dir() else ".parquet")),
+        key=lambda p: p.stat().st_mtime,
+    )
     found: dict[Path, Verdict] = {}
     if not tables:
         return {}
-    from fingerlab.batch.table import read_table  # slow to import, and most folders hold no table
+    from fingerlab.batch.table import Parts, read_table  # slow to import, and most folders hold no table
 
     for table in tables:
-        try:
-            contents = read_table(table)
-        except UserError:
-            continue  # somebody else's table
-        if contents is None:
-            continue
+        if table.is_dir():  # of a batch that was stopped
+            rows, roots = [part.row for part in Parts(table).read()], [folder]
+        else:
+            try:
+                contents = read_table(table)
+            except UserError:
+                continue  # somebody else's table
+            if contents is None:
+                continue
+            rows, roots = list(contents.rows), [Path(contents.folder), folder]
         written = table.stat().st_mtime
-        for row in contents.rows:
-            name = str(row["session"])
-            for root in (Path(contents.folder), table.parent):
-                one = by_place.get(_place(root / name))
-                if one is not None:
-                    verdict = _verdict(row, table, one.modified > written)
-                    if verdict is not None:
-                        found[one.path] = verdict
-                    break
+        for row in rows:
+            places = (by_place.get(_place(root / str(row["session"]))) for root in roots)
+            one = next((place for place in places if place is not None), None)
+            verdict = None if one is None else verdict_of(row, table, one.modified > written)
+            if one is not None and verdict is not None:
+                found[one.path] = verdict
     return found
 
 
@@ -194,7 +198,8 @@ def _place(path: Path) -> str:
     return str(path.resolve())
 
 
-def _verdict(row: Row, table: Path, outdated: bool) -> Verdict | None:
+def verdict_of(row: Row, table: Path, outdated: bool = False) -> Verdict | None:
+    """What a row of a batch's table says; None where the session could not be diagnosed."""
     if not row.get("verdict"):
         return None  # it could not be diagnosed; the table says why
     return Verdict(

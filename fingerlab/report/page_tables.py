@@ -19,6 +19,7 @@ from fingerlab.core.text import (
     decimals_for,
     estimate_text,
     fixed,
+    number,
     percent,
     printed,
     r2_text,
@@ -28,6 +29,8 @@ from fingerlab.core.text import (
 )
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, EquationError
 from fingerlab.models.file import ParameterEstimate
+from fingerlab.prediction.comparing import ComparedModel, ModelComparison
+from fingerlab.prediction.predict import interval_over, spread_over
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
     NOTHING_WORDS,
@@ -355,3 +358,43 @@ def calibration_sentence(sessions: Sequence[Session]) -> str:
         return ""
     names = ", ".join(without)
     return f"{names} holds no calibration of its sensors; forces and angles are taken as the file gives them."
+
+
+COMPARED_COLUMNS = (
+    ("Model", "File it was saved in."),
+    ("Effects", "That it adds to the nominal model."),
+    ("Error / floor", "Over all equations, on runs that its values have not seen."),
+    ("Force error (mN)", "Root mean square, of the endpoint force in contact."),
+    ("R2", "Of that force."),
+    ("R2 normalised", "The same with both forces scaled to their span."),
+    ("Share (%)", "Modelled amplitude over the measured one."),
+    ("In interval (%)", "Share of samples that the 90 % interval holds."),
+)
+"""What models are compared by, and what it means."""
+
+
+def compared_rows(result: ModelComparison) -> list[tuple[str, ...]]:
+    """Cells of :data:`COMPARED_COLUMNS` for every model, the nominal one first."""
+    return [
+        (one.name, ", ".join(one.effects) or "–", score_text(one.score), *_force_cells(one))
+        for one in result.models
+    ]
+
+
+def judged_as_they_stand(result: ModelComparison) -> str:
+    """Which models were fitted on other sessions, in a sentence; empty: none."""
+    names = ", ".join(one.name for one in result.models if not one.left_out)
+    return f"Fitted on other sessions, so judged as it stands: {names}." if names else ""
+
+
+def _force_cells(model: ComparedModel) -> tuple[str, ...]:
+    if not model.forces:
+        return ("–",) * 5
+    coverage = interval_over(model.forces)[1]
+    return (
+        number(1e3 * spread_over(model.forces, "both", "rmse").mean, 1),
+        number(spread_over(model.forces, "both", "r2").mean, 4),
+        number(spread_over(model.forces, "both", "normalised_r2").mean, 4),
+        number(100 * spread_over(model.forces, "both", "share").mean, 1),
+        number(100 * coverage, 1) if math.isfinite(coverage) else "–",
+    )

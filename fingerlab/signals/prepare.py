@@ -199,3 +199,34 @@ def _low_passed(run: Run, channels: Mapping[str, Array], cutoff_hz: float) -> di
             pieces = low_pass_stretches(channels[name], rate, cutoff_hz)
             result |= {} if pieces is None else {name: pieces}
     return result
+
+
+SEGMENT_S = 10.0
+"""Of a spectrum (Welch, "The use of fast Fourier transform", 1967): a tenth of a hertz is told apart."""
+LEAST_SAMPLES = 50
+"""Fewer tell no spectrum; assumed."""
+
+
+def amplitude_density(
+    values: Array, rate_hz: float, segment_s: float = SEGMENT_S
+) -> tuple[Array, Array] | None:
+    """Welch's amplitude density of the longest stretch without a gap; None where that is too short.
+
+    Args:
+        values: shape (n,), any unit, NaN where there is nothing. segment_s: what is averaged over, s.
+
+    Returns:
+        Frequencies above 0, Hz, and the density in the unit of the values per root of a hertz, (m,) each.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    if not len(known):
+        return None
+    parts = np.split(known, np.flatnonzero(np.diff(known) > 1) + 1)
+    longest = values[max(parts, key=len)]
+    if len(longest) < LEAST_SAMPLES:
+        return None
+    from scipy.signal import welch
+
+    length = min(int(segment_s * rate_hz), len(longest))
+    frequency, density = welch(longest, rate_hz, nperseg=length)
+    return np.asarray(frequency[1:], dtype=float), np.sqrt(np.asarray(density[1:], dtype=float))

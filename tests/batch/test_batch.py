@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -328,3 +329,17 @@ def test_json_alone_goes_to_standard_output(finished: Finished, bench: Path, tmp
     assert data["rows"] == finished.data["rows"]
     assert data["trends"] == finished.data["trends"]
     assert sum(data["verdicts"].values()) == 4
+
+
+def test_a_stop_is_heard_while_a_session_is_in_work(tree: Path, tmp_path: Path) -> None:
+    """With a stop to ask for, not even one session is diagnosed in this process; none goes on after it."""
+    asked: list[int] = []
+
+    def cancelled() -> bool:
+        asked.append(len(multiprocessing.active_children()))
+        return len(asked) > 2
+
+    with pytest.raises(Cancelled):
+        run_batch(tree, tmp_path / "T.parquet", Options(), locally(1, cancelled), cancelled=cancelled)
+    assert max(asked) == 1
+    assert not multiprocessing.active_children()

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from fingerlab.cli.replicate import TOLERANCES, compare, replicate
+from fingerlab.cli.replicate import replicate
+from fingerlab.report.replicate import TOLERANCES, compare
 from fingerlab.thesis.analysis import PUBLISHED, PublishedQuantity
 
 

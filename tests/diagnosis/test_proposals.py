@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from fingerlab.diagnosis.experiment.predicted_runs import (
     bench_motion,
     commanded,
     finger_motion,
+    menu,
     pressing_motion,
     seen_press,
 )
@@ -40,7 +42,9 @@ from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 from fingerlab.physics.motion import Motion
+from fingerlab.rig.intervention import Intervention
 from fingerlab.sessions.model import Session
+from fingerlab.twin.protocols import single_run
 
 from . import closed_form as made
 
@@ -74,6 +78,46 @@ def test_an_imagined_finger_hangs_in_balance_on_its_cable(sign: int, cable: str)
     wound = made.RADIUS * motion.position - VALUES[f"offset@{cable}"]
     assert sign * (a * q.mcp + b * q.pip) == pytest.approx(wound, abs=1e-7)
     assert pull.min() > 0
+
+
+def test_an_imagined_finger_with_a_known_change_hangs_in_balance_too() -> None:
+    """Mass, spring, wider guide and load stand in the balances, and the cable follows the pulley."""
+    change = Intervention(
+        added_mass=0.01, added_mass_at=0.03, load_torque=0.02, mcp_stiffness=0.05, pip_arm=1.2
+    )
+    motion = finger_motion(made.RIG, -1, SINE, VALUES, change)
+    assert motion is not None
+    assert motion.joints is not None
+    q, f = motion.joints, made.NOMINAL
+    a, b = VALUES["arm_mcp@extension"], 1.2 * VALUES["arm_pip@extension"]
+    pull = (motion.torque - 0.02 - made.INERTIA * motion.acceleration) / made.RADIUS
+    assert motion.tension == pytest.approx((motion.torque - 0.02) / made.RADIUS)
+    first, second = gravity(q.mcp, q.pip)
+    weight = 0.01 * f.gravity
+    far = -weight * 0.03 * np.cos(q.mcp + q.pip - f.wrist_angle)
+    near = -weight * 2 * f.proximal_half_length * np.cos(f.wrist_angle - q.mcp) + far
+    assert (f.mcp_stiffness + 0.05) * q.mcp + first + near == pytest.approx(-a * pull, abs=1e-6)
+    assert f.pip_stiffness * q.pip + second + far == pytest.approx(-b * pull, abs=1e-6)
+    length = -(a * q.mcp + b * q.pip)
+    assert length - length[0] == pytest.approx(made.RADIUS * (motion.position - motion.position[0]), abs=1e-7)
+
+
+def test_the_menu_repeats_free_motions_with_changes_of_the_machines_own_size(
+    judged: tuple[Session, Scorer, Evidence],
+) -> None:
+    session, scorer, evidence = judged
+    told = replace(session.runs[0], trajectory={**SINE, "duration_s": 10.0})
+    sessions = [replace(session, runs=(told, *session.runs[1:]))]
+    changed = [p for p in menu(sessions, scorer.reduced, evidence.base.values) if p.before is not None]
+    assert {name for p in changed for name in p.change.to_json()} >= {"added_mass", "load_torque", "pip_arm"}
+    for proposal in changed:
+        said = proposal.to_json(["a", "b"], 1.0)
+        plan = single_run(said["trajectory"], said["phase"], said["cable"], said["intervention"])
+        assert plan.phase == "on_air"
+        assert json.loads(plan.attributes["intervention"]) == said["intervention"]
+        assert {k: said["trajectory"][k] for k in SINE} == SINE
+    (mass,) = {p.change.added_mass for p in changed} - {0.0}
+    assert mass == pytest.approx(made.NOMINAL.distal_mass, rel=0.1)
 
 
 def test_a_finger_whose_cable_would_hang_loose_is_not_imagined() -> None:

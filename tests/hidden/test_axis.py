@@ -158,6 +158,21 @@ def test_what_was_found_with_a_wider_range_is_found_again_when_it_is_given() -> 
     assert given.verdict == "nothing_missing"
 
 
+def test_the_plainer_law_is_named_beside_friction_that_grows_with_load() -> None:
+    """Half of the friction is Coulomb's, 30 % of the load come on top; Stribeck's law led until that showed.
+
+    Exchanged, it leaves less: 62 thousandths of the friction's size in place of 80.
+    """
+    axis = drawn("coulomb and load", 2)
+    machine = session(axis)
+    result = verdict_on(machine)
+    assert result.final_model == ("motor_coulomb_friction", "load_dependent_friction")
+    found = result.final_parameters
+    assert found["motor_coulomb_friction.coulomb"].value == pytest.approx(0.5 * axis.torque, rel=0.05)
+    given = diagnose([machine], result.final_model, with_curves=False)
+    assert given.errors["motor_torque"].rmse < 0.07 * axis.torque
+
+
 def test_ripple_is_found_beside_friction_where_laps_are_few() -> None:
     """29 periods a turn, 30 % of the friction's size, on a stroke of an eighth of a turn in one speed.
 

@@ -18,6 +18,7 @@ from PySide6.QtWidgets import (
 )
 
 from fingerlab.models.project import TriedModel
+from fingerlab.prediction.comparing import ComparedModel, ModelComparison
 from fingerlab.ui.acquire.acquire_bars import FROM_FILE
 from fingerlab.ui.acquire.acquire_tab import ask_to_close
 from fingerlab.ui.acquire.connect_page import ConnectPage
@@ -46,6 +47,19 @@ def _details(stage: Stage) -> None:
 
 def _own_effects(stage: Stage) -> None:
     stage.tab("model_lab").show_own_effects()
+
+
+def _run_by_run(stage: Stage) -> None:
+    session = SimpleNamespace(path=stage.session)
+    found: Any = SimpleNamespace(
+        first=session, second=session, pairs=(), only_first=(), only_second=(), refused=()
+    )
+    stage.tab("sessions").show_pair(found)
+
+
+def _models_compared(stage: Stage) -> None:
+    one = ComparedModel("model.json", ("coulomb_friction",), True, 1.1)
+    stage.tab("predict").show_comparison(ModelComparison(stage.session, (one,)))
 
 
 def _edit_own(stage: Stage) -> None:
@@ -332,6 +346,30 @@ DIALOGS = (
         (lambda s: s.tab("model_lab").view.show_side_by_side(),),
         ("lab/side_by_side.py:SideBySideDialog",),
         "model_lab",
+    ),
+    Surface(
+        "Two sessions run by run",
+        (_run_by_run,),
+        ("sessions/pairs_dialog.py:PairsDialog",),
+        "sessions",
+    ),
+    Surface(
+        "Models compared",
+        (_models_compared,),
+        ("predict/models_dialog.py:ModelsDialog",),
+        "predict",
+    ),
+    Surface(
+        "The thesis' experiment again",
+        (lambda s: s.tab("fit").show_replicate(),),
+        ("fit/replicate_dialog.py:ReplicateDialog",),
+        "fit",
+    ),
+    Surface(
+        "Trend over days",
+        (lambda s: s.tab("sessions").show_trend(),),
+        ("sessions/trend_dialog.py:TrendDialog",),
+        "sessions",
     ),
     Surface(
         "Own effects > New",

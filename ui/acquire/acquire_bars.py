@@ -24,6 +24,7 @@ from fingerlab.core.text import ScreenUnit
 
 from ..app.tab_registry import SEPARATOR, Command
 from ..widgets.fields import NumberField, choice, form_menu, refuse_entries
+from ..widgets.free_plots import PlotsButton
 from ..widgets.labels import ElidedLabel, header_name, heading
 from ..widgets.layout import described, hbox
 from .acquire_panel import AcquirePanel
@@ -167,14 +168,23 @@ class PlotToolbar(QWidget):
         self.hold = _switch("hold", "&Hold", "Keep the picture still; the bench goes on (Ctrl+P).")
         self.cursors = _switch("cursors", "C&ursors", "Two cursors to drag, with differences (Ctrl+K).")
         self.trigger = TriggerButton(plots)
+        self.arrange = PlotsButton(plots.free)
         self.model = choice(
             "model", MODELS, "Model: its torque and force over the measured ones, with what is left."
         )
-        self.model.setMinimumContentsLength(14)
+        self.model.setMinimumContentsLength(11)
         self.times = described(ElidedLabel(), "cursorTimes", accessible="Times of the cursors")
         self.differences = described(ElidedLabel(), "cursorText", accessible="At the cursors")
         row = hbox(
-            None, self.window_s, self.hold, self.cursors, self.trigger, (self.times, 1), self.model, spacing=8
+            None,
+            self.window_s,
+            self.hold,
+            self.cursors,
+            self.trigger,
+            self.arrange,
+            (self.times, 1),
+            self.model,
+            spacing=8,
         )
         layout = QGridLayout(self)
         layout.setContentsMargins(8, 4, 8, 0)

@@ -122,7 +122,10 @@ class AcquireTab(Tab):
         self._refresh()
 
     def _build(self) -> None:
-        left = vbox(None, AbovePlots(self.toolbar, self.prompt), (self.plots, 1), spacing=0)
+        self.plots.free.remember(self.context.settings, "acquire")
+        left = vbox(
+            None, AbovePlots(self.toolbar, self.prompt), (self.plots.free.beside(self.plots), 1), spacing=0
+        )
         bench = QWidget()
         hbox(bench, (left, 1), SideRoom(self.panel), margins=FLUSH, spacing=0)
         self.bench_page = bench

@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QScrollBar, QWidget
 from fingerlab.acquisition.record.trigger import crossings
 from fingerlab.core.text import with_minus
 
+from ..widgets.free_plots import TIME, FreePlots
 from ..widgets.layout import FLUSH, vbox
 from .live_channels import PLOTS, QUANTITIES
 from .live_history import LiveHistory
@@ -45,6 +46,11 @@ class LivePlots(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.panes = {spec.key: LivePane(spec) for spec in PLOTS}
+        titles = {spec.key: spec.title for spec in PLOTS if not spec.model}
+        self.free = FreePlots(QUANTITIES, titles, ("motor_torque", "motor_position"))
+        self.free.changed.connect(self._arrange)
+        self.free.wanted.connect(self._draw_free)
+        self._models = (False, False)
         self.history: LiveHistory | None = None
         self.window_s = 10.0
         self.held = False
@@ -80,15 +86,23 @@ class LivePlots(QWidget):
 
     def show_model(self, torque: bool, force: bool) -> None:
         """Whether the modelled torque and the modelled force are shown, each with its residual."""
+        self._models = (torque, force)
+        for key, pane in self.panes.items():
+            pane.show_model(force if key.startswith("force") else torque)
+        self._arrange()
+
+    def _arrange(self) -> None:
+        """Which plots are seen: those that belong to what is shown, and are not left out."""
         last = None
         for key, pane in self.panes.items():
-            on = force if key.startswith("force") else torque
-            pane.setVisible(on or not pane.spec.model)
-            pane.show_model(on)
+            on = self._models[1 if key.startswith("force") else 0]
+            whole = key.removesuffix("_residual")
+            pane.setVisible((on or not pane.spec.model) and whole not in self.free.left_out)
             if not pane.isHidden():
                 last = pane
         for pane in self.panes.values():
             pane.show_time_axis(pane is last)
+        self.refresh()
 
     def set_window(self, seconds: float) -> None:
         """How much time is shown."""
@@ -118,7 +132,9 @@ class LivePlots(QWidget):
             return
         if not self.held:
             self._stop = self._live_stop(history)
-            self._draw()
+            self._draw_panes()
+            if numbers:
+                self._draw_free(in_turn=True)
         if not numbers:
             return
         for pane in self.panes.values():
@@ -145,11 +161,30 @@ class LivePlots(QWidget):
         return self._stop - round(self.window_s * self.history.rate_hz), self._stop
 
     def _draw(self) -> None:
+        """All that is seen."""
+        self._draw_panes()
+        self._draw_free()
+
+    def _draw_panes(self) -> None:
         assert self.history is not None
         start, stop = self.shown
         for pane in self.panes.values():
             if not pane.isHidden():
                 pane.show_part(self.history, start, stop)
+
+    def _draw_free(self, in_turn: bool = False) -> None:
+        """The user's own plots, of what the others show; or the one of them whose turn it is."""
+        history = self.history
+        plots = self.free.next() if in_turn else self.free.plots
+        if history is None or not plots:
+            return
+        start, stop = self.shown
+        names = self.free.names(plots)
+        samples = {name: history.series(name, start, stop)[1].copy() for name in names}
+        first = max(start, history.first)
+        time = (first + np.arange(len(next(iter(samples.values()), ())))) / history.rate_hz
+        for plot in plots:
+            plot.show_samples({**samples, TIME: time}, history.rate_hz, newest=not self.held)
 
     def _live_stop(self, history: LiveHistory) -> int:
         if not self.trigger.on:

@@ -106,6 +106,14 @@ class Settings:
     def set_figure(self, size: str, dots: str) -> None:
         self._store.setValue("figure", f"{size} {dots}")
 
+    def arrangement(self, name: str) -> str:
+        """How the user has arranged the plots of a page, as that page has written it; empty before."""
+        value = self._store.value(f"arrangement/{name}", "")
+        return value if isinstance(value, str) else ""
+
+    def set_arrangement(self, name: str, text: str) -> None:
+        self._store.setValue(f"arrangement/{name}", text)
+
     def heights(self, name: str) -> tuple[int, ...]:
         """Heights of a splitter's parts, px, as the user left them; empty where there are none to trust."""
         return self._sizes(f"heights/{name}")

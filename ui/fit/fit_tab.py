@@ -16,7 +16,7 @@ from fingerlab.thesis.inspection import Inspection, inspect_session
 from fingerlab.thesis.traces import Delay, FitSpec, Method
 
 from ..app.context import ApplicationContext
-from ..app.tab_registry import Command, Tab
+from ..app.tab_registry import SEPARATOR, Command, Tab
 from ..app.worker import IsCancelled, Progress
 from ..widgets.labels import header_name, heading, remark
 from ..widgets.layout import described, hbox, lay_out_invitation, vbox
@@ -24,6 +24,8 @@ from .fit_view import FitResultView
 
 if TYPE_CHECKING:
     from fingerlab.sessions.model import Session
+
+    from .replicate_dialog import ReplicateDialog
 
 METHOD_WORDS: dict[Method, str] = {
     "regions": "four regions",
@@ -136,6 +138,7 @@ class FitTab(Tab):
         super().__init__(context)
         self.sessions: tuple[Session, ...] = ()
         self.found: Inspection | None = None
+        self._replicate: ReplicateDialog | None = None
         self.panel = FitPanel()
         self.view = FitResultView()
         self.view.panes.remember(context.settings)
@@ -155,6 +158,8 @@ class FitTab(Tab):
             Command("Next run", lambda: self._step(1), "Alt+Down", lambda: self.found is not None),
             Command("Previous run", lambda: self._step(-1), "Alt+Up", lambda: self.found is not None),
             Command("&Save model file…", self.save, "Ctrl+S", lambda: self.found is not None),
+            SEPARATOR,
+            Command("The &thesis' experiment again…", self.show_replicate),
         )
         self._refresh()
 
@@ -190,6 +195,19 @@ class FitTab(Tab):
                 self._refresh()
 
         self.context.tasks.start(f"Fitting {session.path.name}", work, done, OWNER)
+
+    def show_replicate(self) -> None:
+        """The thesis' experiment on the simulated rig, beside the published numbers."""
+        from .replicate_dialog import ReplicateDialog
+
+        if self._replicate is None:
+            self._replicate = ReplicateDialog(self.widget)
+        self._replicate.show()
+        self._replicate.raise_()
+
+    def shut_down(self) -> None:
+        if self._replicate is not None:
+            self._replicate.shut_down()
 
     def save(self) -> None:
         """Keep the fit as a model file; a file that exists is refused by the writer itself."""

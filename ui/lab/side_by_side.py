@@ -6,15 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtGui import QFontMetrics
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QComboBox,
     QDialog,
     QDialogButtonBox,
-    QHeaderView,
     QLabel,
-    QTableWidgetItem,
     QWidget,
 )
 
@@ -38,8 +35,6 @@ from .project_dialogs import model_words
 from .result_words import equation_text, error_texts
 
 WIDTH, HEIGHT = 900, 680
-ROOM = 6
-"""About the words of a row, px."""
 COLUMNS = (
     ("", "What is compared."),
     ("A", "The model at the left above."),
@@ -111,8 +106,6 @@ class SideBySideDialog(QDialog):
         self._place = ("", "", "")
         self.choices = [described(QComboBox(), f"model{name}", accessible=f"Model {name}") for name in "AB"]
         self.table = NumberTable("bothModels", "Two models compared", COLUMNS)
-        self.table.setWordWrap(False)
-        self.table.verticalHeader().setDefaultSectionSize(QFontMetrics(small_font()).height() + ROOM)
         self.evidence = described(WholeLabel(), "bothEvidence", font=small_font())
         self.title = described(QLabel(), "bothTitle", font=small_font())
         self.plot = ResidualsPlot()
@@ -160,16 +153,7 @@ class SideBySideDialog(QDialog):
         if pair is None:
             return
         rows = compared(*pair)
-        self.table.setRowCount(len(rows))
-        for row, cells in enumerate(rows):
-            for column, text in enumerate(cells):
-                item = QTableWidgetItem(text)
-                side = Qt.AlignmentFlag.AlignLeft if column == 0 else Qt.AlignmentFlag.AlignRight
-                item.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
-                self.table.setItem(row, column, item)
-        header = self.table.horizontalHeader()
-        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        self.table.show_rows(rows)
         self.evidence.setText(self._evidence_words())
         both = [self._comparison(one) for one in pair]
         there = both[0] is not None and both[1] is not None

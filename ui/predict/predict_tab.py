@@ -11,7 +11,7 @@ from PySide6.QtCore import QEvent, QObject, Qt
 from PySide6.QtWidgets import QFileDialog, QPushButton, QStackedWidget, QWidget
 
 from fingerlab.core.errors import UserError
-from fingerlab.models.file import Model, load_model
+from fingerlab.models.file import DIAGNOSIS_METHOD, Model, load_model
 
 from ..app.context import ApplicationContext
 from ..app.tab_registry import Command, Tab
@@ -27,7 +27,10 @@ from .wanted_force import WantedView
 
 if TYPE_CHECKING:
     from fingerlab.prediction.beside import Beside
+    from fingerlab.prediction.comparing import ModelComparison
     from fingerlab.sessions.model import Session
+
+    from .models_dialog import ModelsDialog
 
 MODEL_FILTER = "Model files (*.json)"
 OWNER = "predict"
@@ -55,6 +58,7 @@ class PredictTab(Tab):
         self.sessions: tuple[Session, ...] = ()
         self.models: dict[str, Model] = {}
         self.found: Beside | None = None
+        self._compared: ModelsDialog | None = None
         self._due = self._shown = False
         self._steps: UndoSteps[tuple[dict[str, Model], Beside | None]] = UndoSteps(self)
         self._given: tuple[object, object] = ((), ())
@@ -72,6 +76,7 @@ class PredictTab(Tab):
         self.panel.changed.connect(self._show_choice)
         self.commands = (
             Command("&Add model files…", self.ask_and_add, "Ctrl+M"),
+            Command("Com&pare on runs left out…", self.compare, None, self._comparable),
             Command("Next run", lambda: self._step(1), "Alt+Down", lambda: self.found is not None),
             Command("Previous run", lambda: self._step(-1), "Alt+Up", lambda: self.found is not None),
             Command("&Measured force", lambda: self.views.choose("measured"), "Alt+1"),
@@ -217,6 +222,37 @@ class PredictTab(Tab):
                 self._refresh()
 
         self.context.tasks.start(f"Predicting the force in {opened[0].path.name}", work, done, OWNER)
+
+    def _comparable(self) -> bool:
+        return bool(self.sessions) and any(one.method == DIAGNOSIS_METHOD for one in self.models.values())
+
+    def compare(self) -> None:
+        """The models with effects on runs that their values have not seen, in a window of its own."""
+        if not self._comparable():
+            return
+        session = self.sessions[0]
+        given = {name: one for name, one in self.models.items() if one.method == DIAGNOSIS_METHOD}
+
+        def work(progress: Progress, cancelled: IsCancelled) -> ModelComparison:
+            from fingerlab.prediction import extended_model
+            from fingerlab.prediction.comparing import compare_models
+
+            return compare_models(session, {n: extended_model(one, n) for n, one in given.items()}, progress)
+
+        self.context.hush()
+        self.context.tasks.start(
+            f"Comparing models on {session.path.name}", work, self.show_comparison, OWNER
+        )
+
+    def show_comparison(self, found: ModelComparison) -> None:
+        """Show models that were compared."""
+        from .models_dialog import ModelsDialog
+
+        if self._compared is None:
+            self._compared = ModelsDialog(self.widget)
+        self._compared.show_comparison(found)
+        self._compared.show()
+        self._compared.raise_()
 
     # what is shown
 

@@ -50,7 +50,7 @@ DETAILS_WIDTH = 272
 
 
 class DetailsPanel(QWidget):
-    """Signals: review_asked, lab_asked, merge_asked; noted(facts, Note): tags or notes are to be kept.
+    """Signals: review_asked, lab_asked, merge_asked, compare_asked; noted(facts, Note): keep tags and notes.
 
     What was typed is also kept when another session is chosen: nothing that was written is lost.
     """
@@ -58,6 +58,7 @@ class DetailsPanel(QWidget):
     review_asked = Signal()
     lab_asked = Signal()
     merge_asked = Signal()
+    compare_asked = Signal()
     noted = Signal(object, object)
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -86,6 +87,9 @@ class DetailsPanel(QWidget):
         self.merge = QPushButton("Mer&ge…")
         self.merge.setObjectName("merge")
         self.merge.setToolTip("The runs of the chosen sessions as one session; mark two or more rows.")
+        self.compare = QPushButton("&Compare…")
+        self.compare.setObjectName("compareRuns")
+        self.compare.setToolTip("Two days or two benches, the same motions in phase; mark two rows.")
         self.tags = QLineEdit()
         self.tags.setObjectName("tags")
         self.tags.setPlaceholderText("good, new cable")
@@ -103,6 +107,7 @@ class DetailsPanel(QWidget):
         self.review.clicked.connect(self.review_asked)
         self.lab.clicked.connect(self.lab_asked)
         self.merge.clicked.connect(self.merge_asked)
+        self.compare.clicked.connect(self.compare_asked)
         self.keep.clicked.connect(self.flush)
         self.tags.returnPressed.connect(self.flush)
         self.tags.textChanged.connect(self._refresh)
@@ -110,11 +115,9 @@ class DetailsPanel(QWidget):
         self.show_session(None, Note(), None, 0)
 
     def _build(self) -> None:
-        layout = vbox(
-            self, self.title, self.file, self.about, self.review, self.lab, margins=(16, 8, 16, 8), spacing=8
-        )
-        row = hbox(None, self.export, self.merge, spacing=8)
-        layout.addLayout(row)
+        layout = vbox(self, self.title, self.file, self.about, self.review, margins=(16, 8, 16, 8), spacing=8)
+        for pair in ((self.lab, self.export), (self.merge, self.compare)):
+            layout.addLayout(hbox(None, *pair, spacing=8))
         layout.addSpacing(8)
         for text, field in (("&Tags", self.tags), ("&Notes", self.notes)):
             label = QLabel(text)
@@ -160,6 +163,7 @@ class DetailsPanel(QWidget):
         self.lab.setEnabled(chosen > 0)
         self.export.setEnabled(one and good)
         self.merge.setEnabled(chosen > 1)
+        self.compare.setEnabled(chosen == 2)
         self._refresh()
 
     def kept(self, note: Note) -> None:
@@ -202,10 +206,15 @@ NAME_NEEDS, VERDICT_MOST = 32, 44
 
 
 AGAIN_HELP = "Look for new and changed files (F5)."
+DIAGNOSE_HELP = (
+    "Say of every session below this folder what its model lacks, in the background; what a table beside "
+    "them holds already is not done again."
+)
 
 
 class LibraryPage(QWidget):
-    """Signals: folder_asked, texts_asked, again_asked; review_asked(paths), lab_asked(paths); chosen().
+    """Signals: folder_asked, texts_asked, again_asked, diagnose_asked, trend_asked; review_asked(paths),
+    lab_asked(paths); chosen().
 
     The last one: other rows are marked.
     """
@@ -213,6 +222,8 @@ class LibraryPage(QWidget):
     folder_asked = Signal()
     texts_asked = Signal()
     again_asked = Signal()
+    diagnose_asked = Signal()
+    trend_asked = Signal()
     review_asked = Signal(object)
     lab_asked = Signal(object)
     chosen = Signal()
@@ -233,6 +244,12 @@ class LibraryPage(QWidget):
         self.texts.setObjectName("importText")
         self.texts.setToolTip("Tables of text or MATLAB files become a session; or drop them on the window.")
         self.again = described(QPushButton("Read a&gain"), "readAgain", tip=AGAIN_HELP)
+        self.diagnose = described(QPushButton("&Diagnose all"), "diagnoseAll", tip=DIAGNOSE_HELP)
+        self.trend = described(
+            QPushButton("Tre&nd…"),
+            "showTrend",
+            tip="How the bench aged over the sessions of this folder, and when it changed.",
+        )
         self.search = QLineEdit()
         self.search.setObjectName("search")
         self.search.setPlaceholderText("Search: words, phase:contact, tag:good, is:clean, after:2026-05 …")
@@ -248,7 +265,9 @@ class LibraryPage(QWidget):
         self._connect()
 
     def _build(self) -> None:
-        top = hbox(None, (self.folder, 1), self.choose, self.texts, self.again, spacing=8)
+        top = hbox(
+            None, (self.folder, 1), self.choose, self.texts, self.again, self.diagnose, self.trend, spacing=8
+        )
         find = hbox(None, (self.search, 1), self.count, spacing=8)
         left = vbox(None, top, find, self.empty, (self.table, 1), margins=(16, 8, 0, 8), spacing=8)
         hbox(self, (left, 1), self.details, margins=FLUSH, spacing=0)
@@ -283,6 +302,8 @@ class LibraryPage(QWidget):
         self.choose.clicked.connect(self.folder_asked)
         self.texts.clicked.connect(self.texts_asked)
         self.again.clicked.connect(self.again_asked)
+        self.diagnose.clicked.connect(self.diagnose_asked)
+        self.trend.clicked.connect(self.trend_asked)
         self.search.textChanged.connect(self._on_search)
         self.table.doubleClicked.connect(self._on_double_click)
         self.table.selectionModel().selectionChanged.connect(lambda *_: self._on_chosen())
@@ -299,6 +320,12 @@ class LibraryPage(QWidget):
         self.again.setText("&Stop reading" if on else "Read a&gain")
         self.again.setToolTip("Leave the list as it is." if on else AGAIN_HELP)
         self.show_count("Reading …" if on else "")
+
+    def show_diagnosing(self, words: str) -> None:
+        """How far a batch is, which the button then stops; empty: none runs."""
+        self.diagnose.setText("Stop &diagnosing" if words else "&Diagnose all")
+        self.diagnose.setToolTip("What is done so far is kept." if words else DIAGNOSE_HELP)
+        self.show_count(words)
 
     # what is shown
 

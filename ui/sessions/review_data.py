@@ -184,13 +184,15 @@ RunKey = tuple[Path, str]
 
 class ReviewData(QObject):
     """Signals, of layers by their number: filled(number, share); sampled(layer); cycled(layer, Cycles);
-    valued(list of time and values), opened(sessions), beside(Session), failed(sentence, details).
+    valued(list of time and values), freed(samples by channel), opened(sessions), beside(Session),
+    failed(sentence, details).
     """
 
     filled = Signal(int, float)
     sampled = Signal(object)
     cycled = Signal(object, object)
     valued = Signal(object)
+    freed = Signal(object)
     opened = Signal(object)
     beside = Signal(object)
     failed = Signal(str, str)
@@ -239,6 +241,23 @@ class ReviewData(QObject):
                 self.sampled.emit(layer)
 
         self._ask(("sampled", layer.number), work, done)
+
+    def want_free(self, layer: Layer, names: Sequence[str], left: float, right: float) -> None:
+        """Read samples of any channels between two times of the layer's run; of many those at the left."""
+        run = layer.run
+        first, last = layer.pyramid.samples_between(left, right)
+        last = min(last, first + MOST_SAMPLES)
+        wanted = ["time", *(name for name in names if run.has(name))]
+
+        def work() -> Mapping[str, Array]:
+            found = run.load(wanted, first, last)
+            seen = slice(*np.searchsorted(found["time"], (left, right)))
+            found = {name: values[seen] for name, values in found.items()}
+            time, rate = found["time"], run.sample_rate_hz
+            broken = {name: broken_at_gaps(time, found[name], rate)[1] for name in wanted[1:]}
+            return {**broken, "time": broken_at_gaps(time, time, rate)[0]}
+
+        self._ask("freed", work, self.freed.emit)
 
     def want_values(self, layer: Layer, times: tuple[float, ...]) -> None:
         """Read the samples nearest to times of the layer's run."""

@@ -2,26 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
+from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtWidgets import QComboBox, QGridLayout, QHBoxLayout, QPushButton, QSizePolicy, QWidget
+from PySide6.QtWidgets import (
+    QComboBox,
+    QGridLayout,
+    QHBoxLayout,
+    QPushButton,
+    QSizePolicy,
+    QWidget,
+)
 
-from fingerlab.core.text import with_minus
+from fingerlab.core.text import AMPERE, ScreenUnit, with_minus
 from fingerlab.library.index import started_at
 from fingerlab.library.reviewing import Cycles, markers_of, period_of
-from fingerlab.sessions.model import Run, Session
+from fingerlab.sessions.model import Array, Run, Session
 
+from ..widgets.free_plots import FreePlots, PlotsButton
 from ..widgets.labels import ElidedLabel, remark
 from ..widgets.layout import FLUSH, described, vbox
 from .overlays import Overlays
-from .review_data import CHANNELS, Layer, ReviewData
+from .review_data import CHANNELS, PANES, Layer, ReviewChannel, ReviewData
 from .review_pane import clock_text
 from .review_plots import ReviewPlots
 from .session_words import duration, run_words
 
+if TYPE_CHECKING:
+    from ..app.settings import Settings
+
 CURSOR_MS = 60
+FREE_MS = 200
+"""After a move, before the user's own plots follow it."""
 FILL_MS = 300
 """While a long run is read, its picture grows this often."""
 
@@ -62,6 +76,10 @@ class ReviewPage(QWidget):
         self.heights = _switch(
             "heights", "Fit &heights", "Scale each plot to what is seen of it, not to the run."
         )
+        self.free = FreePlots(
+            FREE_CHANNELS, {spec.title: spec.title for spec in PANES}, ("motor_torque", "motor_position")
+        )
+        self.arrange = PlotsButton(self.free)
         self.cut = _button("cut", "Cu&t…", "What lies between the cursors as a session of its own.")
         self.values = described(ElidedLabel(), "reviewValues", accessible="At the cursors")
         self.state = remark(wrap=False)
@@ -70,6 +88,9 @@ class ReviewPage(QWidget):
         self._timer.setSingleShot(True)
         self._timer.setInterval(CURSOR_MS)
         self.cut.setEnabled(False)
+        self._moved = QTimer(self)
+        self._moved.setSingleShot(True)
+        self._moved.setInterval(FREE_MS)
         self._growing = QTimer(self)
         self._growing.setSingleShot(True)
         self._growing.setInterval(FILL_MS)
@@ -82,7 +103,7 @@ class ReviewPage(QWidget):
         row.addWidget(self.back)
         row.addWidget(self.runs, 3)
         row.addWidget(self.over, 2)
-        for button in (self.strokes, self.heights, self.cursors, self.cut):
+        for button in (self.strokes, self.heights, self.cursors, self.arrange, self.cut):
             row.addWidget(button)
         top = QGridLayout()
         top.setContentsMargins(16, 8, 16, 0)
@@ -92,7 +113,7 @@ class ReviewPage(QWidget):
         top.addWidget(self.state, 1, 1, Qt.AlignmentFlag.AlignRight)
         top.addWidget(self.overlays.row, 2, 0, 1, 2)
         top.setColumnStretch(0, 1)
-        vbox(self, top, (self.plots, 1), margins=FLUSH, spacing=4)
+        vbox(self, top, (self.free.beside(self.plots), 1), margins=FLUSH, spacing=4)
 
     def _connect(self) -> None:
         self.back.clicked.connect(self.back_asked)
@@ -107,6 +128,11 @@ class ReviewPage(QWidget):
         self.plots.samples_wanted.connect(self.data.want_samples)
         self.plots.cursors_moved.connect(lambda *_: self._timer.start())
         self._timer.timeout.connect(self._ask_values)
+        self.free.changed.connect(lambda: self.plots.leave_out(self.free.left_out))
+        self.free.wanted.connect(self._ask_free)
+        self.plots.top.getViewBox().sigXRangeChanged.connect(lambda *_: self._moved.start())
+        self._moved.timeout.connect(self._ask_free)
+        self.data.freed.connect(self._on_freed)
         self._growing.timeout.connect(self._grow)
         self.data.filled.connect(self._on_filled)
         self.data.sampled.connect(self._on_sampled)
@@ -173,10 +199,28 @@ class ReviewPage(QWidget):
             layers.append(layer)
         self.overlays.row.show_overs(overs)
         self.plots.show_layers(layers, self.began, markers_of(run))
+        self.free.offer(free_channels(run))
+        self._ask_free()
         if self.strokes.isChecked():
             self._ask_strokes()
         else:
             self._tell_state(1.0 if layers[0].pyramid.complete else 0.0)
+
+    def remember(self, settings: Settings) -> None:
+        """Arrange the plots as they were left, and keep every change."""
+        self.free.remember(settings, "review")
+
+    def _ask_free(self) -> None:
+        """Samples of what is in view, for the user's own plots."""
+        run, layers = self.run, self.plots.layers
+        if run is None or not layers or not self.free.plots or self.strokes.isChecked():
+            return
+        left, right = self.plots.top.viewRange()[0]
+        self.data.want_free(layers[0], self.free.names(self.free.plots), left, right)
+
+    def _on_freed(self, samples: Mapping[str, Array]) -> None:
+        if self.run is not None:
+            self.free.show_samples(samples, self.run.sample_rate_hz)
 
     def _tell_state(self, share: float) -> None:
         run = self.run
@@ -267,6 +311,22 @@ class ReviewPage(QWidget):
         head, lines = cursor_texts(found[0], found[1], self.began)
         self.values.setText(head)
         self.values.setToolTip("\n".join(lines))
+
+
+FREE_CHANNELS: Mapping[str, ReviewChannel] = {
+    **CHANNELS,
+    "motor_current": ReviewChannel("motor current", AMPERE, 3, "i"),
+}
+
+
+def free_channels(run: Run) -> dict[str, ReviewChannel]:
+    """Every channel of a run: those of the contract, and what else was recorded, as it stands there."""
+    own = (name for name in run.units if name != "time")
+    return {
+        name: FREE_CHANNELS.get(name)
+        or ReviewChannel(name.replace("_", " "), ScreenUnit(run.units[name], 1.0), 4)
+        for name in own
+    }
 
 
 def cursor_texts(

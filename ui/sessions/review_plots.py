@@ -56,6 +56,7 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         self.strokes: dict[int, Cycles] = {}
         self.clock = ClockAxis()
         self.fits_heights = False
+        self._left_out: frozenset[str] = frozenset()
         self._drawn_as: tuple[bool, bool] | None = None
         self._fed = (0.0, 0.0, 0.0)
         self._fed_state: tuple[Any, ...] = ()
@@ -112,21 +113,34 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
             self.strokes = {}
         self.clock.set_began(began)
         self._shown_markers = tuple(markers)
-        present = {name for layer in layers for name in layer.pyramid.channels}
-        last = None
-        for pane in self.panes:
-            shown = any(name in present for name in pane.spec.channels)
-            pane.plot.setVisible(shown)
-            self.ci.layout.setRowStretchFactor(self.panes.index(pane), pane.spec.share if shown else 0)
-            last = pane if shown else last
-        for pane in self.panes:
-            pane.show_time_axis(pane is last, RUN_TIME)
+        self._arrange()
         self._show_markers()
         self._show_legends()
         if not same:
             self.show_whole()
         self.set_heights()
         self.feed()
+
+    def leave_out(self, titles: frozenset[str]) -> None:
+        """Plots that are not to be seen, by their titles."""
+        if titles != self._left_out:
+            self._left_out = titles
+            self._arrange()
+            self._show_markers()
+            self._show_legends()
+
+    def _arrange(self) -> None:
+        """Plots of channels that the runs have, and that are not left out."""
+        present = {name for layer in self.layers for name in layer.pyramid.channels}
+        last = None
+        for pane in self.panes:
+            here = any(name in present for name in pane.spec.channels)
+            shown = here and pane.spec.title not in self._left_out
+            pane.plot.setVisible(shown)
+            self.ci.layout.setRowStretchFactor(self.panes.index(pane), pane.spec.share if shown else 0)
+            last = pane if shown else last
+        for pane in self.panes:
+            pane.show_time_axis(pane is last, RUN_TIME)
 
     @property
     def cycles(self) -> Cycles | None:

@@ -69,6 +69,13 @@ class SessionTable(QAbstractTableModel):
             row = self._shown.index(path)
             self.dataChanged.emit(self.index(row, 0), self.index(row, len(TITLES) - 1))
 
+    def show_verdict(self, path: Path, verdict: Verdict) -> None:
+        """What was found of one session just now."""
+        self._verdicts = {**self._verdicts, path: verdict}
+        if path in self._shown:
+            at = self.index(self._shown.index(path), VERDICT)
+            self.dataChanged.emit(at, at)
+
     def filter(self, test: Test) -> None:
         """Show only sessions that pass."""
         self._test = test

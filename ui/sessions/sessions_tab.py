@@ -7,14 +7,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from PySide6.QtWidgets import QFileDialog, QStackedWidget
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import seen_as
 from fingerlab.library.index import SessionFacts, scan
-from fingerlab.library.notes import Note, Notebook, Verdict, find_verdicts
+from fingerlab.library.notes import Note, Notebook, Verdict, find_verdicts, verdict_of
 from fingerlab.sessions.model import Session
 
 from ..app.bars import time_left
@@ -22,6 +22,7 @@ from ..app.context import ApplicationContext, read_session
 from ..app.tab_registry import SEPARATOR, Command, Tab
 from ..app.worker import Failed, IsCancelled, Progress, Worker
 from ..widgets.labels import header_name
+from .batch_control import BatchControl
 from .edit_history import EditHistory, FileEdit, NoteEdit
 from .import_dialog import TABLE_ENDINGS
 from .library_page import LibraryPage
@@ -30,7 +31,12 @@ from .session_files import FORMATS, Writer
 from .session_table import Thumbnails
 
 if TYPE_CHECKING:
+    from fingerlab.batch.run import BatchResult
+    from fingerlab.signals.run_pairs import SessionPair
+
+    from .pairs_dialog import PairsDialog
     from .review_page import ReviewPage
+    from .trend_dialog import TrendDialog
 
 
 @dataclass(frozen=True)
@@ -83,6 +89,9 @@ class SessionsTab(Tab):
         self.notebook = Notebook(self.folder)
         self.history = EditHistory(self)
         self.clock: Callable[[], float] = time.monotonic
+        self.batch = BatchControl(self)
+        self._trend: TrendDialog | None = None
+        self._pairs: PairsDialog | None = None
         self._scanner = Worker(self)
         self._looked, self._began = False, 0.0
         self._choose_next: Path | None = None
@@ -96,11 +105,19 @@ class SessionsTab(Tab):
         page.folder_asked.connect(self.ask_folder)
         page.texts_asked.connect(self.ask_texts)
         page.again_asked.connect(self._read_or_stop)
+        page.diagnose_asked.connect(self._diagnose_or_stop)
+        page.trend_asked.connect(self.show_trend)
+        self.batch.found.connect(self._on_verdict)
+        self.batch.told.connect(self.page.show_diagnosing)
+        self.batch.ended.connect(self._on_diagnosed)
+        self.batch.stopped.connect(self._on_stopped)
+        self.batch.failed.connect(lambda failed: self.context.tell(failed.sentence, failed.details))
         page.lab_asked.connect(self.open_in_lab)
         page.review_asked.connect(self.review)
         page.chosen.connect(self.context.commands_changed)
         page.details.noted.connect(self._keep_note)
         page.details.merge_asked.connect(self.merge)
+        page.details.compare_asked.connect(self.compare)
         for kind, title in FORMATS.items():
             action = page.details.exports.addAction(f"{title}…")
             action.triggered.connect(lambda _checked=False, k=kind: self.export(k))
@@ -121,6 +138,7 @@ class SessionsTab(Tab):
         from .review_page import ReviewPage
 
         self._review = review = ReviewPage(self.data)
+        review.remember(self.context.settings)
         self.pages.addWidget(review)
         review.back_asked.connect(self.show_table)
         review.changed.connect(self.context.commands_changed)
@@ -137,11 +155,14 @@ class SessionsTab(Tab):
             Command("Choose &folder…", self.ask_folder, "Ctrl+Shift+O"),
             Command("&Import tables…", self.ask_texts),
             Command("Read a&gain", self.read_again, "F5"),
+            Command("&Diagnose all of the folder", self.diagnose_all, None, lambda: not self.batch.busy),
+            Command("Tre&nd over days…", self.show_trend),
             Command("&Search", page.search.setFocus, "Ctrl+F"),
             SEPARATOR,
             Command("&Review runs", page.ask_review, None, lambda: bool(page.paths())),
             Command("Open in &Model lab", self.open_chosen, "Ctrl+Return", lambda: bool(self.chosen())),
             SEPARATOR,
+            Command("Compare two sessions run &by run…", self.compare, None, lambda: len(page.paths()) == 2),
             Command("M&erge the chosen sessions…", self.merge, "Ctrl+M", lambda: len(page.paths()) > 1),
             *(
                 Command(f"Export as {title}…", lambda k=kind: self.export(k), None, self._one)  # type: ignore[misc]
@@ -192,6 +213,7 @@ class SessionsTab(Tab):
         self.page.details.flush()
 
     def shut_down(self) -> None:
+        self.batch.shut_down()
         self._scanner.shut_down()
         self.thumbnails.shut_down()
         self.data.shut_down()
@@ -289,6 +311,74 @@ class SessionsTab(Tab):
         self.page.show_reading(False)
         self.context.tell(failed.sentence, failed.details)
 
+    # verdicts
+
+    def diagnose_all(self) -> None:
+        """Diagnose every session below the folder that no table there holds yet, in the background."""
+        if not self.batch.busy:
+            self.context.hush()
+            self.batch.start(self.folder, self.context.bench is not None)
+            self.context.commands_changed.emit()
+
+    def _diagnose_or_stop(self) -> None:
+        if self.batch.busy:
+            self.batch.stop()
+        else:
+            self.diagnose_all()
+
+    def _on_verdict(self, row: dict[str, Any]) -> None:
+        """A row of the batch into the table, if its folder is still the one shown."""
+        path = self.batch.folder / str(row["session"])
+        names = {one.name: one.path for one in self.page.model.all_facts()}
+        path = names.get(str(row["session"]), path)
+        verdict = verdict_of(row, self.batch.folder / "this batch")
+        if self.batch.folder != self.folder or verdict is None or self.page.model.facts(path) is None:
+            return
+        self.page.model.show_verdict(path, verdict)
+        if path in self.page.paths() and not self.page.details.changed:
+            self.page.refresh_details()
+
+    def _on_diagnosed(self, result: BatchResult, table: Path) -> None:
+        failed = len(result.failed)
+        words = f"{result.done} sessions diagnosed, {result.kept} were in the table already"
+        words += f"; {failed} could not be, {table.name} says why" if failed else ""
+        self.context.announce(f"{words}: {table}", table)
+        self._after_batch()
+        if self._trend is not None and self._trend.isVisible():
+            self.show_trend()
+
+    def _on_stopped(self) -> None:
+        self.context.say("Diagnosing stopped; what is done is kept, and it goes on there next time")
+        self._after_batch()
+
+    def _after_batch(self) -> None:
+        self.context.commands_changed.emit()
+        if self.batch.folder == self.folder:
+            self.read_again()
+
+    def show_trend(self) -> None:
+        """How the sessions of the folder went over time, in a window of its own."""
+        from fingerlab.batch.run import contents_beside
+
+        from .trend_dialog import TrendDialog
+
+        try:
+            contents = contents_beside(self.folder)
+        except UserError as error:
+            self.context.tell(str(error))
+            return
+        if self._trend is None:
+            self._trend = TrendDialog(self.widget)
+            self._trend.chosen.connect(self._choose_session)
+        self._trend.show_contents(contents, self.folder)
+        self._trend.show()
+        self._trend.raise_()
+
+    def _choose_session(self, name: str) -> None:
+        path = next((one.path for one in self.page.model.all_facts() if one.name == name), None)
+        if path is not None:
+            self.page.choose_path(path)
+
     # sessions
 
     def chosen(self) -> list[Path]:
@@ -367,6 +457,34 @@ class SessionsTab(Tab):
         """Write the runs of the marked sessions as one session."""
         if len(self.page.paths()) > 1:
             self.writer.merge(self.page.paths())
+
+    def compare(self) -> None:
+        """The runs of two sessions beside those of the same motion, in phase, in a window of its own."""
+        paths = self.page.paths()
+        if len(paths) != 2:
+            return
+
+        def work(progress: Progress, cancelled: IsCancelled) -> SessionPair:
+            from fingerlab.core.progress import Watch
+            from fingerlab.signals.run_pairs import compare_sessions
+
+            # The earlier one first, as the table's order is the user's own.
+            a, b = sorted((read_session(path) for path in paths), key=lambda one: str(one.created))
+            return compare_sessions(a, b, Watch(progress, cancelled))
+
+        names = " and ".join(path.name for path in paths)
+        self.context.hush()
+        self.context.tasks.start(f"Comparing {names}", work, self.show_pair, "comparing runs")
+
+    def show_pair(self, found: SessionPair) -> None:
+        """Show two sessions that were compared run by run."""
+        from .pairs_dialog import PairsDialog
+
+        if self._pairs is None:
+            self._pairs = PairsDialog(self.widget)
+        self._pairs.show_pair(found)
+        self._pairs.show()
+        self._pairs.raise_()
 
     def export(self, kind: str) -> None:
         """Write the chosen session for other tools."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QEvent, QModelIndex, QObject, QPersistentModelIndex, Qt
-from PySide6.QtGui import QAction, QGuiApplication, QKeyEvent, QKeySequence, QPainter, QPalette
+from PySide6.QtGui import QAction, QFontMetrics, QGuiApplication, QKeyEvent, QKeySequence, QPainter, QPalette
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QApplication,
@@ -18,13 +18,19 @@ from PySide6.QtWidgets import (
     QStyleOptionViewItem,
     QTableView,
     QTableWidget,
+    QTableWidgetItem,
     QWidget,
 )
 
+from .layout import as_written
 from .theme import small_font
 
 if TYPE_CHECKING:
     from ..app.settings import Settings
+
+
+LINE_ROOM = 6
+"""About the words of a row, px."""
 
 
 class NumberTable(QTableWidget):
@@ -56,6 +62,7 @@ class NumberTable(QTableWidget):
 
     def set_columns(self, columns: Sequence[tuple[str, str]], words: int = 1) -> None:
         """Other columns, and no rows; as for the table itself."""
+        self._words = words
         self.setRowCount(0)
         self.setColumnCount(len(columns))
         self.setHorizontalHeaderLabels([title for title, _ in columns])
@@ -65,6 +72,23 @@ class NumberTable(QTableWidget):
             item.setToolTip(meaning)
             side = Qt.AlignmentFlag.AlignLeft if column < words else Qt.AlignmentFlag.AlignRight
             item.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
+
+    def show_rows(self, rows: Sequence[Sequence[str]], stretched: int = 0) -> None:
+        """Texts of all cells, a line each; one column takes the room that is left."""
+        self.setWordWrap(False)  # what is cut is whole in its tooltip
+        self.verticalHeader().setDefaultSectionSize(QFontMetrics(self.font()).height() + LINE_ROOM)
+        self.setRowCount(len(rows))
+        for row, cells in enumerate(rows):
+            for column, text in enumerate(cells):
+                item = QTableWidgetItem(text)
+                words = column < self._words
+                side = Qt.AlignmentFlag.AlignLeft if words else Qt.AlignmentFlag.AlignRight
+                item.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
+                item.setToolTip(as_written(text) if words else "")
+                self.setItem(row, column, item)
+        header = self.horizontalHeader()
+        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        header.setSectionResizeMode(stretched, QHeaderView.ResizeMode.Stretch)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         if event.matches(QKeySequence.StandardKey.Copy):

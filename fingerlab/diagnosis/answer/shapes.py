@@ -15,12 +15,10 @@ from fingerlab.diagnosis.answer.results import Comparison
 from fingerlab.diagnosis.answer.where import JOINTS
 from fingerlab.diagnosis.settings import NARROW_CUTOFF_HZ, NARROW_RATE_HZ
 from fingerlab.sessions.model import Array, Run
+from fingerlab.signals.prepare import LEAST_SAMPLES, amplitude_density
 
 LONGEST_LAG_S = 4.0
 """Of the autocorrelation: four periods of the thesis' usual motion."""
-SEGMENT_S = 10.0
-"""Of the spectrum (Welch, "The use of fast Fourier transform", 1967): a tenth of a hertz is told apart."""
-LEAST_SAMPLES = 50
 SURE = 1.96
 """Standard deviations of a 95 % interval."""
 
@@ -87,15 +85,10 @@ def autocorrelation(comparison: Comparison) -> Shape | None:
 def spectrum(comparison: Comparison) -> Shape | None:
     """Amplitude density of the residual up to the low-pass, beside a white floor; None: it is too short."""
     time, residual = _longest(comparison)
-    if len(residual) < LEAST_SAMPLES:
+    found = amplitude_density(residual, 1.0 / float(np.median(np.diff(time)))) if len(time) > 1 else None
+    if found is None:
         return None
-    from scipy.signal import welch
-
-    rate = 1.0 / float(np.median(np.diff(time)))
-    length = min(int(SEGMENT_S * rate), len(residual))
-    frequency, density = welch(residual, rate, nperseg=length)
-    seen = (frequency > 0) & (frequency <= NARROW_CUTOFF_HZ)
-    frequency, amplitude = np.asarray(frequency[seen], dtype=float), np.sqrt(np.asarray(density[seen]))
+    frequency, amplitude = (values[found[0] <= NARROW_CUTOFF_HZ] for values in found)
     floor: Array = np.full(len(frequency), comparison.floor / np.sqrt(NARROW_CUTOFF_HZ))
     curves: dict[str, tuple[Array, Array]] = {
         "residual": (frequency, amplitude),

@@ -124,7 +124,7 @@ def menu(sessions: Sequence[Session], reduced: Reduced, values: Mapping[str, flo
     press = seen_press(sessions)
     if press is not None and 1 in signs:
         yield from _pressing_menu(rig, press)
-    yield from _changed_menu(sessions, reduced, values, press)
+    yield from _changed_menu(sessions, reduced, values)
     # Last: taking the finger off its cable is worth it only where no run with it tells as much.
     yield from bench_menu(rig, BENCH_LOADS_NM[:1])
 
@@ -170,57 +170,45 @@ def usual_changes(rig: Rig, pull: float) -> Iterator[Intervention]:
 
 
 def _changed_menu(
-    sessions: Sequence[Session], reduced: Reduced, values: Mapping[str, float], press: Press | None
+    sessions: Sequence[Session], reduced: Reduced, values: Mapping[str, float]
 ) -> Iterator[Proposal]:
-    """The widest motion of each kind that was recorded on the machine as it is, again with a known change."""
+    """The widest free motion on each cable that was recorded on the machine as it is, with a known change.
+
+    A tip that presses sticks, and is set down anew where the machine is changed: of such a pair no difference
+    could be believed.
+    """
     rig, scales = sessions[0].rig, reduced.layout.scales
-    widest: dict[tuple[str, int], Run] = {}
+    widest: dict[int, Run] = {}
     changes: set[Intervention] = set()
     for run in (run for session in sessions for run in session.runs if run.cable_sign):
         change = reduced_change(run) or UNCHANGED
         changes |= {change} - {UNCHANGED}
         told = run.trajectory.get("amplitude_deg")
-        key = "contact" if run.phase == "contact" else "on_air", run.cable_sign
-        if change != UNCHANGED or not isinstance(told, int | float):
+        if change != UNCHANGED or run.phase == "contact" or not isinstance(told, int | float):
             continue
-        if key not in widest or told > float(widest[key].trajectory["amplitude_deg"]):
-            widest[key] = run
+        known = widest.setdefault(run.cable_sign, run)
+        if told > float(known.trajectory["amplitude_deg"]):
+            widest[run.cable_sign] = run
     number = min(len(changes) + 1, MOST_CHANGES)
-    for (phase, sign), run in widest.items():
+    for sign, run in widest.items():
         own = {k: v for k, v in run.trajectory.items() if k not in ("duration_s", "sha256", "file")}
-        if phase == "contact":
-            own.pop("offset_deg", None)
-        before = _motion_of(rig, phase, sign, own, values, press, UNCHANGED)
+        before = finger_motion(rig, sign, own, values)
         if before is None:
             continue
-        for change in usual_changes(rig, float(np.mean(before.tension))):
-            made = _rounded(change, scales)
-            after = _motion_of(rig, phase, sign, own, values, press, made)
+        plain = replace(before, intervention=UNCHANGED, change=(0, number))
+        for usual in usual_changes(rig, float(np.mean(before.tension))):
+            made = _rounded(usual, scales)
+            after = finger_motion(rig, sign, own, values, made)
             if after is not None:
                 after = replace(after, change=(number, number))
-                plain = replace(before, intervention=UNCHANGED, change=(0, number))
                 cable = {1: "flexion", -1: "extension"}[sign]
-                yield Proposal(phase, cable, own, after, change=made, before=plain)
+                yield Proposal("on_air", cable, own, after, change=made, before=plain)
 
 
 def _rounded(change: Intervention, scales: Scales) -> Intervention:
     """The change with numbers that a person would choose, two digits in SI."""
     told = {name: float(f"{value:.2g}") for name, value in scaled_change(change, scales).to_json().items()}
     return scaled_change(Intervention(**told), scales, -1)
-
-
-def _motion_of(
-    rig: Rig,
-    phase: str,
-    sign: int,
-    trajectory: Mapping[str, object],
-    values: Mapping[str, float],
-    press: Press | None,
-    change: Intervention,
-) -> Motion | None:
-    if phase == "on_air":
-        return finger_motion(rig, sign, trajectory, values, change)
-    return None if press is None else pressing_motion(rig, sign, trajectory, press, values, change)
 
 
 def bench_menu(rig: Rig, loads: Sequence[float]) -> Iterator[Proposal]:
@@ -328,30 +316,18 @@ def _press(motion: Motion, told: float) -> Press | None:
 
 
 def pressing_motion(
-    rig: Rig,
-    cable_sign: int,
-    trajectory: Mapping[str, object],
-    press: Press,
-    values: Mapping[str, float] | None = None,
-    change: Intervention = UNCHANGED,
+    rig: Rig, cable_sign: int, trajectory: Mapping[str, object], press: Press
 ) -> Motion | None:
     """Finger that presses about where it was seen to; None: its cable would hang loose.
 
-    The trajectory needs no offset: the operator's approach finds it. What a known ``change`` adds to the
-    PIP's balance the cable carries, by the fitted ``values``.
+    The trajectory needs no offset: the operator's approach finds it.
     """
     time, about = commanded({**trajectory, "offset_deg": 0.0})
     about = press.follows * about
     pull, force, mcp, pip = press.mean[1:, None] + press.slopes[:, None] * about
-    if change != UNCHANGED and rig.finger is not None and values is not None:
-        arm = cable_sign * values[f"arm_pip@{CABLE_NAMES[cable_sign]}"]
-        still = JointMotion(mcp, pip, *(np.zeros_like(mcp) for _ in range(4)))
-        added = nominal.pip_torque(added_body(rig.finger, change), still).gravity + change.pip_stiffness * pip
-        pull = (pull + added / arm) / change.pip_arm
     if np.min(pull) < LEAST_PULL_N:
         return None
-    pressed = np.maximum(force, 0.0)
-    return _motion(rig, cable_sign, time, press.mean[0] + about, pull, (mcp, pip), pressed, change)
+    return _motion(rig, cable_sign, time, press.mean[0] + about, pull, (mcp, pip), np.maximum(force, 0.0))
 
 
 def _motion(

@@ -212,31 +212,60 @@ def with_plainer_end(
     path: Sequence[FittedModel],
     watch: Watch,
 ) -> tuple[Scorer, list[FittedModel]]:
-    """The path; where a plainer law than its last effect's does as well beside the others, with that one.
+    """The path; where a plainer law than an effect's does as well beside the others, with that one.
 
-    On its grid a law with gains to spare takes up what only the shape of the plainer one lacks.
+    On its grid a law with gains to spare takes up what only the shape of the plainer one lacks, or what later
+    effects explain.
     """
-    end = path[-1]
-    *others, last = at_found_shapes(end)
-    plainer = [
-        e for e in catalogue
-        if e.gains.keys() < last.gains.keys() and e.equation == last.equation and e.id not in end.effect_ids
-    ] if last.excess else []  # fmt: skip
-    for effect in plainer:
-        by = Scorer(reduction.closer([*others, effect], watch))
-        given = [Choice(one) for one in others]
-        each = [
-            by.fit([*given, Choice(effect, i)], end, LOOKING_ITERATIONS) for i in range(len(effect.shapes))
-        ]
-        best = by.fit_reweighted(min(each, key=lambda m: m.fit.cost).choices, end)
-        finer, steps = refine_path(reduction, [*path[:-1], best], watch)
-        if len(steps) != len(path):
+    steps = list(path)
+    for place in range(len(path[0].choices), len(path[-1].choices)):
+        law = steps[-1].choices[place].effect if place < len(steps[-1].choices) else None
+        if law is None or not law.excess:
             continue
-        under = scorer.fit(end.choices, end, FULL_ITERATIONS, steps[-1].weights)
-        odds = log_odds_among(steps[-2], [steps[-1], scorer.score_held_out(under)])
-        if odds[0] >= odds[1]:
-            return finer, steps
-    return scorer, list(path)
+        plainer = [
+            e for e in catalogue
+            if e.gains.keys() < law.gains.keys() and e.equation == law.equation
+            and e.id not in steps[-1].effect_ids
+        ]  # fmt: skip
+        for effect in plainer:
+            scorer, steps = _plainer_at(reduction, scorer, steps, place, effect, watch)
+    return scorer, steps
+
+
+def _plainer_at(
+    reduction: Reduction,
+    scorer: Scorer,
+    path: list[FittedModel],
+    place: int,
+    effect: Effect,
+    watch: Watch,
+) -> tuple[Scorer, list[FittedModel]]:
+    """The path, or that with an effect in place of another one, if the latter does no better."""
+    end, first = path[-1], len(path[0].choices)
+    given = at_found_shapes(end)
+    effects = [*given[:place], effect, *given[place + 1 :]]
+    by = Scorer(reduction.closer(effects, watch))
+    each = [
+        by.fit([Choice(e, i if e is effect else 0) for e in effects], end, LOOKING_ITERATIONS)
+        for i in range(len(effect.shapes))
+    ]
+    best = by.fit_reweighted(min(each, key=lambda m: m.fit.cost).choices, end)
+    fewer = [by.fit(best.choices[:k], best, LOOKING_ITERATIONS) for k in range(first + 1, len(effects))]
+    finer, steps = refine_path(reduction, [path[0], *fewer, best], watch)
+    if len(steps) != len(path):
+        return scorer, path
+    weights = steps[-1].weights
+    rivals = [_with_last(finer, steps[-1], place, weights), _with_last(scorer, end, place, weights)]
+    base = finer.score_held_out(finer.fit(rivals[0].choices[:-1], steps[-1], FULL_ITERATIONS, weights))
+    odds = log_odds_among(base, rivals)
+    return (finer, steps) if odds[0] >= odds[1] else (scorer, path)
+
+
+def _with_last(scorer: Scorer, fitted: FittedModel, place: int, weights: Weights) -> FittedModel:
+    """The model, held out under these weights, with the effect of that place as its last."""
+    choices = fitted.choices
+    order = [*choices[:place], *choices[place + 1 :], choices[place]]
+    return scorer.score_held_out(scorer.fit(order, fitted, FULL_ITERATIONS, weights))
 
 
 def break_ties(

@@ -191,8 +191,8 @@ def _in_order(scorer: Scorer, fitted: FittedModel, keep: int) -> list[FittedMode
     while rest:
         longer = [scorer.fit([*path[-1].choices, one], fitted, FULL_ITERATIONS) for one in rest]
         gains = [path[-1].fit.cost - one.fit.cost for one in longer]
-        best = max(gains)
-        near = next(i for i, gain in enumerate(gains) if gain >= min(NEARLY_AS_GOOD * best, best))
+        most = max(gains)  # below zero where none gains: then what can be spared least comes next
+        near = next((i for i, gain in enumerate(gains) if gain >= NEARLY_AS_GOOD * most), 0)
         path.append(longer[near])
         del rest[near]
     return [scorer.score_held_out(one) for one in path]

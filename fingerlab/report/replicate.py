@@ -1,0 +1,157 @@
+"""The thesis' experiment on the simulated rig, beside the published numbers.
+
+A number is outside where it is further from the published value than the published deviation over runs. Where
+the thesis prints no deviation, the tolerance below holds in its place; each says where it comes from.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fingerlab.core.plain_data import json_ready
+from fingerlab.core.progress import SILENT, Watch
+from fingerlab.thesis.analysis import PUBLISHED, Published, PublishedQuantity, thesis_analysis
+from fingerlab.thesis.onair import Spread
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far from the published value still counts as the same, in the quantity's unit."""
+
+    value: float
+    reason: str
+
+
+_R2 = Tolerance(0.20, "median of the deviations that the thesis prints for an R2")
+_PEAK = "30 % of the value: a single run in the thesis, and force peaks differ by that from run to run"
+
+TOLERANCES: dict[str, Tolerance] = {
+    "r2_flexion": _R2,
+    "r2_extension": _R2,
+    "r2_static_1": _R2,
+    "r2_static_2": _R2,
+    "peak_measured": Tolerance(0.15, _PEAK),
+    "peak_extension": Tolerance(0.05, _PEAK),
+    "peak_flexion": Tolerance(0.26, _PEAK),
+    "r2_flexion_findsignal_30": Tolerance(0.05, "figure 4.14 shows all but two runs above 0.9"),
+    "peak_share": Tolerance(7.0, "a quarter of the value: 'almost four times lower'"),
+    "speed_change_mcp": Tolerance(1.0, "one percentage point: printed to 0.1"),
+    "speed_change_pip": Tolerance(1.0, "one percentage point: printed to 0.1"),
+    "r2_angle_60": Tolerance(0.10, "a single run in the thesis, at angles 15 degrees apart"),
+}
+"""For quantities that the thesis prints without a deviation."""
+
+
+@dataclass(frozen=True)
+class ComparedQuantity:
+    """One quantity, published and ours over the runs.
+
+    ``tolerance`` and ``outside``, whether ours is further off than that, are None where nothing is published.
+    """
+
+    published: Published
+    ours: Spread
+    tolerance: Tolerance | None
+    outside: bool | None
+
+
+def compare(benches: Sequence[Iterable[PublishedQuantity]]) -> tuple[ComparedQuantity, ...]:
+    """Every published quantity beside ours, in the thesis' order.
+
+    Args:
+        benches: the quantities of one analysis each; runs of several benches are taken together.
+    """
+    runs: dict[str, tuple[float, ...]] = {}
+    for quantities in benches:
+        for quantity in quantities:
+            runs[quantity.key] = runs.get(quantity.key, ()) + quantity.runs
+    return tuple(_compared(published, Spread(runs.get(published.key, ()))) for published in PUBLISHED)
+
+
+def _compared(published: Published, ours: Spread) -> ComparedQuantity:
+    if published.value is None:
+        return ComparedQuantity(published, ours, None, None)
+    if published.deviation is not None:
+        tolerance = Tolerance(published.deviation, "deviation that the thesis prints")
+    else:
+        tolerance = TOLERANCES[published.key]
+    # A number that our analysis could not give does not agree with a published one.
+    outside = not math.isfinite(ours.mean) or abs(ours.mean - published.value) > tolerance.value
+    return ComparedQuantity(published, ours, tolerance, outside)
+
+
+def lines_json(lines: Sequence[ComparedQuantity]) -> Any:
+    """For ``replicate --json``: numbers in the units of the table, null where there is none."""
+    return json_ready(
+        {
+            "quantities": [
+                {
+                    "key": line.published.key,
+                    "title": line.published.title,
+                    "unit": line.published.unit,
+                    "published": line.published.value,
+                    "tolerance": None if line.tolerance is None else line.tolerance.value,
+                    "tolerance_reason": "" if line.tolerance is None else line.tolerance.reason,
+                    "ours": line.ours.mean,
+                    "deviation": line.ours.deviation,
+                    "outside": line.outside,
+                }
+                for line in lines
+            ],
+            "outside": [line.published.key for line in lines if line.outside],
+            "compared": sum(line.outside is not None for line in lines),
+        }
+    )
+
+
+def replicated(preset_name: str, seeds: Sequence[int], watch: Watch = SILENT) -> tuple[ComparedQuantity, ...]:
+    """Each bench simulated and analysed as the thesis did, beside what was published.
+
+    Raises:
+        UserError: there is no such preset. Cancelled: the user asked for it.
+    """
+    from fingerlab.twin.preset import load_preset
+    from fingerlab.twin.protocols import PROTOCOLS
+    from fingerlab.twin.session import simulated_session
+
+    preset = load_preset(preset_name)
+    plans = PROTOCOLS["thesis"](preset.numbers["protocol"]["contact_amplitude_deg"])
+    results = []
+    for number, seed in enumerate(seeds):
+
+        def part(share: float, what: str, start: float = 0.0, number: int = number) -> None:
+            watch.tell((number + start + 0.5 * share) / len(seeds), what)
+
+        session = simulated_session(preset, "thesis", plans, seed, part)
+        analysis = thesis_analysis(session, lambda share, what: part(share, f"analysing {what}", 0.5))
+        results.append(analysis.quantities)
+    return compare(results)
+
+
+def outcome_sentences(lines: Sequence[ComparedQuantity]) -> tuple[str, str]:
+    """How many are within the published spread, and what a spread in brackets is."""
+    outside = [line.published.title for line in lines if line.outside]
+    compared = sum(line.outside is not None for line in lines)
+    within = f"{compared - len(outside)} of {compared} within the published spread"
+    marked = f"; outside, marked *: {', '.join(outside)}." if outside else "."
+    return within + marked, (
+        "Spread in brackets: the thesis prints none, and a tolerance of ours holds in its place (its reason "
+        "is in the JSON)."
+    )
+
+
+def cells(line: ComparedQuantity) -> tuple[str, str, str, str, str]:
+    """Quantity, published and ours with their spread, a star where it is outside, unit."""
+    one = line.published
+    digits = 3 if one.unit == "1" else 2 if one.unit == "N" else 1
+    published = "-"
+    if line.tolerance is not None:
+        spread = f"± {line.tolerance.value:.{digits}f}"
+        published = f"{one.value:.{digits}f} {f'({spread})' if one.key in TOLERANCES else spread}"
+    ours = f"{line.ours.mean:.{digits}f}" if math.isfinite(line.ours.mean) else "none"
+    if math.isfinite(line.ours.deviation):
+        ours += f" ± {line.ours.deviation:.{digits}f}"
+    return one.title, published, ours, "*" if line.outside else "", "" if one.unit == "1" else one.unit

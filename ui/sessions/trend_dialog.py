@@ -1,0 +1,223 @@
+"""How a bench aged over the sessions of a folder: every followed number over days, and what changed when."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QPointF, Qt, Signal
+from PySide6.QtGui import QMouseEvent
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QWidget
+
+from fingerlab.batch.changes import LEAST_SESSIONS, Change, changes
+from fingerlab.batch.rows import recorded_at
+from fingerlab.batch.table import (
+    DAYS_A_MONTH,
+    LEAST_TIMES,
+    Contents,
+    Trend,
+    ageing_rows,
+    days_of,
+    number_of,
+    trends,
+)
+from fingerlab.core.text import ScreenUnit, largest_of, percent, screen_unit
+from fingerlab.report.batch_words import change_sentence, column_words, trend_cells
+from fingerlab.sessions.model import Array
+
+from ..widgets.labels import WholeLabel, heading, remark
+from ..widgets.layout import described, vbox
+from ..widgets.plots import QuietPlot, plain_curve, span_of
+from ..widgets.series import Series
+from ..widgets.tables import NumberTable
+from ..widgets.theme import colours_of, small_font, tint
+
+WIDTH, HEIGHT = 940, 700
+NEAR = 12
+"""From so many px a click means a session."""
+COLUMNS = (
+    ("Quantity", "Of every session's final model, or of an effect fitted alone."),
+    ("Median", "Of all sessions."),
+    ("Unit", ""),
+    ("Per month", "Median of the slopes of all pairs of sessions (Theil-Sen)."),
+    ("90 % interval", "Of the slope. It leaves out zero for one steady quantity in ten by chance."),
+    ("Sessions", "That have this number and a time."),
+    ("A step", "Probability that it changed at one moment, and neither drifted nor stayed."),
+)
+
+
+class TrendPlot(QuietPlot):
+    """One number over days. Signal ``session_asked(name)``: a click on a session."""
+
+    session_asked = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        self.trend: Trend | None = None
+        self.change: Change | None = None
+        self._rows: list[dict[str, object]] = []
+        self._unit = ScreenUnit("", 1.0)
+        super().__init__("trendPlot", "One number of the bench over days", parent)
+        self.setToolTip("A point is a session with its 90 % interval; a click marks it in the table behind.")
+
+    def show_trend(self, rows: list[dict[str, object]], trend: Trend | None, change: Change | None) -> None:
+        """Show one quantity of these rows, in the order of time."""
+        self._rows = [row for row in rows if trend and np.isfinite(number_of(row.get(trend.column)))]
+        self.trend, self.change = trend, change
+        self.redraw()
+
+    def _numbers(self) -> tuple[Array, Array, Array, Array]:
+        """Days since the first session, values and both ends of their intervals, (n,) each."""
+        assert self.trend is not None
+        column, factor = self.trend.column, self._unit.factor
+        days = days_of(self._rows)
+        value, low, high = (
+            np.array([number_of(row.get(column + end)) for row in self._rows]) * factor
+            for end in ("", ".low", ".high")
+        )
+        return days - days[0], value, np.where(np.isfinite(low), low, value), np.where(
+            np.isfinite(high), high, value
+        )  # fmt: skip
+
+    def redraw(self) -> None:
+        plot = self.getPlotItem()
+        plot.clear()
+        if self.trend is None or not self._rows:
+            return
+        largest = largest_of(number_of(row.get(self.trend.column)) for row in self._rows)
+        self._unit = screen_unit(self.trend.unit, largest)
+        days, value, low, high = self._numbers()
+        first = recorded_at(self._rows[0]["created"])
+        since = f"{first:%Y-%m-%d}" if isinstance(first, datetime) else "the first"
+        self.name_axes(column_words(self.trend.column), self._unit, f"Days since {since}")
+        if self.change is not None:
+            self._draw_change(days)
+        else:
+            slope = self.trend.per_month * self._unit.factor / DAYS_A_MONTH
+            line = np.median(value) + slope * (days - np.median(days))
+            plot.addItem(plain_curve(days, line, self.pen("modelled", 1.5, dashed=True), "trend"))
+        bars = pg.ErrorBarItem(
+            x=days, y=value, top=high - value, bottom=value - low, pen=self.pen("muted", 1.0)
+        )
+        plot.addItem(bars)
+        points = pg.ScatterPlotItem(
+            days, value, size=8, pen=pg.mkPen(None), brush=colours_of(self).measured, name="sessions"
+        )
+        plot.addItem(points)
+        margin = 0.04 * (days[-1] - days[0]) or 0.5
+        plot.setRange(
+            xRange=(days[0] - margin, days[-1] + margin),
+            yRange=span_of(np.concatenate((low, high))),
+            padding=0.0,
+        )
+
+    def _draw_change(self, days: Array) -> None:
+        change, plot = self.change, self.getPlotItem()
+        assert change is not None
+        names = [str(row["session"]) for row in self._rows]
+        if change.after not in names:
+            return
+        k = names.index(change.after)
+        gap = pg.LinearRegionItem((days[k - 1], days[k]), movable=False)
+        gap.setBrush(tint(colours_of(self).residual, 0.18))
+        for edge in gap.lines:
+            edge.setPen(pg.mkPen(None))
+        plot.addItem(gap, ignoreBounds=True)
+        value = self._numbers()[1]
+        for side in (slice(None, k), slice(k, None)):
+            if len(days[side]):
+                y, ends = np.full(2, value[side].mean()), days[side][[0, -1]]
+                plot.addItem(plain_curve(ends, y, self.pen("modelled", 2.0), "mean of a side"))
+
+    def shown_series(self) -> list[Series]:
+        """For CSV."""
+        if self.trend is None or not self._rows:
+            return []
+        days, value, low, high = self._numbers()
+        label = self._unit.label(column_words(self.trend.column))
+        pairs = (("sessions", value), ("low end", low), ("high end", high))
+        return [Series(name, "Days since the first", label, days, y) for name, y in pairs]
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        super().mousePressEvent(event)
+        if self.trend is None or not self._rows or event.button() != Qt.MouseButton.LeftButton:
+            return
+        days, value, _, _ = self._numbers()
+        box = self.getPlotItem().getViewBox()
+        places = [box.mapViewToScene(QPointF(x, y)) for x, y in zip(days, value, strict=True)]
+        at = self.mapToScene(event.position().toPoint())
+        away = [(place - at).manhattanLength() for place in places]
+        nearest = int(np.argmin(away))
+        if away[nearest] <= NEAR:
+            self.session_asked.emit(str(self._rows[nearest]["session"]))
+
+
+class TrendDialog(QDialog):
+    """Signal ``chosen(name)``: a session is to be marked in the table behind."""
+
+    chosen = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("trendDialog")
+        self.setWindowTitle("Trend over days – FingerLab")
+        self.resize(WIDTH, HEIGHT)
+        self.title = heading()
+        self.words = described(WholeLabel(), "trendWords", font=small_font())
+        self.table = NumberTable("trendTable", "Numbers of the bench over time", COLUMNS)
+        self.table.currentCellChanged.connect(lambda *_: self._show_chosen())
+        self.plot = TrendPlot()
+        self.plot.session_asked.connect(self.chosen)
+        self._rows: list[dict[str, object]] = []
+        self._trends: list[Trend] = []
+        self._changes: dict[str, Change] = {}
+        close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
+        close.rejected.connect(self.reject)
+        hint = remark(
+            "Steady, drifting and stepping are weighed against one another (Bayes factors), each number as "
+            "one of many. Ctrl+C copies the table."
+        )
+        vbox(self, self.title, self.words, (self.table, 3), (self.plot, 4), hint, close, spacing=8)
+
+    def show_contents(self, contents: Contents, folder: Path) -> None:
+        """Show the sessions of a batch's table."""
+        self._rows = ageing_rows(contents.rows)
+        self._trends = trends(contents.rows, contents.units)
+        found = changes(contents.rows, contents.units)
+        self._changes = {name: one for one in reversed(found) for name in (*one.others, one.column) if name}
+        self.title.setText(f"{len(self._rows)} sessions of {folder.name} with a verdict and a time")
+        self.words.setText(self._said(found))
+        rank = {name: -one.chance for one in found for name in (*one.others, one.column)}
+        rank |= {one.column: -1.0 - one.chance for one in found}
+        self._trends.sort(key=lambda one: rank.get(one.column, 0.0))
+        self._fill()
+
+    def _said(self, found: list[Change]) -> str:
+        times = len({row["created"] for row in self._rows})
+        if found:
+            return "\n".join(change_sentence(one) for one in found)
+        if times < LEAST_TIMES:
+            return (
+                f"A trend needs verdicts of {LEAST_TIMES} times, a change of {LEAST_SESSIONS}; there are "
+                f"{times}. Diagnose all makes them."
+            )
+        return "No change between two sessions is likelier than none; what drifts has a slope below."
+
+    def _fill(self) -> None:
+        rows = []
+        for trend in self._trends:
+            change = self._changes.get(trend.column)
+            own = change is not None and change.column == trend.column
+            step = "–" if change is None else percent(change.chance) if own else "with another"
+            rows.append((*trend_cells(trend), step))
+        self.table.show_rows(rows)
+        if rows:
+            self.table.setCurrentCell(0, 0)
+        self._show_chosen()
+
+    def _show_chosen(self) -> None:
+        row = self.table.currentRow()
+        trend = self._trends[row] if 0 <= row < len(self._trends) else None
+        change = self._changes.get(trend.column) if trend is not None else None
+        self.plot.show_trend(self._rows, trend, change)
