@@ -356,6 +356,10 @@ def on_page_content(html: str, **_: Any) -> str:
     return FORMULA.sub(formula, html)
 
 
+SNIPPET = re.compile(r'^--8<-- "([\w.]+)"$', re.MULTILINE)
+"""A file that stands inside a page; the packaged program has no source files to take it from."""
+
+
 def main(arguments: list[str]) -> int:
     """Write the generated pages into a folder, and into its pages what they ask for."""
     if len(arguments) != 1:
@@ -367,6 +371,7 @@ def main(arguments: list[str]) -> int:
         target.write_text(text, encoding="utf-8")
     for path in Path(arguments[0]).rglob("*.md"):  # those that are there already
         text = path.read_text(encoding="utf-8")
+        text = SNIPPET.sub(lambda found: (DOCS / found[1]).read_text(encoding="utf-8").rstrip(), text)
         path.write_text(on_page_markdown(text), encoding="utf-8")
     return 0
 

@@ -21,7 +21,7 @@ PACE_SAMPLES = 65536
 """So many samples of a run tell its pace at most."""
 LEAST_RATE_HZ = 100.0
 """Samples in a reduced second at least: the friction of a motion is lost on fewer; assumed."""
-QUICKER_OCTAVES = 1
+QUICKER_OCTAVES = 2
 """By so many octaves short runs are looked at more quickly than their pace asks for, at most; assumed."""
 USUAL_TORQUE_SPREAD = 0.04
 """Standard deviation of the torque of the thesis' motor alone, N m: what its size is taken by where no finger

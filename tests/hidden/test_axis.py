@@ -173,6 +173,15 @@ def test_the_plainer_law_is_named_beside_friction_that_grows_with_load() -> None
     assert given.errors["motor_torque"].rmse < 0.07 * axis.torque
 
 
+def test_short_runs_of_a_slow_machine_are_told_by_less_than_a_cycle() -> None:
+    """Runs of 3.2 s at 100 Hz whose slowest wave takes 7 s and more; friction of 5.8 N m of either kind."""
+    axis = drawn("coulomb and curved viscous", 1)
+    result = verdict_on(session(axis))
+    assert axis.seconds == pytest.approx(3.2)
+    assert result.final_model == ("motor_coulomb_friction", "motor_viscous_friction")
+    assert result.path[-1].score < 1.2
+
+
 def test_ripple_is_found_beside_friction_where_laps_are_few() -> None:
     """29 periods a turn, 30 % of the friction's size, on a stroke of an eighth of a turn in one speed.
 

@@ -87,6 +87,7 @@ def test_the_wheel_starts_without_the_checkout(built: tuple[Path, Path], tmp_pat
         "assert (files('fingerlab.resources') / 'rigs' / 'default.toml').is_file()\n"
         "from fingerlab.report.documents import folder, glossary, pages\n"
         "assert folder().name == 'documents' and 'floor' in glossary()\n"
+        "assert '--8<--' not in (folder() / 'own-effect.md').read_text(encoding='utf-8')\n"
         "assert {'theory.md', 'tutorials/model-lab.md', 'catalogue/cable_slack.md'} <= set(pages())\n"
     )
     done = subprocess.run(
