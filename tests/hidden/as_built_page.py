@@ -32,11 +32,13 @@ Below zero, and "–": on such a bench the runs on air give arms of the wrong si
 inertia was not taken away."""
 FOUND = """\
 Nobody tells the diagnosis: it gets the recording and the rig file, and what it names is held against the
-preset. Errors are rms on runs left out of the fit, of the nominal model and of the model at the end of the
-path, both in the floors of the better one. The thesis' parameters come from the runs on air alone (PIP
-equation, extension region, delay by findsignal 10 %) and predict the contact runs with the dorsal cable's
-arms. The nominal model beside it is fitted to all runs but the one that it predicts, contact included: its
-arms make up for much of what it lacks, so that its peak is near while its course is not."""
+preset. Errors are rms on runs left out of the fit, of the nominal model and of the model at the end of
+the path, both under the weights of the better one; a floor follows the arms and the delay that a model
+has found, so compare N m and N from model to model. The thesis' parameters come from the runs on air
+alone (PIP equation, extension region, delay by findsignal 10 %) and predict the contact runs with the
+dorsal cable's arms. The nominal model beside it is fitted to all runs but the one that it predicts,
+contact included: its arms make up for much of what it lacks, so that its peak is near while its course is
+not."""
 
 Row = dict[str, Any]
 
@@ -274,8 +276,8 @@ def markdown(
             parts += [
                 f"## Cause by cause: {PROTOCOLS[row['protocol']]}, seed {row['seed']}",
                 "Each line is a model of its own: with the effects so far, each of the shape that it has in "
-                "the whole model, all numbers fitted anew and judged on runs left out, in the floors of the "
-                "best model. The score is that of the path.",
+                "the whole model, all numbers fitted anew and judged on runs left out, under the weights of "
+                "the best. The score is that of the path.",
                 "\n".join(told_story(row, preset)),
             ]
     return "\n\n".join(parts) + "\n"
