@@ -24,6 +24,7 @@ def summary(folder: Path) -> str:
     rows = [
         row
         for part in (
+            _as_built,
             _hidden,
             _wrong,
             _probabilities,
@@ -62,6 +63,12 @@ def _hidden(folder: Path) -> Iterator[str]:
     _, rows = table(folder / "hidden-effects.md", "what", "figure")
     for what, figure, *_ in rows:
         yield _line(f"blind trials, {what}", figure, "hidden-effects.md", "Hidden effects")
+
+
+def _as_built(folder: Path) -> Iterator[str]:
+    _, rows = table(folder / "as-built.md", "what", "sessions")
+    for what, figure, *_ in rows:
+        yield _line(f"the bench as built, {what}", figure, "as-built.md", "As built")
 
 
 def _wrong(folder: Path) -> Iterator[str]:

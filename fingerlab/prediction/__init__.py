@@ -1,7 +1,7 @@
 """Endpoint force of contact runs from a model that a diagnosis fitted, with an interval that holds."""
 
 from fingerlab.prediction.extended import EQUATIONS, ExtendedModel, Variant, extended_model, model_of_extended
-from fingerlab.prediction.fit import fit_extended
+from fingerlab.prediction.fit import fit_extended, fit_steps
 from fingerlab.prediction.predict import ExtendedPrediction, predict_extended
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "Variant",
     "extended_model",
     "fit_extended",
+    "fit_steps",
     "model_of_extended",
     "predict_extended",
 ]

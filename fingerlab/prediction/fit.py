@@ -39,27 +39,61 @@ def fit_extended(
     Raises:
         UserError: an unknown effect, one that does not apply to these runs, or a run that cannot be read.
     """
+    count = len(dict.fromkeys(effects))
+    return _fit(sessions, effects, [count], progress, held)[0]
+
+
+def fit_steps(
+    sessions: Sequence[Session], effects: Sequence[str], progress: Progress | None = None
+) -> tuple[ExtendedModel, ...]:
+    """The same with the first effect alone, the first two, and so on to all, each effect of the one shape
+    that it has beside all others; the numbers are each model's own.
+
+    Raises:
+        UserError: as for :func:`fit_extended`.
+    """
+    return _fit(sessions, effects, range(1, len(dict.fromkeys(effects)) + 1), progress, None)
+
+
+def _fit(
+    sessions: Sequence[Session],
+    effects: Sequence[str],
+    counts: Sequence[int],
+    progress: Progress | None,
+    held: Mapping[str, float] | None,
+) -> tuple[ExtendedModel, ...]:
+    """Models with the first so many of the effects, beside one nominal model."""
     chosen = [effect(name) for name in dict.fromkeys(effects)]
     tell = progress or (lambda share, what: None)
     with threadpool_limits(limits=1, user_api="blas"):
         reduction = Reduction(sessions)
         reduction.held = dict(held or {})
-        scorer, trial = fit_refined(reduction, chosen, Watch(lambda share, what: tell(0.5 * share, what)))
+        scorer, whole = fit_refined(reduction, chosen, Watch(lambda share, what: tell(0.5 * share, what)))
         tell(0.6, "fitting")
-        nominal = scorer.fit([], scorer.fit([], trial), FULL_ITERATIONS)
-        names = [h.sha256 for h in hash_sessions(sessions)]
-        hashes = {id(s): sha256 for s, sha256 in zip(sessions, names, strict=True)}
+        nominal = scorer.fit([], scorer.fit([], whole), FULL_ITERATIONS)
+        trials = [_first(scorer, whole, count) for count in counts]
+        hashes = hash_sessions(sessions)
+        names = [h.sha256 for h in hashes]
+        by_session = {id(s): sha256 for s, sha256 in zip(sessions, names, strict=True)}
         read = {id(s): sha256 for s, sha256 in zip(reduction.sessions, names, strict=True)}
         folds = _contact_folds(scorer, reduction.sessions, read)
-        variants = [_variant(scorer, t, folds) for t in (trial, nominal)]
-        parameters = _estimates(scorer.score_held_out(trial))
         done: list[Variant] = []
-        for number, variant in enumerate(variants):
-            tell(0.7 + 0.15 * number, "calibrating the interval")
-            done.append(_calibrated(variant, sessions, hashes))
-    if not chosen:
-        done[0] = done[1]
-    return ExtendedModel(done[0], done[1], parameters, hash_sessions(sessions), dict(held or {}))
+        for number, trial in enumerate([nominal, *(t for t in trials if t.choices)]):
+            tell(0.7 + 0.3 * number / (len(trials) + 1), "calibrating the interval")
+            done.append(_calibrated(_variant(scorer, trial, folds), sessions, by_session))
+        parameters = [_estimates(scorer.score_held_out(trial)) for trial in trials]
+    plain, extended = done[0], iter(done[1:])
+    return tuple(
+        ExtendedModel(next(extended) if t.choices else plain, plain, found, hashes, dict(held or {}))
+        for t, found in zip(trials, parameters, strict=True)
+    )
+
+
+def _first(scorer: Scorer, whole: FittedModel, count: int) -> FittedModel:
+    """The model with the first so many of its effects alone, under its weights."""
+    if count == len(whole.choices):
+        return whole
+    return scorer.fit(whole.choices[:count], whole, FULL_ITERATIONS)
 
 
 @dataclass(frozen=True)

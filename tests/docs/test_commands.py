@@ -58,7 +58,7 @@ RUN_ELSEWHERE = {
 """Commands of other programs: the file that runs the same, and the words by which it does."""
 TAKES_HOURS = (
     *("benchmarks", "docs/screenshots.py", "packaging/lock.py"),
-    *("tests.faults.stops", "tests.faults.sweep", "tests.hidden.sweep"),
+    *("tests.faults.stops", "tests.faults.sweep", "tests.hidden.sweep", "tests.hidden.as_built"),
 )
 """Programs that measure for hours, draw all pictures, or ask the network: they exist, with their options."""
 
