@@ -55,7 +55,7 @@ class AcquireHeader(QWidget):
         layout.setContentsMargins(16, 0, 8, 0)
         layout.setSpacing(8)
         layout.addWidget(self.name, 1)
-        layout.addWidget(self.lines, 1)
+        layout.addWidget(self.lines, 2)
         layout.addWidget(self.open)
         layout.addWidget(self.disconnect_button)
         self.open.hide()
