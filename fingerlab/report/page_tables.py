@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import fingerlab
 from fingerlab.core.plain_data import parsed
@@ -29,8 +29,6 @@ from fingerlab.core.text import (
 )
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, EquationError
 from fingerlab.models.file import ParameterEstimate
-from fingerlab.prediction.comparing import ComparedModel, ModelComparison
-from fingerlab.prediction.predict import interval_over, spread_over
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
     NOTHING_WORDS,
@@ -45,6 +43,9 @@ from fingerlab.rig.intervention import changed_words
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.trajectory import run_told
+
+if TYPE_CHECKING:
+    from fingerlab.prediction.comparing import ComparedModel, ModelComparison
 
 SHOWN_OUTCOMES = 6
 """Candidates in the short ranking; the whole catalogue stands at the end of the page."""
@@ -390,6 +391,8 @@ def judged_as_they_stand(result: ModelComparison) -> str:
 def _force_cells(model: ComparedModel) -> tuple[str, ...]:
     if not model.forces:
         return ("–",) * 5
+    from fingerlab.prediction.predict import interval_over, spread_over  # loads scipy
+
     coverage = interval_over(model.forces)[1]
     return (
         number(1e3 * spread_over(model.forces, "both", "rmse").mean, 1),

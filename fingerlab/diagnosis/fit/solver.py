@@ -437,6 +437,10 @@ class Fitter:
                 h, jacobian = features[i], jacobians[i]
                 gradient = gradient - (h @ fold.matrix) @ jacobian
                 information = information - jacobian.T @ (fold.curvature @ jacobian)
+        if np.any(np.diag(information) < self._stiffness):
+            # What runs have of their own is not quite the same without the others; the prior stays.
+            information = information.copy()
+            np.fill_diagonal(information, np.maximum(np.diag(information), self._stiffness))
         step = bounded_step(values, gradient, information, self._low, self._high)
         step[self._of_changes] = 0.0
         values = np.clip(values + step, self._low, self._high)
