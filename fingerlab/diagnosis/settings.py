@@ -407,7 +407,8 @@ FAR = 8.0
 """Squared score above one from which on many effects are looked for together: no usual path ends there but
 for something outside of the catalogue."""
 MOST_EFFECTS = 10
-"""So many are added together on a bench that is far from its model; ``as-built`` lacks as many."""
+"""With so many, those of ``EVERYDAY`` among them, no further effect is looked for on a bench that is far from
+its model; assumed."""
 EVERYDAY = (
     "motor_inertia",
     "routing_change",
@@ -442,7 +443,8 @@ RUNNERS_UP = 2
 LOOKING_ITERATIONS = 3
 """Steps of a fit that only tells which of several shapes is best."""
 ROUNDS = 2
-"""Times that the shapes of several effects are gone through, each given the others'."""
+"""Times that the shapes of several effects are gone through, each given the others', and times that all are
+refined where one takes a number from what is fitted."""
 SAME_SHAPE = 0.02
 """A number of a shape that follows what is fitted has moved if it did by more than this share; assumed: the
 errors of the law go with its square."""

@@ -19,6 +19,8 @@ from fingerlab.sessions.model import Session
 from fingerlab.ui.app.tab_registry import TABS, TabEntry
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.model_lab_tab import ModelLabTab
+from fingerlab.ui.sessions.review_page import ReviewPage
+from fingerlab.ui.sessions.sessions_tab import SessionsTab
 
 from . import invented
 
@@ -105,3 +107,15 @@ def wait_for_result(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.waitUntil(
         lambda: lab_of(window).controller.history is not None and not window.tasks.busy, timeout=PATIENCE
     )
+
+
+def review_of(qtbot: QtBot, window: MainWindow) -> ReviewPage:
+    """The review of the only session of the folder that the window shows, once it is read."""
+    tab = window.tab("sessions")
+    assert isinstance(tab, SessionsTab)
+    qtbot.waitUntil(lambda: tab.page.model.total == 1, timeout=PATIENCE)
+    tab.page.table.selectRow(0)
+    click(window, "review")
+    page = tab.review_page
+    qtbot.waitUntil(lambda: page.session is not None and not page.data.busy, timeout=PATIENCE)
+    return page

@@ -1,8 +1,7 @@
 """Runs of one motion, before a known change of the machine and with it, as sums over their difference.
 
 What a machine does in every run that no law tells is in both and cancels; what follows from the change
-stays.
-The difference is divided by the root of two, so that it is as noisy as one run.
+stays. The difference is divided by the root of two, so that it is as noisy as one run.
 """
 
 from __future__ import annotations

@@ -12,8 +12,7 @@ import numpy as np
 
 from fingerlab.diagnosis.fit.noise import noise_of_a_sample
 from fingerlab.diagnosis.fit.weights import feature_weights, own_to_a_run, temperature
-from fingerlab.diagnosis.gram.pairs import PairSums
-from fingerlab.diagnosis.gram.sums import Group
+from fingerlab.diagnosis.gram.sums import Group, PairSums
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.settings import MOST_PAIRED
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE

@@ -47,7 +47,7 @@ def path_of_many(
         scorer: on the whole catalogue. base: the model as given.
 
     Returns:
-        What scores it, and its models; what is missed most comes first, all under the last one's weights.
+        What scores it, and its models; what explains most comes first, all under the last one's weights.
 
     Raises:
         Cancelled: the user asked for it.

@@ -22,7 +22,7 @@ from fingerlab.ui.sessions.review_page import ReviewPage
 from fingerlab.ui.sessions.review_pane import clock_text
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
 
-from ..hands import PATIENCE, child, click, invented_diagnosis, lab_of
+from ..hands import PATIENCE, child, click, invented_diagnosis, lab_of, review_of
 
 SAMPLES = 40_000
 
@@ -42,13 +42,7 @@ def reviewing(
     path = make_session("long.h5", long_session, samples=SAMPLES)
     settings.set_library(path.parent)
     window = make_window(tab="sessions", diagnose=invented_diagnosis)
-    tab = window.tab("sessions")
-    assert isinstance(tab, SessionsTab)
-    qtbot.waitUntil(lambda: tab.page.model.total == 1, timeout=PATIENCE)
-    tab.page.table.selectRow(0)
-    click(window, "review")
-    page = tab.review_page
-    qtbot.waitUntil(lambda: page.session is not None and not page.data.busy, timeout=PATIENCE)
+    page = review_of(qtbot, window)
     QTest.keyClick(window, Qt.Key.Key_Down, Qt.KeyboardModifier.AltModifier)
     settle(qtbot, page)
     return window, page

@@ -16,11 +16,10 @@ from pytestqt.qtbot import QtBot
 from fingerlab.signals.prepare import amplitude_density
 from fingerlab.ui.app.settings import Settings
 from fingerlab.ui.sessions.review_page import ReviewPage
-from fingerlab.ui.sessions.sessions_tab import SessionsTab
 from fingerlab.ui.widgets.free_plots import FreePlots, PlotsButton
 
 from ..bench_hands import Rig, opener, tabs_with
-from ..hands import LEFT, PATIENCE, child, click
+from ..hands import LEFT, PATIENCE, child, review_of
 from ..looking import look
 
 pytestmark = pytest.mark.qt_log_ignore("This plugin does not support")
@@ -146,14 +145,7 @@ def reviewing(
     path = make_session("loop.h5", lissajous, samples=20_000)
     settings.set_library(path.parent)
     window = make_window(tab="sessions")
-    tab = window.tab("sessions")
-    assert isinstance(tab, SessionsTab)
-    qtbot.waitUntil(lambda: tab.page.model.total == 1, timeout=PATIENCE)
-    tab.page.table.selectRow(0)
-    click(window, "review")
-    page = tab.review_page
-    qtbot.waitUntil(lambda: page.session is not None and not page.data.busy, timeout=PATIENCE)
-    return page
+    return review_of(qtbot, window)
 
 
 def test_any_channel_over_any_in_the_review_follows_the_view(
