@@ -441,6 +441,7 @@ def free_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tab.toolbar.arrange.boxes["angles"].setChecked(False)
     yield "acquire"
     tab.controller.stop()
+    tab.controller.tick()  # the virtual clock stands still else, and the head would say "Running"
     sessions = window.tab("sessions")
     assert isinstance(sessions, SessionsTab)
     library = Path("recordings")
