@@ -21,6 +21,29 @@ FRICTION = Parameter(
 )  # fmt: skip
 
 
+DRIVE = {
+    "drive_inertia": ("rotor_inertia", "motor_inertia.inertia"),
+    "drive_coulomb": ("motor_coulomb_friction.coulomb",),
+    "drive_viscous": ("motor_viscous_friction.viscous",),
+}
+"""Numbers of a shape that tell what motor and gearbox keep for themselves, and the unknowns that they are:
+inertia beyond the rig file's (kg m^2), friction (N m), and viscous friction (N m s/rad)."""
+
+
+def driven_tension(motion: Motion, shape: Shape) -> Array:
+    """Tension that motor and gearbox leave the cable, N, (n,), as far as the shape tells what they keep.
+
+    Friction is taken with the usual travel: where the motor turns round, the tension is known to that alone.
+    """
+    inertia = (motion.motor.inertia or 0.0) + shape.get("drive_inertia", 0.0)
+    found = motion.tension - inertia * motion.inertial_pull
+    if viscous := shape.get("drive_viscous", 0.0):
+        found = found - (viscous / motion.radius) * motion.velocity
+    if coulomb := shape.get("drive_coulomb", 0.0):
+        found = found - (coulomb / motion.radius) * winding_state(motion)
+    return np.asarray(found)
+
+
 def no_columns(motion: Motion, shape: Shape) -> list[Term]:
     return []
 

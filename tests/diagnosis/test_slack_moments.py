@@ -23,8 +23,8 @@ def pulled(newtons: float, true_inertia: float, spread: float) -> Motion:
     return replace(motion, acceleration=speeding, torque=torque, inertia_spread=spread)
 
 
-def taut(motion: Motion) -> np.ndarray:
-    return taut_moments(motion, counted(motion))
+def taut(motion: Motion, drive: Mapping[str, float] | None = None) -> np.ndarray:
+    return taut_moments(motion, counted(motion), drive or {})
 
 
 def test_a_slack_cable_is_not_taut_because_the_rotor_is_heavier_than_the_rig_file_says() -> None:

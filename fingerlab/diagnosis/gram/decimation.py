@@ -33,18 +33,28 @@ from fingerlab.diagnosis.signals.filters import (
     decimated_count,
     padded_length,
 )
-from fingerlab.effects.base import Effect
+from fingerlab.effects.base import Effect, Shape
+from fingerlab.effects.transmission import driven_tension
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run
 from fingerlab.sessions.trajectory import found_frequency, told_frequency
 
 
-def taut_moments(motion: Motion, inner: slice) -> BoolArray:
-    """Samples into whose low-pass window no slack moment falls."""
+def drive_told(effects: Sequence[Effect]) -> Shape:
+    """What motor and gearbox keep for themselves, as a slack cable's shape tells it; nothing: it does not."""
+    return next((e.shapes[0] for e in effects if e.special == "slack"), {})
+
+
+def taut_moments(motion: Motion, inner: slice, drive: Shape) -> BoolArray:
+    """Samples into whose low-pass window no slack moment falls.
+
+    Args:
+        drive: what motor and gearbox keep for themselves, of ``transmission.DRIVE``.
+    """
     if motion.finger is None:
         return np.ones(len(decimate(motion.time[inner])), dtype=bool)
-    pull = (motion.cable_torque - (motion.motor.inertia or 0.0) * motion.acceleration) / motion.radius
-    pull -= INERTIA_SPREADS * motion.inertia_spread * np.abs(motion.acceleration) / motion.radius
+    pull = driven_tension(motion, drive)
+    pull = pull - INERTIA_SPREADS * motion.inertia_spread * np.abs(motion.acceleration) / motion.radius
     smooth = np.convolve(pull, np.ones(9) / 9, mode="same")  # 36 ms: the tension's own noise is then small
     noise = float(np.median(np.abs(pull - smooth)[inner])) if len(pull[inner]) else 0.0
     loose = (smooth < max(SLACK_TENSION_N, SLACK_NOISES * noise))[inner]
@@ -97,7 +107,7 @@ def decimated_columns(motion: Motion, effects: Sequence[Effect], signals: IntArr
     low = np.zeros((int(signals.max()) + 1, len(time)))
     known = np.zeros(len(low), dtype=bool)
     live = fill(low, motion, all_columns(motion, effects), signals, known)
-    taut, rest = taut_moments(motion, inner), rest_moments(motion.position[inner])
+    taut, rest = taut_moments(motion, inner, drive_told(effects)), rest_moments(motion.position[inner])
     return Decimated(low.T, taut, time, motion, rest, np.array(live))
 
 

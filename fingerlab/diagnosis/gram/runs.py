@@ -17,7 +17,15 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.columns import Asked, effect_columns
 from fingerlab.diagnosis.equations.features import BoolArray, IntArray
-from fingerlab.diagnosis.gram.decimation import Decimated, decimated_columns, fill, repeating_bases
+from fingerlab.diagnosis.gram.decimation import (
+    Decimated,
+    counted,
+    decimated_columns,
+    drive_told,
+    fill,
+    repeating_bases,
+    taut_moments,
+)
 from fingerlab.diagnosis.gram.state_law import state_products
 from fingerlab.diagnosis.gram.sums import Part, RunSums, Sums
 from fingerlab.diagnosis.settings import MOST_BYTES
@@ -105,7 +113,9 @@ def decimated_again(segment: CachedSegment, effects: Sequence[Effect], asked: As
     signals = np.concatenate([asked.features[k] for k in asked.formed] or [np.zeros(0, dtype=int)])
     formed = fill(low, segment.motion, effect_columns(segment.motion, wanted), signals, known)
     live = np.sort(np.concatenate((places, np.array(formed, dtype=places.dtype))))
-    return Decimated(low.T, segment.taut, segment.time, segment.motion, segment.rest, live)
+    drive = drive_told(effects)
+    taut = taut_moments(segment.motion, counted(segment.motion), drive) if any(drive.values()) else segment.taut
+    return Decimated(low.T, taut, segment.time, segment.motion, segment.rest, live)
 
 
 def to_cache(low: Decimated) -> CachedSegment:
