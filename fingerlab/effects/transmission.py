@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
-from fingerlab.effects.base import Row, Shape, Term
+from fingerlab.effects.base import Effect, Row, Shape, Term
 from fingerlab.physics.friction_states import friction_state, slip_states, with_grid
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
@@ -42,6 +44,17 @@ def driven_tension(motion: Motion, shape: Shape) -> Array:
     if coulomb := shape.get("drive_coulomb", 0.0):
         found = found - (coulomb / motion.radius) * winding_state(motion)
     return np.asarray(found)
+
+
+LATE = "late"
+"""Number of a delay's shape that tells by how much the motor's channels are to be late for what effects make
+of them, s; the equations' own channels are shifted by the fit."""
+
+
+def as_effects_see_it(motion: Motion, effects: Iterable[Effect]) -> Motion:
+    """The motion with the motor's channels as late as a delay among the effects was found to be."""
+    late = sum(e.shapes[0].get(LATE, 0.0) for e in effects if e.special == "delay" and len(e.shapes))
+    return motion.with_motor_late(late) if late else motion
 
 
 def no_columns(motion: Motion, shape: Shape) -> list[Term]:
