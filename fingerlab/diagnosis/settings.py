@@ -445,6 +445,9 @@ LOOKING_ITERATIONS = 3
 ROUNDS = 2
 """Times that the shapes of several effects are gone through, each given the others', and times that all are
 refined where one takes a number from what is fitted."""
+FOLLOWING_ROUNDS = 8
+"""Times that a model is fitted again, at most, whose shapes take numbers from what is fitted: a delay beside
+friction of the motor comes half as close each time."""
 SAME_SHAPE = 0.02
 """A number of a shape that follows what is fitted has moved if it did by more than this share; assumed: the
 errors of the law go with its square."""
