@@ -34,15 +34,17 @@ from fingerlab.diagnosis.signals.filters import (
     padded_length,
 )
 from fingerlab.effects.base import Effect, Shape
-from fingerlab.effects.transmission import driven_tension
+from fingerlab.effects.transmission import DRIVE, driven_tension
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run
 from fingerlab.sessions.trajectory import found_frequency, told_frequency
 
 
 def drive_told(effects: Sequence[Effect]) -> Shape:
-    """What motor and gearbox keep for themselves, as a slack cable's shape tells it; nothing: it does not."""
-    return next((e.shapes[0] for e in effects if e.special == "slack"), {})
+    """What motor and gearbox keep for themselves, as the shape of any effect tells it; nothing: none does."""
+    return next(
+        (e.shapes[0] for e in effects if len(e.shapes) == 1 and DRIVE.keys() <= e.shapes[0].keys()), {}
+    )
 
 
 def taut_moments(motion: Motion, inner: slice, drive: Shape) -> BoolArray:

@@ -114,7 +114,9 @@ def decimated_again(segment: CachedSegment, effects: Sequence[Effect], asked: As
     formed = fill(low, segment.motion, effect_columns(segment.motion, wanted), signals, known)
     live = np.sort(np.concatenate((places, np.array(formed, dtype=places.dtype))))
     drive = drive_told(effects)
-    taut = taut_moments(segment.motion, counted(segment.motion), drive) if any(drive.values()) else segment.taut
+    taut = (
+        taut_moments(segment.motion, counted(segment.motion), drive) if any(drive.values()) else segment.taut
+    )
     return Decimated(low.T, taut, segment.time, segment.motion, segment.rest, live)
 
 

@@ -89,21 +89,25 @@ def refine_grid(
         Cancelled: the user asked for it.
     """
     choices = [_following(c, found.values) for c in found.choices]
+    before: FittedModel | None = None
     for _ in range(ROUNDS):
         finer = [_finer(c) for c in choices]
         scorer = Scorer(reduction.closer(finer, watch))
         places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
-        fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)])
-        of_shapes = fitted = _at_best_shapes(scorer, fitted)
+        fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)], before)
+        of_shapes = before = fitted = _at_best_shapes(scorer, fitted)
         for _ in range(FOLLOWING_ROUNDS):
             choices = [_following(c, fitted.values) for c in fitted.choices]
-            if not any(_has_moved(now, then, fitted) for now, then in zip(choices, fitted.choices, strict=True)):
+            if not any(
+                _has_moved(now, then, fitted) for now, then in zip(choices, fitted.choices, strict=True)
+            ):
                 break
             given = [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in choices]
             scorer = Scorer(reduction.closer(given, watch))
-            fitted = scorer.fit_reweighted([Choice(e) for e in given], fitted)
+            fitted = scorer.fit([Choice(e) for e in given], fitted, FULL_ITERATIONS)
         if fitted is of_shapes:
             break
+        before = fitted = scorer.fit_reweighted(fitted.choices, fitted)
     return scorer, fitted
 
 
