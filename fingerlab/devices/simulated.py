@@ -18,10 +18,9 @@ from fingerlab.devices.charge_pump import ChargePump
 from fingerlab.devices.clock import STEP, Clock, VirtualClock
 from fingerlab.devices.faults import Faults, FaultySensors, LineFault
 from fingerlab.devices.protocol import LINES, NO_LINES, DeviceFault, DeviceLost, Sample
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.constants import INTERVENTION, Rig, intervention_of
 from fingerlab.rig.daq import AnalogInput, Daq, SafetyLines
 from fingerlab.rig.file import default_rig
-from fingerlab.rig.intervention import INTERVENTION, intervention_of
 from fingerlab.twin.effects import check_effects
 from fingerlab.twin.layout import OUTPUTS
 from fingerlab.twin.plant import CONTACT, ON_AIR

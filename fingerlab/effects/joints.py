@@ -9,9 +9,8 @@ import numpy as np
 from fingerlab.effects.base import Row, Shape, Term
 from fingerlab.physics import nominal
 from fingerlab.physics.friction_states import friction_state, slip_states, with_grid
-from fingerlab.physics.motion import Motion
+from fingerlab.physics.motion import Motion, tip_reach, while_pressed
 from fingerlab.physics.parameter import Parameter
-from fingerlab.physics.tip import tip_reach, while_pressed
 from fingerlab.sessions.model import Array
 
 JOINT_TRAVELS_DEG = (0.06, 0.085, 0.12, 0.17, 0.24, 0.34, 0.48)

@@ -10,7 +10,7 @@ from typing import Any
 
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
-from fingerlab.rig.intervention import read_intervention
+from fingerlab.rig.constants import read_intervention
 from fingerlab.sessions.format import CABLES
 
 RATE_HZ = 1000.0

@@ -12,7 +12,7 @@ import numpy as np
 from fingerlab.acquisition.control.motion import Gains, braked
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
-from fingerlab.rig.intervention import Intervention, intervention_of
+from fingerlab.rig.constants import Intervention, intervention_of
 from fingerlab.sessions.model import Array
 from fingerlab.twin.bench import build_bench, draw_truth, place_bench
 from fingerlab.twin.effects import Effects, apply_effects
