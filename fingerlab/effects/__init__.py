@@ -9,8 +9,7 @@ from __future__ import annotations
 from fingerlab.core.errors import UserError
 from fingerlab.core.trust import found_in
 from fingerlab.effects import own
-from fingerlab.effects.base import Effect, Formula, Gain, Row, Term
-from fingerlab.effects.example import Example
+from fingerlab.effects.base import Effect, Example, Formula, Gain, Row, Term
 from fingerlab.physics.motion import Motion
 
 ORDER = (

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
 from fingerlab.effects.joints import sideways_terms
 from fingerlab.physics.motion import Motion, dragged_tip
 from fingerlab.physics.parameter import Parameter

@@ -5,9 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import plus
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, plus
 from fingerlab.physics.motion import Motion, nothing, tip_reach, while_pressed
 from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array

@@ -293,8 +293,7 @@ class ProtocolForm(QWidget):
         return steps_from(self._all_steps(motion), self.first.value())
 
     def _all_steps(self, motion: Mapping[str, Any]) -> tuple[Step, ...]:
-        from fingerlab.twin.protocols import PROTOCOLS
-        from fingerlab.twin.run_table import read_run_table
+        from fingerlab.twin.protocols import PROTOCOLS, read_run_table
 
         plans: Sequence[PlannedRun]
         key = str(self.which.currentData())
