@@ -168,7 +168,7 @@ class Data:
         return self._kept[key]
 
     def gathered_folds(self, i: int, model: Model) -> Gathered:
-        """The same for every fold of a group, (folds, k, k); of the models that were asked for last they are kept."""
+        """The same for every fold of a group, (folds, k, k); kept for the models that were asked for last."""
         key = i, model.active.tobytes()
         found = self._folds.pop(key, None)
         if found is None:
