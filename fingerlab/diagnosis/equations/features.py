@@ -66,6 +66,17 @@ class Pick:
         signals, place = np.unique(self.signals, return_inverse=True)
         return signals, place
 
+    @cached_property
+    def _places(self) -> dict[int, IntArray]:
+        return {}
+
+    def among(self, products: Array) -> Array:
+        """Their products, (k, k), of those of all signals, (signals, signals)."""
+        size = len(products)
+        if size not in self._places:
+            self._places[size] = self.signals[:, None] * size + self.signals
+        return np.asarray(products.take(self._places[size]))
+
     def __getitem__(self, chosen: Any) -> Pick:
         return Pick(self.signals[chosen], self.rows[chosen])
 
