@@ -9,7 +9,7 @@ from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.status import Slot
 from fingerlab.devices.faults import ChargePump, Faults, fault_after
 from fingerlab.devices.simulated import SimulatedRig, Simulation, simulated_rig_file
-from fingerlab.twin.bench import load_preset
+from fingerlab.twin.protocols import load_preset
 from tests.acquisition.driving import SINE, Driven
 
 from .safety_wiring import wired

@@ -19,8 +19,7 @@ from fingerlab.batch.rows import SOFTWARE, Options
 from fingerlab.batch.run import run_batch
 from fingerlab.batch.table import Contents, read_table, write_table
 from fingerlab.core.errors import Cancelled
-from fingerlab.twin.bench import load_preset
-from fingerlab.twin.protocols import RunPlan
+from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.session import write_session
 from fingerlab.ui.sessions.session_table import VERDICT
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
