@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from PySide6.QtCore import QEventLoop, QItemSelectionModel, QTimer
 from PySide6.QtWidgets import QLabel, QTableView, QWidget
 
-from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.calibration import StepTiming

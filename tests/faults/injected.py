@@ -21,7 +21,7 @@ from unittest import mock
 
 import numpy as np
 
-from fingerlab.acquisition.control.commands import SetUp
+from fingerlab.acquisition.control.machine import SetUp
 from fingerlab.acquisition.record.recorder import Recorder
 from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.status import Slot, Text

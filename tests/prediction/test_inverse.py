@@ -218,7 +218,7 @@ def practised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 def call(*arguments: str) -> Any:
-    from fingerlab.cli.inverse import inverse
+    from fingerlab.cli.predict import inverse
     from fingerlab.cli.record import record
     from fingerlab.cli.simulate import simulate
 
