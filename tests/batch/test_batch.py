@@ -204,7 +204,7 @@ def test_another_version_or_another_own_effect_is_done_anew(
     options = Options(own=(OwnSource(str(EXAMPLE), EXAMPLE.read_bytes()),))
     result = run_batch(tree, out, options, Counted())
     assert (result.done, result.outdated) == (1, 1)
-    for module in ("rows", "run"):
+    for module in ("table", "run"):
         monkeypatch.setattr(f"fingerlab.batch.{module}.SOFTWARE", "fingerlab 99")
     result = run_batch(tree, out, options, Counted())
     assert (result.done, result.outdated, result.contents.rows[0]["software"]) == (1, 1, "fingerlab 99")
