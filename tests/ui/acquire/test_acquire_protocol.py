@@ -211,9 +211,9 @@ def test_gains_are_changed_while_it_runs_and_marked(rig: Rig) -> None:
     rig.start()
     rig.click("record")
     rig.run(0.5)
-    rig.tab.panel.gains.numbers["proportional"].setValue(20.0)
+    rig.tab.panel.gains.numbers["proportional"].setValue(17.0)
     rig.run(0.5)
-    assert rig.tab.panel.gains.text() == "Gains: 20, 25, 0.25"
+    assert rig.tab.panel.gains.text() == "Gains: 17, 25, 0.25"
     rig.click("record")
     rig.run(0.2)
     (run,) = open_session(rig.write()).runs
@@ -221,7 +221,7 @@ def test_gains_are_changed_while_it_runs_and_marked(rig: Rig) -> None:
     assert (json.loads(told) if isinstance(told, str) else told)["proportional"] == 14.0  # as it began
     markers = run.attributes["markers"]
     (marker,) = json.loads(markers) if isinstance(markers, str) else markers
-    assert marker["note"] == "gains: 20, 25, 0.25"
+    assert marker["note"] == "gains: 17, 25, 0.25"
     assert 0.4 < marker["time"] < 0.7
 
 
