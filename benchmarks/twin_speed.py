@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import time
 
+from fingerlab.twin.bench import load_preset
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS
 from fingerlab.twin.recording import simulate_session
 

@@ -26,8 +26,8 @@ from fingerlab.effects.own import template
 from fingerlab.report import diagnosis_words as words
 from fingerlab.sessions import open_session
 from fingerlab.sessions.mapping import BENCH_ORDER
+from fingerlab.twin.bench import load_preset
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS, RunPlan
 from fingerlab.twin.session import write_session
 from fingerlab.ui.acquire import acquire_tab as acquire

@@ -21,7 +21,7 @@ import numpy as np
 
 from fingerlab.batch.rows import Row
 from fingerlab.batch.table import ageing_rows, days_of, followed_columns, number_of
-from fingerlab.core.units import ParameterEstimate
+from fingerlab.core.text import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 LEAST_SIDE = 2

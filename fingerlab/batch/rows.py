@@ -13,8 +13,8 @@ from typing import Any
 import fingerlab
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import json_ready
+from fingerlab.core.text import ParameterEstimate
 from fingerlab.core.trust import OwnSource
-from fingerlab.core.units import ParameterEstimate
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.effects.own import only_these

@@ -30,8 +30,7 @@ from fingerlab.batch.table import (
     write_table,
 )
 from fingerlab.core.errors import Cancelled, UserError
-from fingerlab.core.parallel import own_code_only
-from fingerlab.core.progress import Progress
+from fingerlab.core.progress import Progress, own_code_only
 from fingerlab.sessions import file_hash
 from fingerlab.sessions.recording_files import ENDINGS, session_files
 

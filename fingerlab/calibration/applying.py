@@ -13,7 +13,7 @@ import numpy as np
 from fingerlab.calibration.store import CalibrationRecord, CalibrationStore
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
-from fingerlab.core.units import factor
+from fingerlab.core.text import factor
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import AnalogInput, plain_section
 from fingerlab.sessions.copying import edited_copy

@@ -12,7 +12,7 @@ from scipy.special import stdtrit
 
 from fingerlab.calibration.sensors import Limit, Sensor
 from fingerlab.core.errors import UserError
-from fingerlab.core.units import ParameterEstimate
+from fingerlab.core.text import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 

@@ -15,7 +15,7 @@ from fingerlab.calibration.sensors import SENSORS
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
 from fingerlab.core.plain_data import parsed, structured
-from fingerlab.core.units import ParameterEstimate
+from fingerlab.core.text import ParameterEstimate
 
 Verdict = Literal["accepted", "accepted with a reason", "rejected"]
 ACCEPTED, WITH_REASON, REJECTED = "accepted", "accepted with a reason", "rejected"

@@ -9,7 +9,7 @@ import click
 
 from fingerlab.cli.common import PATH, json_option, write_json
 from fingerlab.core.errors import UserError
-from fingerlab.devices import own
+from fingerlab.devices import choosing
 from fingerlab.devices.choosing import detect
 from fingerlab.devices.protocol import FoundDevice
 from fingerlab.rig.file import load_rig
@@ -41,15 +41,15 @@ def devices(rig_file: Path | None, untrust: Path | None, forget: bool, json_targ
         raise UserError("--forget forgets every file; leave out --untrust, or leave out --forget.")
     rig = load_rig(rig_file) if rig_file is not None else None
     if untrust is not None:
-        own.forget(untrust)
+        choosing.forget(untrust)
         click.echo(f"{untrust} is asked about again before it is run.", err=True)
     if forget:
-        own.forget_all()
+        choosing.forget_all()
         click.echo("All devices of your own are forgotten.", err=True)
     listed = untrust is None and not forget
     if not listed and json_target is None:
         return
-    found, known = detect(rig), own.remembered_files()
+    found, known = detect(rig), choosing.remembered_files()
     if json_target != "-" and listed:
         _print(found, known)
     if json_target is not None:

@@ -22,7 +22,7 @@ from fingerlab.cli.common import (
     write_results,
 )
 from fingerlab.core.errors import UserError
-from fingerlab.core.parallel import second_process
+from fingerlab.core.progress import second_process
 
 if TYPE_CHECKING:
     from rich.table import Table

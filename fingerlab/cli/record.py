@@ -286,7 +286,7 @@ def _choice(options: Mapping[str, Any]) -> DeviceChoice:
 
 def _plans(options: Mapping[str, Any]) -> tuple[str, list[Any]]:
     from fingerlab.acquisition.protocols.steps import in_contact
-    from fingerlab.twin.preset import load_preset
+    from fingerlab.twin.bench import load_preset
 
     protocol, text, press = options["protocol"], options["trajectory"], options["then_contact"]
     if (protocol is None) == (text is None):

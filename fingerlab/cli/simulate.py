@@ -41,8 +41,7 @@ def protocol_plans(protocol: str, contact_amplitude_deg: float) -> tuple[str, li
     Raises:
         UserError: it is a table that cannot be read.
     """
-    from fingerlab.twin.protocols import PROTOCOLS
-    from fingerlab.twin.run_table import read_run_table
+    from fingerlab.twin.protocols import PROTOCOLS, read_run_table
 
     if protocol in PROTOCOLS:
         return protocol, PROTOCOLS[protocol](contact_amplitude_deg)
@@ -142,8 +141,8 @@ def simulate(
     flexion cable; 'rich' adds chirps, multisines, steps and free motion with the flexion cable; 'on-air' and
     'contact' are its two parts; 'motor-bench' is the motor alone against known loads.
     """
+    from fingerlab.twin.bench import load_preset
     from fingerlab.twin.effects import parse_effects
-    from fingerlab.twin.preset import load_preset
     from fingerlab.twin.session import new_seed, write_session
 
     refuse_taken(out)

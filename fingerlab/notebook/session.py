@@ -153,8 +153,8 @@ def simulate(
     Raises:
         UserError: the file exists, an unknown protocol or effect, or ``hidden`` with ``effects``.
     """
+    from fingerlab.twin.bench import load_preset
     from fingerlab.twin.effects import parse_effects
-    from fingerlab.twin.preset import load_preset
     from fingerlab.twin.protocols import PROTOCOLS
     from fingerlab.twin.session import new_seed, write_session
 

@@ -23,8 +23,8 @@ from fingerlab.core.plain_data import parsed, read_object
 from fingerlab.sessions import Run, Session, SessionWriter, open_session
 from fingerlab.sessions.format import CHANNEL_UNITS
 from fingerlab.sessions.model import ArrayReader
+from fingerlab.twin.bench import Preset
 from fingerlab.twin.effects import EFFECTS, check_effects
-from fingerlab.twin.preset import Preset
 from fingerlab.twin.protocols import RATE_HZ, RunPlan
 from fingerlab.twin.recording import Recorded, simulate_session
 

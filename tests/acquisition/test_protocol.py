@@ -30,13 +30,12 @@ from fingerlab.acquisition.protocols.steps import (
 from fingerlab.acquisition.record.recording import SessionInfo
 from fingerlab.core.errors import UserError
 from fingerlab.devices.simulated import SimulatedBench, Simulation
+from fingerlab.rig.constants import Intervention
 from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
-from fingerlab.rig.intervention import Intervention
 from fingerlab.sessions import open_session
-from fingerlab.twin.layout import OUTPUTS
-from fingerlab.twin.protocols import PROTOCOLS, RunPlan
-from fingerlab.twin.run_table import read_run_table
+from fingerlab.twin.plant import OUTPUTS
+from fingerlab.twin.protocols import PROTOCOLS, RunPlan, read_run_table
 from tests.acquisition.fake_device import FakeDevice
 
 AIR = RunPlan(

@@ -8,7 +8,7 @@ import h5py
 import pytest
 
 from fingerlab.sessions import copy_session
-from fingerlab.twin.preset import load_preset
+from fingerlab.twin.bench import load_preset
 from fingerlab.twin.protocols import RunPlan
 from fingerlab.twin.session import write_session
 

@@ -17,8 +17,7 @@ from fingerlab.acquisition.check_rig.look import CheckProtocol, Outcome, check_s
 from fingerlab.acquisition.check_rig.walk import STEPS, Step, check_rig
 from fingerlab.cli.check_rig import check_rig as command
 from fingerlab.core.errors import UserError
-from fingerlab.devices.charge_pump import ChargePump
-from fingerlab.devices.faults import Faults, SensorFault
+from fingerlab.devices.faults import ChargePump, Faults, SensorFault
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation
 from fingerlab.rig.constants import Rig

@@ -199,7 +199,7 @@ def test_ramps_steps_and_a_table(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def practised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A simulated session with contact, and the model fitted to it."""
-    from fingerlab.twin.preset import load_preset
+    from fingerlab.twin.bench import load_preset
     from fingerlab.twin.protocols import single_run
     from fingerlab.twin.session import write_session
 

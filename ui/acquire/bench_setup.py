@@ -161,7 +161,7 @@ def open_bench(wanted: BenchRequest, make: MakeBench = in_processes) -> OpenBenc
 
 def _let_run(wanted: BenchRequest) -> None:
     """The file of an own device runs only with a content that its user was asked about."""
-    from fingerlab.devices.own import confirm, device_file
+    from fingerlab.devices.choosing import confirm, device_file
 
     file = device_file(Path(wanted.device.partition(":")[2]))
     if wanted.own is not None and wanted.own.sha256 == file.sha256:
@@ -172,7 +172,7 @@ def _let_run(wanted: BenchRequest) -> None:
 
 def own_device_file(path: Path) -> OwnSource | None:
     """A file to ask its user about; None where it cannot be read, which connecting it says."""
-    from fingerlab.devices.own import device_file
+    from fingerlab.devices.choosing import device_file
 
     try:
         return device_file(path)
@@ -182,7 +182,7 @@ def own_device_file(path: Path) -> OwnSource | None:
 
 def own_device_files() -> tuple[Path, ...]:
     """Files of own devices that were let in before; none where that is not known any more."""
-    from fingerlab.devices.own import confirmed_files
+    from fingerlab.devices.choosing import confirmed_files
 
     try:
         return confirmed_files()
@@ -196,7 +196,7 @@ def forget_own_device(path: Path) -> None:
     Raises:
         UserError: the settings cannot be read or written.
     """
-    from fingerlab.devices.own import forget
+    from fingerlab.devices.choosing import forget
 
     forget(path)
 

@@ -35,7 +35,7 @@ from fingerlab.acquisition.protocols.steps import (
 )
 from fingerlab.core.errors import UserError
 from fingerlab.report.diagnosis_words import PHASE_WORDS
-from fingerlab.rig.intervention import changed_words
+from fingerlab.rig.constants import changed_words
 from fingerlab.sessions.trajectory import trajectory_words
 
 from ..widgets.fields import WholeField, choice, form_menu, number, refuse_entries
@@ -293,8 +293,7 @@ class ProtocolForm(QWidget):
         return steps_from(self._all_steps(motion), self.first.value())
 
     def _all_steps(self, motion: Mapping[str, Any]) -> tuple[Step, ...]:
-        from fingerlab.twin.protocols import PROTOCOLS
-        from fingerlab.twin.run_table import read_run_table
+        from fingerlab.twin.protocols import PROTOCOLS, read_run_table
 
         plans: Sequence[PlannedRun]
         key = str(self.which.currentData())
@@ -332,7 +331,7 @@ class ProtocolForm(QWidget):
         Raises:
             UserError: what was typed is none, none is scanned, or they make too many runs.
         """
-        from fingerlab.twin.run_table import scan_values
+        from fingerlab.twin.protocols import scan_values
 
         typed = {name: field.text().strip() for name, field in self.scans.items()}
         scans = {

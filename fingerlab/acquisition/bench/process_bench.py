@@ -21,8 +21,7 @@ from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import COLUMNS, Ring
 from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import Cancelled, UserError
-from fingerlab.core.parallel import own_code_only
-from fingerlab.core.progress import Progress
+from fingerlab.core.progress import Progress, own_code_only
 from fingerlab.sessions.recording_files import VERIFYING, WRITING
 
 RING_S = 240.0

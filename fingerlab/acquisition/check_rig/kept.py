@@ -89,7 +89,7 @@ def bench_key(choice: DeviceChoice) -> str:
     """
     if choice.kind != OWN or choice.file is None:
         return choice.kind
-    from fingerlab.devices.own import device_file
+    from fingerlab.devices.choosing import device_file
 
     return f"{OWN}:{device_file(choice.file).sha256}"
 

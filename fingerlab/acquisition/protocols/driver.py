@@ -43,7 +43,7 @@ from fingerlab.acquisition.record.trigger import Level, Lookout
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.acquisition.status import Number, Slot
 from fingerlab.core.errors import UserError
-from fingerlab.rig.intervention import INTERVENTION
+from fingerlab.rig.constants import INTERVENTION
 from fingerlab.sessions.recording_files import FEED_FORWARD
 
 LET_GO, LET_GO_SPEED = math.radians(2.0), math.radians(4.0)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.devices.clock import Clock, LatenessMeter, RealClock
 from fingerlab.devices.ni.connection import (
     SAMPLES_NOT_YET_AVAILABLE,
     UNSUPPORTED,
@@ -18,9 +17,8 @@ from fingerlab.devices.ni.connection import (
     code_of,
     translated,
 )
-from fingerlab.devices.ni.stopping import ReadyStop, write_safe
-from fingerlab.devices.ni.tasks import Tasks, packed, signed_counts
-from fingerlab.devices.protocol import DeviceFault, DeviceLost, Sample
+from fingerlab.devices.ni.tasks import ReadyStop, Tasks, packed, signed_counts, write_safe
+from fingerlab.devices.protocol import Clock, DeviceFault, DeviceLost, LatenessMeter, RealClock, Sample
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import SafetyLines
 

@@ -182,7 +182,7 @@ def noise_covariance(model: Model, values: Array, group: Group) -> Array:
     """Covariance (5, 5) of what does not repeat in the equations' residuals, of one sample."""
     if not group.repeats:
         return row_covariance(model, values, group, group.whole.of(model.pick), group.samples)
-    return row_covariance(model, values, group, group.noise[model.pick.square], group.noise_samples)
+    return row_covariance(model, values, group, model.pick.among(group.noise), group.noise_samples)
 
 
 def floor_covariance(model: Model, values: Array, group: Group, weights: Array) -> Array:

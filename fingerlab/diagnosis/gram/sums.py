@@ -68,9 +68,9 @@ class Sums:
             noise: what it adds to the features' products at one sample, (k, k), to be taken away.
             taut_noise: the same at a taut moment; None: no other.
         """
-        found = self.products[pick.square]
+        found = pick.among(self.products)
         if self.loose is not None:
-            found -= self.loose[pick.square] * pick.in_cable
+            found -= pick.among(self.loose) * pick.in_cable
         if noise is not None:
             taut = noise if taut_noise is None else taut_noise
             found -= np.where(pick.in_cable, self.taut_samples * taut, self.samples * noise)
@@ -78,13 +78,13 @@ class Sums:
 
     def slack(self, pick: Pick) -> Array | None:
         """Products of the cable equation's features at slack moments, (k, k); None: there are none."""
-        return None if self.loose is None else self.loose[pick.square] * pick.both_cable
+        return None if self.loose is None else pick.among(self.loose) * pick.both_cable
 
     def at_rest(self, pick: Pick, noise: Array | None = None) -> Array | None:
         """Products of features where the motor stands, (k, k), less noise; None: it never does."""
         if self.rest is None:
             return None
-        found = self.rest[pick.square]
+        found = pick.among(self.rest)
         return found if noise is None else found - self.rest_samples * noise
 
     def taut(self) -> Array:

@@ -24,9 +24,9 @@ from fingerlab.acquisition.control.machine import Mode
 from fingerlab.core.errors import UserError
 from fingerlab.core.trust import OwnSource
 from fingerlab.devices.choosing import detect
-from fingerlab.devices.clock import VirtualClock
 from fingerlab.devices.faults import FAULT_KINDS
 from fingerlab.devices.ni.card import NiCard
+from fingerlab.devices.protocol import VirtualClock
 from fingerlab.devices.simulated import SimulatedBench, Simulation
 from fingerlab.rig.file import default_rig, load_rig
 from fingerlab.sessions import open_session

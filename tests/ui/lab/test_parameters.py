@@ -14,8 +14,8 @@ from PySide6.QtWidgets import QCheckBox, QLabel, QPushButton, QSlider, QTableWid
 from pytestqt.qtbot import QtBot
 
 from fingerlab.models.project import project_path
+from fingerlab.twin.bench import load_preset
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import RunPlan
 from fingerlab.twin.session import write_session
 from fingerlab.ui.app.window import MainWindow

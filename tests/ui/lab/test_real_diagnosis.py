@@ -10,8 +10,8 @@ from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.twin.bench import load_preset
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import PROTOCOLS
 from fingerlab.twin.session import write_session
 from fingerlab.ui.lab.truth import HeldOutTable

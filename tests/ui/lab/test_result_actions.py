@@ -16,8 +16,8 @@ from pytestqt.qtbot import QtBot
 from fingerlab.diagnosis.answer.results import EquationError, HeldOutRuns
 from fingerlab.models.file import load_model
 from fingerlab.models.project import project_path
+from fingerlab.twin.bench import load_preset
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.preset import load_preset
 from fingerlab.twin.protocols import single_run
 from fingerlab.twin.session import write_session
 from fingerlab.ui.app.window import MainWindow

@@ -19,7 +19,7 @@ from fingerlab.batch.rows import SOFTWARE, Options
 from fingerlab.batch.run import run_batch
 from fingerlab.batch.table import Contents, read_table, write_table
 from fingerlab.core.errors import Cancelled
-from fingerlab.twin.preset import load_preset
+from fingerlab.twin.bench import load_preset
 from fingerlab.twin.protocols import RunPlan
 from fingerlab.twin.session import write_session
 from fingerlab.ui.sessions.session_table import VERDICT
