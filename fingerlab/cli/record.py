@@ -20,7 +20,7 @@ from fingerlab.core.files import read_text, refuse_taken
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench.bench import Bench
     from fingerlab.acquisition.control.machine import Initialise
-    from fingerlab.acquisition.control.motion import Gains
+    from fingerlab.acquisition.control.position import Gains
     from fingerlab.acquisition.protocols.driver import Beginning
     from fingerlab.acquisition.protocols.script import Order
     from fingerlab.devices.choosing import DeviceChoice
@@ -255,7 +255,7 @@ def _open(
 
 def _gains(text: str | None) -> Gains:
     """Raises UserError where they are no three numbers within what the loop takes."""
-    from fingerlab.acquisition.control.motion import Gains, check_gains
+    from fingerlab.acquisition.control.position import Gains, check_gains
 
     if text is None:
         return Gains()

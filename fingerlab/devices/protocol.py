@@ -170,6 +170,10 @@ class ReadInBlocks(Protocol):
     @property
     def cycles_per_command(self) -> int: ...
 
+    @property
+    def command_is_due(self) -> bool:
+        """Whether the next ``exchange`` takes its command; the sample just given is then the newest."""
+
 
 @runtime_checkable
 class SafetyWired(Protocol):

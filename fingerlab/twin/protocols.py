@@ -353,7 +353,7 @@ def _runs(cells: dict[str, str], where: str, folder: Path) -> list[RunPlan]:
     words = {name: text for name, text in told.items() if name in WORDS}
     if "file" in words:  # beside the table, unless it says where
         words["file"] = str(folder / words["file"])
-    scans = {name: _values(text, f"{where}, {name}") for name, text in told.items() if name not in WORDS}
+    scans = {name: scan_values(text, f"{where}, {name}") for name, text in told.items() if name not in WORDS}
     plans = []
     for values in itertools.product(*scans.values()):
         numbers = dict(zip(scans, values, strict=True))
@@ -368,7 +368,7 @@ def _runs(cells: dict[str, str], where: str, folder: Path) -> list[RunPlan]:
     return plans
 
 
-def _values(text: str, where: str) -> list[float]:
+def scan_values(text: str, where: str) -> list[float]:
     """The values of a cell: one, several, or a scan.
 
     Raises:

@@ -27,7 +27,7 @@ from fingerlab.acquisition.control.machine import (
     Tare,
     initial_of,
 )
-from fingerlab.acquisition.control.motion import Gains
+from fingerlab.acquisition.control.position import Gains
 from fingerlab.acquisition.protocols.driver import find_contact, take_up_slack
 from fingerlab.acquisition.protocols.steps import countdown, prompt_of
 from fingerlab.acquisition.record.recording import what_was_saved

@@ -62,6 +62,7 @@ from fingerlab.devices.protocol import (
     Device,
     DeviceFault,
     DeviceLost,
+    ReadInBlocks,
     SetUpBySoftware,
     counted_on,
     cycles_per_command,
@@ -237,6 +238,7 @@ class ControlLoop:
         """What depends on how the device takes its commands, and on the lines that it has."""
         hold, lines = cycles_per_command(self.device), safety_lines(self.device)
         self._steering = Steering(self.settings, self._period, hold, self._board)
+        self._blocks = self.device if isinstance(self.device, ReadInBlocks) else None
         self._interlock = Interlock(lines, self._period, hold)
         self._beat: Callable[[], None] | None = None
         if lines.dead_man.terminal and isinstance(self.device, DeadMan):
@@ -276,7 +278,7 @@ class ControlLoop:
         if steering.advance(reading):
             self._end_of_trajectory(reading)
         if self.machine.command_allowed:
-            steering.command(reading)
+            steering.command(reading, self._blocks is None or self._blocks.command_is_due)
         else:
             steering.off()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any, Protocol
 
 import numpy as np
@@ -257,14 +258,13 @@ def own_runs(
     )
 
 
-def scan_runs(motion: Mapping[str, Any], name: str, first: float, last: float, count: int) -> list[OwnRun]:
-    """Runs of a motion on air, of which one number goes from ``first`` to ``last`` in ``count`` equal steps.
+def scan_runs(motion: Mapping[str, Any], scans: Mapping[str, Sequence[float]]) -> list[OwnRun]:
+    """Runs of a motion on air over a grid: every value of each number with every one of the others.
 
     Raises:
         UserError: one of them is no motion.
     """
-    values = [round(float(value), 4) for value in np.linspace(first, last, count)]
-    motions = [{**motion, name: value} for value in values]
+    motions = [{**motion, **dict(zip(scans, values, strict=True))} for values in product(*scans.values())]
     for one in motions:
         read_trajectory(one)
     return [OwnRun("on_air", "extension", one) for one in motions]

@@ -284,6 +284,7 @@ class Recorder:
         run.waiting += len(rows)
         if run.waiting >= FLUSH_S * run.info.sample_rate_hz:
             run.writer.set_counts(run.dropped, run.late)
+            run.writer.set_feed_forward(self._board.number(Number.FEED_FORWARD))
             run.writer.flush()
             run.waiting = 0
             self._board[Slot.FLUSHED] = run.writer.length
@@ -298,6 +299,7 @@ class Recorder:
         complete = not note and (wanted is None or run.next >= wanted)
         ended = TRUNCATED if note else LOSSY if run.dropped else CLEAN
         run.writer.set_counts(run.dropped, run.late)
+        run.writer.set_feed_forward(self._board.number(Number.FEED_FORWARD))
         run.writer.finish(ended, note or run.lossy_note, complete)
         path = run.writer.path
         self._board.set_text(Text.RUN, run.verdict(len(self._done) + 1))

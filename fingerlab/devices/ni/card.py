@@ -68,6 +68,11 @@ class NiCard:
         return 1 if self._single_point else self._daq.block
 
     @property
+    def command_is_due(self) -> bool:
+        """Whether the next exchange writes its command: in single-point mode always, else after a block."""
+        return not self._waiting
+
+    @property
     def counted_on(self) -> bool:
         """Whether the encoder was counted since before the last start."""
         return self._tasks is not None and self._tasks.counted_on
