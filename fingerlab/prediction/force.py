@@ -74,13 +74,6 @@ class Stretch:
     scales: Scales = SI
 
 
-def contact_runs(session: Session) -> tuple[Run, ...]:
-    """Runs in contact with a cable, in the order taken; may be empty."""
-    return tuple(
-        run for run in session.runs if run.phase == "contact" and run.cable_sign != 0 and not run.changed
-    )
-
-
 def contact_stretches(session: Session, run: Run, scales: Scales = SI) -> Iterator[Stretch]:
     """The stretches of a contact run, in reduced units.
 

@@ -12,7 +12,7 @@ from PySide6.QtCore import QObject, Signal
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.models.project import (
+from fingerlab.models.file import (
     Held,
     ModelKey,
     Project,
@@ -23,7 +23,7 @@ from fingerlab.models.project import (
     with_model,
 )
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
-from fingerlab.report.story import story
+from fingerlab.report.score_words import story
 from fingerlab.sessions.model import Session
 
 from ..app.context import part_of

@@ -12,7 +12,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.answer.results import Comparison
 from fingerlab.diagnosis.answer.shapes import full_rate
 from fingerlab.diagnosis.answer.where import Profile, stretches_in, worst_run
-from fingerlab.models.project import View
+from fingerlab.models.file import View
 from fingerlab.report.diagnosis_words import bin_words, not_shown
 from fingerlab.sessions.model import Array
 

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import QCheckBox, QHeaderView, QPushButton, QSlider, QTab
 
 from fingerlab.core.text import ScreenUnit, fixed, largest_of, score_text
 from fingerlab.diagnosis.answer.results import Comparison, Diagnosis, EquationError
-from fingerlab.models.project import Held
+from fingerlab.models.file import Held
 from fingerlab.report.diagnosis_words import FAMILY_TITLES
 from fingerlab.report.parameter_words import cells, known_by, parameter_title, places_of, shown_unit
 

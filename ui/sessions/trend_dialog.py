@@ -24,7 +24,7 @@ from fingerlab.batch.table import (
     trends,
 )
 from fingerlab.core.text import ScreenUnit, largest_of, percent, screen_unit
-from fingerlab.report.batch_words import change_sentence, column_words, trend_cells
+from fingerlab.report.comparison_words import change_sentence, column_words, trend_cells
 from fingerlab.sessions.model import Array
 
 from ..widgets.labels import WholeLabel, heading, remark

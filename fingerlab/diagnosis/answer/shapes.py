@@ -15,7 +15,7 @@ from fingerlab.diagnosis.answer.results import Comparison
 from fingerlab.diagnosis.answer.where import JOINTS
 from fingerlab.diagnosis.settings import NARROW_CUTOFF_HZ, NARROW_RATE_HZ
 from fingerlab.sessions.model import Array, Run
-from fingerlab.signals.prepare import LEAST_SAMPLES, amplitude_density
+from fingerlab.signals.prepare import LEAST_FOR_SPECTRUM, amplitude_density
 
 LONGEST_LAG_S = 4.0
 """Of the autocorrelation: four periods of the thesis' usual motion."""
@@ -65,7 +65,7 @@ def tension_loop(comparison: Comparison) -> Shape | None:
 def autocorrelation(comparison: Comparison) -> Shape | None:
     """How alike the residual is to itself some time later, 1 at once; None where too little is told."""
     time, residual = _longest(comparison)
-    if len(residual) < LEAST_SAMPLES:
+    if len(residual) < LEAST_FOR_SPECTRUM:
         return None
     from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 
@@ -146,7 +146,7 @@ def full_rate(comparison: Comparison, run: Run) -> tuple[Array, Array] | None:
     near = np.interp(comparison.time, time, smooth)
     known = np.isfinite(comparison.measured) & np.isfinite(inertial) & np.isfinite(near)
     told = comparison.measured[known]
-    if len(told) < LEAST_SAMPLES or not np.std(told) > 0:
+    if len(told) < LEAST_FOR_SPECTRUM or not np.std(told) > 0:
         return None
     sides = np.stack((near[known], inertial[known]), axis=1)
     (factor, inertia), *_ = np.linalg.lstsq(sides, told, rcond=None)
