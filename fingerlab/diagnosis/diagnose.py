@@ -13,7 +13,6 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
-from fingerlab.diagnosis.answer.bench import bench_findings, residual_offsets
 from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, left_aside, score_parts
 from fingerlab.diagnosis.answer.results import (
     Candidate,
@@ -23,7 +22,13 @@ from fingerlab.diagnosis.answer.results import (
     PairedDifference,
     PathStep,
 )
-from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
+from fingerlab.diagnosis.answer.wording import (
+    bench_findings,
+    every_parameter,
+    explanation,
+    parameters,
+    residual_offsets,
+)
 from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction

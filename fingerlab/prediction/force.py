@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.equations.coefficients import (
+from fingerlab.diagnosis.equations.columns import (
     CABLE_NAMES,
     DELAY,
     Coefficients,

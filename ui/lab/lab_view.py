@@ -10,8 +10,7 @@ from PySide6.QtWidgets import QPushButton, QStackedWidget, QWidget
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.answer.results import Comparison
-from fingerlab.diagnosis.answer.shapes import full_rate
-from fingerlab.diagnosis.answer.where import Profile, stretches_in, worst_run
+from fingerlab.diagnosis.answer.where import Profile, full_rate, stretches_in, worst_run
 from fingerlab.models.file import View
 from fingerlab.report.diagnosis_words import bin_words, not_shown
 from fingerlab.sessions.model import Array

@@ -13,21 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.experiment.foretelling import (
+from fingerlab.diagnosis.experiment.predicted_runs import Proposal, menu
+from fingerlab.diagnosis.experiment.separation import (
     FOUND,
     HIDDEN,
     Line,
     Outlook,
-    SessionFeatures,
-    foretelling,
-    outlook,
-)
-from fingerlab.diagnosis.experiment.predicted_runs import Proposal, menu
-from fingerlab.diagnosis.experiment.separation import (
     PredictedRun,
     RunKind,
+    SessionFeatures,
     apart,
+    foretelling,
     held_by,
+    outlook,
     predict_run,
     run_kind,
     separation,

@@ -23,10 +23,8 @@ from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of, of_the_user
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.gram.decimation import Decimated
-from fingerlab.diagnosis.gram.pairs import pair_sums
-from fingerlab.diagnosis.gram.run_constants import RunConstants
-from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, run_sums
-from fingerlab.diagnosis.gram.sums import Group, PairSums, Reduced, RunSums, add_among, empty
+from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, pair_sums, run_sums
+from fingerlab.diagnosis.gram.sums import Group, PairSums, Reduced, RunConstants, RunSums, add_among, empty
 from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, STATE_ORDERS, TASKS_AHEAD
 from fingerlab.diagnosis.signals.conditions import (
     Fold,
