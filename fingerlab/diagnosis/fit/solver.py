@@ -231,7 +231,7 @@ class Fitter:
         return {i: [Own(one.parts / np.sqrt(heat), one.folds) for one in each] for i, each in own.items()}
 
     def _of_the_runs(self, i: int) -> tuple[IntArray, Weighted]:
-        """The folds of group ``i`` whose runs have parts of their own, (n,), and what they take up, (n, k, k).
+        """Folds of group ``i`` whose runs have parts of their own, (n,), and what those take up, (n, k, k).
 
         It is integrated out as a Gaussian: what is one run's friction alone tells nothing of the others.
         """
@@ -366,7 +366,7 @@ class Fitter:
         return result
 
     def _are_plausible(self, sums: Weighted, own: Array, told: Array) -> BoolArray:
-        """Whether each of these folds' runs would differ by no more of its own parts than runs do, (folds,)."""
+        """Whether the run of each fold would differ by no more of its own parts than runs do, (folds,)."""
         stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
         found = np.linalg.solve(stiffness, (own.T @ sums.matrix @ told)[:, :, None])
         return np.asarray(np.abs(found).max(axis=(1, 2)) <= MOST_WANDER)
