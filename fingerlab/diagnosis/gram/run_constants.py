@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -54,6 +55,11 @@ class RunConstants:
 
     spreads: Array
     shares: Mapping[GroupKey, Array]
+
+    @cached_property
+    def key(self) -> tuple[bytes, ...]:
+        """What tells them from others."""
+        return self.spreads.tobytes(), *(share.tobytes() for _, share in sorted(self.shares.items()))
 
     def scaled(self, key: GroupKey) -> Array:
         """What one standard deviation of each source adds to the equations of a group, (5, 4)."""

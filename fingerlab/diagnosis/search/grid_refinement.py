@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
@@ -87,14 +88,19 @@ def refine_grid(
     choices = [_following(c, found.values) for c in found.choices]
     for _ in range(ROUNDS):
         finer = [_finer(c) for c in choices]
-        scorer = Scorer(reduction.closer(finer, watch))
         places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
-        fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)])
-        fitted = _at_best_shapes(scorer, fitted)
+        scorer = Scorer(reduction.closer(finer, watch))
+        fitted = reduction.remember(finer, places, partial(_best_of_finer, scorer, finer, places))
         choices = [_following(c, fitted.values) for c in fitted.choices]
         if not any(map(_has_moved, choices, fitted.choices)):
             break
     return scorer, fitted
+
+
+def _best_of_finer(scorer: Scorer, finer: Sequence[Effect], places: Sequence[int]) -> FittedModel:
+    """The effects at the best of their shapes, looked for from these ``places`` on."""
+    fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)])
+    return _at_best_shapes(scorer, fitted)
 
 
 def refine_last(
